@@ -1,0 +1,40 @@
+"""How does a module become a command?"""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import tyro
+
+from serpent_twin.errors import SerpentError
+
+
+def run(main: Callable[..., Any], argv: list[str] | None = None) -> None:
+    """Run `main` as a command: its signature is the command line, tyro's way.
+
+    A `SerpentError` or a full disk is printed as one sentence and exits 1, Ctrl-C exits 130;
+    anything else is a defect of ours and keeps its traceback.
+    """
+    try:
+        tyro.cli(main, args=argv)
+    except SerpentError as error:
+        fail(str(error))
+    except OSError as error:
+        fail(_system_error(error))
+    except KeyboardInterrupt:
+        print("\nStopped. What was written stays; the same command goes on from there.", file=sys.stderr)
+        sys.exit(130)
+
+
+def fail(sentence: str) -> None:
+    """Print an error to the user and leave with exit status 1."""
+    print(f"error: {sentence}", file=sys.stderr)
+    sys.exit(1)
+
+
+def _system_error(error: OSError) -> str:
+    where = f" at {error.filename}" if error.filename else ""
+    return (
+        f"the system refused{where}: {error.strerror or error}. "
+        "What was already written is kept; mend the cause and run the same command again."
+    )

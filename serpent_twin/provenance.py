@@ -1,0 +1,35 @@
+"""Where does a result come from?"""
+
+import hashlib
+import importlib.metadata
+import platform
+import subprocess
+from pathlib import Path
+
+import serpent_twin
+
+_REPORTED = ("mujoco", "numpy", "scipy", "torch", "pyarrow", "dm-control")
+
+
+def provenance() -> dict[str, object]:
+    """Versions of what computes, and the commit of this project."""
+    versions = {"python": platform.python_version(), "serpent-twin": serpent_twin.__version__}
+    versions |= {name: importlib.metadata.version(name) for name in _REPORTED}
+    return {"versions": versions, "git_commit": git_commit()}
+
+
+def git_commit() -> str:
+    """Commit of the source tree, with `-dirty` appended if it was changed; `unknown` outside git."""
+    tree = Path(__file__).resolve().parent
+    command = ["git", "-C", str(tree), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+    try:
+        found = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return found.stdout.strip()
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file's bytes, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
