@@ -33,6 +33,14 @@ class Servo:
     """Mass of one servo [kg]. D, P"""
     armature: float = 0.005
     """Rotor inertia seen at the horn [kg m²]. A: 7.5e-8 kg m² × 258.5²"""
+    velocity_p: float = 3.0
+    """Torque per velocity error of the firmware's velocity loop [N m s/rad]. A"""
+    velocity_i: float = 60.0
+    """Torque per integrated velocity error [N m/rad]. A"""
+    counts_per_turn: int = 4096
+    """Encoder counts per horn turn. D"""
+    size: tuple[float, float, float] = (0.0465, 0.0285, 0.034)
+    """Case, the last along the horn's axis [m]. D"""
 
 
 @dataclass(frozen=True)
@@ -71,6 +79,14 @@ class Arm:
     """The whole robot, base included [kg]. P"""
     gravity: tuple[float, float, float] = (9.81, 0.0, 0.0)
     """Gravity in the base frame [m/s²]. A: the arm hangs; P says only "X along gravity\""""
+    horn_mass: float = 0.003
+    """Horn and winch of one motor, part of the base's mass [kg]. A"""
+    jaw_mass: float = 0.004
+    """The moving jaw, part of link 9's 71 g [kg]. A"""
+    jaw_joint: float = 0.085
+    """The jaw's hinge in link 9's frame, along x; its axis is y [m]. A"""
+    jaw_range: float = np.pi / 2
+    """The jaw moves within ± this [rad]. A"""
     servo: Servo = Servo()
 
     @cached_property
@@ -84,6 +100,16 @@ class Arm:
     def markers_in_links(self) -> Array:
         """Markers in their link frames [m], (9, 3)."""
         return np.array(self.marker)
+
+    @cached_property
+    def motor_place(self) -> Array:
+        """Centres of the ten winches in the base frame, all turning about z [m], (10, 3). A.
+
+        Motor j's winch lies at the height of cable j's pulley on joint 1, so the cable leaves level.
+        """
+        j = np.arange(N_MOTORS)
+        height = (j - (N_MOTORS - 1) / 2) * self.pulley_thickness
+        return np.stack([-0.055 - 0.078 * (j // 2), np.where(j % 2, -0.024, 0.024), height], axis=-1)
 
     def link_inertia(self, link: int) -> Array:
         """Principal inertias of link 0 … 8 about its centre of mass, along x, y, z [kg m²], (3,)."""

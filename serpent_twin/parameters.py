@@ -1,0 +1,31 @@
+"""What of the nominal arm did nobody publish?"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Free parameters of the nominal twin, fitted to the paper's results table.
+
+    `experiments/paper_table.py` made these numbers; `model/README.md` grades them.
+    """
+
+    strand_stiffness: float = 15e3
+    """Stiffness of each strand, + or − [N/m]"""
+    strand_slack: float = 1.5e-3
+    """Length that a loop's stretch must take up before a strand pulls, either way [m]"""
+    joint_friction: float = 0.003
+    """Coulomb friction of each arm hinge and of the jaw [N m]"""
+    joint_damping: float = 0.002
+    """Viscous damping of each arm hinge and of the jaw [N m s/rad]"""
+    gear_friction: float = 0.03
+    """Coulomb friction of each servo's gearbox, at the horn [N m]"""
+    controller_gain: float = 1.6
+    """Gain of the P controller of the joint angles [1/s]"""
+    marker_noise: float = 3e-4
+    """Standard deviation of each marker coordinate [m]"""
+    load_noise: float = 0.01
+    """Standard deviation of the load reading, as a fraction of the stall torque [1]"""
+
+
+NOMINAL = Parameters()
