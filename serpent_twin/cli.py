@@ -1,7 +1,7 @@
 """How does a module become a command?"""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import tyro
@@ -9,20 +9,33 @@ import tyro
 from serpent_twin.errors import SerpentError
 
 
-def run(main: Callable[..., Any], argv: list[str] | None = None) -> None:
+def run(
+    main: Callable[..., Any] | Mapping[str, Callable[..., Any]], argv: list[str] | None = None
+) -> None:
     """Run `main` as a command: its signature is the command line, tyro's way.
 
+    Several functions by name are subcommands, described by the docstring of the module run.
     A `SerpentError` or a full disk is printed as one sentence and exits 1, Ctrl-C exits 130;
     anything else is a defect of ours and keeps its traceback.
     """
     try:
-        tyro.cli(main, args=argv)
+        if callable(main):
+            tyro.cli(main, args=argv, prog=_program(), config=(tyro.conf.OmitArgPrefixes,))
+        else:
+            description = sys.modules["__main__"].__doc__
+            commands = dict(main)
+            tyro.extras.subcommand_cli_from_dict(
+                commands, args=argv, prog=_program(), description=description
+            )
     except SerpentError as error:
         fail(str(error))
     except OSError as error:
         fail(_system_error(error))
     except KeyboardInterrupt:
-        print("\nStopped. What was written stays; the same command goes on from there.", file=sys.stderr)
+        print(
+            "\nStopped. What was written stays; the same command goes on from there.",
+            file=sys.stderr,
+        )
         sys.exit(130)
 
 
@@ -30,6 +43,12 @@ def fail(sentence: str) -> None:
     """Print an error to the user and leave with exit status 1."""
     print(f"error: {sentence}", file=sys.stderr)
     sys.exit(1)
+
+
+def _program() -> str | None:
+    """How the user starts the module run, such as `python -m serpent_twin.log`."""
+    spec = getattr(sys.modules["__main__"], "__spec__", None)
+    return f"python -m {spec.name.removesuffix('.__main__')}" if spec else None
 
 
 def _system_error(error: OSError) -> str:

@@ -1,0 +1,331 @@
+"""What do motors and markers say while the arm follows random targets?"""
+
+import json
+import multiprocessing as mp
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from tqdm import tqdm
+
+from serpent_twin import cli
+from serpent_twin.bus import MotorBus
+from serpent_twin.bus.simulated import SimulatedBus
+from serpent_twin.control import joint_p_control, random_targets
+from serpent_twin.errors import SerpentError
+from serpent_twin.log import SCHEMA_VERSION, Journal, read_session, recover
+from serpent_twin.mocap import Mocap
+from serpent_twin.mocap.simulated import SimulatedMocap
+from serpent_twin.parameters import NOMINAL, Parameters
+from serpent_twin.provenance import provenance
+from serpent_twin.twin import Twin
+
+SETTINGS = "collect.json"
+
+
+@dataclass(frozen=True)
+class Collect:
+    """Collect session logs of an arm that follows random joint targets.
+
+    Each session becomes OUT/session_NN.parquet. A run that was interrupted goes on with what is
+    missing when the same command is given again, and a larger --sessions adds to a finished run.
+    """
+
+    out: Path
+    """Folder for the session logs; made if it does not exist."""
+    backend: Literal["sim", "real"] = "sim"
+    """sim: the twin, as fast as it computes. real: the arm on its motor bus."""
+    sessions: int = 23
+    """Number of sessions."""
+    steps: int = 2100
+    """Control steps, that is rows, of each session."""
+    rate_hz: float = 4.0
+    """Control steps per second."""
+    seed: int = 0
+    """Seed of targets and noise; session n of seed s is always the same."""
+    arm: str = "twin"
+    """Name of the arm, stored in the logs."""
+    marker_loss: float = 0.0
+    """Share of marker readings that the simulated cameras lose."""
+    workers: int = 0
+    """Processes that simulate side by side; 0 for one a core. The logs do not depend on it."""
+    parameters: Parameters = field(default=NOMINAL)
+    """The simulated arm's free parameters."""
+
+
+def collect(config: Collect) -> list[Path]:
+    """Collect what is missing of a run; returns the paths of all its sessions."""
+    _check(config)
+    config.out.mkdir(parents=True, exist_ok=True)
+    _agree_with_earlier_run(config)
+    paths = [session_path(config, n) for n in range(1, config.sessions + 1)]
+    missing = [n for n, path in enumerate(paths, 1) if not _is_complete(path, config.out)]
+    with _progress(config, len(missing)) as show:
+        _simulate_all(config, missing, show)
+    return paths
+
+
+def session_path(config: Collect, session: int) -> Path:
+    """Where session 1, 2, … of a run lies."""
+    return config.out / f"session_{session:02d}.parquet"
+
+
+def simulate_session(config: Collect, session: int, tick: Callable[[int], None]) -> Path:
+    """Record one session of the twin; `tick` is told the number of rows logged so far."""
+    seeds = np.random.SeedSequence(config.seed, spawn_key=(session,)).spawn(3)
+    for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
+    parameters = config.parameters
+    bus = SimulatedBus(Twin(parameters=parameters), for_loads, parameters.load_noise)
+    cameras = SimulatedMocap(bus.twin, for_cameras, parameters.marker_noise, config.marker_loss)
+    targets = random_targets(config.steps, for_targets)
+    path = session_path(config, session)
+    with bus, Journal(path, metadata(config, session)) as journal:
+        rows = record(bus, cameras, targets, parameters.controller_gain, 1 / config.rate_hz)
+        for n, row in enumerate(rows, 1):
+            journal.append(row)
+            tick(n)
+        journal.seal()
+    _drop_what_came_again(path)
+    return path
+
+
+def record(
+    bus: MotorBus, mocap: Mocap, targets: np.ndarray, gain: float, period: float
+) -> Iterator[dict[str, Any]]:
+    """Drive a connected arm along joint targets [rad], (steps, 9), one row of the log a step.
+
+    Each step reads motors and markers, sends the P controller's velocities, yields the row, and
+    waits for the next period [s]; so a row's command acts between it and the next.
+    """
+    bus.enable_torque()
+    now = 0.0
+    for target in targets:
+        state, markers = bus.read_state(), mocap.read()
+        sent = bus.write_velocity(joint_p_control(target, state.position, gain))
+        yield {
+            "time": now,
+            "motor_position": state.position,
+            "motor_velocity": state.velocity,
+            "motor_load": state.load,
+            "motor_velocity_command": sent,
+            "joint_target": target,
+            "marker": markers,
+        }
+        now = bus.wait(period)
+
+
+def metadata(config: Collect, session: int) -> dict[str, Any]:
+    """What a session's file says about itself."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "backend": config.backend,
+        "arm": config.arm,
+        "session": session,
+        "rate_hz": config.rate_hz,
+        "seed": config.seed,
+        "config": _settings(config),
+    } | provenance()
+
+
+def _check(config: Collect) -> None:
+    if config.backend == "real":
+        raise SerpentError(
+            "not yet: this version has no bus to the real motors. "
+            "Use --backend sim; nothing was moved or written."
+        )
+    for name in ("sessions", "steps"):
+        if getattr(config, name) < 1:
+            raise SerpentError(f"--{name} is {getattr(config, name)}; give a number of at least 1.")
+    if not 0 < config.rate_hz <= 100:
+        raise SerpentError(f"--rate-hz is {config.rate_hz:g}; give a rate above 0 and up to 100 Hz.")
+    Twin().substeps(1 / config.rate_hz)
+
+
+def _settings(config: Collect) -> dict[str, Any]:
+    """What two runs must share to lie in one folder."""
+    free = ("out", "sessions", "workers")
+    return {key: value for key, value in asdict(config).items() if key not in free}
+
+
+def _agree_with_earlier_run(config: Collect) -> None:
+    """Store this run's settings in its folder, or refuse a folder that holds another run."""
+    path, settings = config.out / SETTINGS, _settings(config)
+    if not path.exists():
+        _refuse_foreign_logs(config.out)
+        path.write_text(json.dumps(settings, indent=2) + "\n")
+        return
+    earlier = json.loads(path.read_text())
+    differences = [
+        f"{key} was {was}, now {now}" for key, was, now in _differing(earlier, settings)
+    ]
+    if differences:
+        raise SerpentError(
+            f"{config.out} holds a run with other settings: {'; '.join(differences)}. "
+            "Give the same settings to go on with it, or choose another --out."
+        )
+
+
+def _differing(
+    earlier: dict[str, Any], now: dict[str, Any], prefix: str = ""
+) -> Iterable[tuple[str, Any, Any]]:
+    for key in sorted(earlier.keys() | now.keys()):
+        a, b = earlier.get(key), now.get(key)
+        if isinstance(a, dict) and isinstance(b, dict):
+            yield from _differing(a, b, f"{prefix}{key}.")
+        elif a != b:
+            yield prefix + key, a, b
+
+
+def _refuse_foreign_logs(folder: Path) -> None:
+    found = next(iter(sorted(folder.glob("session_*"))), None)
+    if found:
+        raise SerpentError(
+            f"{folder} holds {found.name}, which no run of this program here has written "
+            f"({SETTINGS} is missing). Nothing was changed: choose another --out."
+        )
+
+
+def _is_complete(path: Path, folder: Path) -> bool:
+    """Whether a session is there in full; what is there in part moves to `folder`/partial."""
+    journal = path.with_suffix(".journal")
+    if journal.exists():
+        _recover_when_free(journal)
+    if not path.exists():
+        return False
+    if read_session(path).metadata.get("complete", True):
+        return True
+    partial = folder / "partial"
+    partial.mkdir(exist_ok=True)
+    path.rename(_unused(partial / path.name))
+    return False
+
+
+def _recover_when_free(journal: Path, patience: float = 5.0) -> None:
+    """Recover a journal; a recorder whose parent was killed may need a moment to notice."""
+    until = time.monotonic() + patience
+    while True:
+        try:
+            recover(journal)
+            return
+        except SerpentError:
+            if time.monotonic() > until:
+                raise
+            time.sleep(0.2)
+
+
+def _unused(path: Path) -> Path:
+    number, free = 1, path
+    while free.exists():
+        number += 1
+        free = path.with_name(f"{path.stem}_{number}{path.suffix}")
+    return free
+
+
+def _drop_what_came_again(path: Path) -> None:
+    """Delete earlier parts of a session whose every row stands in the whole one, too."""
+    folder = path.parent / "partial"
+    whole = read_session(path)
+    for part_path in folder.glob(f"{path.stem}*.parquet"):
+        part = read_session(part_path)
+        again = whole[: len(part)]
+        pairs = ((getattr(part, name), getattr(again, name)) for name in _LOGGED)
+        if all(np.array_equal(a, b, equal_nan=True) for a, b in pairs):
+            part_path.unlink()
+    if folder.exists() and not any(folder.iterdir()):
+        folder.rmdir()
+
+
+_LOGGED = ("time", "motor_position", "motor_load", "motor_velocity_command", "marker")
+
+
+# Sessions are simulated by processes; a shared array of row counts drives the progress bar.
+
+_counts: Any = None
+
+
+def _start_worker(counts: Any) -> None:
+    global _counts
+    _counts = counts
+
+
+def _work(config: Collect, session: int, slot: int, parent: int) -> Path:
+    def tick(rows: int) -> None:
+        _counts[slot] = rows
+        if os.getppid() != parent:
+            raise SystemExit("the collecting process is gone")
+
+    return simulate_session(config, session, tick)
+
+
+@contextmanager
+def _progress(config: Collect, missing: int) -> Iterator[Callable[[int, str], None]]:
+    total = missing * config.steps
+    with tqdm(total=total, unit="row", disable=not missing, smoothing=0.05) as bar:
+
+        def show(rows: int, sessions: str) -> None:
+            bar.set_postfix_str(sessions, refresh=False)
+            bar.update(rows - bar.n)
+
+        yield show
+
+
+def _simulate_all(config: Collect, missing: list[int], show: Callable[[int, str], None]) -> None:
+    workers = min(config.workers or os.cpu_count() or 1, len(missing))
+    if workers <= 1:
+        for done, session in enumerate(missing):
+            before = done * config.steps
+            label = f"session {session} of {config.sessions}"
+            simulate_session(config, session, lambda n, b=before, s=label: show(b + n, s))
+        return
+    context = mp.get_context("spawn")
+    counts = context.Array("q", len(missing), lock=False)
+    with ProcessPoolExecutor(workers, context, _start_worker, (counts,)) as pool:
+        jobs = [
+            pool.submit(_work, config, n, slot, os.getpid()) for slot, n in enumerate(missing)
+        ]
+        try:
+            _watch(jobs, counts, missing, config, show)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _watch(
+    jobs: list[Future[Path]],
+    counts: Any,
+    missing: list[int],
+    config: Collect,
+    show: Callable[[int, str], None],
+) -> None:
+    while not all(job.done() for job in jobs):
+        rows = list(counts)
+        running = [str(n) for n, r in zip(missing, rows, strict=True) if 0 < r < config.steps]
+        show(sum(rows), f"session {', '.join(running)} of {config.sessions}" if running else "")
+        if any(job.done() and job.exception() for job in jobs):
+            break
+        time.sleep(0.1)
+    try:
+        for job in jobs:
+            job.result()
+    except BrokenProcessPool as error:
+        raise SerpentError(
+            "a simulating process was killed from outside. Every row it logged is kept; "
+            "run the same command again to go on."
+        ) from error
+    show(sum(counts), "")
+
+
+def main(config: Collect) -> None:
+    paths = collect(config)
+    print(f"{len(paths)} sessions of {config.steps} rows in {config.out}")
+
+
+if __name__ == "__main__":
+    cli.run(main)
