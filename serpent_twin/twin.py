@@ -39,6 +39,7 @@ class Twin:
         self.arm = arm
         self.batch = Batch(self.model, nsim, nthread)
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
+        self._ctrl = self.batch.bind("ctrl")
         self._sensors, self._stretch = self.batch.bind("sensordata"), self.batch.bind("ten_length")
         self._gain = self.batch.expand("actuator_gainprm")
         self._firmware_gain = self._gain.copy()
@@ -93,21 +94,22 @@ class Twin:
     def advance(self, velocity: ArrayLike, duration: float) -> Array:
         """Hold goal velocities [rad/s], broadcast to (nsim, 10), for a duration [s].
 
-        Returns the drives' torques after every substep [N m], (nsim, substeps, 10).
+        Returns the drives' torques in every substep [N m], (nsim, substeps, 10).
         The servo's integral is the angle by which a motor is behind its integrated goal; it stops
         growing where it alone would ask for the stall torque, as firmware prevents wind-up.
         """
         velocity = np.broadcast_to(np.asarray(velocity, float), self._goal.shape)
-        substeps = self._substeps(duration)
+        substeps = self.substeps(duration)
         most = self.arm.servo.stall_torque / self.arm.servo.velocity_i
         angle = self.qpos[:, MOTORS]
         self._goal = np.clip(self._goal, angle - most, angle + most)
-        elapsed = self.model.opt.timestep * np.arange(1, substeps + 1)
+        elapsed = self.model.opt.timestep * np.arange(substeps)
         control = np.empty((len(angle), substeps, 2 * N_MOTORS))
         control[:, :, 0::2] = self._goal[:, None] + velocity[:, None] * elapsed[:, None]
         control[:, :, 1::2] = velocity[:, None]
         record = self.batch.rollout(substeps, control, record=("actuator_force",))
-        self._goal = self._goal + velocity * elapsed[-1]
+        self._goal = self._goal + velocity * duration
+        self._ctrl[:, 0::2] = self._goal  # what is read now belongs to now, not to a step ago
         self.batch.forward()
         self._refuse_divergence()
         return record["actuator_force"]
@@ -118,7 +120,7 @@ class Twin:
         The motors' state is set before each substep, so no servo's lag enters the comparison.
         """
         start, end = np.asarray(start, float), np.asarray(end, float)
-        substeps = self._substeps(duration)
+        substeps = self.substeps(duration)
         self.qvel[:, MOTORS] = slope = (end - start) / duration
         for n in range(substeps):
             self.qpos[:, MOTORS] = start + (end - start) * (n / substeps)
@@ -129,7 +131,8 @@ class Twin:
         self.batch.forward()
         self._refuse_divergence()
 
-    def _substeps(self, duration: float) -> int:
+    def substeps(self, duration: float) -> int:
+        """Number of time steps in a duration [s], which must be a whole number of them."""
         substeps = round(duration / self.model.opt.timestep)
         if substeps < 1 or not np.isclose(substeps * self.model.opt.timestep, duration):
             raise SerpentError(

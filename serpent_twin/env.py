@@ -1,0 +1,165 @@
+"""How does a learning agent drive the arm?
+
+A dm_control `Environment` over any `MotorBus`: an action is ten motor velocities, an observation is
+what the bus reads and the task's target. One step is one control period.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable
+
+import numpy as np
+from dm_control.rl import control
+from dm_env import specs
+
+from serpent_twin.arm import N_JOINTS, N_MOTORS, Arm, Array, joint_from_motor
+from serpent_twin.bus import MotorBus, MotorState
+from serpent_twin.bus.simulated import SimulatedBus
+from serpent_twin.bus.xl430 import VELOCITY_LIMIT, VELOCITY_UNIT
+from serpent_twin.control import HOLD, random_targets
+
+TOP_SPEED = VELOCITY_LIMIT * VELOCITY_UNIT
+"""The servo's Velocity Limit [rad/s]."""
+
+
+class BusPhysics(control.Physics):
+    """Whatever hangs on a motor bus, as dm_control's physics; `open_bus` makes a fresh bus a reset.
+
+    A reset lets go of the old bus, which switches the torque off, and connects anew: the twin
+    starts straight and at rest, a real arm stays where it is.
+    """
+
+    def __init__(self, open_bus: Callable[[], MotorBus], period: float) -> None:
+        self._open_bus, self._period = open_bus, period
+        self._bus: MotorBus | None = None
+        self._time = 0.0
+
+    @property
+    def bus(self) -> MotorBus:
+        """The connected bus; connects if there is none."""
+        if self._bus is None:
+            self.reset()
+        assert self._bus is not None
+        return self._bus
+
+    def reset(self) -> None:
+        """Close the bus, if any, and connect, configure and energise a fresh one."""
+        self.close()
+        self._bus = self._open_bus()
+        self._bus.connect()
+        self._bus.configure()
+        self._bus.enable_torque()
+        self._time = 0.0
+
+    def after_reset(self) -> None:
+        """Do nothing: a bus is ready once it is reset."""
+
+    def set_control(self, control: Array) -> None:
+        """Send goal velocities [rad/s], (10,)."""
+        self.bus.write_velocity(control)
+
+    def step(self, n_sub_steps: int = 1) -> None:
+        """Let control periods pass."""
+        for _ in range(n_sub_steps):
+            self._time = self.bus.wait(self._period)
+
+    def read(self) -> MotorState:
+        """Read all motors now."""
+        return self.bus.read_state()
+
+    def time(self) -> float:
+        """Time on the bus's clock [s]."""
+        return self._time
+
+    def timestep(self) -> float:
+        """The control period [s]."""
+        return self._period
+
+    def close(self) -> None:
+        """Switch the torque off and let go of the bus."""
+        if self._bus is not None:
+            self._bus.close()
+        self._bus = None
+
+
+class FollowTargets(control.Task):
+    """Bring the joints to random targets, as the paper's protocol draws them.
+
+    The reward is minus the mean distance between the targets and the joint angles that the motor
+    angles tell [rad]: it needs nothing but the bus, so it is the same on hardware.
+    """
+
+    def __init__(self, rng: np.random.Generator, steps: int = 100, arm: Arm | None = None) -> None:
+        self._rng, self._steps, self._arm = rng, steps, arm or Arm()
+        self._targets = np.zeros((1, N_JOINTS))
+        self._step = 0
+
+    @property
+    def target(self) -> Array:
+        """The present joint target [rad], (9,)."""
+        return self._targets[min(self._step, len(self._targets) - 1)]
+
+    def initialize_episode(self, physics: BusPhysics) -> None:
+        """Draw the targets of an episode."""
+        self._targets, self._step = random_targets(self._steps, self._rng, self._arm, HOLD), 0
+
+    def before_step(self, action: Array, physics: BusPhysics) -> None:
+        """Send the action to the motors."""
+        physics.set_control(action)
+
+    def after_step(self, physics: BusPhysics) -> None:
+        """Go on to the next target."""
+        self._step += 1
+
+    def get_observation(self, physics: BusPhysics) -> OrderedDict[str, Array]:
+        """What the bus reads, in SI units, and the target."""
+        state = physics.read()
+        return OrderedDict(
+            position=state.position,
+            velocity=state.velocity,
+            load=state.load,
+            voltage=state.voltage,
+            temperature=state.temperature,
+            hardware_error=state.hardware_error,
+            target=self.target.copy(),
+        )
+
+    def get_reward(self, physics: BusPhysics) -> float:
+        """Minus the mean joint error [rad]."""
+        joint = joint_from_motor(physics.read().position[:N_JOINTS])
+        return -float(np.abs(self.target - joint).mean())
+
+    def get_termination(self, physics: BusPhysics) -> float | None:
+        """The episode ends with the targets, or, as a failure, when a motor has tripped."""
+        if physics.read().hardware_error.any():
+            return 0.0
+        return 1.0 if self._step >= self._steps else None
+
+    def action_spec(self, physics: BusPhysics) -> specs.BoundedArray:
+        """Ten motor velocities [rad/s] within the servo's Velocity Limit."""
+        return specs.BoundedArray((N_MOTORS,), float, -TOP_SPEED, TOP_SPEED, name="motor_velocity")
+
+    def observation_spec(self, physics: BusPhysics) -> OrderedDict[str, specs.BoundedArray]:
+        """Bounds are those of the registers; a position is multi-turn, a register of 32 bits."""
+        reach = 2**31 * 2 * np.pi / 4096
+        limits = {
+            "position": (N_MOTORS, -reach, reach),
+            "velocity": (N_MOTORS, -1023 * VELOCITY_UNIT, 1023 * VELOCITY_UNIT),
+            "load": (N_MOTORS, -1.0, 1.0),
+            "voltage": (N_MOTORS, 0.0, 16.0),
+            "temperature": (N_MOTORS, 0.0, 100.0),
+            "target": (N_JOINTS, -np.pi, np.pi),
+        }
+        spec = {k: specs.BoundedArray((n,), float, a, b, name=k) for k, (n, a, b) in limits.items()}
+        errors = specs.BoundedArray((N_MOTORS,), np.int64, 0, 255, name="hardware_error")
+        return OrderedDict(spec | {"hardware_error": errors})
+
+
+def make(
+    open_bus: Callable[[], MotorBus] = SimulatedBus,
+    rate_hz: float = 4.0,
+    steps: int = 100,
+    seed: int = 0,
+) -> control.Environment:
+    """An environment over a bus, the simulated one unless told: `env.make().step(action)`."""
+    physics = BusPhysics(open_bus, 1 / rate_hz)
+    return control.Environment(physics, FollowTargets(np.random.default_rng(seed), steps))
