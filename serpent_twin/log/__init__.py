@@ -1,0 +1,27 @@
+"""The session log: journal, seal, recover, read, check. `python -m serpent_twin.log --help`."""
+
+from serpent_twin.log.check import Finding, examine, refuse_damaged
+from serpent_twin.log.journal import Journal
+from serpent_twin.log.parquet import read_folder, read_session, session_files, write_session
+from serpent_twin.log.recovery import recover
+from serpent_twin.log.session import COLUMNS, FIELDS, SCHEMA_VERSION, UNITS, Session, columns_of
+from serpent_twin.log.stream import read_journal
+
+__all__ = [
+    "COLUMNS",
+    "FIELDS",
+    "SCHEMA_VERSION",
+    "UNITS",
+    "Finding",
+    "Journal",
+    "Session",
+    "columns_of",
+    "examine",
+    "read_folder",
+    "read_journal",
+    "read_session",
+    "recover",
+    "refuse_damaged",
+    "session_files",
+    "write_session",
+]

@@ -1,0 +1,209 @@
+"""How is a session log read and written as Parquet?"""
+
+import json
+import logging
+import os
+import re
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from serpent_twin.errors import SerpentError
+from serpent_twin.log.session import (
+    COLUMNS,
+    SCHEMA_VERSION,
+    UNITS,
+    Session,
+    columns_of,
+    session_from_columns,
+)
+
+KEY = b"serpent_twin"
+REQUIRED_METADATA = ("schema_version", "backend", "arm", "session", "rate_hz")
+RATE_TOLERANCE = 0.05  # a clock that runs further off than this belongs to another rate
+
+_log = logging.getLogger(__name__)
+
+
+def session_files(folder: Path) -> list[Path]:
+    """The files `session_NN.parquet` of a folder, in the order of their numbers."""
+    numbered = [(re.fullmatch(r"session_(\d+)\.parquet", p.name), p) for p in folder.iterdir()]
+    return [p for _, p in sorted((int(match[1]), p) for match, p in numbered if match)]
+
+
+def read_session(path: Path | str) -> Session:
+    """Read one log, or raise a `SerpentError` that names the file and what is wrong with it."""
+    path = Path(path)
+    table = _read_table(path)
+    raw = (table.schema.metadata or {}).get(KEY)
+    if raw is None:
+        raise SerpentError(f"{path} has no metadata under the key serpent_twin: no session log.")
+    metadata = check_metadata(_parse(path, raw), str(path))
+    _check_columns(path, table)
+    wide = {c: table.column(c).to_numpy().astype(np.float64, copy=False) for c in COLUMNS}
+    extra = {c: table.column(c).to_numpy() for c in table.column_names if c not in UNITS}
+    session = session_from_columns(path, metadata, wide | extra)
+    _check_clock(path, session)
+    return session
+
+
+def read_folder(folder: Path | str) -> list[Session]:
+    """Read all sessions of a run, in order; raises a `SerpentError` for none, or for mixed runs."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise SerpentError(f"There is no folder {folder}. Name the folder with the session logs.")
+    files, journals = session_files(folder), sorted(folder.glob("*.journal"))
+    left = (
+        f"{folder} holds an unfinished recording ({', '.join(p.name for p in journals)}); "
+        f"`python -m serpent_twin.log recover {folder}` makes a session of it."
+    )
+    if not files:
+        hint = left if journals else "Collect some, or name another folder."
+        raise SerpentError(f"There is no session_NN.parquet in {folder}. {hint}")
+    if journals:
+        _log.warning(left)
+    sessions = [read_session(path) for path in files]
+    for key in ("arm", "rate_hz"):
+        _check_alike(folder, sessions, key)
+    return sessions
+
+
+def write_session(path: Path | str, session: Session) -> Path:
+    """Write one log as flat zstd Parquet: whole or not at all, and never over an existing file."""
+    path = Path(path)
+    if len(session) == 0:
+        raise SerpentError(f"{path} was not written: the session has no rows.")
+    metadata = {"schema_version": SCHEMA_VERSION} | session.metadata | {"rows": len(session)}
+    check_metadata(metadata, str(path))
+    columns = {name: pa.array(column) for name, column in columns_of(session).items()}
+    units = {name: {"unit": UNITS[name]} if name in UNITS else None for name in columns}
+    fields = [pa.field(name, column.type, metadata=units[name]) for name, column in columns.items()]
+    schema = pa.schema(fields, metadata={KEY: json.dumps(metadata)})
+    sink = pa.BufferOutputStream()
+    table = pa.Table.from_arrays(list(columns.values()), schema=schema)
+    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
+    _publish(path, sink.getvalue())
+    return path
+
+
+def check_metadata(metadata: dict[str, Any], where: str) -> dict[str, Any]:
+    """Return the metadata of a log if a reader can rely on it, else raise, naming `where`."""
+    lacking = [key for key in REQUIRED_METADATA if key not in metadata]
+    if lacking:
+        raise SerpentError(f"{where}: the metadata lack {', '.join(lacking)}.")
+    if metadata["schema_version"] != SCHEMA_VERSION:
+        raise SerpentError(
+            f"{where} has schema_version {metadata['schema_version']!r}; this program reads "
+            f"{SCHEMA_VERSION}. Use the version of serpent-twin that wrote it."
+        )
+    rate = metadata["rate_hz"]
+    if not isinstance(rate, int | float) or not (isfinite(rate) and rate > 0):
+        raise SerpentError(f"{where}: rate_hz is {rate!r}, expected a positive number.")
+    return metadata
+
+
+def sync_folder(folder: Path) -> None:
+    """Make renames and removals in a folder survive a loss of power."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def listing(names: Sequence[str], most: int = 5) -> str:
+    """The first few names of many, as text."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def _read_table(path: Path) -> pa.Table:
+    if not path.is_file():
+        raise SerpentError(f"There is no file {path}.")
+    try:
+        return pq.ParquetFile(path, page_checksum_verification=True).read()
+    except PermissionError:
+        raise
+    except (pa.ArrowException, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise SerpentError(
+            f"{path} is not a whole Parquet file: torn, damaged or something else ({reason}). "
+            "Copy it again from where it was recorded, or leave it out."
+        ) from error
+
+
+def _parse(path: Path, raw: bytes) -> dict[str, Any]:
+    try:
+        metadata = json.loads(raw)
+    except ValueError as error:
+        raise SerpentError(f"{path}: the metadata are not JSON ({error}).") from error
+    if not isinstance(metadata, dict):
+        raise SerpentError(f"{path}: the metadata are not a JSON object.")
+    return metadata
+
+
+def _check_columns(path: Path, table: pa.Table) -> None:
+    if len(set(table.column_names)) < len(table.column_names):
+        raise SerpentError(f"{path} has two columns of one name. Rename or drop one.")
+    lacking = [c for c in COLUMNS if c not in table.column_names]
+    if lacking:
+        raise SerpentError(
+            f"{path} lacks {len(lacking)} of the {len(COLUMNS)} columns of a session log: "
+            f"{listing(lacking)}."
+        )
+    odd = [c for c in COLUMNS if not pa.types.is_floating(table.schema.field(c).type)]
+    if odd:
+        kind = table.schema.field(odd[0]).type
+        raise SerpentError(f"{path}: {listing(odd)} must be float64, found {kind}.")
+    if table.num_rows == 0:
+        raise SerpentError(f"{path} has no rows. Leave it out, or record the session again.")
+
+
+def _check_clock(path: Path, session: Session) -> None:
+    step = np.diff(session.time)
+    wrong = np.flatnonzero(~(step > 0))
+    if len(wrong) or not np.isfinite(session.time).all():
+        row = wrong[0] + 1 if len(wrong) else 0
+        raise SerpentError(
+            f"{path}: time does not increase at row {row} (rows count from 0). "
+            "The rows are out of order or from two recordings; repair or leave out the file."
+        )
+    rate = 1 / np.median(step) if len(step) else session.rate_hz
+    if abs(rate / session.rate_hz - 1) > RATE_TOLERANCE:
+        raise SerpentError(
+            f"{path} claims rate_hz {session.rate_hz:g}, but its rows are {1 / rate:.4g} s apart "
+            f"({rate:.4g} Hz). Correct rate_hz in the metadata, or leave out the file."
+        )
+
+
+def _check_alike(folder: Path, sessions: Sequence[Session], key: str) -> None:
+    first: dict[Any, str] = {}
+    for session in sessions:
+        first.setdefault(session.metadata[key], session.name)
+    if len(first) > 1:
+        found = ", ".join(f"{value} in {name}" for value, name in first.items())
+        raise SerpentError(
+            f"{folder} mixes sessions that differ in {key}: {found}. Keep one run per folder."
+        )
+
+
+def _publish(path: Path, payload: Any) -> None:
+    """Put bytes at a path by way of a temporary file and a rename."""
+    if path.exists():
+        raise SerpentError(f"{path} exists already and is kept: move it away, or name another.")
+    partial = path.with_name(path.name + ".partial")
+    try:
+        with partial.open("wb") as file:
+            file.write(payload)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.rename(path)
+        sync_folder(path.parent)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from error
