@@ -7,11 +7,12 @@ D the XL430-W250 data sheet and manual, A an assumption of ours. `model/README.m
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 
 N_JOINTS = 9  # P
 N_MOTORS = 10  # P: nine joints and the gripper
@@ -52,8 +53,9 @@ class Arm:
     link_mass: tuple[float, ...] = (0.034, 0.032, 0.031, 0.030, 0.029, 0.028, 0.027, 0.026, 0.071)
     """Mass of each link, pulleys included, the last with the gripper [kg]. A, adding up to P's 308 g"""
     marker: tuple[tuple[float, float, float], ...] = (
-        ((0.0275, 0.025, 0.0), (0.0275, 0.0, 0.025)) * 4 + ((0.080, 0.025, 0.0),)
-    )
+        (0.0275, 0.025, 0.0),
+        (0.0275, 0.0, 0.025),
+    ) * 4 + ((0.080, 0.025, 0.0),)
     """Place of each link's marker in the link frame [m]. A"""
     inertia_along: float = 2e-4
     """Principal inertia about a link's long axis per mass [m²]. A"""
@@ -109,7 +111,9 @@ class Arm:
         """
         j = np.arange(N_MOTORS)
         height = (j - (N_MOTORS - 1) / 2) * self.pulley_thickness
-        return np.stack([-0.055 - 0.078 * (j // 2), np.where(j % 2, -0.024, 0.024), height], axis=-1)
+        return np.stack(
+            [-0.055 - 0.078 * (j // 2), np.where(j % 2, -0.024, 0.024), height], axis=-1
+        )
 
     def link_inertia(self, link: int) -> Array:
         """Principal inertias of link 0 … 8 about its centre of mass, along x, y, z [kg m²], (3,)."""

@@ -1,10 +1,9 @@
 """What do motors and markers say while the arm follows random targets?"""
 
-import json
 import multiprocessing as mp
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -15,19 +14,17 @@ from typing import Any, Literal
 import numpy as np
 from tqdm import tqdm
 
-from serpent_twin import cli
+from serpent_twin import cli, run_folder
 from serpent_twin.bus import MotorBus
 from serpent_twin.bus.simulated import SimulatedBus
 from serpent_twin.control import joint_p_control, random_targets
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import SCHEMA_VERSION, Journal, read_session, recover
+from serpent_twin.log import SCHEMA_VERSION, Journal
 from serpent_twin.mocap import Mocap
 from serpent_twin.mocap.simulated import SimulatedMocap
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import provenance
 from serpent_twin.twin import Twin
-
-SETTINGS = "collect.json"
 
 
 @dataclass(frozen=True)
@@ -63,10 +60,9 @@ class Collect:
 def collect(config: Collect) -> list[Path]:
     """Collect what is missing of a run; returns the paths of all its sessions."""
     _check(config)
-    config.out.mkdir(parents=True, exist_ok=True)
-    _agree_with_earlier_run(config)
+    run_folder.claim(config.out, settings(config))
     paths = [session_path(config, n) for n in range(1, config.sessions + 1)]
-    missing = [n for n, path in enumerate(paths, 1) if not _is_complete(path, config.out)]
+    missing = [index + 1 for index in run_folder.missing(paths)]
     with _progress(config, len(missing)) as show:
         _simulate_all(config, missing, show)
     return paths
@@ -92,7 +88,7 @@ def simulate_session(config: Collect, session: int, tick: Callable[[int], None])
             journal.append(row)
             tick(n)
         journal.seal()
-    _drop_what_came_again(path)
+    run_folder.drop_what_came_again(path)
     return path
 
 
@@ -130,7 +126,7 @@ def metadata(config: Collect, session: int) -> dict[str, Any]:
         "session": session,
         "rate_hz": config.rate_hz,
         "seed": config.seed,
-        "config": _settings(config),
+        "config": settings(config),
     } | provenance()
 
 
@@ -144,105 +140,16 @@ def _check(config: Collect) -> None:
         if getattr(config, name) < 1:
             raise SerpentError(f"--{name} is {getattr(config, name)}; give a number of at least 1.")
     if not 0 < config.rate_hz <= 100:
-        raise SerpentError(f"--rate-hz is {config.rate_hz:g}; give a rate above 0 and up to 100 Hz.")
+        raise SerpentError(
+            f"--rate-hz is {config.rate_hz:g}; give a rate above 0 and up to 100 Hz."
+        )
     Twin().substeps(1 / config.rate_hz)
 
 
-def _settings(config: Collect) -> dict[str, Any]:
+def settings(config: Collect) -> dict[str, Any]:
     """What two runs must share to lie in one folder."""
     free = ("out", "sessions", "workers")
     return {key: value for key, value in asdict(config).items() if key not in free}
-
-
-def _agree_with_earlier_run(config: Collect) -> None:
-    """Store this run's settings in its folder, or refuse a folder that holds another run."""
-    path, settings = config.out / SETTINGS, _settings(config)
-    if not path.exists():
-        _refuse_foreign_logs(config.out)
-        path.write_text(json.dumps(settings, indent=2) + "\n")
-        return
-    earlier = json.loads(path.read_text())
-    differences = [
-        f"{key} was {was}, now {now}" for key, was, now in _differing(earlier, settings)
-    ]
-    if differences:
-        raise SerpentError(
-            f"{config.out} holds a run with other settings: {'; '.join(differences)}. "
-            "Give the same settings to go on with it, or choose another --out."
-        )
-
-
-def _differing(
-    earlier: dict[str, Any], now: dict[str, Any], prefix: str = ""
-) -> Iterable[tuple[str, Any, Any]]:
-    for key in sorted(earlier.keys() | now.keys()):
-        a, b = earlier.get(key), now.get(key)
-        if isinstance(a, dict) and isinstance(b, dict):
-            yield from _differing(a, b, f"{prefix}{key}.")
-        elif a != b:
-            yield prefix + key, a, b
-
-
-def _refuse_foreign_logs(folder: Path) -> None:
-    found = next(iter(sorted(folder.glob("session_*"))), None)
-    if found:
-        raise SerpentError(
-            f"{folder} holds {found.name}, which no run of this program here has written "
-            f"({SETTINGS} is missing). Nothing was changed: choose another --out."
-        )
-
-
-def _is_complete(path: Path, folder: Path) -> bool:
-    """Whether a session is there in full; what is there in part moves to `folder`/partial."""
-    journal = path.with_suffix(".journal")
-    if journal.exists():
-        _recover_when_free(journal)
-    if not path.exists():
-        return False
-    if read_session(path).metadata.get("complete", True):
-        return True
-    partial = folder / "partial"
-    partial.mkdir(exist_ok=True)
-    path.rename(_unused(partial / path.name))
-    return False
-
-
-def _recover_when_free(journal: Path, patience: float = 5.0) -> None:
-    """Recover a journal; a recorder whose parent was killed may need a moment to notice."""
-    until = time.monotonic() + patience
-    while True:
-        try:
-            recover(journal)
-            return
-        except SerpentError:
-            if time.monotonic() > until:
-                raise
-            time.sleep(0.2)
-
-
-def _unused(path: Path) -> Path:
-    number, free = 1, path
-    while free.exists():
-        number += 1
-        free = path.with_name(f"{path.stem}_{number}{path.suffix}")
-    return free
-
-
-def _drop_what_came_again(path: Path) -> None:
-    """Delete earlier parts of a session whose every row stands in the whole one, too."""
-    folder = path.parent / "partial"
-    whole = read_session(path)
-    for part_path in folder.glob(f"{path.stem}*.parquet"):
-        part = read_session(part_path)
-        again = whole[: len(part)]
-        pairs = ((getattr(part, name), getattr(again, name)) for name in _LOGGED)
-        if all(np.array_equal(a, b, equal_nan=True) for a, b in pairs):
-            part_path.unlink()
-    if folder.exists() and not any(folder.iterdir()):
-        folder.rmdir()
-
-
-_LOGGED = ("time", "motor_position", "motor_load", "motor_velocity_command", "marker")
 
 
 # Sessions are simulated by processes; a shared array of row counts drives the progress bar.
@@ -287,9 +194,7 @@ def _simulate_all(config: Collect, missing: list[int], show: Callable[[int, str]
     context = mp.get_context("spawn")
     counts = context.Array("q", len(missing), lock=False)
     with ProcessPoolExecutor(workers, context, _start_worker, (counts,)) as pool:
-        jobs = [
-            pool.submit(_work, config, n, slot, os.getpid()) for slot, n in enumerate(missing)
-        ]
+        jobs = [pool.submit(_work, config, n, slot, os.getpid()) for slot, n in enumerate(missing)]
         try:
             _watch(jobs, counts, missing, config, show)
         except BaseException:
@@ -322,7 +227,7 @@ def _watch(
     show(sum(counts), "")
 
 
-def main(config: Collect) -> None:
+def main(config: Collect) -> None:  # noqa: D103 tyro would print it above the config's own
     paths = collect(config)
     print(f"{len(paths)} sessions of {config.steps} rows in {config.out}")
 

@@ -14,7 +14,7 @@ from dm_env import specs
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Arm, Array, joint_from_motor
 from serpent_twin.bus import MotorBus, MotorState
 from serpent_twin.bus.simulated import SimulatedBus
-from serpent_twin.bus.xl430 import VELOCITY_LIMIT, VELOCITY_UNIT
+from serpent_twin.bus.xl430 import VELOCITY_LIMIT, VELOCITY_UNIT, Words
 from serpent_twin.control import HOLD, random_targets
 
 TOP_SPEED = VELOCITY_LIMIT * VELOCITY_UNIT
@@ -110,7 +110,7 @@ class FollowTargets(control.Task):
         """Go on to the next target."""
         self._step += 1
 
-    def get_observation(self, physics: BusPhysics) -> OrderedDict[str, Array]:
+    def get_observation(self, physics: BusPhysics) -> OrderedDict[str, Array | Words]:
         """What the bus reads, in SI units, and the target."""
         state = physics.read()
         return OrderedDict(

@@ -30,7 +30,7 @@ _NEVER = -10.0  # [m] lower end of a strand's dead band, out of reach: a strand 
 _STICK = (0.999, 0.999)
 """solimp of the friction constraints: with MuJoCo's default 0.9 a loaded link creeps through
 its friction at about 1°/s, and the arm would forget where its friction holds it."""
-_HEADER = """ The cable-driven serpentine arm. Written by `python -m serpent_twin.mjcf`; edit that, not this.
+_HEADER = """ The cable-driven serpentine arm. `python -m serpent_twin.mjcf` writes this file.
   Units: m, kg, s, rad, N. Where each number is from: model/README.md.
   The base frame's +x points down, so the arm hangs; marker sensors speak in the base frame.
   Joint i turns about z (i odd) or y (i even) of its link. Cable j's loop is stretched by
@@ -95,9 +95,7 @@ def _word(value: Any) -> str:
     return " ".join(f"{number + 0.0:.9g}" for number in np.atleast_1d(np.round(value, 12)))
 
 
-def _document(
-    arm: Arm, parameters: Parameters, parts: "list[Part] | None" = None
-) -> ET.Element:
+def _document(arm: Arm, parameters: Parameters, parts: "list[Part] | None" = None) -> ET.Element:
     root = ET.Element("mujoco", model="serpent")
     root.append(ET.Comment(_HEADER))
     _add(root, "compiler", angle="radian", meshdir="assets")

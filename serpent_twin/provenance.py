@@ -21,7 +21,16 @@ def provenance() -> dict[str, object]:
 def git_commit() -> str:
     """Commit of the source tree, with `-dirty` appended if it was changed; `unknown` outside git."""
     tree = Path(__file__).resolve().parent
-    command = ["git", "-C", str(tree), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+    command = [
+        "git",
+        "-C",
+        str(tree),
+        "describe",
+        "--always",
+        "--dirty",
+        "--abbrev=12",
+        "--exclude=*",
+    ]
     try:
         found = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
     except (OSError, subprocess.SubprocessError):

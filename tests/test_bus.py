@@ -125,7 +125,7 @@ def test_overload_trips_a_stalled_motor_and_a_reboot_loses_its_turns():
         state = bus.read_state()
         assert state.hardware_error[0] == xl430.OVERLOAD
         assert not state.hardware_error[1:].any()
-        with pytest.raises(BusError, match="motor 1 .*Reboot"):
+        with pytest.raises(BusError, match=r"motor 1 .*Reboot"):
             bus.enable_torque()
         before = bus.read_registers().present_position[0]
         bus.reboot([1])

@@ -226,7 +226,8 @@ def test_replay_of_a_driven_run_finds_its_joints_again():
     replay = replay_motors(np.array(time), np.array(motor))
     error = np.linalg.norm(replay.marker - arm.markers(np.array(joint)), axis=-1)
     straight = np.linalg.norm(
-        arm.markers(joint_from_motor(np.array(motor)[:, :9])) - arm.markers(np.array(joint)), axis=-1
+        arm.markers(joint_from_motor(np.array(motor)[:, :9])) - arm.markers(np.array(joint)),
+        axis=-1,
     )
     assert error[8:].mean() < 0.25 * straight[8:].mean()
 

@@ -169,7 +169,9 @@ class SimulatedBus:
         over = np.abs(load) >= rule.overload_level
         if over.any() or self._overloaded.any():
             stays = over.all(axis=0)
-            self._overloaded = np.where(stays, self._overloaded + period, over.mean(axis=0) * period)
+            self._overloaded = np.where(
+                stays, self._overloaded + period, over.mean(axis=0) * period
+            )
             tripped = self._overloaded >= rule.overload_time
             self._error[tripped] |= xl430.OVERLOAD
             self._torque[tripped] = False
