@@ -43,10 +43,11 @@ def build(arm: Arm = ARM, parameters: Parameters = NOMINAL, drawn: bool = False)
     """The arm as an `MjSpec`; `drawn` adds meshes, lights and visible cables, and no physics."""
     if not drawn:
         return mujoco.MjSpec.from_string(_text(_document(arm, parameters)))
-    from serpent_twin import meshes, routing  # trimesh is slow to import, and physics needs none
+    from serpent_twin import meshes, routing  # trimesh is slow to import, needed here only
 
-    document = _document(arm, parameters, meshes.parts(arm))
-    spec = mujoco.MjSpec.from_string(_text(document), assets=_mesh_files(arm))
+    parts = meshes.parts(arm)
+    document = _text(_document(arm, parameters, parts))
+    spec = mujoco.MjSpec.from_string(document, assets=_mesh_files(parts))
     routing.draw(spec, arm)
     return spec
 
@@ -55,11 +56,12 @@ def write(folder: Path = MODEL, arm: Arm = ARM, parameters: Parameters = NOMINAL
     """Write serpent.xml, scene.xml and the mesh files into `folder`; returns their paths."""
     from serpent_twin import meshes
 
+    parts = meshes.parts(arm)
     files: dict[str, str | bytes] = {
-        "serpent.xml": _text(_document(arm, parameters, meshes.parts(arm))),
+        "serpent.xml": _text(_document(arm, parameters, parts)),
         "scene.xml": build(arm, parameters, drawn=True).to_xml(),
     }
-    files |= {f"assets/{name}": data for name, data in _mesh_files(arm).items()}
+    files |= {f"assets/{name}": data for name, data in _mesh_files(parts).items()}
     for name, content in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -72,10 +74,10 @@ def world_from_base() -> Array:
     return np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 
 
-def _mesh_files(arm: Arm) -> dict[str, bytes]:
-    from serpent_twin import meshes
+def _mesh_files(parts: "list[Part]") -> dict[str, bytes]:
+    from trimesh.exchange.stl import export_stl
 
-    return {f"{part.name}.stl": part.mesh.export(file_type="stl") for part in meshes.parts(arm)}
+    return {f"{part.name}.stl": export_stl(part.mesh) for part in parts}
 
 
 def _text(document: ET.Element) -> str:

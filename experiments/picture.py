@@ -1,0 +1,99 @@
+"""What do the arm and a replay look like? Draws docs/arm.png and, from a recording, docs/replay.png.
+
+Needs a software or hardware OpenGL that MuJoCo finds without a display (MUJOCO_GL=egl or osmesa), and
+for the replay a Vulkan driver (Debian: mesa-vulkan-drivers, libvulkan1).
+"""
+
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+os.environ.setdefault("MUJOCO_GL", "egl")
+
+import mujoco
+import numpy as np
+from PIL import Image
+from rerun.experimental import ViewerClient
+
+from serpent_twin import cli, mjcf
+from serpent_twin.arm import N_JOINTS, N_MOTORS
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+POSE = np.array([0.34, 0.30, 0.26, 0.24, -0.10, 0.30, -0.36, 0.28, -0.40])  # [rad] an S of sorts
+JAW = -0.5  # [rad] open
+PORT = 9917  # of the viewer
+
+
+@dataclass(frozen=True)
+class View:
+    """Where a camera stands and how large its picture is."""
+
+    look_at: tuple[float, float, float]
+    """World point in the middle of the picture [m]"""
+    distance: float
+    """From there to the camera [m]"""
+    azimuth: float
+    """[deg]"""
+    elevation: float
+    """[deg]"""
+    size: tuple[int, int]
+    """Width and height [px]"""
+
+
+WHOLE = View((0.06, 0.0, -0.045), 1.34, 205, -8, (760, 1200))
+WINCHES = View((0.0, 0.0, 0.13), 0.44, 168, 12, (760, 600))
+JOINTS = View((0.06, 0.02, -0.12), 0.34, 215, -12, (760, 600))
+
+
+def main(docs: Path = DOCS, replay: Path | None = None, at: float = 127.0) -> None:
+    """Draw the pictures of the README.
+
+    Args:
+        docs: Folder for the pictures.
+        replay: A recording by serpent_twin.replay, to be photographed in rerun's viewer.
+        at: The moment of the recording [s].
+    """
+    docs.mkdir(parents=True, exist_ok=True)
+    details = np.vstack([render(WINCHES), render(JOINTS)])
+    Image.fromarray(np.hstack([render(WHOLE), details])).save(docs / "arm.png", optimize=True)
+    print(docs / "arm.png")
+    if replay:
+        photograph(replay, at, docs / "replay.png")
+        print(docs / "replay.png")
+
+
+def render(view: View) -> np.ndarray:
+    """One picture of the arm in POSE, (height, width, 3), drawn at twice the size and averaged."""
+    model = mjcf.build(drawn=True).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = np.r_[np.cumsum(POSE), POSE.sum() + JAW, POSE, JAW]
+    assert data.qpos.size == N_MOTORS + N_JOINTS + 1
+    mujoco.mj_forward(model, data)
+    camera = mujoco.MjvCamera()
+    camera.lookat, camera.distance = view.look_at, view.distance
+    camera.azimuth, camera.elevation = view.azimuth, view.elevation
+    width, height = view.size
+    with mujoco.Renderer(model, 2 * height, 2 * width) as renderer:
+        renderer.update_scene(data, camera)
+        large = renderer.render().reshape(height, 2, width, 2, 3)
+    return large.mean(axis=(1, 3)).astype(np.uint8)
+
+
+def photograph(replay: Path, at: float, out: Path) -> None:
+    """Open a recording in a viewer without a window, go to a moment [s], keep the picture."""
+    viewer = ViewerClient.spawn(headless=True, port=PORT)
+    try:
+        viewer.open(str(replay.resolve()))
+        time.sleep(5)  # the viewer answers before it has loaded and drawn all
+        viewer.set_time("time", duration=at, play_state="paused")
+        time.sleep(5)
+        viewer.save_screenshot(str(out))
+    finally:
+        viewer.quit()
+    picture = Image.open(out).convert("RGB")
+    picture.crop((0, 36, *picture.size)).save(out, optimize=True)  # without the window's title bar
+
+
+if __name__ == "__main__":
+    cli.run(main)
