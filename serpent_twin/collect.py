@@ -143,6 +143,8 @@ def _check(config: Collect) -> None:
         raise SerpentError(
             f"--rate-hz is {config.rate_hz:g}; give a rate above 0 and up to 100 Hz."
         )
+    if not 0 <= config.marker_loss < 1:
+        raise SerpentError(f"--marker-loss is {config.marker_loss:g}; give a share within 0 … 1.")
     Twin().substeps(1 / config.rate_hz)
 
 

@@ -10,7 +10,9 @@ from serpent_twin.arm import COUPLING
 def test_targets_have_the_published_ranges_and_hold_for_five_steps():
     targets = np.rad2deg(control.random_targets(50_000, np.random.default_rng(0)))
     odd, even = targets[:, 0::2], targets[:, 1::2]
-    assert odd.min() == pytest.approx(-22.5, abs=0.05) and odd.max() == pytest.approx(22.5, abs=0.05)
+    assert odd.min() == pytest.approx(-22.5, abs=0.05) and odd.max() == pytest.approx(
+        22.5, abs=0.05
+    )
     assert even.min() == pytest.approx(0, abs=0.05) and even.max() == pytest.approx(22.5, abs=0.05)
     assert odd.std() == pytest.approx(45 / np.sqrt(12), rel=0.02)
     changes = np.flatnonzero((np.diff(targets, axis=0) != 0).any(axis=1)) + 1
