@@ -2,6 +2,7 @@
 
 import multiprocessing as mp
 import os
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -160,15 +161,22 @@ _counts: Any = None
 
 
 def _start_worker(counts: Any) -> None:
+    """Take the shared counts, and end with the parent however that ends, kill -9 included."""
     global _counts
     _counts = counts
+    parent = mp.parent_process()
+    assert parent is not None
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
 
 
-def _work(config: Collect, session: int, slot: int, parent: int) -> Path:
+def _work(config: Collect, session: int, slot: int) -> Path:
     def tick(rows: int) -> None:
         _counts[slot] = rows
-        if os.getppid() != parent:
-            raise SystemExit("the collecting process is gone")
 
     return simulate_session(config, session, tick)
 
@@ -196,7 +204,7 @@ def _simulate_all(config: Collect, missing: list[int], show: Callable[[int, str]
     context = mp.get_context("spawn")
     counts = context.Array("q", len(missing), lock=False)
     with ProcessPoolExecutor(workers, context, _start_worker, (counts,)) as pool:
-        jobs = [pool.submit(_work, config, n, slot, os.getpid()) for slot, n in enumerate(missing)]
+        jobs = [pool.submit(_work, config, n, slot) for slot, n in enumerate(missing)]
         try:
             _watch(jobs, counts, missing, config, show)
         except BaseException:

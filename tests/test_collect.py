@@ -1,5 +1,6 @@
 """Does a collected run lose nothing, mix nothing, and come out the same again?"""
 
+import fcntl
 import json
 import os
 import signal
@@ -161,6 +162,20 @@ def kill_when_logged(out, rows, how):
     process.wait()
 
 
+def require_no_process_left(out):
+    """Every recorder has let go of its journal: the workers end with their parent."""
+    deadline = time.monotonic() + 10
+    for journal in out.glob("*.journal"):
+        with journal.open("rb") as file:
+            while True:
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                except BlockingIOError:
+                    assert time.monotonic() < deadline, f"{journal} is still being written"
+                    time.sleep(0.05)
+
+
 @pytest.mark.parametrize(
     "how",
     [
@@ -173,14 +188,14 @@ def kill_when_logged(out, rows, how):
 def test_a_killed_run_loses_no_row_and_goes_on(how, tmp_path):
     config = Collect(tmp_path / "logs", sessions=2, steps=400)
     kill_when_logged(config.out, 40, how)
-    time.sleep(0.5)
+    require_no_process_left(config.out)
     (tmp_path / "copy").mkdir()
     journal = tmp_path / "copy/session_01.journal"
     journal.write_bytes((config.out / journal.name).read_bytes())
     kept = read_session(recover(journal)[0])
     assert len(kept) >= 40 and kept.metadata["complete"] is False
     subprocess.run(
-        command(config.out, "--sessions", 2, "--steps", 400), check=True, capture_output=True
+        command(config.out, "--sessions", 2, "--steps", 400), check=True
     )
     whole = read_folder(config.out)
     assert [len(session) for session in whole] == [400, 400]
