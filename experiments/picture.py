@@ -17,10 +17,10 @@ from PIL import Image
 from rerun.experimental import ViewerClient
 
 from serpent_twin import cli, mjcf
-from serpent_twin.arm import N_JOINTS, N_MOTORS
+from serpent_twin.arm import motor_from_joint
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
-POSE = np.array([0.34, 0.30, 0.26, 0.24, -0.10, 0.30, -0.36, 0.28, -0.40])  # [rad] an S of sorts
+POSE = np.array([0.30, 0.34, 0.24, 0.30, 0.10, -0.10, -0.26, -0.30, -0.34])  # [rad] an S of sorts
 JAW = -0.5  # [rad] open
 PORT = 9917  # of the viewer
 
@@ -41,9 +41,10 @@ class View:
     """Width and height [px]"""
 
 
-WHOLE = View((0.06, 0.0, -0.045), 1.34, 205, -8, (760, 1200))
-WINCHES = View((0.0, 0.0, 0.13), 0.44, 168, 12, (760, 600))
-JOINTS = View((0.06, 0.02, -0.12), 0.34, 215, -12, (760, 600))
+WHOLE = View((0.07, 0.03, -0.045), 1.22, 207, -4, (760, 1200))
+WINCHES = View((0.0, 0.0, 0.09), 0.36, 163, 14, (590, 594))
+JOINTS = View((0.015, 0.01, -0.055), 0.22, 214, -16, (590, 600))
+GAP = 6  # [px] between the pictures
 
 
 def main(docs: Path = DOCS, replay: Path | None = None, at: float = 127.0) -> None:
@@ -55,8 +56,9 @@ def main(docs: Path = DOCS, replay: Path | None = None, at: float = 127.0) -> No
         at: The moment of the recording [s].
     """
     docs.mkdir(parents=True, exist_ok=True)
-    details = np.vstack([render(WINCHES), render(JOINTS)])
-    Image.fromarray(np.hstack([render(WHOLE), details])).save(docs / "arm.png", optimize=True)
+    details = np.vstack([render(WINCHES), white(GAP, WINCHES.size[0]), render(JOINTS)])
+    sheet = np.hstack([render(WHOLE), white(WHOLE.size[1], GAP), details])
+    Image.fromarray(sheet).save(docs / "arm.png", optimize=True)
     print(docs / "arm.png")
     if replay:
         photograph(replay, at, docs / "replay.png")
@@ -65,19 +67,25 @@ def main(docs: Path = DOCS, replay: Path | None = None, at: float = 127.0) -> No
 
 def render(view: View) -> np.ndarray:
     """One picture of the arm in POSE, (height, width, 3), drawn at twice the size and averaged."""
-    model = mjcf.build(drawn=True).compile()
+    width, height = view.size
+    spec = mjcf.build(drawn=True)
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 2 * width, 2 * height
+    model = spec.compile()
     data = mujoco.MjData(model)
-    data.qpos[:] = np.r_[np.cumsum(POSE), POSE.sum() + JAW, POSE, JAW]
-    assert data.qpos.size == N_MOTORS + N_JOINTS + 1
+    data.qpos[:] = np.r_[motor_from_joint(POSE), POSE.sum() + JAW, POSE, JAW]
     mujoco.mj_forward(model, data)
     camera = mujoco.MjvCamera()
     camera.lookat, camera.distance = view.look_at, view.distance
     camera.azimuth, camera.elevation = view.azimuth, view.elevation
-    width, height = view.size
     with mujoco.Renderer(model, 2 * height, 2 * width) as renderer:
         renderer.update_scene(data, camera)
         large = renderer.render().reshape(height, 2, width, 2, 3)
     return large.mean(axis=(1, 3)).astype(np.uint8)
+
+
+def white(height: int, width: int) -> np.ndarray:
+    """An empty picture."""
+    return np.full((height, width, 3), 255, np.uint8)
 
 
 def photograph(replay: Path, at: float, out: Path) -> None:

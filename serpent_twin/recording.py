@@ -1,0 +1,213 @@
+"""How is a session drawn in rerun?"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from serpent_twin import log, meshes, routing, twin
+from serpent_twin.arm import ARM, N_JOINTS, N_MOTORS, Arm, Array, link_frames
+from serpent_twin.mjcf import STRANDS
+
+Rows = NDArray[np.intp]
+
+_SLACK, _HALF, _TIGHT = (40, 85, 205), (235, 215, 205), (225, 30, 30)
+_MEASURED, _ESTIMATED, _TWIN = (70, 215, 120), (255, 150, 30), (150, 165, 190)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Markers by a readout, for the rows of the log that have a whole window."""
+
+    name: str
+    """The readout's name"""
+    row: Rows
+    """Rows of the session, (N,)"""
+    marker: Array
+    """[m], (N, 9, 3)"""
+
+
+def write(
+    out: Path,
+    session: log.Session,
+    moved: twin.Replay,
+    guess: Estimate | None = None,
+    identity: str | None = None,
+    arm: Arm = ARM,
+) -> None:
+    """Write the recording of a session [T rows] to a file, which appears when it is whole."""
+    part = out.with_name(out.name + ".part")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    stream = rr.RecordingStream("serpent_twin", recording_id=identity)
+    stream.save(part, default_blueprint=blueprint(session.name))
+    stream.send_recording_name(session.name)
+    writer = _Writer(stream, session.time, arm)
+    writer.about(session, moved, guess)
+    writer.shapes()
+    writer.motion(session.motor_position, moved)
+    writer.cables(moved.tension)
+    writer.markers("measured", session.marker, np.arange(len(session)), _MEASURED, 0.0050)
+    writer.markers("twin", moved.marker, np.arange(len(session)), _TWIN, 0.0030)
+    writer.error("twin", moved.marker - session.marker, np.arange(len(session)), _TWIN)
+    if guess:
+        writer.markers("estimated", guess.marker, guess.row, _ESTIMATED, 0.0048)
+        writer.error(guess.name, guess.marker - session.marker[guess.row], guess.row, _ESTIMATED)
+    for j in range(N_MOTORS):
+        writer.curve(f"plots/load/motor{j + 1}", 100 * session.motor_load[:, j], hue(j))
+    for n, name in enumerate(STRANDS):
+        writer.curve(f"plots/tension/{name}", moved.tension[:, n], hue(n // 2))
+    stream.flush()
+    stream.disconnect()
+    part.rename(out)
+
+
+def hue(motor: int) -> tuple[int, int, int]:
+    """Colour of motor 0 … 9 in the plots, 0 … 255."""
+    red, green, blue = (round(255 * (0.25 + 0.75 * c)) for c in routing.colour(motor))
+    return red, green, blue
+
+
+def tension_colour(tension: Array, full: float) -> np.ndarray:
+    """Blue where slack, by way of pale to red at `full` tension [N]; (..., 4), 0 … 255."""
+    share = np.clip(tension / full, 0, 1)
+    channels = [
+        np.interp(share, [0, 0.35, 1], stops) for stops in zip(_SLACK, _HALF, _TIGHT, strict=True)
+    ]
+    return np.stack([*channels, np.full_like(share, 255)], axis=-1).astype(np.uint8)
+
+
+def blueprint(title: str) -> rrb.Blueprint:
+    """The arm large, plots beside it, in a quiet window."""
+    eye = rrb.EyeControls3D(
+        position=(0.12, 0.46, 0.62), look_target=(0.135, 0.01, 0.0), eye_up=(-1, 0, 0)
+    )
+    scene = rrb.Spatial3DView(
+        origin="/", contents=["arm/**", "markers/**"], name=title, eye_controls=eye,
+        background=(28, 31, 36), line_grid=False,
+    )  # fmt: skip
+    legend = rrb.PlotLegend(visible=False)
+    plots = [
+        rrb.TimeSeriesView(origin="plots/error", name="Marker error, mean of nine [mm]"),
+        rrb.TimeSeriesView(origin="plots/load", name="Motor load [% of stall]", plot_legend=legend),
+        rrb.TimeSeriesView(origin="plots/tension", name="Strand tension [N]", plot_legend=legend),
+    ]
+    about = rrb.TextDocumentView(origin="about", name="About")
+    side = rrb.Vertical(*plots, about, row_shares=[6, 5, 5, 5])
+    return rrb.Blueprint(
+        rrb.Horizontal(scene, side, column_shares=[5, 4]),
+        rrb.TimePanel(state="collapsed", timeline="time"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+    )
+
+
+@dataclass(frozen=True)
+class _Writer:
+    """Puts columns of a session's rows on both timelines of a recording."""
+
+    recording: rr.RecordingStream
+    time: Array
+    arm: Arm
+
+    def about(self, session: log.Session, moved: twin.Replay, guess: Estimate | None) -> None:
+        """A page that says what is shown."""
+        far = np.linalg.norm(moved.marker - session.marker, axis=-1)
+        far = far[np.isfinite(far)]
+        off = f"; its markers lie {1e3 * far.mean():.1f} mm off on average" if far.size else ""
+        lines = [
+            f"### {session.metadata.get('arm')}, {session.name}",
+            f"{len(session)} rows at {session.rate_hz:g} Hz, "
+            f"backend `{session.metadata.get('backend')}`.",
+            "Pose and tensions: the twin, driven by the measured motor angles" + off + ".",
+            f"Cables: blue is slack, red is {full_tension(moved.tension):.1f} N or more.",
+            "Markers: green measured, grey twin" + (f", orange `{guess.name}`." if guess else "."),
+        ]
+        page = rr.TextDocument("\n\n".join(lines), media_type="text/markdown")
+        self.recording.log("about", page, static=True)
+        self.recording.log("/", rr.ViewCoordinates.DLF, static=True)  # +x hangs down
+
+    def shapes(self) -> None:
+        """All meshes, each under its body."""
+        for piece in meshes.parts(self.arm):
+            flat = piece.mesh.triangles.reshape(-1, 3)  # unshared corners keep edges sharp
+            mesh = rr.Mesh3D(
+                vertex_positions=flat,
+                vertex_normals=np.repeat(piece.mesh.face_normals, 3, axis=0),
+                albedo_factor=piece.rgba,
+            )
+            self.recording.log(f"arm/{piece.body}/{piece.name}", mesh, static=True)
+
+    def motion(self, motor: Array, moved: twin.Replay) -> None:
+        """Poses of horns, links and jaw in the base frame."""
+        turn = np.zeros((len(self.time), 3))
+        for j in range(N_MOTORS):
+            turn[:, 2] = motor[:, j]
+            place = np.broadcast_to(self.arm.motor_place[j], turn.shape)
+            self._pose(f"arm/motor{j + 1}", place, Rotation.from_rotvec(turn))
+        origin, rotation = link_frames(moved.joint_angle, self.arm)
+        for i in range(N_JOINTS):
+            turned = Rotation.from_matrix(rotation[:, i])
+            self._pose(f"arm/link{i + 1}", origin[:, i], turned)
+        hinge = origin[:, -1] + rotation[:, -1] @ [self.arm.jaw_joint, 0.0, 0.0]
+        opened = Rotation.from_rotvec(np.outer(moved.jaw_angle, [0.0, 1.0, 0.0]))
+        self._pose("arm/jaw", hinge, Rotation.from_matrix(rotation[:, -1]) * opened)
+
+    def cables(self, tension: Array) -> None:
+        """Strands, fixed to the bodies they pass; only their colours change."""
+        colours = tension_colour(tension, full_tension(tension))
+        for n, name in enumerate(STRANDS):
+            motor, side = n // 2, routing.SIDES[name.split("_")[1]]
+            for body, line in routing.pieces(self.arm, motor, side).items():
+                path = f"arm/{body}/{name}"
+                shape = rr.LineStrips3D([line], radii=rr.Radius.ui_points(0.7))
+                self.recording.log(path, shape, static=True)
+                self._send(path, rr.LineStrips3D.columns(colors=colours[:, n]))
+
+    def markers(
+        self, kind: str, marker: Array, row: Rows, colour: tuple[int, int, int], radius: float
+    ) -> None:
+        """Marker positions [m], (N, 9, 3), at some rows; nothing is shown where one was lost."""
+        for i in range(N_JOINTS):
+            path, seen = f"markers/{kind}/marker{i + 1}", np.isfinite(marker[:, i]).all(axis=-1)
+            self.recording.log(
+                path, rr.Points3D.from_fields(colors=[colour], radii=[radius]), static=True
+            )
+            points = rr.Points3D.columns(positions=marker[seen, i])
+            self._send(path, points.partition(seen.astype(int)), row)
+
+    def error(self, name: str, off: Array, row: Rows, colour: tuple[int, int, int]) -> None:
+        """Mean distance of the markers seen [mm], from their differences [m], (N, 9, 3)."""
+        distance = 1e3 * np.linalg.norm(off, axis=-1)
+        seen = np.isfinite(distance)
+        some = seen.any(axis=-1)
+        mean = np.where(seen, distance, 0.0)[some].sum(-1) / seen[some].sum(-1)
+        self.curve(f"plots/error/{name}", mean, colour, row[some])
+
+    def curve(
+        self, path: str, value: Array, colour: tuple[int, int, int], row: Rows | None = None
+    ) -> None:
+        """One line of a plot."""
+        style = rr.SeriesLines(colors=[colour], names=path.rsplit("/", 1)[-1], widths=[1.3])
+        self.recording.log(path, style, static=True)
+        self._send(path, rr.Scalars.columns(scalars=value), row)
+
+    def _pose(self, path: str, place: Array, turned: Rotation) -> None:
+        pose = rr.Transform3D.columns(translation=place, quaternion=turned.as_quat())
+        self._send(path, pose)
+
+    def _send(self, path: str, columns: rr.ComponentColumnList, row: Rows | None = None) -> None:
+        row = np.arange(len(self.time)) if row is None else row
+        clocks = [
+            rr.TimeColumn("time", duration=self.time[row]),
+            rr.TimeColumn("step", sequence=row),
+        ]
+        rr.send_columns(path, clocks, columns, recording=self.recording)
+
+
+def full_tension(tension: Array) -> float:
+    """The tension drawn in full red [N]: what only 1 % of a session's tensions exceed."""
+    return max(float(np.quantile(tension, 0.99)), 1.0)

@@ -1,0 +1,98 @@
+"""What happened in a session, to look at?
+
+The measured motor angles drive the twin, which gives the pose and the cables' tensions; the log
+gives markers and loads, a trained readout its estimate. All becomes one recording for rerun.
+"""
+
+import hashlib
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from rerun.chunk import RrdReader
+
+from serpent_twin import __version__, cli, log, readout, recording, twin
+from serpent_twin.arm import ARM
+from serpent_twin.errors import SerpentError
+from serpent_twin.parameters import NOMINAL
+from serpent_twin.provenance import file_hash
+from serpent_twin.readout.windows import cut
+from serpent_twin.recording import Estimate
+
+
+def main(
+    session: Annotated[Path, tyro.conf.Positional],
+    out: Path,
+    readout: Path | None = None,
+    view: bool = False,
+) -> None:
+    """Make a recording of a session that rerun shows: arm, cables, markers, loads, errors.
+
+    Args:
+        session: The session log, such as DIR/session_01.parquet.
+        out: The recording to write, FILE.rrd; an existing one is never overwritten.
+        readout: A trained readout to show beside the measurement, such as OUT/models/mlp.
+        view: Open the recording in the viewer.
+    """
+    if out.suffix != ".rrd":
+        raise SerpentError(
+            f"--out {out}: rerun knows its recordings by their ending; name it FILE.rrd."
+        )
+    seen = log.read_session(session)
+    log.refuse_damaged([seen])
+    identity = _identity(session, readout)
+    if not _already_there(out, identity):
+        guess = estimate(seen, readout) if readout else None
+        print(f"Driving the twin by the motor angles of {len(seen)} rows …", flush=True)
+        moved = twin.replay_motors(seen.time, seen.motor_position)
+        recording.write(out, seen, moved, guess, identity)
+    print(f"{out}: open it with `rerun {out}`")
+    if view:
+        _open(out)
+
+
+def estimate(session: log.Session, folder: Path) -> Estimate:
+    """Markers that the readout saved in `folder` finds in a session."""
+    trained = readout.load(folder)
+    seen = cut([session], trained.window, drop=0).sessions[0]
+    row = np.arange(len(session) - len(seen.x), len(session))
+    return Estimate(trained.name, row, trained.predict(seen.x, seen.start))
+
+
+def _identity(session: Path, folder: Path | None) -> str:
+    """Name of the recording that these inputs and this twin make."""
+    files = [session, *([folder / "readout.json", folder / "learned.npz"] if folder else [])]
+    makers = [__version__, repr(ARM), repr(NOMINAL)]
+    makers += [file_hash(path) for path in files if path.is_file()]
+    return f"{session.stem}-{hashlib.sha256(' '.join(makers).encode()).hexdigest()[:16]}"
+
+
+def _already_there(out: Path, identity: str) -> bool:
+    """Whether `out` is this very recording; any other file there is an error."""
+    if not out.exists():
+        return False
+    try:
+        found = [entry.recording_id for entry in RrdReader(out).recordings()]
+    except Exception:  # whatever the reader says of a foreign file, it is not ours to replace
+        found = []
+    if identity in found:
+        return True
+    raise SerpentError(
+        f"{out} exists and is not the recording of this session, readout and twin. "
+        "Give another --out, or delete the file first."
+    )
+
+
+def _open(out: Path) -> None:
+    if subprocess.run([sys.executable, "-m", "rerun", str(out)], check=False).returncode:
+        raise SerpentError(
+            f"the viewer could not be opened here; {out} is whole. "
+            "Take it to a machine with a display and run `rerun FILE` there."
+        )
+
+
+if __name__ == "__main__":
+    cli.run(main)

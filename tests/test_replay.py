@@ -1,0 +1,179 @@
+"""Does the recording hold what the log, the twin and the readout say?"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from serpent_twin import log, readout, recording, replay, twin
+from serpent_twin.arm import ARM, N_JOINTS, N_MOTORS, link_frames, markers, motor_from_joint
+from serpent_twin.errors import SerpentError
+from serpent_twin.mjcf import STRANDS
+
+T = 24
+LOST = (5, 6, 20)
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+def make_session(rng, lost=((2, LOST),)):
+    """A slow swing on stiff cables, a marker lost now and then."""
+    time = np.arange(T) * 0.25
+    q = 0.25 * np.sin(0.8 * time[:, None] + np.arange(N_JOINTS))
+    motor = np.column_stack([motor_from_joint(q), motor_from_joint(q)[:, -1]])
+    seen = markers(q)
+    for marker, rows in lost:
+        seen[list(rows), marker] = np.nan
+    velocity = np.gradient(motor, time, axis=0)
+    load = rng.uniform(-0.2, 0.2, (T, N_MOTORS))
+    about = {"schema_version": 1, "backend": "sim", "arm": "swing", "session": 1, "rate_hz": 4.0}
+    return log.Session(None, about, time, motor, velocity, load, velocity, q, seen)
+
+
+def column(path, entity, component):
+    """Rows of one component on the recording's two timelines: steps, seconds, values."""
+    for chunk in RrdReader(path).stream().to_chunks():
+        if chunk.entity_path == entity and not chunk.is_static:
+            batch = chunk.to_record_batch()
+            if component in batch.schema.names:
+                seconds = batch["time"].cast("int64").to_numpy() * 1e-9
+                return batch["step"].to_numpy(), seconds, batch[component].to_pylist()
+    raise AssertionError(f"{entity} has no {component}")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A session file, a saved readout, and the recording that the command makes of both."""
+    folder = tmp_path_factory.mktemp("replay")
+    session = make_session(np.random.default_rng(0))
+    log.write_session(folder / "session_01.parquet", session)
+    readout.find("analytical")().save(folder / "analytical")
+    replay.main(folder / "session_01.parquet", folder / "swing.rrd", folder / "analytical")
+    moved = twin.replay_motors(session.time, session.motor_position)
+    return folder, session, moved
+
+
+def test_measured_markers_are_those_of_the_log(made):
+    folder, session, _ = made
+    for i in range(N_JOINTS):
+        entity = f"/markers/measured/marker{i + 1}"
+        step, seconds, points = column(folder / "swing.rrd", entity, "Points3D:positions")
+        assert np.array_equal(step, np.arange(T)) and np.allclose(seconds, session.time)
+        for row in range(T):
+            if i == 2 and row in LOST:
+                assert points[row] == []
+            else:
+                assert np.allclose(points[row][0], session.marker[row, i], atol=1e-7)
+
+
+def test_estimated_markers_are_the_readout_s_and_start_with_a_whole_window(made):
+    folder, session, _ = made
+    guess = replay.estimate(session, folder / "analytical")
+    assert guess.row[0] == readout.load(folder / "analytical").window - 1
+    entity = "/markers/estimated/marker9"
+    step, _, points = column(folder / "swing.rrd", entity, "Points3D:positions")
+    assert np.array_equal(step, guess.row)
+    assert np.allclose(
+        np.array(points)[:, 0], markers(session.joint_target)[guess.row, 8], atol=1e-6
+    )
+
+
+def test_links_stand_where_the_twin_has_them(made):
+    folder, _, moved = made
+    origin, rotation = link_frames(moved.joint_angle)
+    for i in (0, 8):
+        entity = f"/arm/link{i + 1}"
+        _, _, place = column(folder / "swing.rrd", entity, "Transform3D:translation")
+        _, _, turn = column(folder / "swing.rrd", entity, "Transform3D:quaternion")
+        assert np.allclose(np.array(place)[:, 0], origin[:, i], atol=1e-6)
+        x, y, z, w = np.array(turn)[:, 0].T
+        seen_x = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)], -1)
+        assert np.allclose(seen_x, rotation[:, i, :, 0], atol=1e-6)
+
+
+def test_curves_hold_loads_tensions_and_errors(made):
+    folder, session, moved = made
+    path = folder / "swing.rrd"
+    _, _, load = column(path, "/plots/load/motor3", "Scalars:scalars")
+    assert np.allclose(np.array(load)[:, 0], 100 * session.motor_load[:, 2])
+    for n, name in enumerate(STRANDS):
+        _, _, tension = column(path, f"/plots/tension/{name}", "Scalars:scalars")
+        assert np.allclose(np.array(tension)[:, 0], moved.tension[:, n])
+    _, _, error = column(path, "/plots/error/twin", "Scalars:scalars")
+    far = np.linalg.norm(moved.marker - session.marker, axis=-1)
+    assert np.allclose(np.array(error)[:, 0], 1e3 * np.nanmean(far, axis=-1))
+    _, _, exact = column(path, "/plots/error/analytical", "Scalars:scalars")
+    assert np.max(exact) < 1e-3  # mm: the session was made on stiff cables
+
+
+def test_a_cable_is_blue_where_slack_and_red_where_tightest(made):
+    folder, _, moved = made
+    full = recording.full_tension(moved.tension)
+    n = int(moved.tension.max(0).argmax())
+    entity = f"/arm/base/{STRANDS[n]}"
+    _, _, packed = column(folder / "swing.rrd", entity, "LineStrips3D:colors")
+    rgb = np.array([[(word[0] >> shift) & 255 for shift in (24, 16, 8)] for word in packed])
+    slack, tight = moved.tension[:, n] == 0, moved.tension[:, n] >= full
+    assert tight.any() and (rgb[tight, 0] > rgb[tight, 2]).all()
+    assert (rgb[slack, 2] > rgb[slack, 0]).all()
+    blue, red = recording.tension_colour(np.array([0.0, full]), full)
+    assert blue[2] > blue[0] and red[0] > red[2]
+
+
+def test_every_body_has_its_meshes_and_every_strand_its_lines(made):
+    folder, _, _ = made
+    paths = {chunk.entity_path for chunk in RrdReader(folder / "swing.rrd").stream().to_chunks()}
+    assert {f"/arm/link{i}/link{i}_body" for i in range(1, 10)} <= paths
+    assert {"/arm/base/base_frame", "/arm/jaw/jaw_body", "/arm/motor10/motor10_horn"} <= paths
+    for name in STRANDS:
+        j = int(name[5:].split("_")[0])
+        bodies = ["base", *(f"link{i + 1}" for i in range(min(j, N_JOINTS)))]
+        bodies += ["jaw"] if j == N_MOTORS else []
+        assert {
+            path.split("/")[2] for path in paths if path.endswith(f"/{name}") and path[1] == "a"
+        } == set(bodies)
+
+
+def test_the_same_command_keeps_the_recording(made, capsys):
+    folder, _, _ = made
+    path = folder / "swing.rrd"
+    before = path.read_bytes(), path.stat().st_mtime_ns
+    replay.main(folder / "session_01.parquet", path, folder / "analytical")
+    assert (path.read_bytes(), path.stat().st_mtime_ns) == before
+    assert "Driving" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("change", ["other inputs", "foreign file"])
+def test_another_file_is_never_overwritten(made, tmp_path, change):
+    folder, _, _ = made
+    path = tmp_path / "here.rrd"
+    path.write_bytes((folder / "swing.rrd").read_bytes() if change == "other inputs" else b"mine")
+    before = path.read_bytes()
+    with pytest.raises(SerpentError, match=r"here\.rrd exists"):
+        replay.main(folder / "session_01.parquet", path)
+    assert path.read_bytes() == before
+
+
+def test_a_recording_needs_its_ending(made, tmp_path):
+    with pytest.raises(SerpentError, match=r"name it FILE\.rrd"):
+        replay.main(made[0] / "session_01.parquet", tmp_path / "here.mp4")
+
+
+def test_a_session_without_any_marker_is_shown_all_the_same(tmp_path):
+    lost = tuple((marker, range(T)) for marker in range(N_JOINTS))
+    session = make_session(np.random.default_rng(1), lost)
+    moved = twin.replay_motors(session.time, session.motor_position)
+    recording.write(tmp_path / "blind.rrd", session, moved)
+    _, _, points = column(tmp_path / "blind.rrd", "/markers/measured/marker1", "Points3D:positions")
+    assert points == [[]] * T
+
+
+def test_a_log_of_another_arm_replays(tmp_path):
+    path = SHARED / "logs/arm_a/session_08.parquet"
+    if not path.exists():
+        pytest.skip(f"no bench logs at {path.parent}")
+    session = log.read_session(path).rows(slice(0, 60))
+    moved = twin.replay_motors(session.time, session.motor_position)
+    recording.write(tmp_path / "bench.rrd", session, moved, arm=ARM)
+    step, _, points = column(tmp_path / "bench.rrd", "/markers/twin/marker9", "Points3D:positions")
+    assert len(step) == 60 and np.allclose(np.array(points)[:, 0], moved.marker[:, 8], atol=1e-6)
