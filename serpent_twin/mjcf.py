@@ -43,12 +43,13 @@ def build(arm: Arm = ARM, parameters: Parameters = NOMINAL, drawn: bool = False)
     """The arm as an `MjSpec`; `drawn` adds meshes, lights and visible cables, and no physics."""
     if not drawn:
         return mujoco.MjSpec.from_string(_text(_document(arm, parameters)))
-    from serpent_twin import meshes, routing  # trimesh is slow to import, needed here only
+    from serpent_twin import meshes, routing, scene  # trimesh is slow to import, needed here only
 
     parts = meshes.parts(arm)
     document = _text(_document(arm, parameters, parts))
     spec = mujoco.MjSpec.from_string(document, assets=_mesh_files(parts))
     routing.draw(spec, arm)
+    scene.furnish(spec)
     return spec
 
 

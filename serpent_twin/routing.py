@@ -15,7 +15,6 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from serpent_twin import scene
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Arm, Array, joint_axis
 from serpent_twin.meshes import stack_height
 
@@ -138,12 +137,10 @@ def pieces(arm: Arm, motor: int, side: float, n: int = 28) -> dict[str, Array]:
 
 
 def draw(spec: mujoco.MjSpec, arm: Arm) -> None:
-    """Add all strands as forceless spatial tendons drawn1_plus, drawn1_minus, …,
-    in a furnished room.
+    """Add all strands as forceless spatial tendons drawn1_plus, drawn1_minus, …
 
     Strands are drawn twice as thick as they are, or they would hardly be seen.
     """
-    scene.furnish(spec)
     for motor in range(N_MOTORS):
         for pulley in pulleys(arm, motor):
             _add_pulley(spec, arm, pulley)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from serpent_twin import solids
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Arm
-from serpent_twin.solids import beam, block, disc, hoop, joined, placed, strut
+from serpent_twin.meshes import solids
+from serpent_twin.meshes.solids import beam, block, disc, hoop, joined, placed, strut
 
 NYLON = 1010.0  # [kg/m³] PA12: HP's data sheet of its 3D High Reusability PA 12, 1.01 g/cm³
 STEEL = 7850.0  # [kg/m³] carbon steel
@@ -45,7 +45,7 @@ class Part:
 
 def parts(arm: Arm) -> list[Part]:
     """All parts of the robot, the base first, then motors, links and jaw."""
-    from serpent_twin.base_meshes import base_parts, motor_parts  # which are made of ours
+    from serpent_twin.meshes.base import base_parts, motor_parts  # which are made of ours
 
     links = [part for link in range(N_JOINTS) for part in _link_parts(arm, link)]
     return [*base_parts(arm), *motor_parts(arm), *links, *_jaw_parts(arm)]
