@@ -137,7 +137,7 @@ def pieces(arm: Arm, motor: int, side: float, n: int = 28) -> dict[str, Array]:
 
 
 def draw(spec: mujoco.MjSpec, arm: Arm) -> None:
-    """Add all strands as forceless spatial tendons drawn1_plus, drawn1_minus, …
+    """Add all strands as forceless spatial tendons drawn1_plus, drawn1_minus and so on.
 
     Strands are drawn twice as thick as they are, or they would hardly be seen.
     """

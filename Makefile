@@ -1,0 +1,39 @@
+PYTHON ?= python3.11
+BIN := .venv/bin
+READY := .venv/.ready
+
+.PHONY: setup demo test test-fast lint bench model lock clean
+
+help:           ## Say what can be made
+	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  .*##' $(MAKEFILE_LIST) | sed 's/:.*##/ —/'
+
+setup: $(READY)  ## Make .venv with the pinned dependencies
+
+$(READY): requirements.lock pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --requirement requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --editable .
+	touch $@
+
+demo: setup  ## Collect, train, report and replay: a few minutes, results in demo/
+	$(BIN)/python experiments/demo.py --out demo
+
+test: setup lint  ## Everything that CI runs: lint, types, all tests
+	$(BIN)/python -m pytest
+
+test-fast: setup  ## The tests without the slow ones
+	$(BIN)/python -m pytest -m "not slow"
+
+lint: setup  ## ruff and pyright
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+
+bench: setup  ## Speed and memory, as ratios against bare MuJoCo
+	$(BIN)/python experiments/collect_speed.py
+
+model: setup  ## Write model/ anew after a change of numbers or shapes
+	$(BIN)/python -m serpent_twin.mjcf
+
+clean:  ## Remove the environment and the demo
+	rm -rf .venv demo
