@@ -1,5 +1,6 @@
 """How does a module become a command?"""
 
+import os
 import sys
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -29,6 +30,8 @@ def run(
             )
     except SerpentError as error:
         fail(str(error))
+    except BrokenPipeError:  # the reader of our output, such as head, has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
         fail(_system_error(error))
     except KeyboardInterrupt:

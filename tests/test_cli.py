@@ -1,0 +1,55 @@
+"""Do commands tell a person what went wrong, and exit as a shell expects?"""
+
+import subprocess
+import sys
+
+import pytest
+
+from serpent_twin import cli
+from serpent_twin.errors import SerpentError
+
+COMMANDS = ("collect", "log", "mjcf", "replay", "train")
+
+
+def raising(error):
+    def main() -> None:
+        raise error
+
+    return main
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "text"),
+    [
+        (SerpentError("the cable of motor 3 is off."), 1, "error: the cable of motor 3 is off.\n"),
+        (OSError(28, "No space left on device", "logs/x"), 1, "logs/x: No space left on device"),
+        (KeyboardInterrupt(), 130, "goes on from there"),
+    ],
+)
+def test_errors_become_one_sentence_and_a_status(error, status, text, capsys):
+    with pytest.raises(SystemExit) as left:
+        cli.run(raising(error), argv=[])
+    assert left.value.code == status
+    assert text in capsys.readouterr().err
+
+
+def test_a_defect_of_ours_keeps_its_traceback():
+    with pytest.raises(ZeroDivisionError):
+        cli.run(raising(ZeroDivisionError()), argv=[])
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself(command):
+    done = subprocess.run(
+        [sys.executable, "-m", f"serpent_twin.{command}", "--help"], capture_output=True, text=True
+    )
+    assert done.returncode == 0
+    assert f"usage: python -m serpent_twin.{command}" in done.stdout
+    assert "--config." not in done.stdout
+
+
+def test_a_reader_that_has_enough_is_no_error():
+    line = f"{sys.executable} -m serpent_twin.log info data/arm_a | head -1"
+    done = subprocess.run(["bash", "-o", "pipefail", "-c", line], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("data/arm_a: 4 sessions")
