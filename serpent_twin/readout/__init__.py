@@ -1,0 +1,223 @@
+"""What is a pose readout, and which ones are there?
+
+A readout turns windows of a session log into marker positions. Every module of this package that
+defines a `Readout` is one, found by its name: to add a readout is to add a file.
+"""
+
+import difflib
+import functools
+import importlib
+import inspect
+import json
+import pkgutil
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any, ClassVar
+from zipfile import BadZipFile
+
+import numpy as np
+
+from serpent_twin.arm import N_JOINTS, Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.readout.windows import Start, Windows, input_size
+
+FORMAT_VERSION = 1
+"""Version of the files of a saved readout."""
+
+Progress = Callable[[int, int, float], None]
+"""Called with epochs done, epochs at most, validation loss."""
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """One pass over the training windows."""
+
+    train_loss: float
+    """What training lessens, in the readout's own scale, during the pass"""
+    validation_loss: float
+    """The same over the validation sessions, after the pass"""
+    rate: float
+    """Learning rate at the end of the pass"""
+    seconds: float
+    """Wall time of the pass [s]"""
+
+
+@dataclass
+class Readout(ABC):
+    """Marker positions from windows: `fit`, `predict`, `save`; a subclass learns and estimates."""
+
+    name: ClassVar[str]
+    """How the command line and the tables call it"""
+    about: ClassVar[str]
+    """What it is, for the reader of a table"""
+
+    window: int = 4
+    """Rows of the log in one window, H"""
+    learned: dict[str, Array] = field(default_factory=dict, init=False, repr=False)
+    """What `fit` found, by name"""
+    history: list[Epoch] = field(default_factory=list, init=False, repr=False)
+    """Losses of the epochs, empty for a closed form"""
+
+    def fit(
+        self,
+        train: Windows,
+        validate: Windows,
+        rng: np.random.Generator,
+        progress: Progress = lambda done, most, loss: None,
+    ) -> None:
+        """Learn from the training windows; the validation windows steer, they are not learned from."""
+        self._require_size(train.x)
+        self._require_size(validate.x)
+        self.learned, self.history = {}, []
+        self._learn(train, validate, rng, progress)
+
+    def predict(self, x: Array, start: Start | None = None) -> Array:
+        """Marker positions [m], (N, 9, 3), of consecutive windows x, (N, 27H − 9), of one session."""
+        self._require_size(x)
+        if self._learns and not self.learned:
+            raise SerpentError(
+                f"the readout {self.name} has not been fitted; call fit or load first."
+            )
+        return self._estimate(np.asarray(x, float), start).reshape(len(x), N_JOINTS, 3)
+
+    _learns: ClassVar[bool] = True
+
+    @abstractmethod
+    def _learn(
+        self, train: Windows, validate: Windows, rng: np.random.Generator, progress: Progress
+    ) -> None:
+        """Fill `learned` and, if there are epochs, `history`."""
+
+    @abstractmethod
+    def _estimate(self, x: Array, start: Start | None) -> Array:
+        """Marker positions [m], (N, 27) or (N, 9, 3)."""
+
+    def config(self) -> dict[str, Any]:
+        """The settings that make this readout, JSON-ready."""
+        mine = asdict(self)
+        return {f.name: mine[f.name] for f in fields(self) if f.init}
+
+    def save(self, folder: Path) -> None:
+        """Write `readout.json` and `learned.npz` into the folder; the JSON last, it makes it whole."""
+        folder.mkdir(parents=True, exist_ok=True)
+        arrays: dict[str, Any] = self.learned
+        np.savez(folder / "learned.npz", allow_pickle=False, **arrays)
+        about = {
+            "format_version": FORMAT_VERSION,
+            "name": self.name,
+            "config": self.config(),
+            "input_size": input_size(self.window),
+            "history": [asdict(epoch) for epoch in self.history],
+        }
+        (folder / "readout.json").write_text(json.dumps(about, indent=1) + "\n")
+
+    def _require_size(self, x: Array) -> None:
+        expected = input_size(self.window)
+        if x.ndim != 2 or x.shape[1] != expected:
+            raise SerpentError(
+                f"the readout {self.name} takes windows of {self.window} rows, {expected} numbers each; "
+                f"got an array of shape {x.shape}. Cut the windows anew or train for that window."
+            )
+
+
+def part(learned: Mapping[str, Array], prefix: str) -> dict[str, Array]:
+    """What is named `prefix.…`, under the rest of its name."""
+    return {
+        name.removeprefix(f"{prefix}."): value
+        for name, value in learned.items()
+        if name.startswith(f"{prefix}.")
+    }
+
+
+@functools.cache
+def available() -> dict[str, type[Readout]]:
+    """All readouts by name."""
+    found: dict[str, type[Readout]] = {}
+    for module in pkgutil.iter_modules(__path__):
+        if module.ispkg:
+            continue
+        members = vars(importlib.import_module(f"{__name__}.{module.name}")).values()
+        found |= {
+            m.name: m for m in members if _is_readout(m) and m.__module__.endswith(module.name)
+        }
+    return dict(sorted(found.items(), key=lambda item: _rank(item[0])))
+
+
+def _is_readout(member: object) -> bool:
+    return (
+        inspect.isclass(member) and issubclass(member, Readout) and not inspect.isabstract(member)
+    )
+
+
+def _rank(name: str) -> tuple[int, str]:  # published ones first, then from simple to elaborate
+    told = ("analytical", "linear", "mlp", "no_load", "lstm", "residual", "residual_mlp", "decoder")
+    return (told.index(name) if name in told else len(told), name)
+
+
+def find(name: str) -> type[Readout]:
+    """The readout of that name, or an error that lists what exists."""
+    known = available()
+    if name in known:
+        return known[name]
+    near = difflib.get_close_matches(name, known, n=1)
+    hint = f" Did you mean {near[0]}?" if near else ""
+    raise SerpentError(f"there is no readout {name!r}; there are {', '.join(known)}.{hint}")
+
+
+def load(folder: Path, window: int | None = None) -> Readout:
+    """A readout saved by `Readout.save`; with `window`, one for windows of that many rows."""
+    about = _read_about(folder)
+    if about.get("format_version") != FORMAT_VERSION:
+        raise SerpentError(
+            f"{folder} holds a readout of format version {about.get('format_version')}, this program "
+            f"reads version {FORMAT_VERSION}. Train it again."
+        )
+    kind = find(about["name"])
+    try:
+        readout = kind(**about["config"])
+    except TypeError as error:
+        raise SerpentError(
+            f"{folder / 'readout.json'} holds settings that {about['name']} does not know ({error}). "
+            "Train it again."
+        ) from None
+    _require_window(readout, about, folder, window)
+    readout.learned = _read_learned(folder / "learned.npz")
+    readout.history = [Epoch(**epoch) for epoch in about["history"]]
+    return readout
+
+
+def _require_window(readout: Readout, about: dict, folder: Path, window: int | None) -> None:
+    if window is not None and window != readout.window:
+        raise SerpentError(
+            f"{folder} was trained for windows of {readout.window} rows, asked for were {window}. "
+            f"Use --window {readout.window} or train for {window}."
+        )
+    if about["input_size"] != input_size(readout.window):
+        raise SerpentError(
+            f"{folder} takes {about['input_size']} numbers per window, this program gives "
+            f"{input_size(readout.window)} for {readout.window} rows. Train it again."
+        )
+
+
+def _read_about(folder: Path) -> dict[str, Any]:
+    path = folder / "readout.json"
+    try:
+        about = json.loads(path.read_text())
+        return about | {key: about[key] for key in ("name", "config", "input_size", "history")}
+    except FileNotFoundError:
+        raise SerpentError(
+            f"{folder} holds no trained readout (no readout.json). Give a folder like OUT/models/mlp "
+            "that `python -m serpent_twin.train` wrote."
+        ) from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise SerpentError(f"{path} is damaged ({error}). Train the readout again.") from None
+
+
+def _read_learned(path: Path) -> dict[str, Array]:
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except (OSError, ValueError, BadZipFile, EOFError) as error:
+        raise SerpentError(f"{path} is missing or damaged ({error}). Train it again.") from None

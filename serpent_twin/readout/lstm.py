@@ -1,0 +1,36 @@
+"""What does a recurrent network make of the same window?"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from serpent_twin.arm import Array
+from serpent_twin.readout.mlp import Published
+from serpent_twin.readout.network import forward
+from serpent_twin.readout.windows import steps
+
+if TYPE_CHECKING:
+    from torch import nn
+
+
+@dataclass
+class Lstm(Published):
+    """Published (LSTM): one layer of 512 over the window's rows, the newest command set to zero."""
+
+    name: ClassVar[str] = "lstm"
+    about: ClassVar[str] = "published LSTM: one layer of 512 over the window"
+
+    steps: int = 3200
+    """Batches at which training ends if the rate has not become tiny before"""
+    width: int = 512
+    """Units of the layer"""
+
+    def _inputs(self, x: Array) -> Array:
+        return steps(super()._inputs(x), self.window)
+
+    def _make(self, inputs: int) -> "nn.Module":
+        from serpent_twin.readout.network.modules import Lstm as Network
+
+        return Network(inputs, self.width, 27)
+
+    def _forward(self, inputs: Array) -> Array:
+        return forward.lstm(inputs, self.learned)

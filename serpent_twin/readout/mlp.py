@@ -1,0 +1,50 @@
+"""How well do four layers do, as published?"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from serpent_twin.arm import Array
+from serpent_twin.readout.network import forward
+from serpent_twin.readout.network.regression import Regression
+
+if TYPE_CHECKING:
+    from torch import nn
+
+    from serpent_twin.readout.network.fit import Plateau
+
+
+@dataclass
+class Published(Regression):
+    """A network trained by the published schedule, which may run long: it has no end of its own."""
+
+    steps: int = 7000
+    """Batches at which training ends if the rate has not become tiny before"""
+    epochs: int | None = None
+    """Passes at which it ends; by default as many as make `steps`"""
+
+    def _schedule(self, windows: int) -> "Plateau":
+        from serpent_twin.readout.network.fit import Plateau
+
+        batches = -(-windows // Plateau.batch)
+        return Plateau(self.epochs or -(-self.steps // batches))
+
+
+@dataclass
+class Mlp(Published):
+    """Published (PRC-MLP): four hidden layers of 512, ReLU."""
+
+    name: ClassVar[str] = "mlp"
+    about: ClassVar[str] = "published PRC-MLP: four layers of 512"
+
+    width: int = 512
+    """Units in a hidden layer"""
+    layers: int = 4
+    """Hidden layers"""
+
+    def _make(self, inputs: int) -> "nn.Module":
+        from serpent_twin.readout.network.modules import Mlp as Network
+
+        return Network(inputs, self.width, self.layers, 27, "relu")
+
+    def _forward(self, inputs: Array) -> Array:
+        return forward.mlp(inputs, self.learned, "relu")

@@ -1,0 +1,19 @@
+"""What are the motors' loads worth?"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from serpent_twin.arm import Array
+from serpent_twin.readout.mlp import Mlp
+from serpent_twin.readout.windows import columns_without_loads
+
+
+@dataclass
+class NoLoad(Mlp):
+    """Published (No-load): the MLP without the loads."""
+
+    name: ClassVar[str] = "no_load"
+    about: ClassVar[str] = "published No-load: the MLP without motor loads"
+
+    def _features(self, x: Array) -> Array:
+        return x[:, columns_without_loads(self.window)]

@@ -1,0 +1,66 @@
+"""How much of what stiff cables miss can a network learn?"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from serpent_twin.arm import Array
+from serpent_twin.readout import part
+from serpent_twin.readout.network import forward
+from serpent_twin.readout.network.regression import Regression
+from serpent_twin.readout.residual import Residual, pose_features
+from serpent_twin.readout.scale import spread_of
+from serpent_twin.readout.windows import Windows
+
+if TYPE_CHECKING:
+    from torch import nn
+
+    from serpent_twin.readout.network.fit import OneCycle
+
+
+@dataclass
+class ResidualMlp(Regression):
+    """Ours: a network corrects the ridge on stiff cables; absolute motor angles, no first markers."""
+
+    name: ClassVar[str] = "residual_mlp"
+    about: ClassVar[str] = "ours: network on what the residual ridge leaves"
+
+    width: int = 256
+    """Units in a hidden layer"""
+    layers: int = 3
+    """Hidden layers"""
+    epochs: int = 60
+    """Passes over the training windows"""
+    rate: float = 1e-3
+    """Learning rate at the peak of the cycle"""
+    decay: float = 0.3
+    """Weight decay"""
+
+    def _prepare(self, train: Windows, validate: Windows, rng: np.random.Generator) -> None:
+        ridge = Residual(self.window)
+        ridge.fit(train, validate, rng)
+        self.learned |= {f"ridge.{name}": value for name, value in ridge.learned.items()}
+        self._remember("x", spread_of(self._features(train.x)))
+        self._remember("y", spread_of(self._target(train), common=True))
+
+    def _features(self, x: Array) -> Array:
+        return pose_features(x)
+
+    def _base(self, x: Array) -> Array:
+        ridge = Residual(self.window)
+        ridge.learned = part(self.learned, "ridge")
+        return ridge.predict(x).reshape(-1, 27)
+
+    def _make(self, inputs: int) -> "nn.Module":
+        from serpent_twin.readout.network.modules import Mlp
+
+        return Mlp(inputs, self.width, self.layers, 27, "silu")
+
+    def _forward(self, inputs: Array) -> Array:
+        return forward.mlp(inputs, self.learned, "silu")
+
+    def _schedule(self, windows: int) -> "OneCycle":
+        from serpent_twin.readout.network.fit import OneCycle
+
+        return OneCycle(self.epochs, rate=self.rate, decay=self.decay)

@@ -1,0 +1,121 @@
+"""How good is one readout, and what does it cost?"""
+
+import json
+import time
+import zlib
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arm import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.readout import Progress, Readout, find, load
+from serpent_twin.readout.score import Scores, distances, score
+from serpent_twin.readout.windows import Windows
+
+COST = "cost.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What came out of a trial."""
+
+    scores: Scores
+    """Marker distances over the test sessions"""
+    error_mm: Array
+    """The distances themselves [mm], (N, 9), of the test sessions one after the other"""
+    train_s: float
+    """Wall time of the training [s]"""
+    latency_ms: float
+    """Median time of a one-row estimate [ms]"""
+    readout: Readout
+    """The trained readout"""
+
+    def summary(self) -> dict[str, Any]:
+        """All figures, JSON-ready."""
+        seconds = [e.seconds for e in self.readout.history if e.seconds > 0]
+        losses = [e.validation_loss for e in self.readout.history]
+        costs = {"train_s": self.train_s, "latency_ms": self.latency_ms, "epochs": len(seconds)}
+        return (
+            asdict(self.scores)
+            | costs
+            | {
+                "seconds_per_epoch": float(np.mean(seconds)) if seconds else None,
+                "validation_loss": min(losses, default=None),
+                "about": self.readout.about,
+                "config": self.readout.config(),
+            }
+        )
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A readout to train on windows of H rows, and the folder that keeps it."""
+
+    name: str
+    """Name of the readout"""
+    window: int
+    """Rows in a window, H"""
+    folder: Path
+    """Where the trained readout lies"""
+    seed: int = 0
+    """Seed of its first weights and batches; its name and window are mixed in"""
+    epochs: int | None = None
+    """Passes at most; by default the readout's own"""
+
+    def untrained(self) -> Readout:
+        """The readout before training."""
+        kind = find(self.name)
+        limited = self.epochs is not None and any(f.name == "epochs" for f in fields(kind))
+        settings: dict[str, Any] = {"epochs": self.epochs} if limited else {}
+        return kind(self.window, **settings)
+
+    def stored(self) -> bool:
+        """Whether it was trained already; an error if it was with other settings."""
+        if not (self.folder / COST).exists():
+            return False
+        wanted = json.loads(json.dumps(self.untrained().config()))
+        found = json.loads(json.dumps(load(self.folder).config()))
+        if differing := [key for key in wanted if wanted[key] != found.get(key)]:
+            told = "; ".join(f"{key} was {found.get(key)}, now {wanted[key]}" for key in differing)
+            raise SerpentError(
+                f"{self.folder} holds a readout with other settings: {told}. Choose another --out, "
+                "or delete that folder to train it anew."
+            )
+        return True
+
+    def train(self, train: Windows, validate: Windows, progress: Progress) -> None:
+        """Fit and save, the cost last: a trial that was interrupted is not `stored`."""
+        readout = self.untrained()
+        rng = np.random.default_rng([self.seed, self.window, zlib.crc32(self.name.encode())])
+        began = time.perf_counter()
+        readout.fit(train, validate, rng, progress)
+        cost = {"train_s": time.perf_counter() - began}
+        readout.save(self.folder)
+        (self.folder / COST).write_text(json.dumps(cost) + "\n")
+
+    def result(self, test: Windows) -> Result:
+        """Scores and costs of the stored readout."""
+        readout = load(self.folder, self.window)
+        estimate = [readout.predict(session.x, session.start) for session in test.sessions]
+        cost = json.loads((self.folder / COST).read_text())
+        return Result(
+            score(np.concatenate(estimate), test.marker),
+            distances(np.concatenate(estimate), test.marker) * 1e3,
+            cost["train_s"],
+            latency_ms(readout, test),
+            readout,
+        )
+
+
+def latency_ms(readout: Readout, windows: Windows, rows: int = 300) -> float:
+    """Median time of a one-row estimate [ms]."""
+    session, taken = windows.sessions[0], []
+    for k in range(rows):
+        row = session.x[k % len(session.x)][None]
+        began = time.perf_counter()
+        readout.predict(row, session.start)
+        taken.append(time.perf_counter() - began)
+    return float(np.median(taken)) * 1e3

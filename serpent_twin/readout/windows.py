@@ -1,0 +1,149 @@
+"""Which numbers does a readout see at each step?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from serpent_twin.arm import ARM, N_JOINTS, Arm, Array, joint_from_motor, markers
+from serpent_twin.errors import SerpentError
+from serpent_twin.log import Session, refuse_damaged
+
+STATE, COMMAND = 2 * N_JOINTS, N_JOINTS
+
+
+@dataclass(frozen=True)
+class Start:
+    """Pose of the arm at the beginning of a session."""
+
+    joint_angle: Array
+    """Joint angles seen by the cameras [rad], (9,)"""
+    motor_angle: Array
+    """Motor angles 1 … 9 of the same row [rad], (9,)"""
+
+
+@dataclass(frozen=True)
+class SessionWindows:
+    """The windows of one session, one row per control step."""
+
+    name: str
+    """The session's name"""
+    time: Array
+    """Time of each window's newest row [s], (N,)"""
+    x: Array
+    """(s_t … s_{t−H+1}, u_{t−1} … u_{t−H+1}), (N, 27H − 9)"""
+    marker: Array
+    """Measured marker positions [m], (N, 9, 3), NaN where lost"""
+    start: Start
+    """Where the session began"""
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows of several sessions."""
+
+    window: int
+    """Rows of the log in one window, H"""
+    sessions: tuple[SessionWindows, ...]
+    """One entry per session, in the order of the log"""
+
+    @cached_property
+    def x(self) -> Array:
+        """All windows stacked, (N, 27H − 9)."""
+        return np.concatenate([session.x for session in self.sessions])
+
+    @cached_property
+    def marker(self) -> Array:
+        """All measured markers stacked [m], (N, 9, 3), NaN where lost."""
+        return np.concatenate([session.marker for session in self.sessions])
+
+
+def input_size(window: int) -> int:
+    """Numbers in a window of H rows: H states of 18, H − 1 commands of 9."""
+    return STATE * window + COMMAND * (window - 1)
+
+
+def columns_without_loads(window: int) -> NDArray[np.intp]:
+    """Columns of a window that are motor angles or commands."""
+    index = np.arange(input_size(window))
+    is_load = (index < STATE * window) & (index % STATE >= N_JOINTS)
+    return index[~is_load]
+
+
+def motor_angles(x: Array) -> Array:
+    """Motor angles 1 … 9 of each window's newest row [rad], (N, 9)."""
+    return x[:, :N_JOINTS]
+
+
+def steps(x: Array, window: int) -> Array:
+    """A window as a sequence, oldest row first, (N, H, 27): s_k and u_k, with u_t set to zero."""
+    state = x[:, : STATE * window].reshape(-1, window, STATE)[:, ::-1]
+    command = x[:, STATE * window :].reshape(-1, window - 1, COMMAND)[:, ::-1]
+    unknown = np.zeros((len(x), 1, COMMAND), x.dtype)
+    return np.concatenate([state, np.concatenate([command, unknown], axis=1)], axis=2)
+
+
+def stack(state: Array, command: Array, window: int) -> Array:
+    """Windows (T − H + 1, 27H − 9) of states s (T, 18) and commands u (T, 9); the first ends at row H − 1."""
+    rows = len(state) - window + 1
+    past_states = [state[window - 1 - k : window - 1 - k + rows] for k in range(window)]
+    past_commands = [command[window - 1 - k : window - 1 - k + rows] for k in range(1, window)]
+    return np.concatenate(past_states + past_commands, axis=1)
+
+
+def cut(sessions: Sequence[Session], window: int, drop: int = 100, arm: Arm = ARM) -> Windows:
+    """Windows of whole sessions whose newest row is `drop` or later.
+
+    A window may reach back into the dropped rows, so that every H is scored on the same steps.
+    """
+    if window < 1:
+        raise SerpentError(f"a window has at least one row, got {window}; 4 is the published one.")
+    refuse_damaged(list(sessions))
+    return Windows(window, tuple(_cut_session(session, window, drop, arm) for session in sessions))
+
+
+def _cut_session(session: Session, window: int, drop: int, arm: Arm) -> SessionWindows:
+    first = max(drop, window - 1)
+    if len(session.time) <= first:
+        raise SerpentError(
+            f"{_where(session)} has {len(session.time)} rows; with the first {drop} dropped and windows "
+            f"of {window} rows nothing is left. Record longer sessions or drop fewer rows."
+        )
+    command = session.motor_velocity_command[:, :N_JOINTS]
+    x = stack(motor_state(session), command, window)[first - window + 1 :]
+    where = slice(first, None)
+    return SessionWindows(
+        session.name, session.time[where], x, session.marker[where], find_start(session, arm)
+    )
+
+
+def motor_state(session: Session) -> Array:
+    """Angles [rad] and loads of motors 1 … 9, (T, 18)."""
+    angle, load = session.motor_position[:, :N_JOINTS], session.motor_load[:, :N_JOINTS]
+    return np.concatenate([angle, load], axis=1)
+
+
+def find_start(session: Session, arm: Arm = ARM) -> Start:
+    """Joint angles that fit the first complete set of markers best, and the motor angles beside them."""
+    seen = np.isfinite(session.marker).all(axis=(1, 2))
+    if not seen.any():
+        raise SerpentError(
+            f"{_where(session)}: no row shows all nine markers, so the starting pose is unknown. "
+            "Check the cameras or leave the session out."
+        )
+    row = int(np.argmax(seen))
+    motor = session.motor_position[row, :N_JOINTS]
+    angle = fit_joint_angles(session.marker[row], joint_from_motor(motor), arm)
+    return Start(angle, motor)
+
+
+def fit_joint_angles(marker: Array, guess: Array, arm: Arm = ARM) -> Array:
+    """Joint angles [rad], (9,), whose markers lie nearest, in least squares, to those seen, (9, 3)."""
+    return least_squares(lambda q: (markers(q, arm) - marker).ravel(), guess, method="lm").x
+
+
+def _where(session: Session) -> str:
+    return str(session.path or session.name)

@@ -1,0 +1,241 @@
+"""How do results become a page that people like to read?"""
+
+import base64
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import jinja2
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells under a header; columns of numbers stand to the right."""
+
+    header: tuple[str, ...]
+    """Names of the columns"""
+    rows: tuple[tuple[str, ...], ...]
+    """Cells, already formatted"""
+    note: str = ""
+    """What a reader must know to read it"""
+    marked: frozenset[int] = frozenset()
+    """Rows to set in bold"""
+
+    @property
+    def numeric(self) -> tuple[bool, ...]:
+        """Which columns hold numbers."""
+        columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.header)
+        return tuple(all(_is_number(cell) for cell in column) for column in columns)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing and what it shows."""
+
+    name: str
+    """Its file is figures/NAME.png"""
+    drawing: "Drawing"
+    """A matplotlib figure"""
+    caption: str
+    """What to see in it"""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading, paragraphs, then tables and figures."""
+
+    title: str
+    """The heading"""
+    text: str = ""
+    """Paragraphs, an empty line between them"""
+    blocks: tuple[Table | Figure, ...] = ()
+    """Tables and figures in order"""
+
+
+@dataclass(frozen=True)
+class Report:
+    """A page."""
+
+    title: str
+    """The page's heading"""
+    lead: str
+    """What was found, in a sentence or two"""
+    sections: tuple[Section, ...]
+    """What follows"""
+    facts: Mapping[str, str] = field(default_factory=dict)
+    """Where the results come from: settings, versions, hashes; at the end of the page"""
+
+
+def write(report: Report, folder: Path) -> Path:
+    """Write report.html, which needs no other file, report.md and figures/; returns the HTML."""
+    images = {
+        block.name: _png(block.drawing)
+        for section in report.sections
+        for block in section.blocks
+        if isinstance(block, Figure)
+    }
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    for name, png in images.items():
+        (folder / "figures" / f"{name}.png").write_bytes(png)
+    (folder / "report.md").write_text(_markdown(report), encoding="utf-8")
+    page = folder / "report.html"
+    page.write_text(_html(report, images), encoding="utf-8")
+    return page
+
+
+def text_table(table: Table) -> str:
+    """The table as plain text for the screen."""
+    lines = [table.header, *table.rows]
+    width = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.rjust(w) if right else cell.ljust(w)
+            for cell, w, right in zip(line, width, table.numeric, strict=True)
+        ).rstrip()
+        for line in lines
+    )
+
+
+def _is_number(cell: str) -> bool:
+    return not cell or cell[0] in "0123456789−-+–<>±" or cell.lower() == "nan"
+
+
+def _png(drawing: "Drawing") -> bytes:
+    file = io.BytesIO()
+    drawing.savefig(file, format="png", dpi=160, bbox_inches="tight", metadata={"Software": None})
+    return file.getvalue()
+
+
+def _html(report: Report, images: Mapping[str, bytes]) -> str:
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.tests |= {
+        "table": lambda block: isinstance(block, Table),
+    }
+    sources = {
+        name: "data:image/png;base64," + base64.b64encode(png).decode()
+        for name, png in images.items()
+    }
+    return environment.from_string(_PAGE).render(report=report, style=_STYLE, sources=sources)
+
+
+def _markdown(report: Report) -> str:
+    parts = [f"# {report.title}", report.lead]
+    for section in report.sections:
+        parts += [f"## {section.title}", section.text]
+        for block in section.blocks:
+            parts.append(_table_markdown(block) if isinstance(block, Table) else _image(block))
+    parts += ["## Where this comes from"] if report.facts else []
+    parts.append("\n".join(f"- {name}: `{value}`" for name, value in report.facts.items()))
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _image(figure: Figure) -> str:
+    return f"![{figure.caption}](figures/{figure.name}.png)\n\n*{figure.caption}*"
+
+
+def _table_markdown(table: Table) -> str:
+    rule = ["---:" if right else "---" for right in table.numeric]
+    lines = [table.header, rule, *table.rows]
+    text = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return f"{text}\n\n{table.note}".strip()
+
+
+_PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{{ report.title }}</title>
+<style>{{ style | safe }}</style>
+</head>
+<body>
+<main>
+<h1>{{ report.title }}</h1>
+<p class="lead">{{ report.lead }}</p>
+{% for section in report.sections %}
+<section>
+<h2>{{ section.title }}</h2>
+{% for paragraph in section.text.split("\n\n") if paragraph %}
+<p>{{ paragraph }}</p>
+{% endfor %}
+{% for block in section.blocks %}
+{% if block is table %}
+{% set numeric = block.numeric %}
+<div class="wide"><table>
+<thead><tr>
+{% for name in block.header %}
+<th{% if numeric[loop.index0] %} class="number"{% endif %}>{{ name }}</th>
+{% endfor %}
+</tr></thead>
+<tbody>
+{% for row in block.rows %}
+<tr{% if loop.index0 in block.marked %} class="marked"{% endif %}>
+{% for cell in row %}
+<td{% if numeric[loop.index0] %} class="number"{% endif %}>{{ cell }}</td>
+{% endfor %}
+</tr>
+{% endfor %}
+</tbody>
+</table></div>
+{% if block.note %}<p class="note">{{ block.note }}</p>{% endif %}
+{% else %}
+<figure>
+<img src="{{ sources[block.name] }}" alt="{{ block.caption }}">
+<figcaption>{{ block.caption }}</figcaption>
+</figure>
+{% endif %}
+{% endfor %}
+</section>
+{% endfor %}
+{% if report.facts %}
+<footer>
+<h2>Where this comes from</h2>
+<dl>
+{% for name, value in report.facts.items() %}
+<dt>{{ name }}</dt><dd>{{ value }}</dd>
+{% endfor %}
+</dl>
+</footer>
+{% endif %}
+</main>
+</body>
+</html>
+"""
+
+_STYLE = """
+:root { color-scheme: light dark; --ink: #1d2129; --soft: #5c6470; --line: #d9dce1;
+  --paper: #fdfdfc; --mark: #f3f0e6; --accent: #a8471c; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e4e6ea; --soft: #9aa2ad; --line: #363b43;
+  --paper: #16181c; --mark: #262420; --accent: #e8935f; } }
+body { margin: 0; background: var(--paper); color: var(--ink);
+  font: 17px/1.55 Charter, "Bitstream Charter", "Source Serif 4", Georgia, serif; }
+main { max-width: 60rem; margin: 0 auto; padding: 3.5rem 1.5rem 5rem; }
+h1 { font-size: 2.1rem; line-height: 1.15; margin: 0 0 .8rem; letter-spacing: -.01em; }
+h2 { font-size: 1.3rem; margin: 3rem 0 .6rem; }
+p { max-width: 44rem; margin: 0 0 1rem; }
+.lead { font-size: 1.2rem; line-height: 1.5; color: var(--soft);
+  border-left: 3px solid var(--accent); padding-left: 1rem; }
+.wide { overflow-x: auto; margin: 1.2rem 0 .5rem; }
+table { border-collapse: collapse; font: 14px/1.35 system-ui, "Segoe UI", sans-serif;
+  font-variant-numeric: tabular-nums; white-space: nowrap; }
+th { text-align: left; font-weight: 600; color: var(--soft); vertical-align: bottom;
+  border-bottom: 1.5px solid var(--ink); padding: .35rem .8rem .35rem 0; }
+td { border-bottom: 1px solid var(--line); padding: .4rem .8rem .4rem 0; }
+th:not(:first-child), td:not(:first-child) { padding-left: .4rem; }
+.number { text-align: right; }
+.marked td { font-weight: 650; background: var(--mark); }
+.note, figcaption { font: 14px/1.45 system-ui, "Segoe UI", sans-serif; color: var(--soft); }
+figure { margin: 1.5rem 0 2rem; }
+figure img { width: 100%; background: #fff; border-radius: 6px; }
+figcaption { margin-top: .4rem; max-width: 44rem; }
+footer { margin-top: 4rem; border-top: 1px solid var(--line); }
+footer h2 { font-size: 1rem; margin: 1.2rem 0 .5rem; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: .15rem 1.2rem; margin: 0;
+  font: 13px/1.5 ui-monospace, Menlo, Consolas, monospace; color: var(--soft); }
+dd { margin: 0; overflow-wrap: anywhere; }
+"""

@@ -1,0 +1,198 @@
+"""How well do the readouts know the pose of the arm?"""
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from serpent_twin import cli
+from serpent_twin.errors import SerpentError
+from serpent_twin.log import read_folder
+from serpent_twin.provenance import file_hash, provenance
+from serpent_twin.readout import available, find
+from serpent_twin.readout.page import page, score_table
+from serpent_twin.readout.split import Split, split
+from serpent_twin.readout.trial import Result, Trial
+from serpent_twin.report import text_table, write
+
+SETTINGS = "train.json"
+SWEPT = ("linear", "mlp")
+"""The readouts whose window --windows varies."""
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train pose readouts on session logs, score them on sessions they never saw, and report.
+
+    OUT gets scores.json, report.html, report.md, figures and the trained readouts (models/NAME).
+    A run that was interrupted goes on with the readouts that are missing when the same command is
+    given again; further readouts can be added to a finished one.
+    """
+
+    logs: Path
+    """Folder with the session logs."""
+    out: Path
+    """Folder for results; made if it does not exist."""
+    readout: tuple[str, ...] = ()
+    """Names of readouts; by default all there are."""
+    window: int = 4
+    """Rows of the log that a readout sees at a time, H; the published one is 4."""
+    windows: str = ""
+    """Also compare windows, such as 1..8 or 1,2,4: trains linear and mlp for each."""
+    test: tuple[str, ...] = ()
+    """Names of the sessions that test; by default the last one."""
+    validate: tuple[str, ...] = ()
+    """Names of the sessions that validate; by default the two before it, one of less than six."""
+    drop: int = 100
+    """First rows of each session that are not estimated; published: 100."""
+    seed: int = 0
+    """Seed of first weights and batches."""
+    epochs: int | None = None
+    """Passes over the training windows at most, for a quick look; by default each readout's own."""
+    threads: int = 2
+    """Threads of torch; the last digits of the results depend on it."""
+
+
+def train(config: Train) -> dict[str, Any]:
+    """Train and score what the config asks for; returns what scores.json holds."""
+    names = list(config.readout) or list(available())
+    for name in names:
+        find(name)
+    swept = [(name, h) for name in SWEPT for h in parse_windows(config.windows)]
+    wanted = list(dict.fromkeys([(name, config.window) for name in names] + swept))
+    sessions = split(read_folder(config.logs), config.validate, config.test)
+    for window in {h for _, h in wanted}:
+        sessions.windows(window, config.drop)  # what cannot be cut must not claim a folder
+    claim(config.out, settings(config, sessions))
+    _set_threads(config.threads)
+    results = _run([_trial(config, *one) for one in wanted], sessions, config.drop)
+    return _conclude(config, sessions, results)
+
+
+def parse_windows(text: str) -> list[int]:
+    """Window lengths out of `1..8` or `1,2,4`; none out of an empty text."""
+    if not text:
+        return []
+    windows: list[int] = []
+    if found := re.fullmatch(r"(\d+)\.\.(\d+)", text):
+        windows = list(range(int(found[1]), int(found[2]) + 1))
+    elif re.fullmatch(r"\d+(,\d+)*", text):
+        windows = [int(word) for word in text.split(",")]
+    if not windows or min(windows) < 1:
+        raise SerpentError(f"--windows {text} names no windows; write 1..8 or 1,2,4.")
+    return windows
+
+
+def settings(config: Train, sessions: Split) -> dict[str, Any]:
+    """What two runs must share to lie in one folder."""
+    kept = {key: getattr(config, key) for key in ("window", "drop", "seed", "epochs", "threads")}
+    inputs = {s.name: file_hash(s.path) for s in sessions.all() if s.path}
+    return kept | {"sessions": sessions.names(), "input_sha256": inputs}
+
+
+def claim(folder: Path, wanted: dict[str, Any]) -> None:
+    """Make `folder` this run's and store its settings there, or refuse what holds another run."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / SETTINGS
+    if not path.exists():
+        if any(folder.iterdir()):
+            raise SerpentError(
+                f"{folder} is not empty and holds no {SETTINGS}, so it is not a training run. "
+                "Nothing was changed: choose another --out."
+            )
+        path.write_text(json.dumps(wanted, indent=1) + "\n")
+        return
+    found = _read_settings(path)
+    if differing := [key for key in wanted if wanted[key] != found.get(key)]:
+        told = "; ".join(_difference(key, found.get(key), wanted[key]) for key in differing)
+        raise SerpentError(
+            f"{folder} holds a run with other settings: {told}. Give the same settings to go on "
+            "with it, or choose another --out."
+        )
+
+
+def _read_settings(path: Path) -> dict[str, Any]:
+    try:
+        return dict(json.loads(path.read_text()))
+    except (ValueError, TypeError) as error:
+        raise SerpentError(
+            f"{path} is damaged ({error}), so nobody can tell which run lies beside it. "
+            "Choose another --out."
+        ) from None
+
+
+def _difference(key: str, found: Any, wanted: Any) -> str:
+    if not (isinstance(found, dict) and isinstance(wanted, dict)):
+        return f"{key} was {found}, now {wanted}"
+    names = sorted(n for n in found.keys() | wanted.keys() if found.get(n) != wanted.get(n))
+    if key == "input_sha256":
+        return f"the logs differ in {', '.join(names)}"
+    return "; ".join(f"{name} was {found.get(name)}, now {wanted.get(name)}" for name in names)
+
+
+def _set_threads(threads: int) -> None:
+    import torch
+
+    torch.set_num_threads(threads)
+
+
+def _trial(config: Train, name: str, window: int) -> Trial:
+    place = "models" if window == config.window else f"windows/{window}"
+    return Trial(name, window, config.out / place / name, config.seed, config.epochs)
+
+
+def _run(trials: list[Trial], sessions: Split, drop: int) -> dict[Trial, Result]:
+    """Train what is not stored yet, then score everything."""
+    missing = [trial for trial in trials if not trial.stored()]
+    for number, trial in enumerate(missing, 1):
+        learn, steer, _ = sessions.windows(trial.window, drop)
+        with tqdm(
+            desc=f"[{number}/{len(missing)}] {trial.name}, H = {trial.window}",
+            unit="epoch",
+            leave=True,
+        ) as bar:
+            trial.train(learn, steer, lambda *told, bar=bar: _show(bar, *told))
+    tested = {h: sessions.windows(h, drop)[2] for h in {trial.window for trial in trials}}
+    return {trial: trial.result(tested[trial.window]) for trial in trials}
+
+
+def _show(bar: tqdm, done: int, most: int, loss: float) -> None:
+    bar.total = most
+    if np.isfinite(loss):
+        bar.set_postfix_str(f"validation loss {loss:.3g}", refresh=False)
+    bar.update(done - bar.n)
+
+
+def _conclude(config: Train, sessions: Split, results: dict[Trial, Result]) -> dict[str, Any]:
+    """Write scores.json and the report, print the table; returns what scores.json holds."""
+    table = {t.name: r for t, r in results.items() if t.window == config.window}
+    by_window: dict[str, dict[str, Any]] = {}
+    for trial, result in results.items():
+        if trial.name in SWEPT and trial.window in parse_windows(config.windows):
+            by_window.setdefault(trial.name, {})[str(trial.window)] = result.summary()
+    scores = {
+        "logs": str(config.logs),
+        "test_sessions": sessions.names()["test"],
+        "window": config.window,
+        "readouts": {name: result.summary() for name, result in table.items()},
+        "windows": by_window,
+        "provenance": settings(config, sessions) | provenance(),
+    }
+    (config.out / "scores.json").write_text(json.dumps(scores, indent=1) + "\n")
+    tested = sessions.windows(config.window, config.drop)[2]
+    report = write(page(scores, {n: r.error_mm for n, r in table.items()}, tested), config.out)
+    print(text_table(score_table(scores["readouts"])))
+    print(f"\n{report}: the figures. {config.out / 'models'}: the trained readouts.")
+    return scores
+
+
+def main(config: Train) -> None:  # noqa: D103 tyro would print it above the config's own
+    train(config)
+
+
+if __name__ == "__main__":
+    cli.run(main)
