@@ -91,7 +91,9 @@ def peak_memory(steps: int) -> float:
 
 def main(config: CollectSpeed) -> None:
     """Print steps per second, the ratio to bare MuJoCo, and how cost and memory grow."""
-    print(f"{THREADS} cores, {config.sessions} sessions × {config.steps} steps of {SUBSTEPS} substeps")
+    print(
+        f"{THREADS} cores, {config.sessions} sessions × {config.steps} steps of {SUBSTEPS} substeps"
+    )
     control, ratios = motion(config.steps), []
     physics = config.sessions * config.steps * SUBSTEPS
     for _ in range(config.rounds):
@@ -104,9 +106,13 @@ def main(config: CollectSpeed) -> None:
     print(f"median ratio {np.median(ratios):.2f} (aim: at least 0.80)")
     small = config.sessions // 2
     half, whole = collected(small, config.steps), collected(config.sessions, config.steps)
-    print(f"cost of a session at {config.sessions} to that at {small}: {whole / half / 2:.2f} (linear: 1)")
+    print(
+        f"cost of a session at {config.sessions} to that at {small}: {whole / half / 2:.2f} (linear: 1)"
+    )
     short, long = peak_memory(config.steps // 4), peak_memory(config.steps)
-    print(f"peak memory: {long:.0f} MB at {config.steps} steps, {long / short:.2f} × that of a quarter")
+    print(
+        f"peak memory: {long:.0f} MB at {config.steps} steps, {long / short:.2f} × that of a quarter"
+    )
     own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(f"peak memory of this benchmark: {own / 1024:.0f} MB")
 

@@ -18,6 +18,7 @@ from tqdm import tqdm
 from serpent_twin import cli, run_folder
 from serpent_twin.bus import MotorBus
 from serpent_twin.bus.simulated import SimulatedBus
+from serpent_twin.claim import claim
 from serpent_twin.control import joint_p_control, random_targets
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import SCHEMA_VERSION, Journal
@@ -26,6 +27,8 @@ from serpent_twin.mocap.simulated import SimulatedMocap
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import provenance
 from serpent_twin.twin import Twin
+
+SETTINGS = "collect.json"
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class Collect:
 def collect(config: Collect) -> list[Path]:
     """Collect what is missing of a run; returns the paths of all its sessions."""
     _check(config)
-    run_folder.claim(config.out, settings(config))
+    claim(config.out, SETTINGS, settings(config))
     paths = [session_path(config, n) for n in range(1, config.sessions + 1)]
     missing = [index + 1 for index in run_folder.missing(paths)]
     with _progress(config, len(missing)) as show:

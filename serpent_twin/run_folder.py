@@ -1,33 +1,13 @@
-"""What of a run is in its folder already?"""
+"""Which sessions of a run are there already?"""
 
-import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import FIELDS, read_session, recover
-
-SETTINGS = "collect.json"
-
-
-def claim(folder: Path, settings: dict[str, Any]) -> None:
-    """Make `folder` this run's and store its settings there, or refuse what holds another run."""
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / SETTINGS
-    if not path.exists():
-        _refuse_foreign_logs(folder)
-        path.write_text(json.dumps(settings, indent=2) + "\n")
-        return
-    differences = list(_differences(_read_settings(path), settings))
-    if differences:
-        raise SerpentError(
-            f"{folder} holds a run with other settings: {'; '.join(differences)}. "
-            "Give the same settings to go on with it, or choose another --out."
-        )
 
 
 def missing(paths: Sequence[Path]) -> list[int]:
@@ -48,33 +28,6 @@ def drop_what_came_again(path: Path) -> None:
             part_path.unlink()
     if folder.exists() and not any(folder.iterdir()):
         folder.rmdir()
-
-
-def _read_settings(path: Path) -> dict[str, Any]:
-    try:
-        return json.loads(path.read_text())
-    except ValueError as error:
-        raise SerpentError(
-            f"{path} is damaged ({error}), so nobody can tell which run lies beside it. "
-            "Choose another --out, or delete that file if the run there is to be mixed with this."
-        ) from None
-
-
-def _differences(earlier: Any, now: Any, name: str = "") -> Iterator[str]:
-    if isinstance(earlier, dict) and isinstance(now, dict):
-        for key in sorted(earlier.keys() | now.keys()):
-            yield from _differences(earlier.get(key), now.get(key), f"{name}.{key}".lstrip("."))
-    elif earlier != now:
-        yield f"{name} was {earlier}, now {now}"
-
-
-def _refuse_foreign_logs(folder: Path) -> None:
-    found = next(iter(sorted(folder.glob("session_*"))), None)
-    if found:
-        raise SerpentError(
-            f"{folder} holds {found.name}, but no {SETTINGS}, so another program recorded it. "
-            "Nothing was changed: choose another --out."
-        )
 
 
 def _is_complete(path: Path) -> bool:

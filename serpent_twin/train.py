@@ -10,6 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from serpent_twin import cli
+from serpent_twin.claim import claim
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import read_folder
 from serpent_twin.provenance import file_hash, provenance
@@ -67,7 +68,7 @@ def train(config: Train) -> dict[str, Any]:
     sessions = split(read_folder(config.logs), config.validate, config.test)
     for window in {h for _, h in wanted}:
         sessions.windows(window, config.drop)  # what cannot be cut must not claim a folder
-    claim(config.out, settings(config, sessions))
+    claim(config.out, SETTINGS, settings(config, sessions))
     _set_threads(config.threads)
     results = _run([_trial(config, *one) for one in wanted], sessions, config.drop)
     return _conclude(config, sessions, results)
@@ -92,46 +93,6 @@ def settings(config: Train, sessions: Split) -> dict[str, Any]:
     kept = {key: getattr(config, key) for key in ("window", "drop", "seed", "epochs", "threads")}
     inputs = {s.name: file_hash(s.path) for s in sessions.all() if s.path}
     return kept | {"sessions": sessions.names(), "input_sha256": inputs}
-
-
-def claim(folder: Path, wanted: dict[str, Any]) -> None:
-    """Make `folder` this run's and store its settings there, or refuse what holds another run."""
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / SETTINGS
-    if not path.exists():
-        if any(folder.iterdir()):
-            raise SerpentError(
-                f"{folder} is not empty and holds no {SETTINGS}, so it is not a training run. "
-                "Nothing was changed: choose another --out."
-            )
-        path.write_text(json.dumps(wanted, indent=1) + "\n")
-        return
-    found = _read_settings(path)
-    if differing := [key for key in wanted if wanted[key] != found.get(key)]:
-        told = "; ".join(_difference(key, found.get(key), wanted[key]) for key in differing)
-        raise SerpentError(
-            f"{folder} holds a run with other settings: {told}. Give the same settings to go on "
-            "with it, or choose another --out."
-        )
-
-
-def _read_settings(path: Path) -> dict[str, Any]:
-    try:
-        return dict(json.loads(path.read_text()))
-    except (ValueError, TypeError) as error:
-        raise SerpentError(
-            f"{path} is damaged ({error}), so nobody can tell which run lies beside it. "
-            "Choose another --out."
-        ) from None
-
-
-def _difference(key: str, found: Any, wanted: Any) -> str:
-    if not (isinstance(found, dict) and isinstance(wanted, dict)):
-        return f"{key} was {found}, now {wanted}"
-    names = sorted(n for n in found.keys() | wanted.keys() if found.get(n) != wanted.get(n))
-    if key == "input_sha256":
-        return f"the logs differ in {', '.join(names)}"
-    return "; ".join(f"{name} was {found.get(name)}, now {wanted.get(name)}" for name in names)
 
 
 def _set_threads(threads: int) -> None:

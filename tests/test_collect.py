@@ -117,7 +117,7 @@ def test_other_settings_are_refused_by_name(run):
 
 def test_a_folder_with_foreign_logs_is_refused(run, tmp_path):
     (tmp_path / "session_01.parquet").write_bytes(b"somebody's")
-    with pytest.raises(SerpentError, match="session_01"):
+    with pytest.raises(SerpentError, match="not empty"):
         collect(replace(run[0], out=tmp_path))
     assert (tmp_path / "session_01.parquet").read_bytes() == b"somebody's"
 
@@ -194,9 +194,7 @@ def test_a_killed_run_loses_no_row_and_goes_on(how, tmp_path):
     journal.write_bytes((config.out / journal.name).read_bytes())
     kept = read_session(recover(journal)[0])
     assert len(kept) >= 40 and kept.metadata["complete"] is False
-    subprocess.run(
-        command(config.out, "--sessions", 2, "--steps", 400), check=True
-    )
+    subprocess.run(command(config.out, "--sessions", 2, "--steps", 400), check=True)
     whole = read_folder(config.out)
     assert [len(session) for session in whole] == [400, 400]
     assert identical(kept, whole[0][: len(kept)])
