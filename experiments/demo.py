@@ -31,7 +31,7 @@ def steps(out: Path) -> list[tuple[str, str]]:
     few = "--readout analytical linear residual"
     return [
         ("Collect sessions of the twin", f"collect --out {out}/logs --sessions 6 --steps 500"),
-        ("Train every readout on them", f"train --logs {out}/logs --out {twin}"),
+        ("Train every readout on them", f"train --logs {out}/logs --out {twin} --epochs 60"),
         ("Train three on an arm that is not the twin", f"train --logs {DATA} --out {logged} {few}"),
         ("Replay it", f"replay {session} --readout {logged}/models/residual --out {replay}"),
     ]

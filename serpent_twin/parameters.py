@@ -10,21 +10,21 @@ class Parameters:
     `experiments/paper_table.py` made these numbers; `model/README.md` grades them.
     """
 
-    strand_stiffness: float = 15e3
+    strand_stiffness: float = 18.8e3
     """Stiffness of each strand, + or − [N/m]"""
-    strand_slack: float = 1.5e-3
+    strand_slack: float = 3.89e-4
     """Length that a loop's stretch must take up before a strand pulls, either way [m]"""
-    joint_friction: float = 0.003
+    joint_friction: float = 0.00661
     """Coulomb friction of each arm hinge and of the jaw [N m]"""
-    joint_damping: float = 0.002
+    joint_damping: float = 0.000996
     """Viscous damping of each arm hinge and of the jaw [N m s/rad]"""
-    gear_friction: float = 0.03
+    gear_friction: float = 0.0269
     """Coulomb friction of each servo's gearbox, at the horn [N m]"""
-    controller_gain: float = 1.6
+    controller_gain: float = 2.29
     """Gain of the P controller of the joint angles [1/s]"""
-    marker_noise: float = 3e-4
+    marker_noise: float = 1.4e-3
     """Standard deviation of each marker coordinate [m]"""
-    load_noise: float = 0.01
+    load_noise: float = 0.015
     """Standard deviation of the load reading, as a fraction of the stall torque [1]"""
 
 
