@@ -20,12 +20,9 @@ from scipy.stats import qmc
 
 from serpent_twin import cli
 from serpent_twin.collect import Collect, collect
-from serpent_twin.log import read_folder
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import git_commit, provenance
-from serpent_twin.readout import find
-from serpent_twin.readout.score import score
-from serpent_twin.readout.windows import cut
+from serpent_twin.train import Train, train
 
 PAPER_MM = {"analytical": 39.5, "no_load": 5.1, "linear": 7.2, "mlp": 4.3, "lstm": 4.4}
 PAPER_STD_MM = {"analytical": 23.9, "no_load": 4.3, "linear": 7.0, "mlp": 3.6, "lstm": 3.6}
@@ -58,34 +55,29 @@ class PaperTable:
     """Largest relative error of a mean that is good enough."""
     seed: int = 0
     """Seed of the design and of every run."""
-    sessions: int = 23
-    """Sessions of a full run: all but three train, two validate, one tests."""
-    steps: int = 2100
-    """Control steps of a session of a full run."""
 
 
+FULL = {"sessions": 23, "steps": 2100}
 SHORT = {"sessions": 10, "steps": 1100}
-SHORT_EPOCHS = 14
+SHORT_TRAINING = {
+    "epochs": 14,
+    "validate": ("session_07", "session_08"),
+    "test": ("session_09", "session_10"),
+}
+EMULATED = [name for name in PAPER_MM if name != "lstm"]
+"""What short runs train; the LSTM is slow."""
 FULL_TO_SHORT = {"analytical": 1.0, "no_load": 0.75, "linear": 0.95, "mlp": 0.7}
 """First guess of how a full run's errors compare to a short one's; full runs replace it."""
 
 
-def errors_mm(folder: Path, names: list[str], epochs: int | None, tests: int, seed: int) -> dict:
-    """Mean and both standard deviations of the marker distance [mm] per readout, on test sessions."""
-    sessions = read_folder(folder)
-    train = cut(sessions[: -2 - tests], 4)
-    validate, test = cut(sessions[-2 - tests : -tests], 4), cut(sessions[-tests:], 4)
-    table = {}
-    for name in names:
-        kind = find(name)
-        readout = kind(epochs=epochs) if epochs and name in ("mlp", "no_load") else kind()
-        readout.fit(train, validate, np.random.default_rng(seed))
-        found = [score(readout.predict(s.x, s.start), s.marker) for s in test.sessions]
-        table[name] = {
-            key: float(np.mean([getattr(one, key) for one in found]))
-            for key in ("mean_mm", "std_mm", "std_of_step_means_mm")
-        }
-    return table
+def measure(folder: Path, parameters: Parameters, seed: int, full: bool) -> dict:
+    """Collect sessions in a folder and train readouts on them; their scores by name."""
+    size, how = (FULL, {}) if full else (SHORT, SHORT_TRAINING)
+    collect(Collect(folder / "logs", seed=seed, parameters=parameters, **size))
+    names = tuple(PAPER_MM) if full else tuple(EMULATED)
+    scores = train(Train(folder / "logs", folder / "readouts", names, seed=seed, **how))
+    kept = ("mean_mm", "std_mm", "std_of_step_means_mm")
+    return {n: {key: scores["readouts"][n][key] for key in kept} for n in names}
 
 
 def run(config: PaperTable, parameters: Parameters, full: bool) -> dict:
@@ -94,13 +86,8 @@ def run(config: PaperTable, parameters: Parameters, full: bool) -> dict:
     for known in stored(config):
         if known["key"] == key:
             return known["errors"]
-    size = {"sessions": config.sessions, "steps": config.steps} if full else SHORT
-    names = list(PAPER_MM) if full else [n for n in PAPER_MM if n != "lstm"]
-    epochs, tests = (None, 1) if full else (SHORT_EPOCHS, 2)
     with tempfile.TemporaryDirectory() as folder:
-        logs = Path(folder) / "logs"
-        collect(Collect(logs, seed=config.seed, parameters=parameters, **size))
-        errors = errors_mm(logs, names, epochs, tests, config.seed)
+        errors = measure(Path(folder), parameters, config.seed, full)
     with (config.out / "runs.jsonl").open("a") as file:
         made = {"key": key, "errors": errors, "git_commit": git_commit()}
         file.write(json.dumps(made) + "\n")
@@ -114,11 +101,11 @@ def stored(config: PaperTable) -> list[dict]:
     return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
 
 
-def short_runs(config: PaperTable, names: list[str]) -> tuple[NDArray, NDArray]:
+def short_runs(config: PaperTable) -> tuple[NDArray, NDArray]:
     """Places, (n, 8), and mean errors [mm], (n, readouts), of all short runs made so far."""
     found = [r for r in stored(config) if not r["key"]["full"] and r["key"]["seed"] == config.seed]
     free = [{n: v for n, v in r["key"].items() if n not in ("full", "seed")} for r in found]
-    errors = [[r["errors"][n]["mean_mm"] for n in names] for r in found]
+    errors = [[r["errors"][n]["mean_mm"] for n in EMULATED] for r in found]
     return np.array([place(Parameters(**p)) for p in free]), np.array(errors)
 
 
@@ -181,8 +168,7 @@ def expected(
     """
     here = place(Parameters(**anchor["parameters"]))
     change = (features(here + step) - features(here))[0] @ weights
-    names = [name for name in PAPER_MM if name != "lstm"]
-    factor = dict(zip(names, np.exp(change), strict=True))
+    factor = dict(zip(EMULATED, np.exp(change), strict=True))
     factor["lstm"] = factor["mlp"]
     error = np.array([anchor["errors"][n]["mean_mm"] * factor[n] for n in PAPER_MM])
     mean_norm = 2 * np.sqrt(2 / np.pi) * 1e3  # of three unit normal coordinates, in mm
@@ -224,11 +210,10 @@ def fit(config: PaperTable) -> dict:
     """Parameters and errors of the full run that misses the paper least."""
     for point in qmc.Sobol(len(RANGES), seed=config.seed).random(config.design):
         run(config, parameters_at(point), full=False)
-    names = [name for name in PAPER_MM if name != "lstm"]
-    points, errors = short_runs(config, names)
+    points, errors = short_runs(config)
     weights = emulate(points, errors)
     if not full_runs(config):
-        goal = np.array([PAPER_MM[name] / FULL_TO_SHORT[name] for name in names])
+        goal = np.array([PAPER_MM[name] / FULL_TO_SHORT[name] for name in EMULATED])
         nearest = np.argmin((np.log(errors / goal) ** 2).sum(axis=1))
         run(config, parameters_at(points[nearest]), full=True)
     while worst((best := full_runs(config)[0])["errors"]) > config.close:

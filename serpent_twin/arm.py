@@ -87,6 +87,8 @@ class Arm:
     """The moving jaw, part of link 9's 71 g [kg]. A"""
     jaw_joint: float = 0.085
     """The jaw's hinge in link 9's frame, along x; its axis is y [m]. A"""
+    jaw_armature: float = 5e-6
+    """Inertia of the gripper's mechanism seen at the jaw's hinge [kg m²]. A"""
     jaw_range: float = np.pi / 2
     """The jaw moves within ± this [rad]. A"""
     servo: Servo = Servo()

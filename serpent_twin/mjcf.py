@@ -127,13 +127,14 @@ def _add_defaults(root: ET.Element, arm: Arm, parameters: Parameters) -> None:
     nominal = (servo.voltage, servo.stall_torque, servo.no_load_speed)
     gains = (servo.velocity_i, 0, servo.velocity_p, 0, 0, servo.voltage)
     _add(motor, "dcmotor", nominal=nominal, input="pos vel", controller=gains)
-    for name, axis, reach in (
-        ("odd", (0, 0, 1), arm.joint_range),
-        ("even", (0, 1, 0), arm.joint_range),
-        ("jaw", (0, 1, 0), arm.jaw_range),
+    for name, axis, reach, armature in (
+        ("odd", (0, 0, 1), arm.joint_range, 0.0),
+        ("even", (0, 1, 0), arm.joint_range, 0.0),
+        ("jaw", (0, 1, 0), arm.jaw_range, arm.jaw_armature),
     ):
         hinge = _add(default, "default", class_=name)
         resist = {"damping": p.joint_damping, "frictionloss": p.joint_friction}
+        resist |= {"armature": armature} if armature else {}
         _add(hinge, "joint", axis=axis, limited="true", range=(-reach, reach), **resist)
     dead_band = (_NEVER, p.strand_slack)
     strand = _add(default, "default", class_="strand")

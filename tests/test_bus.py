@@ -5,6 +5,7 @@ import pytest
 
 from serpent_twin.bus import BusError, xl430
 from serpent_twin.bus.simulated import Protection, SimulatedBus
+from serpent_twin.parameters import NOMINAL
 from serpent_twin.twin import Twin
 
 RPM = 2 * np.pi / 60
@@ -83,10 +84,10 @@ def test_reading_twice_at_one_instant_reads_the_same():
 
 def test_load_is_the_drives_torque_with_the_gears_own_friction(bus):
     """Turning against nothing but gear friction, the load is that friction over the stall torque."""
-    bus.write_velocity([0.5] + [0] * 9)
-    bus.wait(0.13)
+    bus.write_velocity([0] * 8 + [0.5, 0])
+    bus.wait(0.15)
     assert bus.twin.tension[0].max() == 0
-    assert bus.read_state().load[0] == pytest.approx(0.03 / 1.5, abs=2e-3)
+    assert bus.read_state().load[8] == pytest.approx(NOMINAL.gear_friction / 1.5, abs=2e-3)
 
 
 def test_torque_off_is_the_way_out(bus):

@@ -142,7 +142,7 @@ def test_changed_logs_and_foreign_folders_are_refused(logs, tmp_path):
     run(Train(moved, tmp_path / "out", ("linear",)))
     (moved / "session_02.parquet").unlink()
     write(moved, make_session(2, rows=201))
-    with pytest.raises(SerpentError, match="input_sha256\.session_02 was"):
+    with pytest.raises(SerpentError, match=r"input_sha256\.session_02 was"):
         run(Train(moved, tmp_path / "out", ("linear",)))
     with pytest.raises(SerpentError, match=r"not empty and holds no train\.json"):
         run(Train(logs, moved, ("linear",)))

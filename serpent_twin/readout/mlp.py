@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class Published(Regression):
     """A network trained by the published schedule, which may run long: it has no end of its own."""
 
-    steps: int = 7000
+    steps: int = 5000
     """Batches at which training ends if the rate has not become tiny before"""
     epochs: int | None = None
     """Passes at which it ends; by default as many as make `steps`"""
