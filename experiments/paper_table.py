@@ -238,12 +238,23 @@ def print_table(errors: dict) -> None:
         print(f"{name:12}{paper:>16}{twin:>16}{steps:>18}{off:>9}")
 
 
+def print_sensitivity(config: PaperTable) -> None:
+    """By how much each error changes from a parameter's lower to its upper bound, others midway."""
+    weights = emulate(*short_runs(config))
+    print(f"\n{'from low to high':18}" + "".join(f"{name:>12}" for name in EMULATED))
+    for row, (name, (low, high)) in zip(weights[1:9], RANGES.items(), strict=True):
+        change = "".join(f"{np.expm1(w):>+12.0%}" for w in row)
+        print(f"{name:18}{change}   {low:g} … {high:g}")
+
+
 def main(config: PaperTable) -> None:
     """Fit, print the table, and write result.json beside the runs."""
     config.out.mkdir(parents=True, exist_ok=True)
     nominal = {"parameters": asdict(NOMINAL), "errors": {}}
     found = fit(config) if config.design else nominal | {"errors": run(config, NOMINAL, full=True)}
     print_table(found["errors"])
+    if config.design:
+        print_sensitivity(config)
     result = found | {"paper_mm": PAPER_MM}
     settings = {key: str(value) for key, value in asdict(config).items() if key != "out"}
     text = json.dumps(result | {"config": settings} | provenance(), indent=2)

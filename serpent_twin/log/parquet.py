@@ -154,12 +154,12 @@ def _check_columns(path: Path, table: pa.Table) -> None:
     if lacking:
         raise SerpentError(
             f"{path} lacks {len(lacking)} of the {len(COLUMNS)} columns of a session log: "
-            f"{listing(lacking)}."
+            f"{listing(lacking)}. Record them, or leave the file out."
         )
     odd = [c for c in COLUMNS if not pa.types.is_floating(table.schema.field(c).type)]
     if odd:
         kind = table.schema.field(odd[0]).type
-        raise SerpentError(f"{path}: {listing(odd)} must be float64, found {kind}.")
+        raise SerpentError(f"{path}: {listing(odd)} must be float64, found {kind}. Convert them.")
     if table.num_rows == 0:
         raise SerpentError(f"{path} has no rows. Leave it out, or record the session again.")
 
