@@ -9,6 +9,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from serpent_twin import cli
 from serpent_twin.errors import SerpentError
@@ -24,25 +25,33 @@ class Demo:
     """Folder for all results; a finished step is not done again."""
 
 
-def steps(out: Path) -> list[tuple[str, str]]:
+def steps(out: Path) -> list[tuple[str, list[Any]]]:
     """What is done, and the command that does it."""
     twin, logged = out / "twin_readouts", out / "arm_a_readouts"
     session, replay = DATA / "session_04.parquet", out / "arm_a_session_04.rrd"
-    few = "--readout analytical linear residual"
+    quick = ["--readout", "analytical", "linear", "residual", "residual_mlp", "ensemble"]
+    model = logged / "models" / "residual"
     return [
-        ("Collect sessions of the twin", f"collect --out {out}/logs --sessions 6 --steps 500"),
-        ("Train every readout on them", f"train --logs {out}/logs --out {twin} --epochs 60"),
-        ("Train three on an arm that is not the twin", f"train --logs {DATA} --out {logged} {few}"),
-        ("Replay it", f"replay {session} --readout {logged}/models/residual --out {replay}"),
-    ]
+        ("Collect sessions of the twin",
+         ["collect", "--out", out / "logs", "--sessions", 6, "--steps", 1000]),
+        ("Train the quick readouts on them (the published networks take minutes)",
+         ["train", "--logs", out / "logs", "--out", twin, *quick]),
+        ("Train them on an arm that is not the twin",
+         ["train", "--logs", DATA, "--out", logged, *quick]),
+        ("Replay a session of that arm",
+         ["replay", session, "--readout", model, "--out", replay]),
+    ]  # fmt: skip
 
 
 def main(config: Demo) -> None:
     """Run the demo and say where its results are."""
     start = time.perf_counter()
     for title, command in steps(config.out):
-        print(f"\n── {title}\n   python -m serpent_twin.{command}\n", flush=True)
-        module, *arguments = shlex.split(command)
+        module, *arguments = map(str, command)
+        print(
+            f"\n── {title}\n   python -m serpent_twin.{shlex.join([module, *arguments])}\n",
+            flush=True,
+        )
         done = subprocess.run([sys.executable, "-m", f"serpent_twin.{module}", *arguments])
         if done.returncode:
             raise SerpentError(f"the demo stopped: `serpent_twin.{module}` failed, see above.")

@@ -250,11 +250,14 @@ def print_sensitivity(config: PaperTable) -> None:
 def main(config: PaperTable) -> None:
     """Fit, print the table, and write result.json beside the runs."""
     config.out.mkdir(parents=True, exist_ok=True)
+    before = len(stored(config))
     nominal = {"parameters": asdict(NOMINAL), "errors": {}}
     found = fit(config) if config.design else nominal | {"errors": run(config, NOMINAL, full=True)}
     print_table(found["errors"])
     if config.design:
         print_sensitivity(config)
+    if len(stored(config)) == before:
+        return
     result = found | {"paper_mm": PAPER_MM}
     settings = {key: str(value) for key, value in asdict(config).items() if key != "out"}
     text = json.dumps(result | {"config": settings} | provenance(), indent=2)

@@ -1,17 +1,22 @@
 """Whose folder is this?"""
 
+import fcntl
 import json
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.files import write_whole
 
 
-def claim(folder: Path, name: str, settings: dict[str, Any]) -> None:
-    """Make `folder` that of a run with these settings, stored there as `name`.
+@contextmanager
+def claimed(folder: Path, name: str, settings: dict[str, Any]) -> Iterator[None]:
+    """Hold `folder` for a run with these settings, which are stored there as `name`.
 
-    A folder that holds a run with other settings, or something else, is refused and left as it is.
+    A folder that another process holds, that holds a run with other settings, or something else, is
+    refused and left as it is.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
@@ -21,12 +26,23 @@ def claim(folder: Path, name: str, settings: dict[str, Any]) -> None:
                 f"{folder} is not empty and holds no {name}, so no such run made it. "
                 "Nothing was changed: choose another --out."
             )
-        path.write_text(json.dumps(settings, indent=2) + "\n")
-        return
+        write_whole(path, json.dumps(settings, indent=2) + "\n")
+    with path.open() as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise SerpentError(
+                f"{folder} is in use by another process. Wait for it, or choose another --out."
+            ) from None
+        _agree(path, settings)
+        yield
+
+
+def _agree(path: Path, settings: dict[str, Any]) -> None:
     differences = list(_differences(_read(path), json.loads(json.dumps(settings))))
     if differences:
         raise SerpentError(
-            f"{folder} holds a run with other settings: {'; '.join(differences)}. "
+            f"{path.parent} holds a run with other settings: {'; '.join(differences)}. "
             "Give the same settings to go on with it, or choose another --out."
         )
 

@@ -28,6 +28,7 @@ def run(
             tyro.extras.subcommand_cli_from_dict(
                 commands, args=argv, prog=_program(), description=description
             )
+        sys.stdout.flush()  # so that a reader who left is noticed here
     except SerpentError as error:
         fail(str(error))
     except BrokenPipeError:  # the reader of our output, such as head, has enough

@@ -15,10 +15,10 @@ from typing import Any, Literal
 import numpy as np
 from tqdm import tqdm
 
-from serpent_twin import cli, run_folder
-from serpent_twin.bus import MotorBus
+from serpent_twin import cli, mjcf, run_folder
+from serpent_twin.bus import BusError, MotorBus
 from serpent_twin.bus.simulated import SimulatedBus
-from serpent_twin.claim import claim
+from serpent_twin.claim import claimed
 from serpent_twin.control import joint_p_control, random_targets
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import SCHEMA_VERSION, Journal
@@ -64,11 +64,11 @@ class Collect:
 def collect(config: Collect) -> list[Path]:
     """Collect what is missing of a run; returns the paths of all its sessions."""
     _check(config)
-    claim(config.out, SETTINGS, settings(config))
     paths = [session_path(config, n) for n in range(1, config.sessions + 1)]
-    missing = [index + 1 for index in run_folder.missing(paths)]
-    with _progress(config, len(missing)) as show:
-        _simulate_all(config, missing, show)
+    with claimed(config.out, SETTINGS, settings(config)):
+        missing = [index + 1 for index in run_folder.missing(paths)]
+        with _progress(config, len(missing)) as show:
+            _simulate_all(config, missing, show)
     return paths
 
 
@@ -108,6 +108,12 @@ def record(
     now = 0.0
     for target in targets:
         state, markers = bus.read_state(), mocap.read()
+        if state.hardware_error.any():
+            tripped = ", ".join(str(i + 1) for i in np.flatnonzero(state.hardware_error))
+            raise BusError(
+                f"motor {tripped} reported a hardware error at {now:g} s and has switched itself off. "
+                "The rows until then are kept; free the arm and reboot the motor, then go on."
+            )
         sent = bus.write_velocity(joint_p_control(target, state.position, gain))
         yield {
             "time": now,
@@ -149,13 +155,16 @@ def _check(config: Collect) -> None:
         )
     if not 0 <= config.marker_loss < 1:
         raise SerpentError(f"--marker-loss is {config.marker_loss:g}; give a share within 0 … 1.")
-    Twin().substeps(1 / config.rate_hz)
+    if config.seed < 0:
+        raise SerpentError(f"--seed is {config.seed}; give a number of at least 0.")
+    Twin(parameters=config.parameters).substeps(1 / config.rate_hz)
 
 
 def settings(config: Collect) -> dict[str, Any]:
     """What two runs must share to lie in one folder."""
     free = ("out", "sessions", "workers")
-    return {key: value for key, value in asdict(config).items() if key not in free}
+    kept = {key: value for key, value in asdict(config).items() if key not in free}
+    return kept | {"model_sha256": mjcf.fingerprint(parameters=config.parameters)}
 
 
 # Sessions are simulated by processes; a shared array of row counts drives the progress bar.
@@ -180,6 +189,8 @@ def _start_worker(counts: Any) -> None:
 def _work(config: Collect, session: int, slot: int) -> Path:
     def tick(rows: int) -> None:
         _counts[slot] = rows
+        if _counts[-1]:
+            raise SerpentError("stopped, because another session failed.")
 
     return simulate_session(config, session, tick)
 
@@ -205,12 +216,13 @@ def _simulate_all(config: Collect, missing: list[int], show: Callable[[int, str]
             simulate_session(config, session, lambda n, b=before, s=label: show(b + n, s))
         return
     context = mp.get_context("spawn")
-    counts = context.Array("q", len(missing), lock=False)
+    counts = context.Array("q", len(missing) + 1, lock=False)  # the last one stops all workers
     with ProcessPoolExecutor(workers, context, _start_worker, (counts,)) as pool:
         jobs = [pool.submit(_work, config, n, slot) for slot, n in enumerate(missing)]
         try:
             _watch(jobs, counts, missing, config, show)
         except BaseException:
+            counts[-1] = 1
             pool.shutdown(wait=False, cancel_futures=True)
             raise
 
@@ -223,12 +235,13 @@ def _watch(
     show: Callable[[int, str], None],
 ) -> None:
     while not all(job.done() for job in jobs):
-        rows = list(counts)
+        rows = list(counts)[:-1]
         running = [str(n) for n, r in zip(missing, rows, strict=True) if 0 < r < config.steps]
         show(sum(rows), f"session {', '.join(running)} of {config.sessions}" if running else "")
         if any(job.done() and job.exception() for job in jobs):
             break
         time.sleep(0.1)
+    jobs = [job for job in jobs if job.done()]
     try:
         for job in jobs:
             job.result()
@@ -237,7 +250,7 @@ def _watch(
             "a simulating process was killed from outside. Every row it logged is kept; "
             "run the same command again to go on."
         ) from error
-    show(sum(counts), "")
+    show(sum(counts[:-1]), "")
 
 
 def main(config: Collect) -> None:  # noqa: D103 tyro would print it above the config's own

@@ -7,6 +7,7 @@ is nowhere on the tendons, because MuJoCo's tendon damping acts on a slack tendo
 The base frame's +x points down in the world; the sensors speak in the base frame.
 """
 
+import hashlib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -68,6 +69,11 @@ def write(folder: Path = MODEL, arm: Arm = ARM, parameters: Parameters = NOMINAL
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content.encode() if isinstance(content, str) else content)
     return [folder / name for name in files]
+
+
+def fingerprint(arm: Arm = ARM, parameters: Parameters = NOMINAL) -> str:
+    """SHA-256 of the arm's physics as MJCF: two twins with the same one are the same arm."""
+    return hashlib.sha256(_text(_document(arm, parameters)).encode()).hexdigest()
 
 
 def world_from_base() -> Array:

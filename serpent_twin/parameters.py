@@ -1,6 +1,9 @@
 """What of the nominal arm did nobody publish?"""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from math import isfinite
+
+from serpent_twin.errors import SerpentError
 
 
 @dataclass(frozen=True)
@@ -23,9 +26,18 @@ class Parameters:
     controller_gain: float = 2.29
     """Gain of the P controller of the joint angles [1/s]"""
     marker_noise: float = 1.4e-3
-    """Standard deviation of each marker coordinate [m]"""
+    """Standard deviation of each marker coordinate [m]: cameras, and all that moves a marker and no
+    motor feels; a camera alone is better"""
     load_noise: float = 0.015
     """Standard deviation of the load reading, as a fraction of the stall torque [1]"""
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if not (isfinite(value) and value >= 0):
+                raise SerpentError(
+                    f"the parameter {each.name} is {value}; it must be a number of at least 0."
+                )
 
 
 NOMINAL = Parameters()

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from serpent_twin import log, meshes, routing, twin
 from serpent_twin.arm import ARM, N_JOINTS, N_MOTORS, Arm, Array, link_frames
+from serpent_twin.errors import SerpentError
 from serpent_twin.mjcf import STRANDS
 
 Rows = NDArray[np.intp]
@@ -60,8 +61,14 @@ def write(
         writer.curve(f"plots/load/motor{j + 1}", 100 * session.motor_load[:, j], hue(j))
     for n, name in enumerate(STRANDS):
         writer.curve(f"plots/tension/{name}", moved.tension[:, n], hue(n // 2))
-    stream.flush()
-    stream.disconnect()
+    try:
+        stream.flush()
+        stream.disconnect()
+    except RuntimeError as error:  # rerun's writer thread died, most likely of a full disk
+        part.unlink(missing_ok=True)
+        raise SerpentError(
+            f"{out} could not be written ({error}). Make room on the disk, then run it again."
+        ) from error
     part.rename(out)
 
 

@@ -10,14 +10,15 @@ import numpy as np
 from tqdm import tqdm
 
 from serpent_twin import cli
-from serpent_twin.claim import claim
+from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
+from serpent_twin.files import write_whole
 from serpent_twin.log import read_folder
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.readout import available, find
 from serpent_twin.readout.page import page, score_table
 from serpent_twin.readout.split import Split, split
-from serpent_twin.readout.trial import Result, Trial
+from serpent_twin.readout.trial import COST, Result, Trial
 from serpent_twin.report import text_table, write
 
 SETTINGS = "train.json"
@@ -60,6 +61,7 @@ class Train:
 
 def train(config: Train) -> dict[str, Any]:
     """Train and score what the config asks for; returns what scores.json holds."""
+    _check(config)
     names = list(config.readout) or list(available())
     for name in names:
         find(name)
@@ -68,10 +70,31 @@ def train(config: Train) -> dict[str, Any]:
     sessions = split(read_folder(config.logs), config.validate, config.test)
     for window in {h for _, h in wanted}:
         sessions.windows(window, config.drop)  # what cannot be cut must not claim a folder
-    claim(config.out, SETTINGS, settings(config, sessions))
-    _set_threads(config.threads)
-    results = _run([_trial(config, *one) for one in wanted], sessions, config.drop)
-    return _conclude(config, sessions, results)
+    with claimed(config.out, SETTINGS, settings(config, sessions)):
+        _set_threads(config.threads)
+        wanted = list(dict.fromkeys(wanted + _trained_before(config)))
+        results = _run([_trial(config, *one) for one in wanted], sessions, config.drop)
+        return _conclude(config, sessions, results)
+
+
+def _check(config: Train) -> None:
+    least = {"window": 1, "drop": 0, "seed": 0, "threads": 1, "epochs": 1}
+    for name, low in least.items():
+        value = getattr(config, name)
+        if value is not None and value < low:
+            raise SerpentError(f"--{name} is {value}; give a number of at least {low}.")
+
+
+def _trained_before(config: Train) -> list[tuple[str, int]]:
+    """Readouts and windows that an earlier run left whole in the folder: they stay in the report."""
+    kept = {config.window: config.out / "models"}
+    kept |= {int(p.name): p for p in (config.out / "windows").glob("[0-9]*")}
+    return [
+        (path.parent.name, window)
+        for window, folder in sorted(kept.items())
+        for path in sorted(folder.glob(f"*/{COST}"))
+        if path.parent.name in available()
+    ]
 
 
 def parse_windows(text: str) -> list[int]:
@@ -133,7 +156,8 @@ def _conclude(config: Train, sessions: Split, results: dict[Trial, Result]) -> d
     table = {t.name: r for t, r in results.items() if t.window == config.window}
     by_window: dict[str, dict[str, Any]] = {}
     for trial, result in results.items():
-        if trial.name in SWEPT and trial.window in parse_windows(config.windows):
+        swept = trial.window != config.window or trial.window in parse_windows(config.windows)
+        if trial.name in SWEPT and swept:
             by_window.setdefault(trial.name, {})[str(trial.window)] = result.summary()
     scores = {
         "logs": str(config.logs),
@@ -143,10 +167,12 @@ def _conclude(config: Train, sessions: Split, results: dict[Trial, Result]) -> d
         "windows": by_window,
         "provenance": settings(config, sessions) | provenance(),
     }
-    (config.out / "scores.json").write_text(json.dumps(scores, indent=1) + "\n")
+    write_whole(config.out / "scores.json", json.dumps(scores, indent=1) + "\n")
     tested = sessions.windows(config.window, config.drop)[2]
     report = write(page(scores, {n: r.error_mm for n, r in table.items()}, tested), config.out)
     print(text_table(score_table(scores["readouts"])))
+    total = sum(readout["train_s"] for readout in scores["readouts"].values())
+    print(f"\nThe table took {total:.0f} s of training.")
     print(f"\n{report}: the figures. {config.out / 'models'}: the trained readouts.")
     return scores
 

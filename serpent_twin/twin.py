@@ -86,10 +86,11 @@ class Twin:
         """Switch the drives on or off; `on` is broadcast to (nsim, 10). Off, a motor turns freely
         against its gear friction; switched on, it starts from where it is.
         """
+        was_on = self._gain[:, :, _GAIN_P] > 0
         on = np.broadcast_to(np.asarray(on, bool), self._goal.shape)
         for gain in (_GAIN_I, _GAIN_P):
             self._gain[:, :, gain] = np.where(on, self._firmware_gain[:, :, gain], 0.0)
-        self._goal[:] = np.where(on, self._goal, self.motor_angle)
+        self._goal = np.where(on & was_on, self._goal, self.motor_angle)
 
     def advance(self, velocity: ArrayLike, duration: float) -> Array:
         """Hold goal velocities [rad/s], broadcast to (nsim, 10), for a duration [s].
@@ -173,6 +174,7 @@ def replay_motors(time: Array, motor_position: Array, twin: Twin | None = None) 
     rows: list[tuple[Array, ...]] = []
     twin.qpos[0, MOTORS] = motor_position[0]
     twin.qpos[0, JOINTS] = joint_from_motor(motor_position[0, :N_JOINTS])
+    twin.qpos[0, JAW] = motor_position[0, -1] - motor_position[0, -2]
     twin.impose(motor_position[:1], motor_position[:1], 2.0)
     step = twin.model.opt.timestep
     ticks = np.round((time - time[0]) / step).astype(int)

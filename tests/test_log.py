@@ -6,7 +6,6 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -19,7 +18,7 @@ import pytest
 from serpent_twin import log
 from serpent_twin.errors import SerpentError
 
-LOGS = Path(__file__).resolve().parents[2] / "shared" / "logs" / "arm_a"
+LOGS = Path(__file__).resolve().parents[1] / "data" / "arm_a"
 METADATA = {"backend": "sim", "arm": "nominal", "session": 1, "rate_hz": 4.0, "seed": 7}
 TURN = 2 * np.pi
 
@@ -168,18 +167,6 @@ def test_a_journal_refuses_a_wrong_row_and_goes_on(tmp_path, change, says):
             journal.append(change(second))
         journal.append(second)
         assert len(log.read_session(journal.seal())) == 2
-
-
-def test_a_row_costs_at_most_60_microseconds(tmp_path):
-    rows = rows_of(make_session(2000))
-    seconds = []
-    with log.Journal(tmp_path / "session_01.journal", METADATA) as journal:
-        for block in range(0, 2000, 100):
-            start = time.perf_counter()
-            for row in rows[block : block + 100]:
-                journal.append(row)
-            seconds.append((time.perf_counter() - start) / 100)
-    assert min(seconds) < 60e-6  # the least, since other work shares the machine
 
 
 def test_400_truncations_give_exactly_the_whole_rows(tmp_path):

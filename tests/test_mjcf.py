@@ -40,7 +40,7 @@ def test_the_file_alone_moves_like_the_twin(file):
         assert data.warning.number.sum() == 0
         ends.append(data.qpos.copy())
     assert np.abs(ends[0][10:]).max() > 0.05
-    assert np.abs(ends[0] - ends[1]).max() < 1e-6 if file == "serpent.xml" else 1e-3
+    assert np.abs(ends[0] - ends[1]).max() < (1e-6 if file == "serpent.xml" else 1e-3)
 
 
 def test_the_scene_draws_every_cable():

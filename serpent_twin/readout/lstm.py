@@ -17,7 +17,7 @@ class Lstm(Published):
     """Published (LSTM): one layer of 512 over the window's rows, the newest command set to zero."""
 
     name: ClassVar[str] = "lstm"
-    about: ClassVar[str] = "published LSTM: one layer of 512 over the window"
+    about: ClassVar[str] = "published LSTM: one layer of 512; at most 3,200 batches"
 
     steps: int = 3200
     """Batches at which training ends if the rate has not become tiny before"""

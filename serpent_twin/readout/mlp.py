@@ -34,7 +34,7 @@ class Mlp(Published):
     """Published (PRC-MLP): four hidden layers of 512, ReLU."""
 
     name: ClassVar[str] = "mlp"
-    about: ClassVar[str] = "published PRC-MLP: four layers of 512"
+    about: ClassVar[str] = "published PRC-MLP: four layers of 512; at most 5,000 batches"
 
     width: int = 512
     """Units in a hidden layer"""

@@ -32,7 +32,12 @@ def distances(estimate: Array, measured: Array) -> Array:
 def score(estimate: Array, measured: Array) -> Scores:
     """Scores of markers [m], (N, 9, 3), against the measured ones, NaN where lost."""
     distance = distances(estimate, measured) * 1e3
-    seen = np.isfinite(distance)
+    seen = np.isfinite(measured).all(axis=-1)
+    if not np.isfinite(distance[seen]).all():
+        raise SerpentError(
+            "an estimate is not a number, so it cannot be scored: the readout was trained on too few "
+            "or too strange windows. Train it on more, or leave it out with --readout."
+        )
     if not seen.any():
         raise SerpentError("the test sessions show no marker at all, so nothing can be scored.")
     per_marker = tuple(

@@ -11,6 +11,7 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.files import write_whole
 from serpent_twin.readout import Progress, Readout, find, load
 from serpent_twin.readout.score import Scores, distances, score
 from serpent_twin.readout.windows import Windows
@@ -94,7 +95,7 @@ class Trial:
         readout.fit(train, validate, rng, progress)
         cost = {"train_s": time.perf_counter() - began}
         readout.save(self.folder)
-        (self.folder / COST).write_text(json.dumps(cost) + "\n")
+        write_whole(self.folder / COST, json.dumps(cost) + "\n")
 
     def result(self, test: Windows) -> Result:
         """Scores and costs of the stored readout."""

@@ -127,11 +127,13 @@ def motor_state(session: Session) -> Array:
 
 
 def find_start(session: Session, arm: Arm = ARM) -> Start:
-    """Joint angles that fit the first complete set of markers best, and the motor angles beside them."""
-    seen = np.isfinite(session.marker).all(axis=(1, 2))
+    """Joint angles that fit the markers best, in the first row that shows most of them, and the
+    motor angles beside them.
+    """
+    seen = np.isfinite(session.marker).all(axis=2).sum(axis=1)
     if not seen.any():
         raise SerpentError(
-            f"{_where(session)}: no row shows all nine markers, so the starting pose is unknown. "
+            f"{_where(session)}: no row shows any marker, so the starting pose is unknown. "
             "Check the cameras or leave the session out."
         )
     row = int(np.argmax(seen))
@@ -141,8 +143,17 @@ def find_start(session: Session, arm: Arm = ARM) -> Start:
 
 
 def fit_joint_angles(marker: Array, guess: Array, arm: Arm = ARM) -> Array:
-    """Joint angles [rad], (9,), whose markers lie nearest, in least squares, to those seen, (9, 3)."""
-    return least_squares(lambda q: (markers(q, arm) - marker).ravel(), guess, method="lm").x
+    """Joint angles [rad], (9,), whose markers lie nearest, in least squares, to those seen, (9, 3).
+
+    What a lost marker, NaN, leaves open stays near the guess: 1 rad weighs as much as 1 mm.
+    """
+    seen = np.isfinite(marker)
+
+    def misses(q: Array) -> Array:
+        miss = (markers(q, arm) - marker)[seen]
+        return miss if seen.all() else np.concatenate([miss, 1e-3 * (q - guess)])
+
+    return least_squares(misses, guess, method="lm").x
 
 
 def _where(session: Session) -> str:
