@@ -17,6 +17,7 @@ from serpent_twin.bus.xl430 import VELOCITY_UNIT
 from serpent_twin.collect import Collect, collect, settings, simulate_session
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import FIELDS, examine, read_folder, read_session, recover
+from serpent_twin.parameters import Parameters
 
 SHORT = {"sessions": 2, "steps": 30, "workers": 1}
 
@@ -233,3 +234,28 @@ def test_a_failing_disk_keeps_the_rows_before(run, tmp_path, monkeypatch):
     with pytest.raises(OSError, match="No space"):
         simulate_session(config, 1, full)
     assert len(read_session(recover(config.out)[0])) == 12
+
+
+def test_a_tripped_motor_stops_the_recording_and_keeps_the_rows(tmp_path, monkeypatch):
+    """Motors whose overload counts from the first newton metre trip within the first seconds."""
+    from serpent_twin.bus import BusError, simulated
+
+    touchy = simulated.Protection(overload_level=0.02, overload_time=0.3)
+    monkeypatch.setattr(simulated.SimulatedBus.__init__, "__defaults__", (None, None, 0.0, touchy))
+    config = Collect(tmp_path / "logs", sessions=1, steps=200, workers=1)
+    with pytest.raises(BusError, match=r"motor .* hardware error at .* s"):
+        collect(config)
+    kept = read_session(recover(config.out)[0])
+    assert 1 <= len(kept) < 200
+
+
+def test_another_model_under_the_same_name_is_refused(run, monkeypatch):
+    monkeypatch.setattr("serpent_twin.mjcf.TIMESTEP", 0.001)
+    with pytest.raises(SerpentError, match="model_sha256"):
+        collect(run[0])
+
+
+@pytest.mark.parametrize("wrong", [-1.0, float("nan"), float("inf")])
+def test_parameters_that_cannot_be_are_refused(wrong):
+    with pytest.raises(SerpentError, match="strand_slack"):
+        Parameters(strand_slack=wrong)
