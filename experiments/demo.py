@@ -3,6 +3,7 @@
 Runs the commands of the README one after the other, as a person would type them.
 """
 
+import os
 import shlex
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from typing import Any
 from serpent_twin import cli
 from serpent_twin.errors import SerpentError
 
-DATA = Path(__file__).resolve().parent.parent / "data" / "arm_a"
+DATA = Path(os.path.relpath(Path(__file__).parent.parent / "data" / "arm_a"))
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ def steps(out: Path) -> list[tuple[str, list[Any]]]:
     twin, logged = out / "twin_readouts", out / "arm_a_readouts"
     session, replay = DATA / "session_04.parquet", out / "arm_a_session_04.rrd"
     quick = ["--readout", "analytical", "linear", "residual", "residual_mlp", "ensemble"]
-    model = logged / "models" / "residual"
+    model = logged / "models" / "ensemble"
     return [
         ("Collect sessions of the twin",
          ["collect", "--out", out / "logs", "--sessions", 6, "--steps", 1000]),
