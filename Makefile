@@ -27,7 +27,7 @@ test-fast: setup  ## The tests without the slow ones
 lint: setup  ## ruff and pyright
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
+	$(BIN)/pyright --pythonpath $(BIN)/python
 
 bench: setup  ## Speed and memory, as ratios against bare MuJoCo
 	$(BIN)/python experiments/collect_speed.py
