@@ -32,7 +32,7 @@ def distances(estimate: Array, measured: Array) -> Array:
 def score(estimate: Array, measured: Array) -> Scores:
     """Scores of markers [m], (N, 9, 3), against the measured ones, NaN where lost."""
     distance = distances(estimate, measured) * 1e3
-    seen = np.isfinite(measured).all(axis=-1)
+    seen = ~np.isnan(distances(measured, measured))
     if not np.isfinite(distance[seen]).all():
         raise SerpentError(
             "an estimate is not a number, so it cannot be scored: the readout was trained on too few "
