@@ -31,6 +31,7 @@ class BusPhysics(control.Physics):
     def __init__(self, open_bus: Callable[[], MotorBus], period: float) -> None:
         self._open_bus, self._period = open_bus, period
         self._bus: MotorBus | None = None
+        self._state: MotorState | None = None
         self._time = 0.0
 
     @property
@@ -48,7 +49,7 @@ class BusPhysics(control.Physics):
         self._bus.connect()
         self._bus.configure()
         self._bus.enable_torque()
-        self._time = 0.0
+        self._state, self._time = None, 0.0
 
     def after_reset(self) -> None:
         """Do nothing: a bus is ready once it is reset."""
@@ -61,10 +62,12 @@ class BusPhysics(control.Physics):
         """Let control periods pass."""
         for _ in range(n_sub_steps):
             self._time = self.bus.wait(self._period)
+        self._state = None
 
     def read(self) -> MotorState:
-        """Read all motors now."""
-        return self.bus.read_state()
+        """All motors now; the bus is asked once a step."""
+        self._state = self._state or self.bus.read_state()
+        return self._state
 
     def time(self) -> float:
         """Time on the bus's clock [s]."""

@@ -57,6 +57,7 @@ def main(
 def estimate(session: log.Session, folder: Path) -> Estimate:
     """Markers that the readout saved in `folder` finds in a session."""
     trained = readout.load(folder)
+    trained.require_rate(session.rate_hz)
     seen = cut([session], trained.window, drop=0).sessions[0]
     row = np.arange(len(session) - len(seen.x), len(session))
     return Estimate(trained.name, row, trained.predict(seen.x, seen.start))

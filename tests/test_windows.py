@@ -8,6 +8,7 @@ import pytest
 from test_readout import make_session, make_windows
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.readout import find, load
 from serpent_twin.readout import windows as win
 from serpent_twin.readout.split import split
 
@@ -75,3 +76,16 @@ def test_sessions_are_split_as_published():
         "validate": ["session_02"],
         "test": ["session_01"],
     }
+
+
+def test_a_readout_refuses_rows_at_another_rate(tmp_path):
+    """Trained at 4 Hz, it is not shown 10 Hz, not even after it was saved and loaded."""
+    sessions = [make_session(number, rows=60) for number in (1, 2)]
+    windows = win.cut(sessions, 4, drop=0)
+    trained = find("linear")(4)
+    trained.fit(windows, windows, np.random.default_rng(0))
+    trained.save(tmp_path)
+    loaded = load(tmp_path)
+    loaded.require_rate(sessions[0].rate_hz)
+    with pytest.raises(SerpentError, match="4 Hz, these come at 10 Hz"):
+        loaded.require_rate(10.0)

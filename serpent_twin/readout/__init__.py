@@ -21,6 +21,7 @@ import numpy as np
 
 from serpent_twin.arm import N_JOINTS, Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.files import write_whole
 from serpent_twin.readout.windows import Start, Windows, input_size
 
 FORMAT_VERSION = 1
@@ -59,6 +60,8 @@ class Readout(ABC):
     """What `fit` found, by name"""
     history: list[Epoch] = field(default_factory=list, init=False, repr=False)
     """Losses of the epochs, empty for a closed form"""
+    rate_hz: float | None = field(default=None, init=False)
+    """Rows per second of the logs it was trained on; None if that is not known"""
 
     def fit(
         self,
@@ -70,7 +73,7 @@ class Readout(ABC):
         """Learn from the training windows; the validation windows steer, they are not learned from."""
         self._require_size(train.x)
         self._require_size(validate.x)
-        self.learned, self.history = {}, []
+        self.learned, self.history, self.rate_hz = {}, [], train.rate_hz
         self._learn(train, validate, rng, progress)
 
     def predict(self, x: Array, start: Start | None = None) -> Array:
@@ -109,9 +112,18 @@ class Readout(ABC):
             "name": self.name,
             "config": self.config(),
             "input_size": input_size(self.window),
+            "rate_hz": self.rate_hz,
             "history": [asdict(epoch) for epoch in self.history],
         }
-        (folder / "readout.json").write_text(json.dumps(about, indent=1) + "\n")
+        write_whole(folder / "readout.json", json.dumps(about, indent=1) + "\n")
+
+    def require_rate(self, rate_hz: float) -> None:
+        """Refuse logs whose rows are not as far apart as those it was trained on."""
+        if self.rate_hz is not None and abs(rate_hz / self.rate_hz - 1) > 0.05:
+            raise SerpentError(
+                f"the readout {self.name} was trained on rows at {self.rate_hz:g} Hz, these come at "
+                f"{rate_hz:g} Hz: its windows would span another time. Train one for that rate."
+            )
 
     def _require_size(self, x: Array) -> None:
         expected = input_size(self.window)
@@ -184,6 +196,7 @@ def load(folder: Path, window: int | None = None) -> Readout:
         ) from None
     _require_window(readout, about, folder, window)
     readout.learned = _read_learned(folder / "learned.npz")
+    readout.rate_hz = about.get("rate_hz")
     readout.history = [Epoch(**epoch) for epoch in about["history"]]
     return readout
 

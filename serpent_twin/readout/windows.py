@@ -49,6 +49,8 @@ class Windows:
     """Rows of the log in one window, H"""
     sessions: tuple[SessionWindows, ...]
     """One entry per session, in the order of the log"""
+    rate_hz: float | None = None
+    """Rows per second of the logs; None if they differ"""
 
     @cached_property
     def x(self) -> Array:
@@ -102,7 +104,9 @@ def cut(sessions: Sequence[Session], window: int, drop: int = 100, arm: Arm = AR
     if window < 1:
         raise SerpentError(f"a window has at least one row, got {window}; 4 is the published one.")
     refuse_damaged(list(sessions))
-    return Windows(window, tuple(_cut_session(session, window, drop, arm) for session in sessions))
+    cut_sessions = tuple(_cut_session(session, window, drop, arm) for session in sessions)
+    rates = {session.rate_hz for session in sessions}
+    return Windows(window, cut_sessions, rates.pop() if len(rates) == 1 else None)
 
 
 def _cut_session(session: Session, window: int, drop: int, arm: Arm) -> SessionWindows:

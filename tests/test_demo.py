@@ -1,0 +1,21 @@
+"""Does the demo of the README do what it says?"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.mark.slow
+def test_the_demo_ends_with_its_reports_and_its_replay(tmp_path):
+    out = tmp_path / "a demo"  # a path with a space, too
+    command = [sys.executable, str(ROOT / "experiments/demo.py"), "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for name in ("twin_readouts/report.html", "arm_a_readouts/report.html"):
+        assert "<svg" in (page := (out / name).read_text()) or "data:image/png;base64" in page
+        assert str(out / name) in done.stdout
+    assert (out / "arm_a_session_04.rrd").stat().st_size > 1_000_000
