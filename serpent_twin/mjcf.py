@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from serpent_twin.meshes import Part
 
 MODEL = Path(__file__).resolve().parent.parent / "model"
-TIMESTEP = 0.002  # [s] a quarter of it moves the markers by less than the cameras' noise (tests)
+TIMESTEP = 0.002  # [s] a quarter of it moves the markers by less than 0.2 mm (tests)
 STRANDS = tuple(f"cable{j}_{side}" for j in range(1, N_MOTORS + 1) for side in ("plus", "minus"))
 """Names of the 20 strands: cable 1's + and −, cable 2's + and −, …"""
 
