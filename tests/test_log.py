@@ -483,3 +483,22 @@ def test_commands(tmp_path):
     assert "2 of 3 sessions" in check.stderr and "Traceback" not in check.stderr
     absent = command("info", tmp_path / "absent")
     assert absent.returncode == 1 and absent.stderr.startswith("error: There is no")
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 1])
+def test_a_turn_lost_in_a_long_gap_is_found_and_a_gap_alone_is_none(turns):
+    """A reboot leaves a gap: 2 s in which the motor also went on as commanded, or not at all."""
+    session = make_session()
+    time = np.where(np.arange(len(session)) < 30, session.time, session.time + 1.75)
+    command = np.zeros_like(session.motor_velocity_command)
+    command[29] = 0.4
+    for moved in (0.0, 0.4 * (time[30] - time[29])):
+        position = np.zeros_like(session.motor_position)
+        position[30:, 4] = moved + turns * 2 * np.pi
+        position[30:, :4] = position[30:, 5:9] = moved
+        changed = replace(
+            session, time=time, motor_position=position, motor_velocity_command=command
+        )
+        found = [f.text for f in log.examine(changed) if "turns" in f.text and f.level == "error"]
+        assert bool(found) == bool(turns)
+        assert all("motor5_position" in text and "row 30" in text for text in found)

@@ -65,12 +65,15 @@ def lost_turns(session: Session) -> Mask:
     """Where a motor angle changed by more than the servo can turn since the row before, (T, 10).
 
     A reboot adds or drops whole turns. Half a turn tells these best from travel, also where the
-    motor runs against the jump; steps long enough to travel further are allowed what they can.
+    motor runs against the jump. A step long enough to travel further, as a reboot makes it, is
+    measured against the travel that was commanded; a motor that stood still lost nothing.
     """
     step = np.diff(session.time, prepend=session.time[:1])
     limit = np.maximum(TURN / 2, REACH * ARM.servo.no_load_speed * step)
     change = np.diff(session.motor_position, axis=0, prepend=session.motor_position[:1])
-    return np.abs(change) > limit[:, None]
+    travel = step[:, None] * np.roll(session.motor_velocity_command, 1, axis=0)
+    stray = (np.abs(change - travel) > TURN / 2) & (np.abs(change) > TURN / 4)
+    return (np.abs(change) > limit[:, None]) | (stray & (limit > TURN / 2)[:, None])
 
 
 def _longest(mask: Mask) -> tuple[int, int]:
