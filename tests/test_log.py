@@ -6,6 +6,7 @@ import resource
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -287,34 +288,36 @@ def test_nothing_is_overwritten(sealed):
     assert sealed.read_bytes() == before
 
 
-@pytest.fixture
-def full_disk():
-    """A function that lets no file of this process grow beyond a size, as a full disk does."""
+@contextmanager
+def full_disk(size):
+    """No file of this process grows beyond a size meanwhile, as on a full disk; the log that the
+    tests' own output goes to must not be caught by it.
+    """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_a_full_disk_leaves_no_half_file(sealed, full_disk):
+def test_a_full_disk_leaves_no_half_file(sealed):
     before = sealed.read_bytes()
-    full_disk(4096)
     other = sealed.with_name("session_02.parquet")
-    with pytest.raises(OSError) as refused:
+    with pytest.raises(OSError) as refused, full_disk(4096):
         log.write_session(other, make_session(seed=1))
     assert refused.value.filename == str(other)
     assert [p.name for p in sealed.parent.iterdir()] == [sealed.name]
     assert sealed.read_bytes() == before
 
 
-def test_a_full_disk_leaves_the_journal_at_its_last_row(tmp_path, full_disk):
+def test_a_full_disk_leaves_the_journal_at_its_last_row(tmp_path):
     rows = rows_of(make_session())
     with log.Journal(tmp_path / "session_01.journal", METADATA) as journal:
-        full_disk(20_000)
-        with pytest.raises(OSError) as refused:
+        with pytest.raises(OSError) as refused, full_disk(20_000):
             for row in rows:
                 journal.append(row)
         assert refused.value.filename == str(journal.path)
-        full_disk(resource.RLIM_INFINITY)
         logged = journal.rows
         journal.append(rows[logged])
         back = log.read_session(journal.seal())
