@@ -2,17 +2,28 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Replace `path` by `text` in one step: a crash or a full disk leaves what was there."""
-    part = path.with_name(path.name + ".part")
+def write_whole(path: Path, content: Any) -> None:
+    """Replace `path` by a text or bytes in one step: a crash or a full disk leaves what was there."""
+    part = path.with_name(path.name + ".partial")
     try:
-        with part.open("w") as file:
-            file.write(text)
+        with part.open("wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
         part.rename(path)
+        sync_folder(path.parent)
     except OSError as error:
         part.unlink(missing_ok=True)
         raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def sync_folder(folder: Path) -> None:
+    """Make renames and removals in a folder survive a loss of power."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.log.parquet import check_metadata, sync_folder
+from serpent_twin.files import sync_folder
+from serpent_twin.log.parquet import check_metadata
 from serpent_twin.log.session import COLUMNS, FIELDS, SCHEMA_VERSION
 from serpent_twin.log.stream import batch_over, header_crc, read_journal, stream_schema
 

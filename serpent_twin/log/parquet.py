@@ -2,7 +2,6 @@
 
 import json
 import logging
-import os
 import re
 from collections.abc import Sequence
 from math import isfinite
@@ -14,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.files import write_whole
 from serpent_twin.log.session import (
     COLUMNS,
     SCHEMA_VERSION,
@@ -107,15 +107,6 @@ def check_metadata(metadata: dict[str, Any], where: str) -> dict[str, Any]:
     return metadata
 
 
-def sync_folder(folder: Path) -> None:
-    """Make renames and removals in a folder survive a loss of power."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
 def listing(names: Sequence[str], most: int = 5) -> str:
     """The first few names of many, as text."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
@@ -193,17 +184,7 @@ def _check_alike(folder: Path, sessions: Sequence[Session], key: str) -> None:
 
 
 def _publish(path: Path, payload: Any) -> None:
-    """Put bytes at a path by way of a temporary file and a rename."""
+    """Put bytes at a path where nothing is yet."""
     if path.exists():
         raise SerpentError(f"{path} exists already and is kept: move it away, or name another.")
-    partial = path.with_name(path.name + ".partial")
-    try:
-        with partial.open("wb") as file:
-            file.write(payload)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.rename(path)
-        sync_folder(path.parent)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise OSError(error.errno, error.strerror, str(path)) from error
+    write_whole(path, payload)

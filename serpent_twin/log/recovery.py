@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.log.parquet import read_session, sync_folder
+from serpent_twin.files import sync_folder
+from serpent_twin.log.parquet import read_session
 from serpent_twin.log.session import columns_of
 from serpent_twin.log.stream import JournalContent, read_journal
 
