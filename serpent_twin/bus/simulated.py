@@ -97,7 +97,7 @@ class SimulatedBus:
     def read_state(self) -> MotorState:
         """Read all motors at the present instant."""
         self._require_connection()
-        return MotorState.from_registers(self.read_registers())
+        return MotorState.from_registers(self.read_registers(), self.time)
 
     def read_registers(self) -> Registers:
         """Registers 70 and 120 … 146 of all motors at the present instant; the load's noise is
@@ -119,6 +119,8 @@ class SimulatedBus:
             present_load=np.clip(xl430.words(self._load, xl430.LOAD_UNIT), -1000, 1000),
             present_velocity=xl430.words(velocity, xl430.VELOCITY_UNIT),
             present_position=position - self._turns * xl430.TURN,
+            velocity_trajectory=np.where(self._torque, self._goal, 0),
+            position_trajectory=position - self._turns * xl430.TURN,
             input_voltage=xl430.words(full * servo.voltage, xl430.VOLTAGE_UNIT),
             temperature=xl430.words(self._protection.ambient + self._rise, 1.0),
         )

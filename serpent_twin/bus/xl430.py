@@ -35,6 +35,8 @@ class Registers:
     present_load: Words
     present_velocity: Words
     present_position: Words
+    velocity_trajectory: Words
+    position_trajectory: Words
     input_voltage: Words
     temperature: Words
 
@@ -43,6 +45,8 @@ class Registers:
 class MotorState:
     """One reading of all motors in SI units, each (10,)."""
 
+    time: float
+    """The bus's clock at the reading [s]"""
     position: Array
     """Angle, multi-turn [rad]"""
     velocity: Array
@@ -59,12 +63,24 @@ class MotorState:
     """The words that this reading was made of"""
 
     @classmethod
-    def from_registers(cls, words: Registers) -> "MotorState":
-        """Convert raw words to SI units."""
+    def from_registers(
+        cls,
+        words: Registers,
+        time: float,
+        zero: ArrayLike = 0,
+        direction: ArrayLike = 1,
+    ) -> "MotorState":
+        """Convert raw words to SI units.
+
+        An angle counts from position `zero` [counts], (10,), and positive where `direction`, (10,)
+        of ±1, times the servo's own sense says so.
+        """
+        direction = np.asarray(direction)
         return cls(
-            position=words.present_position * POSITION_UNIT,
-            velocity=words.present_velocity * VELOCITY_UNIT,
-            load=words.present_load * LOAD_UNIT,
+            time=time,
+            position=(words.present_position - np.asarray(zero)) * direction * POSITION_UNIT,
+            velocity=words.present_velocity * direction * VELOCITY_UNIT,
+            load=words.present_load * direction * LOAD_UNIT,
             voltage=words.input_voltage * VOLTAGE_UNIT,
             temperature=words.temperature.astype(float),
             hardware_error=words.hardware_error,
