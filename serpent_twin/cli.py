@@ -30,7 +30,7 @@ def run(
             )
         sys.stdout.flush()  # so that a reader who left is noticed here
     except SerpentError as error:
-        fail(str(error))
+        fail(" ".join([str(error), *getattr(error, "__notes__", ())]))
     except BrokenPipeError:  # the reader of our output, such as head, has enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:

@@ -106,7 +106,7 @@ def test_torque_is_switched_off_when_the_body_of_with_fails():
     with pytest.raises(ZeroDivisionError), bus:
         bus.enable_torque()
         raise ZeroDivisionError
-    assert not bus._torque.any()
+    assert not bus.motors.torque.any()
 
 
 @pytest.mark.parametrize("goal", [np.zeros(9), np.full(10, np.nan), [np.inf] * 10])
@@ -139,7 +139,7 @@ def test_overload_trips_a_stalled_motor_and_a_reboot_loses_its_turns():
 def test_motors_warm_under_load_and_cool_without():
     rule = Protection(thermal_time=5.0)
     with SimulatedBus(Twin(), protection=rule) as bus:
-        bus._rise[:] = 20.0
+        bus.motors.temperature_rise[:] = 20.0
         bus.wait(5.0)
         cooled = bus.read_state().temperature
         assert (cooled == round(25 + 20 * np.exp(-1))).all()

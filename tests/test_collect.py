@@ -14,7 +14,8 @@ import pytest
 
 from serpent_twin.arm import joint_from_motor
 from serpent_twin.bus.xl430 import VELOCITY_UNIT
-from serpent_twin.collect import Collect, collect, settings, simulate_session
+from serpent_twin.collect import Collect, collect, settings
+from serpent_twin.collect.simulated import simulate_session
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import FIELDS, examine, read_folder, read_session, recover
 from serpent_twin.parameters import Parameters
@@ -143,7 +144,7 @@ def test_the_real_backend_never_falls_back(tmp_path):
         command(tmp_path / "real", "--backend", "real"), capture_output=True, text=True
     )
     assert done.returncode == 1
-    assert done.stderr.startswith("error: not yet:")
+    assert done.stderr.startswith("error: no port")
     assert not (tmp_path / "real").exists()
 
 

@@ -64,7 +64,7 @@ def test_a_tripped_motor_ends_the_episode_as_a_failure():
 
     environment = env.make(open_bus)
     environment.reset()
-    buses[-1]._error[3] = 1 << 5
+    buses[-1].motors.hardware_error[3] = 1 << 5
     step = environment.step(np.zeros(10))
     assert step.last() and step.discount == 0.0
 

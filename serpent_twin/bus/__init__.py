@@ -8,13 +8,9 @@ from numpy.typing import ArrayLike
 
 from serpent_twin.arm import Array
 from serpent_twin.bus.xl430 import MotorState
-from serpent_twin.errors import SerpentError
+from serpent_twin.errors import BusError
 
 __all__ = ["BusError", "MotorBus", "MotorState"]
-
-
-class BusError(SerpentError):
-    """The bus or a motor on it refused, and says which and what to do."""
 
 
 class MotorBus(Protocol):
@@ -45,7 +41,10 @@ class MotorBus(Protocol):
         ...
 
     def reboot(self, motors: Iterable[int]) -> None:
-        """Restart motors, numbered from 1: errors clear, torque goes off, the turn count is lost."""
+        """Restart motors, numbered from 1: errors clear, torque goes off.
+
+        The motors lose their turn count; the bus keeps it, so positions go on as before.
+        """
         ...
 
     def wait(self, period: float) -> float:

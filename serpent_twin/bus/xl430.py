@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from serpent_twin.arm import ARM, Array
+from serpent_twin.arm import ARM, N_MOTORS, Array
+from serpent_twin.errors import BusError
 
 Words = NDArray[np.int64]
 
@@ -93,8 +94,27 @@ def words(value: ArrayLike, unit: float) -> Words:
     return np.rint(np.asarray(value, float) / unit).astype(np.int64)
 
 
+def checked_velocity(velocity: ArrayLike) -> Array:
+    """Goal velocities [rad/s] as (10,); anything but ten finite numbers raises `BusError`."""
+    velocity = np.asarray(velocity, float)
+    if velocity.shape != (N_MOTORS,) or not np.isfinite(velocity).all():
+        raise BusError(
+            f"cannot send goal velocities {velocity}: need {N_MOTORS} finite numbers in rad/s."
+        )
+    return velocity
+
+
 def goal_velocity_words(velocity: ArrayLike, limit: int = VELOCITY_LIMIT) -> Words:
     """Goal velocities [rad/s] as words, held within the Velocity Limit as a host must:
     the servo refuses a larger goal, and a sync write gets no answer that would tell.
     """
     return np.clip(words(velocity, VELOCITY_UNIT), -limit, limit)
+
+
+def nearest_turns(raw: Words, last: Words) -> tuple[Words, Words]:
+    """Turns that put raw positions [counts], (n,), next to where they were last seen [counts], (n,).
+
+    Returns turns, (n,), and how far each motor moved unseen [counts], (n,), at most half a turn.
+    """
+    turns = np.rint((last - raw) / TURN).astype(np.int64)
+    return turns, raw + turns * TURN - last

@@ -43,12 +43,12 @@ def info_command(path: Positional[Path]) -> None:
     common = _common(sessions)
     print(f"{path}: {len(sessions)} session{'s' * (len(sessions) > 1)}")
     for key, value in common.items():
-        print(f"  {key}: {value}")
+        print(f"  {key}: {_short(value)}")
     print(f"  {'session':<12} {'rows':>7} {'seconds':>9} {'Hz':>6} {'lost markers':>13}  sha256")
     for session in sessions:
         print(_line(session))
         for key in session.metadata.keys() - common.keys() - _SHOWN_PER_SESSION:
-            print(f"    {key}: {session.metadata[key]}")
+            print(f"    {key}: {_short(session.metadata[key])}")
     for journal in sorted(path.glob("*.journal")) if path.is_dir() else []:
         print(f"  {journal.name}: a recording that is under way or cut off; see `recover`")
 
@@ -67,6 +67,11 @@ def check_command(path: Positional[Path]) -> None:
     if spoiled:
         share = f"{len(spoiled)} of {len(files)} sessions"
         raise SerpentError(f"{path}: {share} cannot be trusted: {', '.join(spoiled)}.")
+
+
+def _short(value: object) -> str:
+    text = str(value)
+    return text if len(text) <= 160 else f"{text[:150]} … ({len(text)} characters)"
 
 
 def _report(file: Path) -> bool:

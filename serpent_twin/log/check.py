@@ -147,7 +147,11 @@ def _late(session: Session) -> Iterator[Finding]:
 def _lost(session: Session) -> Iterator[Finding]:
     lost = np.logical_or.reduce(np.isnan(session.marker), axis=-1)
     together = np.logical_and.reduce(lost, axis=1)
-    if together.all():
+    if together.all() and session.metadata.get("markers") == "none":
+        yield Finding(
+            "note", "It was recorded without markers; see python -m serpent_twin.mocap merge."
+        )
+    elif together.all():
         yield Finding("error", "No marker was seen in any row.")
     elif together.any():
         yield Finding("warning", f"All markers are lost in {rows_text(together)}.")

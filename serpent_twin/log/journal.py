@@ -87,15 +87,18 @@ class Journal:
         if self._fsync_every and self.rows % self._fsync_every == 0:
             os.fsync(self._file)
 
-    def seal(self) -> Path:
-        """Write session_NN.parquet from the journal, then delete the journal."""
+    def seal(self, ended: Mapping[str, Any] = {"complete": True}) -> Path:
+        """Write session_NN.parquet from the journal, then delete the journal.
+
+        `ended` joins the metadata: whether the session is complete, and what is known at its end.
+        """
         content = read_journal(self.path)
         if len(content.rows) != self.rows or content.bytes_dropped:
             raise SerpentError(
                 f"{self.path} holds {len(content.rows)} whole rows, but {self.rows} were written: "
                 "the file was changed meanwhile. It is kept; `recover` saves the rows before that."
             )
-        sealed = content.write(self.path.with_suffix(".parquet"), {"complete": True})
+        sealed = content.write(self.path.with_suffix(".parquet"), dict(ended))
         self.path.unlink()
         sync_folder(self.path.parent)
         self.close()

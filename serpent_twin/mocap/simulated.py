@@ -1,8 +1,10 @@
 """What would cameras see of the twin?"""
 
+from typing import Self
+
 import numpy as np
 
-from serpent_twin.arm import Array
+from serpent_twin.mocap import MarkerFrame
 from serpent_twin.twin import Twin
 
 
@@ -14,9 +16,14 @@ class SimulatedMocap:
     ) -> None:
         self._twin, self._rng, self._noise, self._loss = twin, rng, noise, loss
 
-    def read(self) -> Array:
-        """Markers in the base frame [m], (9, 3); NaN where a marker is lost."""
+    def read(self) -> MarkerFrame:
+        """Look at the present instant: markers in the base frame, NaN where one is lost."""
         truth = self._twin.markers[0]
         seen = truth + self._noise * self._rng.standard_normal(truth.shape)
         seen[self._rng.random(len(seen)) < self._loss] = np.nan
-        return seen
+        return MarkerFrame(seen)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...

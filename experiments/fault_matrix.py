@@ -1,0 +1,315 @@
+"""Does a collection over the wire lose, repeat or falsify anything when the bus fails?
+
+Each fault runs through the whole loop: a device on a pseudo-terminal that fails by name and rate, and
+`python -m serpent_twin.collect --backend real` against it, in real time. The device's transcript says
+what the motors really did; every logged row is compared with it word for word. A second run of each
+fault is killed with kill -9, to see when the motors rest and which rows survive.
+"""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from serpent_twin import cli
+from serpent_twin.bus import xl430
+from serpent_twin.bus.device import Running, running
+from serpent_twin.bus.dynamixel import DynamixelBus
+from serpent_twin.bus.dynamixel.setup import ArmSetup, write_setup
+from serpent_twin.bus.simulated import SimulatedBus
+from serpent_twin.control import joint_p_control, random_targets
+from serpent_twin.errors import SerpentError
+from serpent_twin.files import write_whole
+from serpent_twin.log import Session, read_journal, read_session, recover
+from serpent_twin.parameters import NOMINAL
+from serpent_twin.provenance import provenance
+
+FAULTS = {
+    "none": (),
+    "crc": ("crc=0.005",),
+    "drop": ("drop=0.005",),
+    "truncate": ("truncate=0.005",),
+    "garbage": ("garbage=0.005",),
+    "late": ("late=0.005/0.06",),
+    "very_late": ("late=0.005/0.15",),
+    "deaf": ("deaf=0.01",),
+    "all_of_the_wire": tuple(f"{n}=0.002" for n in ("crc", "drop", "truncate", "garbage", "late")),
+    "missing_for_a_moment": ("missing=0.01/0.3",),
+    "watchdog": ("watchdog=0.02",),
+    "reboot": ("reboot=0.004",),
+    "unplug": ("unplug=0.004/0.5",),
+    "missing": ("missing=0.004@4",),
+    "overload": ("overload=0.004@3",),
+    "voltage": ("voltage=0.004@7",),
+}
+ENDS = ("missing", "overload", "voltage")
+"""Faults that nobody can overcome: the run must end with a sentence that names motor and cause."""
+AIM_STOP_S = 0.5
+STALE = 0.03  # [s] between the moment a row tells and the moment the device was read
+REST = 1  # [words] a driven motor that turns no faster is at rest
+
+
+@dataclass(frozen=True)
+class FaultMatrix:
+    """Run each fault through the whole collect loop over the wire, and check every row."""
+
+    out: Path = Path("fault_matrix")
+    """Folder for results.json and the runs; must not hold an earlier matrix."""
+    cycles: int = 500
+    """Control cycles of each fault."""
+    rate_hz: float = 50.0
+    """Control cycles per second, in real time."""
+    faults: tuple[str, ...] = tuple(FAULTS)
+    """Which faults."""
+    seed: int = 0
+    """Seed of targets and faults."""
+
+
+def main(config: FaultMatrix) -> None:  # noqa: D103 tyro would print it above the config's own
+    unknown = sorted(set(config.faults) - FAULTS.keys())
+    if unknown:
+        raise SerpentError(f"no such faults: {', '.join(unknown)}. There are {', '.join(FAULTS)}.")
+    if config.out.exists() and any(config.out.iterdir()):
+        raise SerpentError(f"{config.out} is not empty. Nothing was changed: choose another --out.")
+    config.out.mkdir(parents=True, exist_ok=True)
+    print(_HEAD)
+    table = {}
+    for name in tqdm(config.faults, unit="fault", leave=False):
+        table[name] = run_fault(config, name)
+        tqdm.write(_line(name, table[name]))
+    cycle = cycle_times(config.seed)
+    for name, figures in cycle.items():
+        print(f"cycle {name:24} median {figures['median']:6.2f} ms   p99 {figures['p99']:6.2f} ms")
+    results = {"faults": table, "cycle_ms": cycle, "config": asdict(config) | {"out": ""}}
+    content = json.dumps(results | provenance(), indent=2, default=str)
+    write_whole(config.out / "results.json", content + "\n")
+    print(f"\n{verdict(table)}")
+
+
+def run_fault(config: FaultMatrix, name: str) -> dict[str, object]:
+    """One fault: a run to its end, checked row by row, and a run that is killed."""
+    folder = config.out / name
+    with _Bench(folder / "run", config, name) as bench:
+        process = bench.collect(config.cycles)
+        said = process.communicate()[1]
+        session = read_session(bench.log)
+        counts = bench.device.stop()
+    checked = check_rows(session, bench.transcript())
+    ended = session.metadata.get("ended", "")
+    expected = config.cycles if name not in ENDS else len(session)
+    with _Bench(folder / "killed", config, name if name not in ENDS else "none") as bench:
+        killed = bench.kill(rows=50)
+    stop = killed["stop_s"] if name not in ENDS else _time_to_rest(folder / "run", name)
+    return {
+        "rows": len(session),
+        "rows_lost": expected - len(session) + killed["rows_lost"],
+        "rows_wrong": checked["wrong"],
+        "rows_stale": checked["stale"],
+        "rows_interrupted": checked["interrupted"],
+        "recoveries": sum(session.metadata["bus"]["recoveries"].values()),
+        "recovered": session.metadata["bus"]["recoveries"],
+        "stop_s": stop,
+        "injected": counts["faults"],
+        "missed_deadlines": session.metadata["loop"]["missed_deadlines"],
+        "complete": session.metadata["complete"],
+        "ended": ended,
+        "said": said.splitlines()[-1] if process.returncode else "",
+    }
+
+
+class _Bench:
+    """A device that fails and a folder for the arm on it."""
+
+    def __init__(self, folder: Path, config: FaultMatrix, name: str) -> None:
+        folder.mkdir(parents=True)
+        self.folder, self.config = folder, config
+        self.log = folder / "logs" / "session_01.parquet"
+        faults = [word for fault in FAULTS[name] for word in ("--fault", fault)]
+        self._arguments = ["--realtime", "--seed", str(config.seed), *faults]
+        self._arguments += ["--transcript", str(folder / "transcript.jsonl")]
+        self.device: Running
+
+    def __enter__(self) -> "_Bench":
+        self._running = running(*self._arguments)
+        self.device = self._running.__enter__()
+        setup = ArmSetup(self.device.port, zero=(0,) * 10, path=self.folder / "arm.toml")
+        write_setup(setup)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._running.__exit__(*error)
+
+    def collect(self, steps: int) -> subprocess.Popen[str]:
+        command = [
+            sys.executable,
+            "-m",
+            "serpent_twin.collect",
+            "--backend",
+            "real",
+            "--sessions",
+            "1",
+        ]
+        command += ["--steps", str(steps), "--rate-hz", str(self.config.rate_hz)]
+        command += ["--seed", str(self.config.seed), "--out", str(self.log.parent)]
+        command += ["--setup", str(self.folder / "arm.toml")]
+        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    def kill(self, rows: int) -> dict[str, object]:
+        """Kill a collection with kill -9 once rows are logged; which of them survive, when is rest?"""
+        process = self.collect(100_000)
+        journal = self.log.with_suffix(".journal")
+        while _rows_in(journal) < rows and process.poll() is None:
+            time.sleep(0.05)
+        known = _rows_in(journal)
+        os.kill(process.pid, signal.SIGKILL)
+        at = time.monotonic()
+        process.communicate()
+        time.sleep(1.5)
+        (recovered,) = recover(self.log.parent)
+        events = self.transcript()
+        lost = max(0, known - len(read_session(recovered)))
+        return {"rows_lost": lost, "stop_s": _rest_after(events, at)}
+
+    def transcript(self) -> list[dict[str, object]]:
+        return _read_transcript(self.folder)
+
+
+def check_rows(session: Session, events: list[dict]) -> dict[str, int]:
+    """Compare every row with what the device was when it was read; counts of rows."""
+    reads = {}
+    for event in (e for e in events if e["event"] == "read"):
+        reads.setdefault(_signature(event), []).append(event)
+    turns = _unwrapped(session)
+    wrong = stale = interrupted = 0
+    offset, before = None, None
+    for n in range(len(session)):
+        found = reads.get(_row_signature(session, n, turns), [])
+        if offset is None and found:
+            offset = found[-1]["host_s"] - session.time[n]
+        near = [e for e in found if abs(e["host_s"] - offset - session.time[n]) < STALE]
+        wrong += not found
+        stale += bool(found) and not near
+        if before is not None and near:
+            goal = xl430.words(session.motor_velocity_command[n - 1], xl430.VELOCITY_UNIT)
+            other = near[-1]["velocity_trajectory"] != goal.tolist()
+            excused = session.extra["recoveries"][n] > 0
+            interrupted += other and excused
+            wrong += other and not excused
+        before = n
+    return {"wrong": wrong, "stale": stale, "interrupted": interrupted}
+
+
+def _unwrapped(session: Session) -> np.ndarray:
+    return xl430.words(session.motor_position, xl430.POSITION_UNIT)
+
+
+def _row_signature(session: Session, n: int, position: np.ndarray) -> tuple:
+    velocity = xl430.words(session.motor_velocity[n], xl430.VELOCITY_UNIT)
+    load = xl430.words(session.motor_load[n], xl430.LOAD_UNIT)
+    tick = int(session.extra["motor1_tick_ms"][n])
+    return (tick, *(position[n] % xl430.TURN), *velocity, *load)
+
+
+def _signature(event: dict) -> tuple:
+    position = np.array(event["present_position"]) % xl430.TURN
+    return (event["tick"][0], *position, *event["present_velocity"], *event["present_load"])
+
+
+def _rest_after(events: list[dict], at: float) -> float:
+    """Time from `at` until no motor is driven any more [s]; a limp one may still sink with the arm."""
+    after = (e for e in events if e["event"] == "state" and e["host_s"] > at)
+    moving = [
+        e["host_s"]
+        for e in after
+        if any(abs(v) > REST and on for v, on in zip(e["velocity"], e["torque"], strict=True))
+    ]
+    return round(max(moving) - at, 3) if moving else 0.0
+
+
+def _time_to_rest(folder: Path, name: str) -> float:
+    events = _read_transcript(folder)
+    struck = [e["host_s"] for e in events if e["event"] == "fault" and e["name"] == name]
+    return _rest_after(events, struck[0]) if struck else float("nan")
+
+
+def _read_transcript(folder: Path) -> list[dict]:
+    lines = (folder / "transcript.jsonl").read_text().splitlines()
+    return [json.loads(line) for line in lines if line.endswith("}")]
+
+
+def _rows_in(journal: Path) -> int:
+    try:
+        return len(read_journal(journal).rows) if journal.exists() else 0
+    except SerpentError:
+        return 0
+
+
+def cycle_times(seed: int, cycles: int = 200) -> dict[str, dict[str, float]]:
+    """Times of read, compute, command in process and over the wire [ms]; physics is left out."""
+    targets = random_targets(cycles, np.random.default_rng(seed))
+    with SimulatedBus() as bus:
+        figures = {"in_process": _time_cycles(bus, targets)}
+    for name, pace in (("over_the_wire", "--no-paced"), ("over_the_wire_at_1_mbd", "--paced")):
+        with running("--realtime", pace) as device, DynamixelBus(ArmSetup(device.port)) as bus:
+            figures[name] = _time_cycles(bus, targets)
+    return figures
+
+
+def _time_cycles(bus, targets: np.ndarray) -> dict[str, float]:
+    times = []
+    bus.enable_torque()
+    for target in targets:
+        began = time.perf_counter()
+        state = bus.read_state()
+        bus.write_velocity(joint_p_control(target, state.position, NOMINAL.controller_gain))
+        times.append(1e3 * (time.perf_counter() - began))
+        bus.wait(0.02)
+    return {"median": float(np.median(times)), "p99": float(np.quantile(times, 0.99))}
+
+
+def verdict(table: dict[str, dict]) -> str:
+    """One sentence that the numbers support."""
+    lost, wrong, stale = (
+        sum(row[k] for row in table.values()) for k in ("rows_lost", "rows_wrong", "rows_stale")
+    )
+    slowest = max(row["stop_s"] for row in table.values())
+    unnamed = [
+        name
+        for name, row in table.items()
+        if name in ENDS and not (re.search(r"motor \d", str(row["said"])) and not row["complete"])
+    ]
+    sentence = (
+        f"Over {sum(row['rows'] for row in table.values())} rows, {lost} were lost, {wrong} wrong and "
+        f"{stale} stale; the motors were at rest at most {slowest:.2f} s after a kill or a fatal fault "
+        f"(aim {AIM_STOP_S} s)."
+    )
+    if unnamed:
+        sentence += f" No sentence that names a motor ended: {', '.join(unnamed)}."
+    return sentence
+
+
+_HEAD = (
+    f"{'fault':22} {'rows':>5} {'lost':>5} {'wrong':>6} {'stale':>6} {'interrupted':>12} "
+    f"{'recoveries':>11} {'stop, s':>8}  injected"
+)
+
+
+def _line(name: str, row: dict) -> str:
+    return (
+        f"{name:22} {row['rows']:5d} {row['rows_lost']:5d} {row['rows_wrong']:6d} "
+        f"{row['rows_stale']:6d} {row['rows_interrupted']:12d} {row['recoveries']:11d} "
+        f"{row['stop_s']:8.2f}  {sum(row['injected'].values())}"
+        + (f"\n    {row['said']}" if row["said"] else "")
+    )
+
+
+if __name__ == "__main__":
+    cli.run(main)

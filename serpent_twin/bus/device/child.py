@@ -1,0 +1,85 @@
+"""How does another program's test start a device and make it fail?"""
+
+import json
+import queue
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from serpent_twin.errors import SerpentError
+
+_START = 60.0  # [s] a device needs about two to start, more where many start at once
+_ANSWER = 10.0  # [s]
+
+
+class Running:
+    """A device in a process of its own; `port` stays good when it is unplugged and plugged in."""
+
+    def __init__(self, link: Path, arguments: tuple[str, ...]) -> None:
+        self.port = str(link)
+        self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115 lives as long as the process
+        command = [sys.executable, "-m", "serpent_twin.bus.device", "--until-eof"]
+        command += ["--link", str(link), *arguments]
+        self.process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            text=True,
+            bufsize=1,
+        )
+        self._lines: queue.Queue[str] = queue.Queue()
+        self._plugged = threading.Event()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def wait_until_plugged(self) -> None:
+        """Return when the port is there; raises `SerpentError` with the device's words if it ended."""
+        self._plugged.wait(_START)
+        if self.process.poll() is not None or not self._plugged.is_set():
+            self.process.kill()
+            self._errors.seek(0)
+            raise SerpentError(f"the device did not start: {self._errors.read().strip()}")
+
+    def trigger(self, name: str, motor: int | None = None, seconds: float | None = None) -> str:
+        """Let a fault strike once, now; returns the device's answer."""
+        assert self.process.stdin is not None
+        words = (name, motor or "-", "" if seconds is None else seconds)
+        print(*words, file=self.process.stdin, flush=True)
+        answer = self._lines.get(timeout=_ANSWER)
+        if answer.startswith("error: "):
+            raise SerpentError(answer.removeprefix("error: "))
+        return answer.removeprefix("done: ")
+
+    def stop(self) -> dict[str, Any]:
+        """End the device as Ctrl-C does; returns what it counted."""
+        self.process.terminate()
+        self.process.wait(_ANSWER)
+        self._reader.join(_ANSWER)
+        return json.loads(self._lines.get_nowait())
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            if line.startswith("port: "):
+                self._plugged.set()
+            elif line.startswith(("done: ", "error: ", "{")):  # MuJoCo prints warnings between
+                self._lines.put(line.strip())
+
+
+@contextmanager
+def running(*arguments: str) -> Iterator[Running]:
+    """A device with these command-line arguments, for the length of a `with` block."""
+    with tempfile.TemporaryDirectory(prefix="serpent-") as folder:
+        device = Running(Path(folder) / "port", arguments)
+        try:
+            device.wait_until_plugged()
+            yield device
+        finally:
+            device.process.terminate()
+            device.process.wait(_ANSWER)

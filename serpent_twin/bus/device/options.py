@@ -1,0 +1,125 @@
+"""How is the device asked for?"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+
+from serpent_twin.arm import N_MOTORS
+from serpent_twin.bus.device.arm_file import load_twin
+from serpent_twin.bus.device.faults import Fault, Faults
+from serpent_twin.bus.device.serving import Device
+from serpent_twin.bus.device.servos import Servos
+from serpent_twin.bus.device.terminal import Terminal
+from serpent_twin.bus.device.transcript import Transcript
+from serpent_twin.bus.motors import SimulatedMotors
+from serpent_twin.errors import SerpentError
+from serpent_twin.mocap.frame import Rigid
+from serpent_twin.mocap.natnet.server import SimulatedCameras
+from serpent_twin.parameters import NOMINAL, Parameters
+from serpent_twin.twin import Twin
+
+CAMERAS = Rigid(
+    np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([0.3, 1.4, -0.2])
+)
+"""Base to simulated cameras: y is up, as in Motive, and the base hangs 1.4 m above their origin."""
+Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
+
+
+@dataclass(frozen=True)
+class Options:
+    """Put ten simulated XL430-W250 with the arm on a pseudo-terminal, for any program of yours.
+
+    Prints the port, serves until Ctrl-C, then prints what it counted as one line of JSON. A line
+    NAME [MOTOR] [SECONDS] on standard input, such as `overload 3`, lets a fault strike now. The motors
+    are as new: ids 1 … 10, 1 MBd, position mode, torque off, return delay 500 µs.
+    """
+
+    link: Path | None = None
+    """A path that always leads to the port, such as /tmp/arm; the terminal's own number varies."""
+    realtime: Flag = False
+    """Time follows the wall clock. This is the default."""
+    lockstep: Flag = False
+    """Time stands still but for one control period after each group write of goals, which passes as
+    fast as it computes: lengthen your port handler's timeout."""
+    rate_hz: float = 4.0
+    """Control periods per second of the motors' time, in lockstep."""
+    fault: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
+    """NAME=RATE[@MOTOR][/SECONDS]; may be given again. RATE is a probability: of each status packet for
+    crc, drop, truncate, garbage, late; of each instruction packet for deaf; of each control cycle for
+    missing, unplug, overload, voltage, watchdog, reboot; of the start for doubled, wrong_model."""
+    seed: int = 0
+    """numpy.random.default_rng(SEED) draws the load noise, default_rng([SEED, 1]) the faults,
+    default_rng([SEED, 2]) the cameras' noise."""
+    start_counts: tuple[int, ...] = (0,)
+    """What the positions read at the start, with the arm straight: one number for all motors, or ten."""
+    paced: Flag = False
+    """Let packets take their time on the wire, and return delays; the default in real time."""
+    no_paced: Flag = False
+    """Answer at once; the default in lockstep."""
+    cameras: int = 0
+    """Port on which simulated cameras stream the arm's markers as Motive does (NatNet, unicast, y up), in
+    real time; 1510 is Motive's own. 0: none."""
+    transcript: Path | None = None
+    """A file for what really happened, as JSON lines: group reads, goals, faults, velocities."""
+    until_eof: Flag = False
+    """End when standard input ends, as it does when the program dies that started the device."""
+    model: Path | None = None
+    """An MJCF file of the arm, instead of the arm built from the parameters below."""
+    parameters: Parameters = field(default=NOMINAL)
+    """The simulated arm's free parameters."""
+
+
+def build(options: Options) -> Device:
+    """The device that the options describe; raises `SerpentError` on options that cannot be."""
+    _check(options)
+    parameters = options.parameters
+    faults = [Fault.parse(text) for text in options.fault]
+    twin = load_twin(options.model) if options.model else Twin(parameters=parameters)
+    period = 1 / options.rate_hz if options.lockstep else None
+    if period is not None:
+        twin.substeps(period)
+    rng = np.random.default_rng(options.seed)
+    start = np.array(options.start_counts)
+    motors = SimulatedMotors(twin, rng, parameters.load_noise, start_counts=start)
+    transcript = Transcript(options.transcript, motors)
+    draw = np.random.default_rng([options.seed, 1])
+    return Device(
+        Servos(motors),
+        Terminal(options.link),
+        Faults(faults, draw, transcript.fault),
+        transcript,
+        period,
+        paced=options.paced or not (options.no_paced or options.lockstep),
+        cameras=_cameras(options),
+    )
+
+
+def _cameras(options: Options) -> SimulatedCameras | None:
+    if not options.cameras:
+        return None
+    rng = np.random.default_rng([options.seed, 2])
+    return SimulatedCameras(
+        options.cameras, base_to_cameras=CAMERAS, rng=rng, noise=options.parameters.marker_noise
+    )
+
+
+def _check(options: Options) -> None:
+    for one, other in (("realtime", "lockstep"), ("paced", "no_paced")):
+        if getattr(options, one) and getattr(options, other):
+            flags = f"--{one} and --{other.replace('_', '-')}"
+            raise SerpentError(f"{flags} exclude each other; give one of them or none.")
+    if options.cameras and options.lockstep:
+        raise SerpentError("--cameras stream in real time; leave --lockstep out, or the cameras.")
+    if not 0 < options.rate_hz <= 100:
+        raise SerpentError(
+            f"--rate-hz is {options.rate_hz:g}; give a rate above 0 and up to 100 Hz."
+        )
+    if options.seed < 0:
+        raise SerpentError(f"--seed is {options.seed}; give a number of at least 0.")
+    if len(options.start_counts) not in (1, N_MOTORS):
+        raise SerpentError(
+            f"--start-counts has {len(options.start_counts)} numbers; give 1 or {N_MOTORS}."
+        )

@@ -1,0 +1,101 @@
+"""How does a program that opens a serial port reach the device?"""
+
+import heapq
+import os
+import pty
+import termios
+import tty
+from itertools import count
+from pathlib import Path
+
+from serpent_twin.errors import SerpentError
+
+_CHUNK = 65536
+
+
+class Terminal:
+    """A pseudo-terminal, perhaps with a link to it, and what is on its way to whoever opened it.
+
+    It can be unplugged and plugged in again, as a USB adapter: the link stays, the terminal is another.
+    """
+
+    def __init__(self, link: Path | None = None) -> None:
+        if link is not None and not _is_free(link):
+            raise SerpentError(
+                f"--link {link}: something else lies there; name a path that is free."
+            )
+        self.link = link
+        self.port = ""
+        self._master = self._slave = -1
+        self._outgoing: list[tuple[float, int, bytes]] = []
+        self._order = count()
+
+    @property
+    def plugged(self) -> bool:
+        """Whether the port exists."""
+        return self._master >= 0
+
+    def fileno(self) -> int:
+        """What to `select` on while it is plugged."""
+        return self._master
+
+    def plug(self) -> None:
+        """Make the port, and link to it."""
+        self._master, self._slave = pty.openpty()
+        tty.setraw(self._master)
+        tty.setraw(self._slave)  # kept open: or the end of one client would be the end of the port
+        os.set_blocking(self._master, False)
+        self.port = os.ttyname(self._slave)
+        if self.link is not None:
+            self.link.unlink(missing_ok=True)
+            self.link.symlink_to(self.port)
+
+    def unplug(self) -> None:
+        """Let the port vanish with all that was on its way; harmless when it has."""
+        if not self.plugged:
+            return
+        if self.link is not None and os.path.realpath(self.link) == self.port:
+            self.link.unlink()
+        os.close(self._slave)
+        os.close(self._master)
+        self._master = self._slave = -1
+        self._outgoing.clear()
+
+    def speed(self) -> int:
+        """The speed that the port is set to, as a constant of `termios`."""
+        return termios.tcgetattr(self._slave)[5]
+
+    def read(self) -> bytes:
+        """What has arrived."""
+        try:
+            return os.read(self._master, _CHUNK)
+        except OSError:  # nothing there after all
+            return b""
+
+    def send(self, data: bytes, due: float) -> None:
+        """Send bytes when the clock of `flush` is at `due`; what is due together keeps its order."""
+        if data and self.plugged:
+            heapq.heappush(self._outgoing, (due, next(self._order), data))
+
+    @property
+    def next_due(self) -> float | None:
+        """When the next bytes are due."""
+        return self._outgoing[0][0] if self._outgoing else None
+
+    def flush(self, now: float) -> None:
+        """Send what is due. Where nobody reads, bytes are lost, as on a wire."""
+        due = []
+        while self._outgoing and self._outgoing[0][0] <= now:
+            due.append(heapq.heappop(self._outgoing)[2])
+        data = b"".join(due)
+        while data:
+            try:
+                data = data[os.write(self._master, data) :]
+            except OSError:
+                return
+
+
+def _is_free(link: Path) -> bool:
+    """Whether nothing lies there but what a device left that was killed."""
+    left = link.is_symlink() and link.readlink().is_relative_to("/dev/pts")
+    return left or not os.path.lexists(link)

@@ -1,0 +1,282 @@
+"""Is this bus fit to move the arm, and if not, what is to be done?"""
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from tqdm import tqdm
+
+from serpent_twin import cli
+from serpent_twin.bus import BusError
+from serpent_twin.bus.control_table import BAUD_RATES, MODEL_NUMBER
+from serpent_twin.bus.dynamixel import reading
+from serpent_twin.bus.dynamixel.registers import MotorRegisters
+from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup
+from serpent_twin.bus.dynamixel.wire import Wire
+from serpent_twin.bus.limits import error_names
+from serpent_twin.files import write_whole
+
+LOW_VOLTAGE, HIGH_VOLTAGE = 11.0, 12.6
+"""The arm is driven at 12 V [V]; a servo's strength and its load readings go with the voltage."""
+WARM = 55
+"""Above this, let the motors cool before a long run [°C]; they switch off at 72."""
+OVERLOAD_AND_HEAT = 0b100100
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Examine the motors before the first run. Nothing moves and nothing is written to them.
+
+    Exit status 1 if anything stands against a run.
+    """
+
+    port: str = ""
+    """Serial port of the motors; else the one in --setup."""
+    setup: Path = Path("arm.toml")
+    """The arm's setup, if there is one yet."""
+    reads: int = 200
+    """Number of reads of all motors to time."""
+    reboot: tuple[int, ...] = ()
+    """Motors to restart after the examination, which clears their errors; their torque goes off."""
+    out: Path | None = None
+    """JSON file for the figures and findings."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something a person should know."""
+
+    level: Literal["error", "warning"]
+    what: str
+    todo: str
+
+
+@dataclass
+class Diagnosis:
+    """What was found: one entry a motor, times in milliseconds, and the findings."""
+
+    port: str
+    motors: list[dict[str, int]] = field(default_factory=list)
+    cycle_ms: dict[str, float] = field(default_factory=dict)
+    latency_timer_ms: int | None = None
+    findings: list[Finding] = field(default_factory=list)
+
+    def add(self, level: Literal["error", "warning"], what: str, todo: str) -> None:
+        """Enter a finding."""
+        self.findings.append(Finding(level, what, todo))
+
+
+def examine(setup: ArmSetup, reads: int = 200) -> Diagnosis:
+    """Look at everything on the bus, changing nothing."""
+    diagnosis = Diagnosis(setup.port)
+    _latency_timer(diagnosis)
+    wire = Wire(setup.port, setup.baud)
+    wire.open()
+    try:
+        found = _scan(wire, setup, diagnosis)
+        registers = MotorRegisters(wire, setup.ids)
+        present = [m for m in registers.motors if setup.ids[m - 1] in found]
+        for motor in present:
+            _examine_motor(registers, motor, setup, diagnosis)
+        if len(present) == len(setup.ids) and reads:
+            _time_reads(wire, setup, reads, diagnosis)
+    finally:
+        wire.close()
+    if not setup.zero:
+        diagnosis.add("warning", "the straight pose was never set", "run serpent_twin.bus.zero")
+    return diagnosis
+
+
+def _scan(wire: Wire, setup: ArmSetup, diagnosis: Diagnosis) -> set[int]:
+    answers = wire.scan()
+    found = {id_ for id_, _ in answers}
+    for id_ in sorted(found):
+        models = [int.from_bytes(r.data[:2], "little") for i, r in answers if i == id_]
+        if len(models) > 1:
+            diagnosis.add("error", f"id {id_} answers twice", "give each motor an id of its own")
+        if models[0] != MODEL_NUMBER:
+            what = f"id {id_} is model {models[0]}, not an XL430-W250 ({MODEL_NUMBER})"
+            diagnosis.add("error", what, "exchange it, or take it off the bus")
+    missing = [id_ for id_ in setup.ids if id_ not in found]
+    if missing:
+        todo = "check cable, supply and ids"
+        if not found:
+            todo = _other_rates(wire, setup) or todo
+        diagnosis.add("error", f"no answer from id {', '.join(map(str, missing))}", todo)
+    strangers = sorted(found - set(setup.ids))
+    if strangers:
+        what = f"id {', '.join(map(str, strangers))} is on the bus, but not in the setup"
+        diagnosis.add("warning", what, "take it off, or correct ids in the setup")
+    return found
+
+
+def _other_rates(wire: Wire, setup: ArmSetup) -> str:
+    for baud in BAUD_RATES:
+        other = Wire(setup.port, baud)
+        wire.close()
+        try:
+            other.open()
+            if other.scan():
+                return f"they answer at {baud} bit/s: set baud = {baud} in {setup.path}"
+        except BusError:
+            continue  # the adapter cannot do this rate
+        finally:
+            other.close()
+    wire.open()
+    return ""
+
+
+def _examine_motor(registers: MotorRegisters, motor: int, setup: ArmSetup, into: Diagnosis) -> None:
+    get = {name: registers.get(motor, name) for name in _LOOKED_AT}
+    into.motors.append({"motor": motor, "id": setup.ids[motor - 1]} | get)
+    for level, what, todo in _complaints(get):
+        into.add(level, f"motor {motor}: {what}", todo)
+    for name in ("homing_offset", "drive_mode"):
+        stored = getattr(setup, name)
+        if stored and stored[motor - 1] != get[name]:
+            what = (
+                f"motor {motor}: {name} is {get[name]}, was {stored[motor - 1]} when zero was set"
+            )
+            into.add(
+                "error", what, "set it back, or run serpent_twin.bus.zero with the arm straight"
+            )
+
+
+def _complaints(get: dict[str, int]) -> Iterator[tuple[Literal["error", "warning"], str, str]]:
+    if errors := error_names(get["hardware_error_status"]):
+        todo = "mend the cause, then restart it with --reboot"
+        yield "error", f"reports {' and '.join(errors)}", todo
+    volts = get["present_input_voltage"] / 10
+    if not LOW_VOLTAGE <= volts <= HIGH_VOLTAGE:
+        yield (
+            "error",
+            f"has {volts:.1f} V",
+            "supply 12 V, thick enough for ten motors (14 A at stall)",
+        )
+    if get["present_temperature"] > WARM:
+        yield "warning", f"is at {get['present_temperature']} °C", "let it cool"
+    if get["torque_enable"]:
+        yield "warning", "its torque is on", "another program may be running; collect takes it over"
+    if get["shutdown"] & OVERLOAD_AND_HEAT != OVERLOAD_AND_HEAT:
+        what = f"does not switch off at overload and heat (shutdown is {get['shutdown']:#04x})"
+        yield "error", what, "set Shutdown (63) to 0x34, the default"
+    if get["drive_mode"] & ~1:
+        yield "error", f"drive_mode is {get['drive_mode']}", "set Drive Mode (10) to 0 or 1"
+    if get["bus_watchdog"] == -1:
+        yield "warning", "was stopped by its watchdog", "nothing: collect clears it"
+
+
+_LOOKED_AT = (
+    "firmware_version",
+    "operating_mode",
+    "drive_mode",
+    "homing_offset",
+    "return_delay_time",
+    "velocity_limit",
+    "temperature_limit",
+    "min_voltage_limit",
+    "max_voltage_limit",
+    "shutdown",
+    "torque_enable",
+    "hardware_error_status",
+    "bus_watchdog",
+    "present_position",
+    "present_input_voltage",
+    "present_temperature",
+)
+
+
+def _time_reads(wire: Wire, setup: ArmSetup, reads: int, into: Diagnosis) -> None:
+    times, failed = [], 0
+    for _ in tqdm(range(reads), unit="read", leave=False):
+        began = time.perf_counter()
+        replies = wire.sync_read(setup.ids, reading.ADDRESS, reading.LENGTH)
+        times.append(1e3 * (time.perf_counter() - began))
+        if len(replies) < len(setup.ids):
+            failed += 1
+            wire.drain()
+    least = (24 + len(setup.ids) * (reading.LENGTH + 11)) * 1e4 / setup.baud
+    into.cycle_ms = {
+        "median": float(np.median(times)),
+        "p99": float(np.quantile(times, 0.99)),
+        "max": float(np.max(times)),
+        "least_at_this_baud_rate": least,
+        "incomplete_reads": float(failed),
+    }
+    if failed:
+        todo = "check contacts and supply; keep the bus cable away from motor cables"
+        level = "error" if failed > reads // 20 else "warning"
+        into.add(level, f"{failed} of {reads} reads were incomplete", todo)
+    if into.cycle_ms["median"] > 2 * least + 6:
+        todo = "set the adapter's latency timer to 1 ms (README, udev rule)"
+        into.add("warning", f"a read takes {into.cycle_ms['median']:.1f} ms", todo)
+
+
+def _latency_timer(into: Diagnosis) -> None:
+    device = Path(into.port).resolve().name
+    timer = Path(f"/sys/bus/usb-serial/devices/{device}/latency_timer")
+    if timer.exists():
+        into.latency_timer_ms = int(timer.read_text())
+        if into.latency_timer_ms > 1:
+            what = f"the adapter's latency timer is {into.latency_timer_ms} ms"
+            into.add("warning", what, f"as root: echo 1 > {timer} (README, udev rule)")
+
+
+def describe(diagnosis: Diagnosis) -> str:
+    """The diagnosis as a page of text."""
+    lines = [f"{diagnosis.port}: {len(diagnosis.motors)} motors of the setup answer", ""]
+    lines += ["motor  id  firmware  mode  torque  error  volts    °C  position  return delay"]
+    for m in diagnosis.motors:
+        lines.append(
+            f"{m['motor']:>5} {m['id']:>3} {m['firmware_version']:>9} {m['operating_mode']:>5} "
+            f"{'on' if m['torque_enable'] else 'off':>7} {m['hardware_error_status']:>6} "
+            f"{m['present_input_voltage'] / 10:>6.1f} {m['present_temperature']:>5} "
+            f"{m['present_position']:>9} {2 * m['return_delay_time']:>10} µs"
+        )
+    if diagnosis.cycle_ms:
+        c = diagnosis.cycle_ms
+        lines += [
+            "",
+            f"one read of all motors: median {c['median']:.1f} ms, p99 {c['p99']:.1f} ms, ",
+        ]
+        lines[-1] += (
+            f"max {c['max']:.1f} ms; at this baud rate {c['least_at_this_baud_rate']:.1f} ms at least"
+        )
+    lines.append("")
+    lines += [f"{f.level}: {f.what}: {f.todo}." for f in diagnosis.findings]
+    if not diagnosis.findings:
+        lines.append("Nothing stands against a run.")
+    return "\n".join(lines)
+
+
+def main(config: Doctor) -> None:  # noqa: D103 tyro would print it above the config's own
+    setup = find_setup(config.setup, config.port)
+    diagnosis = examine(setup, config.reads)
+    print(describe(diagnosis))
+    if config.out:
+        write_whole(config.out, json.dumps(asdict(diagnosis), indent=2) + "\n")
+    if config.reboot:
+        _reboot(setup, config.reboot)
+    if any(f.level == "error" for f in diagnosis.findings):
+        sys.exit(1)
+
+
+def _reboot(setup: ArmSetup, motors: tuple[int, ...]) -> None:
+    from serpent_twin.bus.dynamixel.bus import DynamixelBus
+
+    bus = DynamixelBus(setup)
+    bus.connect()
+    try:
+        bus.reboot(motors)
+    finally:
+        bus.close()
+    print(f"motor {', '.join(map(str, motors))} restarted; turn counts were kept.")
+
+
+if __name__ == "__main__":
+    cli.run(main)

@@ -1,0 +1,333 @@
+"""How are ten real XL430-W250 commanded and read, and what if the bus does not play along?"""
+
+import contextlib
+import time
+from collections.abc import Iterable, Sequence
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from serpent_twin.arm import N_MOTORS, Array
+from serpent_twin.bus import BusError, MotorState, xl430
+from serpent_twin.bus.control_table import TABLE
+from serpent_twin.bus.dynamixel.reader import (
+    SLACK_IN_LOCKSTEP,
+    NewClockError,
+    Reader,
+    TransientError,
+)
+from serpent_twin.bus.dynamixel.reading import Reading
+from serpent_twin.bus.dynamixel.recovery import Recovery
+from serpent_twin.bus.dynamixel.registers import TRIES, MotorRegisters
+from serpent_twin.bus.dynamixel.setup import ArmSetup
+from serpent_twin.bus.dynamixel.shutdown import close_after, switch_off, uninterrupted
+from serpent_twin.bus.dynamixel.turns import TurnCounter
+from serpent_twin.bus.dynamixel.wire import PortLostError, Wire
+from serpent_twin.bus.limits import Guard
+
+KEEP_ALIVE = 0.05
+"""While waiting, the motors are read this often [s]: it feeds their watchdog and guards the limits."""
+HALT_AFTER = 0.15
+"""Without a reading for this long, the arm is told to stand still [s]."""
+VERIFY_EVERY = 0.1
+"""Goals are read back this often at most [s]; Velocity Trajectory (136) is compared every time."""
+_GOAL = TABLE["goal_velocity"]
+
+
+class DynamixelBus:
+    """A `MotorBus` over dynamixel-sdk; `lockstep` for a simulated device whose time only commands move.
+
+    `recovery` keeps account of what was overcome; `missed` counts the deadlines that had passed when
+    `wait` was called.
+    """
+
+    def __init__(self, setup: ArmSetup, lockstep: bool = False) -> None:
+        self.setup, self.lockstep = setup, lockstep
+        self.missed = 0
+        self.wire = Wire(setup.port, setup.baud)
+        self.registers = MotorRegisters(self.wire, setup.ids)
+        self.turns = TurnCounter(self.registers, setup)
+        self.recovery = Recovery(self.registers, self.turns, setup, self._now)
+        self._direction = np.array(setup.direction)
+        self._connected = self._torque = False
+        self._goal = np.zeros(N_MOTORS, np.int64)
+        self._guard = Guard(setup.limits)
+        self._reader = Reader(self.registers, self._now, lockstep)
+        self._trust_trajectory = True
+        self._start = self._simulated_time = self._waited = self._verified = 0.0
+
+    def connect(self) -> None:
+        """Open the port, check all ten motors, their zero and their turn counts."""
+        self.wire.open()
+        try:
+            self.wire.sync_write(TABLE["status_return_level"], dict.fromkeys(self.setup.ids, 2))
+            self.registers.handshake()
+            self.registers.compare("homing_offset", self.setup.homing_offset)
+            self.registers.compare("drive_mode", self.setup.drive_mode)
+            self.turns.connect()
+        except BaseException:
+            self.wire.close()
+            raise
+        self._start, self._connected = time.monotonic(), True
+
+    def configure(self) -> None:
+        """Torque off, velocity mode, limits, no return delay, watchdog: each set and read back."""
+        self._require_connection()
+        limit = self.setup.limits.velocity_words
+        for motor in self.registers.motors:
+            self.registers.ensure(motor, "torque_enable", 0)
+            self.registers.ensure(motor, "operating_mode", 1)
+            self.registers.ensure(motor, "return_delay_time", 0)
+            self.registers.ensure(motor, "velocity_limit", limit)
+            self.recovery.configure_ram(motor)
+        self._torque, self._goal = False, np.zeros(N_MOTORS, np.int64)
+
+    def enable_torque(self, on: bool = True) -> None:
+        """Switch all drives on, holding still, or off; a motor in error stays off and is named."""
+        self._require_connection()
+        self._torque, self._goal = False, np.zeros(N_MOTORS, np.int64)
+        if on:
+            self._refuse_tripped()
+            for motor in self.registers.motors:
+                self.recovery.energise(motor, goal=0)
+            self._torque = True
+        else:
+            switch_off(self.registers)
+        self._waited = self._now()
+
+    def write_velocity(self, velocity: ArrayLike) -> Array:
+        """Send goal velocities [rad/s], (10,); returns what was really sent, quantised and limited."""
+        self._require_connection()
+        limit = self.setup.limits.velocity_words
+        wanted = xl430.checked_velocity(velocity) * self._direction
+        self._goal = xl430.goal_velocity_words(wanted, limit)
+        self._send_goals()
+        if self.lockstep or self._now() - self._verified >= VERIFY_EVERY:
+            self._verify_goals()
+        return self._goal * self._direction * xl430.VELOCITY_UNIT
+
+    def read_state(self) -> MotorState:
+        """Read all motors at one instant; stops the arm and raises if a limit is broken."""
+        self._require_connection()
+        state = self._state(self._read())
+        if self._torque:
+            try:
+                self._guard.check(state)
+            except BusError:
+                self._halt()
+                raise
+        return state
+
+    def reboot(self, motors: Iterable[int]) -> None:
+        """Restart motors, numbered from 1: errors clear, their torque goes off, turns are restored.
+
+        The others stand still; `enable_torque` brings all back.
+        """
+        self._require_connection()
+        motors = list(motors)
+        self._read()  # where they are now, for they may have been moved since
+        self._halt()
+        self._torque = False
+        self.registers.reboot(motors, self.setup.patience)
+        self.recovery.welcome_back(motors)
+        self._reader.forget()
+
+    def wait(self, period: float) -> float:
+        """Let time pass until `period` [s] after the last wait ended; returns the bus's clock [s]."""
+        self._require_connection()
+        if self.lockstep:
+            return self._wait_in_lockstep(period)
+        deadline = self._waited + period
+        while deadline - self._now() > 1.5 * KEEP_ALIVE:
+            time.sleep(KEEP_ALIVE)
+            self.read_state()
+        left = deadline - self._now()
+        if left < 0:  # too late: the next period counts from now
+            self.missed += 1
+        time.sleep(max(0.0, left))
+        self._waited = max(deadline, deadline - left)
+        return self._now()
+
+    def close(self) -> None:
+        """Switch the torque off and let go of the bus; closing twice is harmless."""
+        if not self._connected:
+            return
+        self._connected = self._torque = False
+        with uninterrupted():
+            try:
+                switch_off(self.registers)
+            finally:
+                self.turns.store()
+                self.wire.close()
+
+    def __enter__(self) -> Self:
+        self.connect()
+        try:
+            self.configure()
+        except BaseException as error:
+            close_after(error, self)
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is None:
+            self.close()
+        else:
+            close_after(error, self)
+
+    def _read(self) -> Reading:
+        """A reading that can be believed, however often it takes while the patience lasts."""
+        began, halted, odd = time.monotonic(), False, []
+        while True:
+            try:
+                if odd:
+                    self._revive(odd)
+                odd, found = [], self._reader.attempt()
+                self.turns.follow(found.registers.present_position)
+                self._compare_trajectory(found)
+                return found
+            except PortLostError as error:
+                self._return_of_the_port(error)
+            except NewClockError as error:
+                odd = error.motors
+            except TransientError as trouble:
+                self.recovery.note(trouble.kind, trouble)
+                passed = time.monotonic() - began
+                if passed > self.setup.patience:
+                    self._halt()
+                    raise BusError(
+                        f"{trouble} for {passed:.1f} s; the arm was stopped. {_ADVICE}"
+                    ) from None
+                if passed > HALT_AFTER and not halted:
+                    halted = True
+                    self._halt()
+
+    def _state(self, found: Reading) -> MotorState:
+        zero = np.array(self.setup.zero or (0,) * N_MOTORS) - self.turns.turns * xl430.TURN
+        return MotorState.from_registers(found.registers, found.asked, zero, self._direction)
+
+    # Goals
+
+    def _send_goals(self) -> None:
+        goals = dict(zip(self.setup.ids, map(int, self._goal), strict=True))
+        try:
+            self.wire.sync_write(_GOAL, goals)
+        except PortLostError as error:
+            self._return_of_the_port(error)
+            self.wire.sync_write(_GOAL, goals)
+
+    def _verify_goals(self) -> None:
+        """Read goals back and write those anew that did not arrive: a sync write is never answered.
+
+        A motor that stays silent here is for the next reading to insist on.
+        """
+        for _ in range(TRIES):
+            try:
+                deaf = self._reader.attempt_goals() != self._goal
+                if not deaf.any():
+                    self._verified = self._now()
+                    return
+                self._repair(deaf)
+            except PortLostError as error:
+                self._return_of_the_port(error)
+            except TransientError as trouble:
+                self.recovery.note(trouble.kind, trouble)
+
+    def _compare_trajectory(self, found: Reading) -> None:
+        """In velocity mode the motors say in every block which velocity they follow."""
+        if not (self._torque and self._trust_trajectory) or found.registers.hardware_error.any():
+            return
+        other = found.registers.velocity_trajectory != self._goal
+        if other.any() and not self._repair(other):
+            self._trust_trajectory = False  # goals are right: this firmware means something else
+
+    def _repair(self, motors: np.ndarray) -> bool:
+        """Have motors follow their goals again; returns whether anything was wrong with them."""
+        wrong = False
+        for n in np.flatnonzero(motors):
+            motor, goal = int(n) + 1, int(self._goal[n])
+            if self.registers.get(motor, "bus_watchdog") == -1:
+                self.recovery.configure_ram(motor)
+                self.recovery.note("watchdog", f"motor {motor} had been stopped by its watchdog")
+            elif self.registers.get(motor, "goal_velocity") != goal:
+                self.recovery.note("goal", f"motor {motor} had not received its goal")
+            elif self._torque and not self.registers.get(motor, "torque_enable"):
+                self._revive([motor])
+            else:
+                continue
+            self.registers.put(motor, "goal_velocity", goal)
+            wrong = True
+        return wrong
+
+    def _halt(self) -> None:
+        """Tell the arm to stand still, if it hears; in lockstep a command would move time."""
+        if self.lockstep:
+            return
+        self._goal = np.zeros(N_MOTORS, np.int64)
+        with contextlib.suppress(PortLostError):  # then the watchdog stops it
+            self.wire.sync_write(_GOAL, dict.fromkeys(self.setup.ids, 0))
+
+    def _return_of_the_port(self, error: PortLostError) -> None:
+        self.recovery.note("port", error)
+        self.recovery.reopen()
+
+    def _revive(self, motors: Sequence[int]) -> None:
+        """Motors whose clock began anew, or whose torque went off without an error."""
+        self._reader.forget()
+        if self.recovery.revive(motors, self._goal if self._torque else None):
+            return
+        off = [m for m in motors if self._torque and not self.registers.get(m, "torque_enable")]
+        if off:
+            raise BusError(
+                f"the torque of {self.registers.name(off)} was switched off from elsewhere. {_ADVICE}"
+            )
+        self.recovery.note("clock", f"the clock of {self.registers.name(motors)} was set anew")
+
+    # Time, and the rest
+
+    def _now(self) -> float:
+        return self._simulated_time if self.lockstep else time.monotonic() - self._start
+
+    def _wait_in_lockstep(self, period: float) -> float:
+        """See that the device's clock went on by a period; the command that moves it may be lost."""
+        if self._reader.last is None:
+            self._read()
+        for attempt in range(4 * TRIES):
+            passed = self._reader.passed_since(self._simulated_time)
+            if passed and passed > SLACK_IN_LOCKSTEP:
+                break
+            self.wire.drain()
+            if passed is not None and attempt % 2:  # asked again, with late answers out of the way
+                self.recovery.note("goal", "the goals did not arrive")
+                self._send_goals()
+        else:
+            raise BusError(f"the device's clock stands still. {_ADVICE}")
+        if abs(passed - period) > SLACK_IN_LOCKSTEP:
+            raise BusError(
+                f"the device goes on by {passed:g} s a command, but {period:g} s were asked for. "
+                "Start it with the same --rate-hz."
+            )
+        self._simulated_time += period
+        return self._simulated_time
+
+    def _refuse_tripped(self) -> None:
+        tripped = self._read().registers.hardware_error > 0
+        if tripped.any():
+            raise BusError(
+                f"{self.registers.name_all(tripped)} has switched itself off after a hardware error. "
+                "Reboot before enabling torque."
+            )
+
+    def _require_connection(self) -> None:
+        if not self._connected:
+            raise BusError("the bus is not connected: call connect(), or use it in a `with` block.")
+
+
+_ADVICE = "Check cables and supply with serpent_twin.bus.doctor, then go on."

@@ -1,0 +1,107 @@
+"""When must the arm stop?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.arm import N_JOINTS, N_MOTORS, Array, joint_from_motor
+from serpent_twin.bus import BusError, MotorState, xl430
+from serpent_twin.bus.xl430 import Words
+
+ERROR_BITS = {
+    0: "input voltage",
+    2: "overheating",
+    3: "encoder",
+    4: "electrical shock",
+    5: "overload",
+}
+"""Hardware Error Status (70), by bit."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a real arm may do before the bus stops it. A: ours, none is published."""
+
+    velocity: float = xl430.VELOCITY_LIMIT * xl430.VELOCITY_UNIT
+    """Greatest motor velocity that is ever sent [rad/s]"""
+    joint_angle: float = np.deg2rad(60.0)
+    """Greatest joint angle, told from the motors by stiff cables [rad]; targets end at 22.5°"""
+    load: float = 0.9
+    """Share of the stall torque that no motor may hold for longer than `load_time` [1]"""
+    load_time: float = 1.0
+    """[s]"""
+
+    def __post_init__(self) -> None:
+        for name in ("velocity", "joint_angle", "load", "load_time"):
+            if not getattr(self, name) > 0:
+                raise BusError(
+                    f"the limit {name} is {getattr(self, name)}; give a positive number."
+                )
+
+    @property
+    def velocity_words(self) -> int:
+        """The velocity limit in register units, rounded down."""
+        return min(int(self.velocity / xl430.VELOCITY_UNIT + 1e-9), 1023)
+
+
+class Guard:
+    """Watches readings of one arm against its limits, from the first to the last."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._overloaded_since = np.full(N_MOTORS, np.nan)
+
+    def check(self, state: MotorState) -> None:
+        """Raise `BusError` that names motor or joint, its value and its limit."""
+        refuse_hardware_error(state)
+        self._check_joints(joint_from_motor(state.position[:N_JOINTS]))
+        self._check_loads(state.load, state.time)
+
+    def _check_joints(self, joint: Array) -> None:
+        limit = self._limits.joint_angle
+        over = np.flatnonzero(np.abs(joint) > limit)
+        if over.size:
+            angle = np.rad2deg(joint[over[0]])
+            raise BusError(
+                f"joint {over[0] + 1} is at {angle:.0f}° by its motors, beyond the limit of "
+                f"{np.rad2deg(limit):.0f}°; the arm was stopped. Turn it back by hand with the torque "
+                "off; if it hangs straight now, its zero is lost: run serpent_twin.bus.zero."
+            )
+
+    def _check_loads(self, load: Array, time: float) -> None:
+        over = np.abs(load) > self._limits.load
+        since = np.where(np.isnan(self._overloaded_since), time, self._overloaded_since)
+        self._overloaded_since = np.where(over, since, np.nan)
+        held = np.where(over, time - since, 0.0)
+        worst = int(np.argmax(held))
+        if held[worst] > self._limits.load_time:
+            raise BusError(
+                f"motor {worst + 1} held {abs(load[worst]):.0%} of its stall torque for "
+                f"{held[worst]:.1f} s, over the limit of {self._limits.load:.0%} for "
+                f"{self._limits.load_time:g} s; the arm was stopped. Free the arm, then go on."
+            )
+
+
+def refuse_hardware_error(state: MotorState) -> None:
+    """Raise `BusError` that names every motor with an error, the cause and the time."""
+    if state.hardware_error.any():
+        raise BusError(
+            f"{error_sentence(state.hardware_error)} at {state.time:.2f} s; a motor in error has "
+            "switched itself off or is about to. What was logged until then is kept: mend the cause, "
+            "reboot the motor (serpent_twin.bus.doctor --reboot), then go on."
+        )
+
+
+def error_sentence(hardware_error: Words) -> str:
+    """Which motors report which hardware error, for register 70 of all motors, (10,)."""
+    named = [
+        f"motor {motor} reports {' and '.join(error_names(int(bits)))}"
+        for motor, bits in enumerate(hardware_error, 1)
+        if bits
+    ]
+    return ", ".join(named)
+
+
+def error_names(bits: int) -> list[str]:
+    """The names of the set bits of register 70."""
+    return [ERROR_BITS.get(n, f"unknown error bit {n}") for n in range(8) if bits >> n & 1]

@@ -1,0 +1,86 @@
+"""Where do the motors stand when the arm is straight?"""
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from serpent_twin import cli
+from serpent_twin.bus import BusError
+from serpent_twin.bus.dynamixel.bus import DynamixelBus
+from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup, write_setup
+from serpent_twin.bus.dynamixel.turns import LastSeen, turns_file, write_turns
+from serpent_twin.bus.xl430 import TURN, Words
+
+STILL = 2
+"""By how much a motor may waver and count as still [counts]."""
+
+
+@dataclass(frozen=True)
+class Zero:
+    """Set the straight pose: hang the arm straight and still, then run this.
+
+    The torque goes off, the motors' positions become the arm's zero, and --setup is written; the file
+    that was there is kept beside it as *.before. Nothing moves.
+    """
+
+    port: str = ""
+    """Serial port of the motors; else the one in --setup."""
+    setup: Path = Path("arm.toml")
+    """The arm's setup; made if it does not exist."""
+    watch: float = 1.0
+    """How long the motors must stand still [s]."""
+
+
+def set_zero(config: Zero) -> ArmSetup:
+    """Measure the straight pose and write it into the setup, which is returned."""
+    before = find_setup(config.setup, config.port)
+    # Neither an old zero nor old turns may stand in the way of new ones.
+    plain = replace(before, zero=(), homing_offset=(), drive_mode=(), path=None)
+    with DynamixelBus(plain) as bus:
+        position = _standing_still(bus, config.watch)
+        homing, drive = (bus.registers.get_all(name) for name in ("homing_offset", "drive_mode"))
+    setup = replace(
+        before,
+        zero=tuple(map(int, position)),
+        homing_offset=tuple(map(int, homing)),
+        drive_mode=tuple(map(int, drive)),
+        path=config.setup,
+    )
+    write_setup(setup)
+    write_turns(turns_file(config.setup), LastSeen(position, np.zeros_like(position)))
+    return setup
+
+
+def _standing_still(bus: DynamixelBus, duration: float) -> Words:
+    until = time.monotonic() + duration
+    rows = [bus.registers.get_all("present_position")]
+    while time.monotonic() < until:
+        time.sleep(0.05)
+        rows.append(bus.registers.get_all("present_position"))
+    moved = np.ptp(rows, axis=0)
+    if (moved > STILL).any():
+        motor = int(np.argmax(moved)) + 1
+        raise BusError(
+            f"motor {motor} moved by {moved.max() / TURN * 360:.1f}° in {duration:g} s. "
+            "Nothing was written: let the arm come to rest, then run this again."
+        )
+    return np.rint(np.median(rows, axis=0)).astype(np.int64)
+
+
+def main(config: Zero) -> None:  # noqa: D103 tyro would print it above the config's own
+    setup = set_zero(config)
+    print("motor  id  zero [counts]  direction")
+    for motor, (id_, zero, direction) in enumerate(
+        zip(setup.ids, setup.zero, setup.direction, strict=True), 1
+    ):
+        print(f"{motor:5d} {id_:3d} {zero:14d} {direction:10d}")
+    print(
+        f"\nThe straight pose is in {config.setup}. Check there that direction is -1 for each motor"
+    )
+    print("whose positive sense turns its joint down, then run python -m serpent_twin.collect.")
+
+
+if __name__ == "__main__":
+    cli.run(main)

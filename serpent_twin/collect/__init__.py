@@ -1,0 +1,137 @@
+"""What do motors and markers say while the arm follows random targets?"""
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from serpent_twin import mjcf, run_folder
+from serpent_twin.claim import claimed
+from serpent_twin.errors import SerpentError
+from serpent_twin.log import SCHEMA_VERSION
+from serpent_twin.mocap.natnet.live import NatNet
+from serpent_twin.parameters import NOMINAL, Parameters
+from serpent_twin.provenance import provenance
+from serpent_twin.twin import Twin
+
+SETTINGS = "collect.json"
+
+
+@dataclass(frozen=True)
+class Real:
+    """Where the real arm and its cameras are."""
+
+    port: str = ""
+    """Serial port of the motors, such as /dev/serial/by-id/…; else the one in --setup."""
+    setup: Path = Path("arm.toml")
+    """The arm's setup: ids, directions, zero and limits; python -m serpent_twin.bus.zero writes it."""
+    mocap: Literal["none", "natnet"] = "none"
+    """natnet: markers from Motive, live. none: a log without markers; merge a take afterwards."""
+    natnet: NatNet = field(default_factory=NatNet)
+    """Where Motive streams, for --mocap natnet."""
+    frame: Path = Path("frame.json")
+    """Where the cameras see the arm's base; python -m serpent_twin.mocap frame writes it."""
+    lockstep: bool = False
+    """The port is a simulated device that was started with --lockstep: as fast as it computes."""
+
+
+@dataclass(frozen=True)
+class Collect:
+    """Collect session logs of an arm that follows random joint targets.
+
+    Each session becomes OUT/session_NN.parquet. A run that was interrupted goes on with what is
+    missing when the same command is given again, and a larger --sessions adds to a finished run.
+    """
+
+    out: Path
+    """Folder for the session logs; made if it does not exist."""
+    backend: Literal["sim", "real"] = "sim"
+    """sim: the twin, as fast as it computes. real: the arm on its motor bus; see --port."""
+    sessions: int = 23
+    """Number of sessions."""
+    steps: int = 2100
+    """Control steps, that is rows, of each session."""
+    rate_hz: float = 4.0
+    """Control steps per second."""
+    seed: int = 0
+    """Seed of targets and noise; session n of seed s is always the same."""
+    arm: str = "twin"
+    """Name of the arm, stored in the logs."""
+    marker_loss: float = 0.0
+    """Share of marker readings that the simulated cameras lose."""
+    workers: int = 0
+    """Processes that simulate side by side; 0 for one a core. The logs do not depend on it."""
+    real: Real = field(default_factory=Real)
+    """The real arm, for --backend real."""
+    parameters: Parameters = field(default=NOMINAL)
+    """The simulated arm's free parameters; the controller's gain is also the real arm's."""
+
+
+def collect(config: Collect) -> list[Path]:
+    """Collect what is missing of a run; returns the paths of all its sessions."""
+    _check(config)
+    paths = [session_path(config, n) for n in range(1, config.sessions + 1)]
+    with claimed(config.out, SETTINGS, settings(config)):
+        missing = [index + 1 for index in run_folder.missing(paths)]
+        if config.backend == "real":
+            from serpent_twin.collect import real  # not before its port is known to be meant
+
+            real.record_all(config, missing)
+        else:
+            from serpent_twin.collect import simulated
+
+            simulated.simulate_all(config, missing)
+    return paths
+
+
+def session_path(config: Collect, session: int) -> Path:
+    """Where session 1, 2, … of a run lies."""
+    return config.out / f"session_{session:02d}.parquet"
+
+
+def metadata(config: Collect, session: int) -> dict[str, Any]:
+    """What a session's file says about itself."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "backend": config.backend,
+        "arm": config.arm,
+        "session": session,
+        "rate_hz": config.rate_hz,
+        "seed": config.seed,
+        "config": settings(config),
+    } | provenance()
+
+
+def settings(config: Collect) -> dict[str, Any]:
+    """What two runs must share to lie in one folder."""
+    free = ("out", "sessions", "workers", "real")
+    kept = {key: value for key, value in asdict(config).items() if key not in free}
+    if config.backend == "sim":
+        return kept | {"model_sha256": mjcf.fingerprint(parameters=config.parameters)}
+    for simulated in ("parameters", "marker_loss"):
+        del kept[simulated]
+    return kept | {
+        "controller_gain": config.parameters.controller_gain,
+        "mocap": config.real.mocap,
+        "setup": str(config.real.setup),
+    }
+
+
+def _check(config: Collect) -> None:
+    for name in ("sessions", "steps"):
+        if getattr(config, name) < 1:
+            raise SerpentError(f"--{name} is {getattr(config, name)}; give a number of at least 1.")
+    if not 0 < config.rate_hz <= 100:
+        raise SerpentError(
+            f"--rate-hz is {config.rate_hz:g}; give a rate above 0 and up to 100 Hz."
+        )
+    if not 0 <= config.marker_loss < 1:
+        raise SerpentError(f"--marker-loss is {config.marker_loss:g}; give a share within 0 … 1.")
+    if config.seed < 0:
+        raise SerpentError(f"--seed is {config.seed}; give a number of at least 0.")
+    if config.backend == "sim":
+        Twin(parameters=config.parameters).substeps(1 / config.rate_hz)
+    else:
+        from serpent_twin.collect.real import arm_of, cameras_of
+
+        arm_of(config)
+        cameras_of(config)

@@ -1,0 +1,28 @@
+"""Where are the markers? Find the base frame, or fill session logs from a Motive take."""
+
+import tyro
+
+from serpent_twin import cli
+from serpent_twin.mocap.merge import HEADING, Merge, merge
+from serpent_twin.mocap.straight import Straight, measure
+
+
+@tyro.conf.configure(tyro.conf.OmitArgPrefixes)
+def merge_command(config: Merge) -> None:  # noqa: D103 tyro would print it above the config's own
+    print(HEADING)
+    for _, line in merge(config):
+        print(line, flush=True)
+
+
+@tyro.conf.configure(tyro.conf.OmitArgPrefixes)
+def frame_command(config: Straight) -> None:  # noqa: D103 tyro would print it above the config's own
+    rigid, labels, residual = measure(config)
+    millimetres = [round(1e3 * float(r), 2) for r in residual]
+    rigid.save(config.out, {"labels": labels, "residual_mm": millimetres})
+    for n, (label, size) in enumerate(zip(labels, millimetres, strict=True), 1):
+        print(f"marker {n} ({label}): {size:.2f} mm from its place")
+    print(f"{config.out}: base frame from 9 markers, residual {1e3 * rigid.residual:.2f} mm rms")
+
+
+if __name__ == "__main__":
+    cli.run({"merge": merge_command, "frame": frame_command})

@@ -1,0 +1,119 @@
+"""Where in a take is a session, and is that certain?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.arm import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.mocap.frame import Rigid
+from serpent_twin.mocap.merge import labels
+from serpent_twin.mocap.merge.align import Clock, refine
+from serpent_twin.mocap.merge.film import Film, sampled
+from serpent_twin.mocap.merge.search import COVER, peaks, search
+
+CERTAIN = 0.5  # share of the motion that the prediction must explain
+AMBIGUOUS = 1.5  # the second best place leaves at least this many times the best one's square
+ROUNDS = 3  # of labels and refinement, each on the other's result
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """A session found in a take."""
+
+    clock: Clock
+    """The cameras' clock against the log's."""
+    rigid: Rigid
+    """Cameras to base, fitted on the arm's markers against the prediction."""
+    film: Film
+    """Markers 1 … 9 in the cameras' frame, put together from the take's columns."""
+    givers: list[dict[int, int]]
+    """For each marker, the number of frames that each of the take's columns gave."""
+    explained: float
+    """Share of the markers' motion that the prediction explains, up to 1."""
+    runner_up: float
+    """The same at the second best place; a tie would be ambiguous."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    clock: Clock
+    rigid: Rigid
+    owner: dict[int, int]
+    explained: float
+
+
+def match(
+    time: Array, marker: Array, film: Film, names: Sequence[str], wanted: Sequence[str] = ()
+) -> Match:
+    """Find a session, of which a twin predicts `marker` (K, 9, 3) at log times (K,), in a film.
+
+    Raises a `SerpentError` if the film does not cover half of it, or if no place, or more than one
+    place of the film moves as predicted.
+    """
+    given = labels.named(names, wanted)
+    owner = {column: n for n, column in enumerate(given)} if given else {}
+    offset, score = search(time, marker, film)
+    places = [
+        _place(time, marker, film, Clock(float(offset[i])), owner) for i in peaks(offset, score)
+    ]
+    if not places:
+        raise SerpentError(
+            f"the take lasts {len(film.position) / film.rate_hz:.1f} s and holds less than "
+            f"{COVER:.0%} of this session of {time[-1] - time[0]:.1f} s. Give the take that was "
+            "recorded meanwhile."
+        )
+    best, second = _certain(places)
+    clock, rigid, found, givers = best.clock, best.rigid, film, []
+    for _ in range(ROUNDS):
+        expected = labels.expected_on(film, clock.log_time(film.time), time, marker, rigid)
+        found, givers = labels.track(film, expected, best.owner, bool(given))
+        clock, rigid = refine(time, marker, found, clock, rigid)
+    explained = _explained(marker, rigid.apply(sampled(found, clock.camera_time(time))))
+    return Match(clock, rigid, found, givers, explained, second)
+
+
+def _place(time: Array, marker: Array, film: Film, clock: Clock, owner: dict[int, int]) -> _Place:
+    """A candidate: its labels if not given, a first rigid fit, and what that explains."""
+    seen = sampled(film, clock.camera_time(time))
+    stride = max(1, round(0.25 / float(np.median(np.diff(time)))))
+    owner = owner or labels.assigned(marker, seen, stride)
+    owner = {c: m for c, m in owner.items() if np.isfinite(seen[:, c]).any()}
+    columns, markers = list(owner), list(owner.values())
+    source, target = seen[:, columns], marker[:, markers]
+    try:
+        rigid = labels.trimmed_fit(source, target)
+    except SerpentError:
+        return _Place(clock, Rigid(np.eye(3), np.zeros(3)), owner, -np.inf)
+    return _Place(clock, rigid, owner, _explained(target, rigid.apply(source)))
+
+
+def _explained(marker: Array, seen: Array) -> float:
+    """Share of the motion of `seen` markers (K, m, 3) that the prediction `marker` accounts for.
+
+    Squares are compared by their medians, which a label that swaps half-way does not move.
+    """
+    motion = seen - np.nanmean(seen, axis=0)
+    left, whole = (np.nanmedian((x**2).sum(axis=-1)) for x in (seen - marker, motion))
+    return 1.0 - float(left / max(whole, 1e-12))
+
+
+def _certain(places: list[_Place]) -> tuple[_Place, float]:
+    """The one place that fits, and what the second best explains; raises if there is none or two."""
+    order = sorted(places, key=lambda place: -place.explained)
+    best, second = order[0], order[1].explained if len(order) > 1 else -np.inf
+    if best.explained < CERTAIN:
+        raise SerpentError(
+            "no place of the take moves as this session's motors did: at the best one, the motors "
+            f"explain {max(best.explained, 0.0):.0%} of the markers' motion, {CERTAIN:.0%} are needed. "
+            "It is another recording's take, or its markers are others (see --labels)."
+        )
+    if 1 - second < AMBIGUOUS * (1 - best.explained):
+        raise SerpentError(
+            "two places of the take fit this session almost equally well, at "
+            f"{order[0].clock.offset:.2f} s and {order[1].clock.offset:.2f} s of the cameras' clock: "
+            f"the motors explain {best.explained:.1%} and {second:.1%} of the motion. Record a longer "
+            "session, or export only its part of the take."
+        )
+    return best, max(second, 0.0)

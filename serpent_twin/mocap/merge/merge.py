@@ -1,0 +1,187 @@
+"""How do a take's markers get into session logs?"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from tyro.conf import Positional, arg
+
+from serpent_twin.arm import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.log import Session, read_session, session_files, write_session
+from serpent_twin.mocap.frame import Rigid, fit_rigid
+from serpent_twin.mocap.merge.film import Film, sampled
+from serpent_twin.mocap.merge.match import Match, match
+from serpent_twin.mocap.motive import Take, read_take
+from serpent_twin.provenance import file_hash
+
+HEADING = (
+    f"{'session':<12} {'offset, s':>12} {'± ms':>6} {'drift, ppm':>11} {'± ppm':>6} "
+    f"{'residual, mm':>13} {'rows with all markers':>22}"
+)
+
+
+@dataclass(frozen=True)
+class Merge:
+    """Fill the markers of session logs from a take that Motive exported.
+
+    Each session is found in the take by the motion that its motor angles must have caused. New logs
+    are written to --out; the logs given stay as they are. A session that the take does not hold, or
+    that fits at more than one place, is refused by name, and the command exits 1.
+    """
+
+    logs: Annotated[Positional[Path], arg(metavar="LOGS")]
+    """A session log, or a folder with session logs."""
+    take: Annotated[Positional[Path], arg(metavar="TAKE.csv")]
+    """CSV of Motive: File → Export Tracking Data, with Markers switched on."""
+    out: Path
+    """Folder for the new logs; made if it does not exist."""
+    labels: tuple[str, ...] = ()
+    """The take's names of markers 1 … 9, base to tip. Without: names that end in 1 … 9, else found
+    by their motion."""
+    frame: Path | None = None
+    """Cameras' frame to base frame, as `frame` writes it. Without it and --base-markers, the base frame
+    is fitted to the nominal twin's markers, which hides a constant error of the twin."""
+    base_markers: Path | None = None
+    """JSON of markers glued to the base, name: [x, y, z] in the base frame [m]; at least three."""
+
+
+def merge(config: Merge) -> Iterator[tuple[Session, str]]:
+    """Write the merged sessions one by one; yields each with its line of the table.
+
+    Raises a `SerpentError` in the end that names every session refused, and why.
+    """
+    take = read_take(config.take)
+    film, given = Film.of(take), _given_frame(config, take)
+    refused, used = [], []
+    for path in _files(config):
+        try:
+            session = read_session(path)
+            found = _found(session, film, take, config.labels)
+            used = _not_twice(session, found, used)
+            merged = _merged(session, take, found, given)
+            write_session(config.out / path.name, merged)
+            yield merged, line(merged)
+        except SerpentError as error:
+            refused.append(f"{path.name}: {error}")
+    if refused:
+        raise SerpentError(f"{len(refused)} not merged. " + " ".join(refused))
+
+
+def line(session: Session) -> str:
+    """One line of the table, under `HEADING`."""
+    m = session.metadata["mocap"]
+    whole = np.isfinite(session.marker).all(axis=(-1, -2)).mean()
+    return (
+        f"{session.name:<12} {m['offset_s']:>12.4f} {1e3 * m['offset_std_s']:>6.1f} "
+        f"{m['drift_ppm']:>11.1f} {m['drift_std_ppm']:>6.1f} {1e3 * m['residual_rms_m']:>13.2f} "
+        f"{100 * whole:>20.2f} %"
+    )
+
+
+def _files(config: Merge) -> list[Path]:
+    if not config.logs.exists():
+        raise SerpentError(
+            f"There is no {config.logs}. Name a session log or a folder with session logs."
+        )
+    files = session_files(config.logs) if config.logs.is_dir() else [config.logs]
+    if not files:
+        raise SerpentError(f"There is no session_NN.parquet in {config.logs}.")
+    taken = [path.name for path in files if (config.out / path.name).exists()]
+    if taken:
+        raise SerpentError(
+            f"{config.out} holds {', '.join(taken)} already, which is kept: move it away, or name "
+            "another --out."
+        )
+    config.out.mkdir(parents=True, exist_ok=True)
+    return files
+
+
+def _found(session: Session, film: Film, take: Take, labels: tuple[str, ...]) -> Match:
+    from serpent_twin.twin import replay_motors
+
+    predicted = replay_motors(session.time, session.motor_position).marker
+    return match(session.time, predicted, film, take.names, labels)
+
+
+def _not_twice(
+    session: Session, found: Match, used: list[tuple[str, Array]]
+) -> list[tuple[str, Array]]:
+    """The parts of the take in use, with this session's; raises if two sessions claim one part."""
+    span = found.clock.camera_time(session.time[[0, -1]])
+    for name, other in used:
+        if span[0] < other[1] and other[0] < span[1]:
+            raise SerpentError(
+                f"its place in the take, {span[0]:.1f} … {span[1]:.1f} s, overlaps that of {name}. "
+                "One of the two is from another take; merge them one by one."
+            )
+    return [*used, (session.name, span)]
+
+
+def _merged(session: Session, take: Take, found: Match, given: tuple[Rigid, str] | None) -> Session:
+    """The session with markers at its time stamps, and what was found out in its metadata."""
+    rigid, source = given or (found.rigid, "fitted on the arm's markers")
+    marker = rigid.apply(sampled(found.film, found.clock.camera_time(session.time)))
+    seen = np.isfinite(marker).all(axis=-1)
+    shift = np.linalg.norm(marker - found.rigid.apply(rigid.inverse().apply(marker)), axis=-1)
+    clock = found.clock
+    names = [{take.names[c]: n for c, n in giver.items()} for giver in found.givers]
+    facts: dict[str, Any] = {
+        "offset_s": clock.offset,
+        "offset_std_s": clock.offset_std,
+        "drift_ppm": 1e6 * clock.drift,
+        "drift_std_ppm": 1e6 * clock.drift_std,
+        "residual_rms_m": found.rigid.residual,
+        "explained": found.explained,
+        "explained_second_best": found.runner_up,
+        "labels": [next(iter(name), "") for name in names],
+        "frames_by_label": names,
+        "frame_source": source,
+        "frame_residual_rms_m": rigid.residual,
+        "frame_from_fit_m": float(shift[seen].mean()) if seen.any() else None,
+        "camera_to_base": {
+            "rotation": rigid.rotation.tolist(),
+            "translation_m": rigid.translation.tolist(),
+        },
+        "rows_with_markers": float(np.logical_or.reduce(seen, axis=1).mean()),
+        "rows_with_all_markers": float(np.logical_and.reduce(seen, axis=1).mean()),
+        "take": take.path.name,
+        "take_sha256": file_hash(take.path),
+    }
+    metadata = session.metadata | {"markers": "motive", "mocap": facts}
+    return replace(session, marker=marker, metadata=metadata)
+
+
+def _given_frame(config: Merge, take: Take) -> tuple[Rigid, str] | None:
+    if config.frame and config.base_markers:
+        raise SerpentError("--frame and --base-markers exclude each other; give one of them.")
+    if config.frame:
+        return Rigid.load(config.frame), f"frame file {config.frame.name}"
+    if config.base_markers:
+        return _from_base_markers(config.base_markers, take), "markers on the base"
+    return None
+
+
+def _from_base_markers(path: Path, take: Take) -> Rigid:
+    """Cameras to base from markers that stand still on the base: their middle places in the take."""
+    try:
+        places = {
+            str(k): np.array(v, float).reshape(3) for k, v in json.loads(path.read_text()).items()
+        }
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise SerpentError(
+            f"{path} is not a JSON object of name: [x, y, z] in metres ({error}). Example: "
+            '{"base:1": [0.0, 0.03, 0.02]}'
+        ) from None
+    missing = [name for name in places if name not in take.names]
+    if missing:
+        raise SerpentError(
+            f"{path} names {', '.join(missing)}, which the take lacks. "
+            f"It has {', '.join(take.names)}."
+        )
+    columns = [take.names.index(name) for name in places]
+    seen = np.nanmedian(take.position[:, columns], axis=0)
+    return fit_rigid(seen, np.array(list(places.values())))

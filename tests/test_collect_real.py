@@ -1,0 +1,157 @@
+"""Is a session of the real arm, here a device on a pseudo-terminal, whole, honest and safe to stop?"""
+
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from serpent_twin.bus.device import running
+from serpent_twin.bus.dynamixel.setup import ArmSetup, write_setup
+from serpent_twin.collect import Collect, Real, collect
+from serpent_twin.collect.real import loop_times
+from serpent_twin.errors import SerpentError
+from serpent_twin.log import examine, read_journal, read_session, recover
+from serpent_twin.parameters import NOMINAL
+
+QUIET = replace(NOMINAL, load_noise=0.0)
+
+
+@pytest.fixture
+def bench(tmp_path):
+    """Starts devices, each with an arm.toml that knows its zero."""
+    open_devices = []
+
+    def start(*arguments, **setup):
+        context = running(*arguments)
+        device = context.__enter__()
+        open_devices.append(context)
+        path = tmp_path / "arm.toml"
+        write_setup(ArmSetup(device.port, zero=(0,) * 10, path=path, **setup))
+        return device, path
+
+    yield start
+    for context in open_devices:
+        context.__exit__(None, None, None)
+
+
+def command(out, setup, *arguments):
+    base = [sys.executable, "-m", "serpent_twin.collect", "--backend", "real", "--sessions", "1"]
+    return [*base, "--out", str(out), "--setup", str(setup), *map(str, arguments)]
+
+
+def run(out, setup, *arguments):
+    return subprocess.run(command(out, setup, *arguments), capture_output=True, text=True)
+
+
+def test_over_the_wire_a_session_has_the_rows_of_the_twin(bench, tmp_path):
+    """All in float64, step by step; what a log of the wire has besides are its own columns."""
+    _, setup = bench("--lockstep", "--load-noise", "0")
+    config = Collect(tmp_path / "sim", sessions=1, steps=60, workers=1, parameters=QUIET)
+    (simulated,) = collect(config)
+    real = Real(setup=setup, lockstep=True)
+    (wire,) = collect(replace(config, out=tmp_path / "real", backend="real", real=real))
+    here, there = read_session(simulated), read_session(wire)
+    for name in ("motor_position", "motor_velocity", "motor_load", "motor_velocity_command"):
+        assert np.array_equal(getattr(here, name), getattr(there, name)), name
+    assert np.array_equal(here.joint_target, there.joint_target)
+    assert there.time == pytest.approx(here.time)
+
+
+def test_a_log_without_markers_says_so_and_is_read(bench, tmp_path):
+    _, setup = bench("--realtime")
+    done = run(tmp_path / "logs", setup, "--steps", 20, "--rate-hz", 20)
+    assert done.returncode == 0, done.stderr
+    assert "pseudo-terminal" in done.stdout
+    session = read_session(tmp_path / "logs" / "session_01.parquet")
+    assert session.metadata["markers"] == "none"
+    assert session.metadata["port_is_pseudo_terminal"] is True
+    assert np.isnan(session.marker).all()
+    assert not [f for f in examine(session) if f.level == "error"]
+    assert session.metadata["loop"]["missed_deadlines"] >= 0
+    assert np.diff(session.time) == pytest.approx(0.05, abs=0.02)
+    assert np.diff(session.extra["motor1_tick_ms"]) == pytest.approx(50, abs=20)
+
+
+def test_loop_times_of_an_even_and_an_uneven_loop():
+    even = loop_times(0.25 * np.arange(9), 0.25, 0)
+    assert even["jitter_max_s"] == pytest.approx(0)
+    uneven = loop_times(np.array([0.0, 0.25, 0.6, 0.75]), 0.25, 1)
+    assert uneven["jitter_max_s"] == pytest.approx(0.1)
+    assert uneven["jitter_mean_s"] == pytest.approx(0.2 / 3)
+    assert uneven["missed_deadlines"] == 1
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_and_sigterm_stop_the_arm_and_seal_the_log(bench, tmp_path, how):
+    device, setup = bench("--realtime", "--transcript", str(tmp_path / "truth.jsonl"))
+    process = start_and_log(tmp_path, setup)
+    process.send_signal(how)
+    said = process.communicate(timeout=20)[1]
+    assert process.returncode == 130, said
+    session = read_session(tmp_path / "logs" / "session_01.parquet")
+    assert session.metadata["complete"] is False
+    assert session.metadata["ended"] == "stopped by hand"
+    assert len(session) >= 10
+    assert peek(device, "torque_enable") == 0
+
+
+def test_kill_9_keeps_every_row(bench, tmp_path):
+    _, setup = bench("--realtime")
+    process = start_and_log(tmp_path, setup)
+    journal = tmp_path / "logs" / "session_01.journal"
+    known = len(read_journal(journal).rows)
+    process.kill()
+    process.communicate()
+    (path,) = recover(journal)
+    assert len(read_session(path)) >= known
+
+
+def test_what_cannot_be_overcome_ends_with_a_sentence_and_a_sealed_log(bench, tmp_path):
+    device, setup = bench("--realtime")
+    process = start_and_log(tmp_path, setup)
+    device.trigger("overload", 3)
+    said = process.communicate(timeout=20)[1].splitlines()[-1]
+    assert process.returncode == 1
+    assert said.startswith("error: motor 3 reports overload at ")
+    assert "are kept in" in said
+    session = read_session(tmp_path / "logs" / "session_01.parquet")
+    assert session.metadata["complete"] is False
+    assert "motor 3 reports overload" in session.metadata["ended"]
+
+
+def test_without_a_zero_nothing_moves_and_nothing_is_written(tmp_path):
+    with pytest.raises(SerpentError, match=r"no zero.*bus\.zero --port /dev/x"):
+        real = Real(port="/dev/x", setup=tmp_path / "arm.toml")
+        collect(Collect(tmp_path / "logs", backend="real", real=real))
+    assert not list(tmp_path.iterdir())
+
+
+def start_and_log(tmp_path, setup, rows=10):
+    """A collection of which some rows are logged."""
+    process = subprocess.Popen(
+        command(tmp_path / "logs", setup, "--steps", 5000, "--rate-hz", 50),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    journal = tmp_path / "logs" / "session_01.journal"
+    until = time.monotonic() + 30
+    while not (journal.exists() and len(read_journal(journal).rows) >= rows):
+        assert time.monotonic() < until and process.poll() is None, process.communicate()
+        time.sleep(0.05)
+    return process
+
+
+def peek(device, name, motor=1):
+    from serpent_twin.bus.control_table import TABLE
+    from serpent_twin.bus.dynamixel.wire import Wire
+
+    wire = Wire(device.port, 1_000_000)
+    wire.open()
+    reply = wire.read(motor, TABLE[name])
+    wire.close()
+    return TABLE[name].unpack(reply.data)

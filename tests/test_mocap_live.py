@@ -1,0 +1,205 @@
+"""Does a NatNet client see what a NatNet server streams, and never something old or wrong?"""
+
+import socket
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from serpent_twin.arm import markers
+from serpent_twin.errors import SerpentError
+from serpent_twin.mocap.frame import Rigid
+from serpent_twin.mocap.natnet import live as natnet_live
+from serpent_twin.mocap.natnet.live import NatNet, NatNetMocap
+from serpent_twin.mocap.natnet.server import SimulatedCameras
+from serpent_twin.mocap.straight import Straight, measure
+
+pytest.importorskip("natnet", reason="the optional extra natnet is not installed")
+Y_UP = Rigid(Rotation.from_euler("xyz", [0.2, 1.5, -0.4]).as_matrix(), np.array([0.3, 1.9, 2.5]))
+STRAIGHT = markers(np.zeros(9))
+
+
+class Stage:
+    """Cameras that a thread keeps running, as the device's loop would."""
+
+    def __init__(self, **options):
+        self.cameras = SimulatedCameras(port=0, **options)
+        self.place = STRAIGHT
+        self.running, self.streaming = True, True
+        self.started = time.monotonic()
+        self.thread = threading.Thread(target=self.run, daemon=True)
+        self.thread.start()
+
+    def run(self):
+        while self.running:
+            self.cameras.poll()
+            if self.streaming:
+                self.cameras.send(self.place, time.monotonic() - self.started)
+            time.sleep(0.001)
+
+    def natnet(self, **options):
+        return NatNet(command_port=self.cameras.port, **options)
+
+
+@contextmanager
+def stage(**options):
+    it = Stage(**options)
+    try:
+        yield it
+    finally:
+        it.running = False
+        it.thread.join()
+        it.cameras.close()
+
+
+@pytest.mark.parametrize("version", [(4, 1), (3, 1)])
+def test_markers_come_through_in_the_base_frame(version):
+    with (
+        stage(base_to_cameras=Y_UP, version=version) as it,
+        NatNetMocap(it.natnet(), Y_UP.inverse()) as mocap,
+    ):
+        for angle in (0.0, 0.3):
+            it.place = markers(np.full(9, angle))
+            time.sleep(0.1)
+            before = time.monotonic() - it.started
+            frame = mocap.read()
+            assert frame.position == pytest.approx(it.place, abs=1e-6)  # single precision at 3 m
+            assert 0 <= before - frame.camera_time < 0.05
+            assert 0 <= frame.age < 0.05
+        assert mocap.labels[0].endswith("1") and len(set(mocap.labels)) == 9
+
+
+def test_order_follows_the_labels_by_name_or_id():
+    order = [3, 8, 0, 1, 2, 7, 6, 5, 4]
+    for labels in ([f"Marker {n + 1}" for n in order], [f"1:{n + 1}" for n in order]):
+        for version in ((4, 1), (3, 1)):
+            with (
+                stage(version=version) as it,
+                NatNetMocap(it.natnet(labels=tuple(labels))) as mocap,
+            ):
+                assert mocap.read().position == pytest.approx(STRAIGHT[order], abs=1e-6)
+
+
+def test_occluded_markers_are_nan_and_noise_is_as_asked():
+    options = {"rng": np.random.default_rng(1), "noise": 1e-3, "loss": 0.2}
+    with stage(**options) as it, NatNetMocap(it.natnet()) as mocap:
+        time.sleep(1.0)
+        seen = np.array([list(frame.markers.values()) for frame in mocap.frames])
+    assert 0.15 < np.isnan(seen).all(axis=-1).mean() < 0.25
+    assert np.nanstd(seen - STRAIGHT) == pytest.approx(1e-3, rel=0.1)
+    assert len(seen) > 90
+
+
+def test_age_is_counted_from_the_exposure():
+    with stage(latency=0.05) as it, NatNetMocap(it.natnet()) as mocap:
+        time.sleep(0.3)
+        age = [mocap.read().age for _ in range(20) if time.sleep(0.01) is None]
+        assert 0.045 < min(age) and np.median(age) < 0.075
+
+
+def test_stale_markers_are_nan_until_the_stream_is_back(monkeypatch):
+    monkeypatch.setattr(natnet_live, "REVIVED", 0.4)
+    with stage() as it, NatNetMocap(it.natnet()) as mocap:
+        it.streaming = False
+        time.sleep(0.35)
+        assert np.isnan(mocap.read().position).all() and mocap.stale_reads == 1
+        it.cameras._clients.clear()  # as if Motive had been started anew
+        it.streaming = True
+        until = time.monotonic() + 5
+        while np.isnan(mocap.read().position).any() and time.monotonic() < until:
+            time.sleep(0.05)
+        assert np.isfinite(mocap.read().position).all()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_bad_packet_does_not_end_the_stream(monkeypatch):
+    monkeypatch.setattr(natnet_live, "REVIVED", 0.4)
+    with stage() as it, NatNetMocap(it.natnet()) as mocap:
+        (client,) = it.cameras._clients
+        it.cameras._socket.sendto(b"\x07\x00\x03\x00abc", client)
+        time.sleep(0.35)
+        until = time.monotonic() + 5
+        while np.isnan(mocap.read().position).any() and time.monotonic() < until:
+            time.sleep(0.05)
+        assert mocap.read().position == pytest.approx(STRAIGHT, abs=1e-6)
+
+
+def test_silence_wrong_labels_and_bad_addresses_are_explained():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as deaf:
+        deaf.bind(("127.0.0.1", 0))
+        port = deaf.getsockname()[1]
+        with pytest.raises(SerpentError, match=rf"127.0.0.1, command port {port}.*did not answer"):
+            NatNetMocap(NatNet(command_port=port, timeout=0.3)).connect()
+    with pytest.raises(SerpentError, match=r"no\.such\.host.*failed"):
+        NatNetMocap(NatNet(server="no.such.host.invalid", timeout=0.3)).connect()
+    with stage() as it:
+        with pytest.raises(
+            SerpentError, match=r"no marker Marker 10, Marker 11, Marker 12 \(seen: 1:1, "
+        ):
+            labels = tuple(f"Marker {n}" for n in range(4, 13))
+            NatNetMocap(it.natnet(labels=labels, timeout=0.5)).connect()
+        it.streaming = False
+        with pytest.raises(SerpentError, match="no frame came in"):
+            NatNetMocap(it.natnet(timeout=0.3)).connect()
+    assert not [
+        t for t in threading.enumerate() if not t.daemon and t is not threading.main_thread()
+    ]
+
+
+def test_an_open_stream_does_not_keep_a_program_alive():
+    with stage() as it:
+        code = (
+            "from serpent_twin.mocap.natnet.live import NatNet, NatNetMocap\n"
+            f"NatNetMocap(NatNet(command_port={it.cameras.port})).connect()\n"
+            "raise SystemExit(7)"
+        )
+        done = subprocess.run([sys.executable, "-c", code], timeout=20, check=False)
+    assert done.returncode == 7
+
+
+def test_the_missing_library_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "natnet", None)
+    with pytest.raises(SerpentError, match=r"pip install 'serpent-twin\[mocap\]'"):
+        NatNetMocap().connect()
+
+
+def test_frames_go_out_at_the_cameras_rate_and_only_to_clients():
+    with SimulatedCameras(port=0) as cameras:
+        sent = sum(cameras.send(STRAIGHT, t) for t in np.arange(0, 2, 0.001))
+        assert sent == 240
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            stranger.sendto(b"\x0a\x00\x00\x00", ("127.0.0.1", cameras.port))
+            stranger.sendto(b"\xff", ("127.0.0.1", cameras.port))
+            time.sleep(0.05)
+            cameras.poll()
+            assert cameras.clients == 0
+
+
+def test_the_base_frame_is_found_from_the_straight_arm(tmp_path):
+    options = {
+        "base_to_cameras": Y_UP,
+        "rng": np.random.default_rng(2),
+        "noise": 2e-4,
+        "loss": 0.02,
+    }
+    with stage(**options) as it:
+        config = Straight(tmp_path / "frame.json", 0.5, it.natnet())
+        rigid, labels, residual = measure(config)
+        rigid.save(config.out, {"labels": labels})
+        loaded = Rigid.load(config.out)
+        assert loaded.apply(Y_UP.apply(STRAIGHT)) == pytest.approx(STRAIGHT, abs=2e-4)
+        assert residual.max() < 2e-4
+        it.place = markers(np.array([0, 0, 0, 0, 0.5, 0, 0, 0, 0]))
+        time.sleep(0.6)
+        with pytest.raises(SerpentError, match=r"more than 10 mm from where a straight arm"):
+            measure(config)
+        it.place = STRAIGHT.copy()
+        it.place[3] = np.nan
+        time.sleep(0.6)
+        with pytest.raises(SerpentError, match=r"marker 4 \(Marker 4\) is hidden"):
+            measure(config)
