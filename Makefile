@@ -2,7 +2,7 @@ PYTHON ?= python3.11
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: setup demo test test-fast lint bench model lock clean
+.PHONY: setup demo test test-fast lint bench faults model lock clean
 
 help:           ## Say what can be made
 	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  .*##' $(MAKEFILE_LIST) | sed 's/:.*##/ —/'
@@ -31,6 +31,9 @@ lint: setup  ## ruff and pyright
 
 bench: setup  ## Speed and memory, as ratios against bare MuJoCo
 	$(BIN)/python experiments/collect_speed.py
+
+faults: setup  ## Every fault of the bus through the collect loop: some five minutes
+	$(BIN)/python experiments/fault_matrix.py --out fault_matrix
 
 model: setup  ## Write model/ anew after a change of numbers or shapes
 	$(BIN)/python -m serpent_twin.mjcf

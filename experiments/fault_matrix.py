@@ -117,12 +117,16 @@ def run_fault(config: FaultMatrix, name: str) -> dict[str, object]:
         "recoveries": sum(session.metadata["bus"]["recoveries"].values()),
         "recovered": session.metadata["bus"]["recoveries"],
         "stop_s": stop,
-        "injected": counts["faults"],
+        "injected": {fault: counts["faults"].get(fault, 0) for fault in _names(name)},
         "missed_deadlines": session.metadata["loop"]["missed_deadlines"],
         "complete": session.metadata["complete"],
         "ended": ended,
         "said": said.splitlines()[-1] if process.returncode else "",
     }
+
+
+def _names(name: str) -> list[str]:
+    return [fault.partition("=")[0] for fault in FAULTS[name]]
 
 
 class _Bench:

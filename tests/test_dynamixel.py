@@ -142,7 +142,7 @@ def test_a_fault_of_the_moment_costs_no_row_and_is_noted(fault, kind):
             sent = bus.write_velocity(np.array(MILD) * (1 + n))
             bus.wait(0.15)
         assert state.position[0] > 0.05
-        assert np.array_equal(bus.read_state().registers.velocity_trajectory, bus._goal)
+        assert np.array_equal(bus.read_state().registers.velocity_trajectory, bus._goals.words)
         assert sum(bus.recovery.counts.values()) > 0, kind
         assert sent[0] > 0.9
 

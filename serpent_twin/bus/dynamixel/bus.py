@@ -1,8 +1,7 @@
 """How are ten real XL430-W250 commanded and read, and what if the bus does not play along?"""
 
-import contextlib
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from types import TracebackType
 from typing import Self
 
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike
 from serpent_twin.arm import N_MOTORS, Array
 from serpent_twin.bus import BusError, MotorState, xl430
 from serpent_twin.bus.control_table import TABLE
+from serpent_twin.bus.dynamixel.goals import Goals
 from serpent_twin.bus.dynamixel.reader import (
     SLACK_IN_LOCKSTEP,
     NewClockError,
@@ -19,7 +19,7 @@ from serpent_twin.bus.dynamixel.reader import (
     TransientError,
 )
 from serpent_twin.bus.dynamixel.reading import Reading
-from serpent_twin.bus.dynamixel.recovery import Recovery
+from serpent_twin.bus.dynamixel.recovery import ADVICE, Recovery
 from serpent_twin.bus.dynamixel.registers import TRIES, MotorRegisters
 from serpent_twin.bus.dynamixel.setup import ArmSetup
 from serpent_twin.bus.dynamixel.shutdown import close_after, switch_off, uninterrupted
@@ -31,9 +31,6 @@ KEEP_ALIVE = 0.05
 """While waiting, the motors are read this often [s]: it feeds their watchdog and guards the limits."""
 HALT_AFTER = 0.15
 """Without a reading for this long, the arm is told to stand still [s]."""
-VERIFY_EVERY = 0.1
-"""Goals are read back this often at most [s]; Velocity Trajectory (136) is compared every time."""
-_GOAL = TABLE["goal_velocity"]
 
 
 class DynamixelBus:
@@ -51,12 +48,11 @@ class DynamixelBus:
         self.turns = TurnCounter(self.registers, setup)
         self.recovery = Recovery(self.registers, self.turns, setup, self._now)
         self._direction = np.array(setup.direction)
-        self._connected = self._torque = False
-        self._goal = np.zeros(N_MOTORS, np.int64)
+        self._connected = False
         self._guard = Guard(setup.limits)
         self._reader = Reader(self.registers, self._now, lockstep)
-        self._trust_trajectory = True
-        self._start = self._simulated_time = self._waited = self._verified = 0.0
+        self._goals = Goals(self.registers, self._reader, self.recovery, self._now)
+        self._start = self._simulated_time = self._waited = 0.0
 
     def connect(self) -> None:
         """Open the port, check all ten motors, their zero and their turn counts."""
@@ -82,17 +78,17 @@ class DynamixelBus:
             self.registers.ensure(motor, "return_delay_time", 0)
             self.registers.ensure(motor, "velocity_limit", limit)
             self.recovery.configure_ram(motor)
-        self._torque, self._goal = False, np.zeros(N_MOTORS, np.int64)
+        self._goals.release()
 
     def enable_torque(self, on: bool = True) -> None:
         """Switch all drives on, holding still, or off; a motor in error stays off and is named."""
         self._require_connection()
-        self._torque, self._goal = False, np.zeros(N_MOTORS, np.int64)
+        self._goals.release()
         if on:
             self._refuse_tripped()
             for motor in self.registers.motors:
                 self.recovery.energise(motor, goal=0)
-            self._torque = True
+            self._goals.driven = True
         else:
             switch_off(self.registers)
         self._waited = self._now()
@@ -102,17 +98,16 @@ class DynamixelBus:
         self._require_connection()
         limit = self.setup.limits.velocity_words
         wanted = xl430.checked_velocity(velocity) * self._direction
-        self._goal = xl430.goal_velocity_words(wanted, limit)
-        self._send_goals()
-        if self.lockstep or self._now() - self._verified >= VERIFY_EVERY:
-            self._verify_goals()
-        return self._goal * self._direction * xl430.VELOCITY_UNIT
+        self._goals.words = xl430.goal_velocity_words(wanted, limit)
+        self._goals.send()
+        self._goals.verify(always=self.lockstep)
+        return self._goals.words * self._direction * xl430.VELOCITY_UNIT
 
     def read_state(self) -> MotorState:
         """Read all motors at one instant; stops the arm and raises if a limit is broken."""
         self._require_connection()
         state = self._state(self._read())
-        if self._torque:
+        if self._goals.driven:
             try:
                 self._guard.check(state)
             except BusError:
@@ -129,7 +124,7 @@ class DynamixelBus:
         motors = list(motors)
         self._read()  # where they are now, for they may have been moved since
         self._halt()
-        self._torque = False
+        self._goals.release()
         self.registers.reboot(motors, self.setup.patience)
         self.recovery.welcome_back(motors)
         self._reader.forget()
@@ -154,7 +149,8 @@ class DynamixelBus:
         """Switch the torque off and let go of the bus; closing twice is harmless."""
         if not self._connected:
             return
-        self._connected = self._torque = False
+        self._connected = False
+        self._goals.release()
         with uninterrupted():
             try:
                 switch_off(self.registers)
@@ -188,13 +184,13 @@ class DynamixelBus:
         while True:
             try:
                 if odd:
-                    self._revive(odd)
+                    self._goals.bring_back(odd)
                 odd, found = [], self._reader.attempt()
                 self.turns.follow(found.registers.present_position)
-                self._compare_trajectory(found)
+                self._goals.compare(found)
                 return found
             except PortLostError as error:
-                self._return_of_the_port(error)
+                self.recovery.regain_port(error)
             except NewClockError as error:
                 odd = error.motors
             except TransientError as trouble:
@@ -203,7 +199,7 @@ class DynamixelBus:
                 if passed > self.setup.patience:
                     self._halt()
                     raise BusError(
-                        f"{trouble} for {passed:.1f} s; the arm was stopped. {_ADVICE}"
+                        f"{trouble} for {passed:.1f} s; the arm was stopped. {ADVICE}"
                     ) from None
                 if passed > HALT_AFTER and not halted:
                     halted = True
@@ -213,84 +209,9 @@ class DynamixelBus:
         zero = np.array(self.setup.zero or (0,) * N_MOTORS) - self.turns.turns * xl430.TURN
         return MotorState.from_registers(found.registers, found.asked, zero, self._direction)
 
-    # Goals
-
-    def _send_goals(self) -> None:
-        goals = dict(zip(self.setup.ids, map(int, self._goal), strict=True))
-        try:
-            self.wire.sync_write(_GOAL, goals)
-        except PortLostError as error:
-            self._return_of_the_port(error)
-            self.wire.sync_write(_GOAL, goals)
-
-    def _verify_goals(self) -> None:
-        """Read goals back and write those anew that did not arrive: a sync write is never answered.
-
-        A motor that stays silent here is for the next reading to insist on.
-        """
-        for _ in range(TRIES):
-            try:
-                deaf = self._reader.attempt_goals() != self._goal
-                if not deaf.any():
-                    self._verified = self._now()
-                    return
-                self._repair(deaf)
-            except PortLostError as error:
-                self._return_of_the_port(error)
-            except TransientError as trouble:
-                self.recovery.note(trouble.kind, trouble)
-
-    def _compare_trajectory(self, found: Reading) -> None:
-        """In velocity mode the motors say in every block which velocity they follow."""
-        if not (self._torque and self._trust_trajectory) or found.registers.hardware_error.any():
-            return
-        other = found.registers.velocity_trajectory != self._goal
-        if other.any() and not self._repair(other):
-            self._trust_trajectory = False  # goals are right: this firmware means something else
-
-    def _repair(self, motors: np.ndarray) -> bool:
-        """Have motors follow their goals again; returns whether anything was wrong with them."""
-        wrong = False
-        for n in np.flatnonzero(motors):
-            motor, goal = int(n) + 1, int(self._goal[n])
-            if self.registers.get(motor, "bus_watchdog") == -1:
-                self.recovery.configure_ram(motor)
-                self.recovery.note("watchdog", f"motor {motor} had been stopped by its watchdog")
-            elif self.registers.get(motor, "goal_velocity") != goal:
-                self.recovery.note("goal", f"motor {motor} had not received its goal")
-            elif self._torque and not self.registers.get(motor, "torque_enable"):
-                self._revive([motor])
-            else:
-                continue
-            self.registers.put(motor, "goal_velocity", goal)
-            wrong = True
-        return wrong
-
     def _halt(self) -> None:
-        """Tell the arm to stand still, if it hears; in lockstep a command would move time."""
-        if self.lockstep:
-            return
-        self._goal = np.zeros(N_MOTORS, np.int64)
-        with contextlib.suppress(PortLostError):  # then the watchdog stops it
-            self.wire.sync_write(_GOAL, dict.fromkeys(self.setup.ids, 0))
-
-    def _return_of_the_port(self, error: PortLostError) -> None:
-        self.recovery.note("port", error)
-        self.recovery.reopen()
-
-    def _revive(self, motors: Sequence[int]) -> None:
-        """Motors whose clock began anew, or whose torque went off without an error."""
-        self._reader.forget()
-        if self.recovery.revive(motors, self._goal if self._torque else None):
-            return
-        off = [m for m in motors if self._torque and not self.registers.get(m, "torque_enable")]
-        if off:
-            raise BusError(
-                f"the torque of {self.registers.name(off)} was switched off from elsewhere. {_ADVICE}"
-            )
-        self.recovery.note("clock", f"the clock of {self.registers.name(motors)} was set anew")
-
-    # Time, and the rest
+        if not self.lockstep:  # there, a command would move time
+            self._goals.stand_still()
 
     def _now(self) -> float:
         return self._simulated_time if self.lockstep else time.monotonic() - self._start
@@ -306,9 +227,9 @@ class DynamixelBus:
             self.wire.drain()
             if passed is not None and attempt % 2:  # asked again, with late answers out of the way
                 self.recovery.note("goal", "the goals did not arrive")
-                self._send_goals()
+                self._goals.send()
         else:
-            raise BusError(f"the device's clock stands still. {_ADVICE}")
+            raise BusError(f"the device's clock stands still. {ADVICE}")
         if abs(passed - period) > SLACK_IN_LOCKSTEP:
             raise BusError(
                 f"the device goes on by {passed:g} s a command, but {period:g} s were asked for. "
@@ -328,6 +249,3 @@ class DynamixelBus:
     def _require_connection(self) -> None:
         if not self._connected:
             raise BusError("the bus is not connected: call connect(), or use it in a `with` block.")
-
-
-_ADVICE = "Check cables and supply with serpent_twin.bus.doctor, then go on."

@@ -8,10 +8,14 @@ from serpent_twin.bus import BusError
 from serpent_twin.bus.dynamixel.registers import MotorRegisters
 from serpent_twin.bus.dynamixel.setup import ArmSetup
 from serpent_twin.bus.dynamixel.turns import TurnCounter
+from serpent_twin.bus.dynamixel.wire import PortLostError
 from serpent_twin.bus.xl430 import Words
 
 REVIVALS = 3
 """How often a motor may restart by itself before the arm is stopped."""
+
+
+ADVICE = "Check cables and supply with serpent_twin.bus.doctor, then go on."
 
 
 class Recovery:
@@ -46,6 +50,11 @@ class Recovery:
         self._registers.put(motor, "goal_velocity", goal)
         self._registers.ensure(motor, "torque_enable", 1)
         self._registers.put(motor, "goal_velocity", goal)  # switching on may have cleared it
+
+    def regain_port(self, error: PortLostError) -> None:
+        """Take up a port again that was lost with `error`, once it is back."""
+        self.note("port", error)
+        self.reopen()
 
     def reopen(self) -> None:
         """Wait for a lost port to come back, and for the motors on it."""

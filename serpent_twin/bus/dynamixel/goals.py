@@ -1,0 +1,116 @@
+"""Do the motors follow the velocities that they were told?"""
+
+import contextlib
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from serpent_twin.arm import N_MOTORS
+from serpent_twin.bus import BusError
+from serpent_twin.bus.control_table import TABLE
+from serpent_twin.bus.dynamixel.reader import Reader, TransientError
+from serpent_twin.bus.dynamixel.reading import Reading
+from serpent_twin.bus.dynamixel.recovery import ADVICE, Recovery
+from serpent_twin.bus.dynamixel.registers import TRIES, MotorRegisters
+from serpent_twin.bus.dynamixel.wire import PortLostError
+from serpent_twin.bus.xl430 import Words
+
+VERIFY_EVERY = 0.1
+"""Goals are read back this often at most [s]; Velocity Trajectory (136) is compared every time."""
+_GOAL = TABLE["goal_velocity"]
+
+
+class Goals:
+    """Goal velocities of all motors: sent in one packet that nobody answers, and therefore checked.
+
+    `words`, (10,), are in force; `driven` says whether the motors are switched on.
+    """
+
+    def __init__(
+        self,
+        registers: MotorRegisters,
+        reader: Reader,
+        recovery: Recovery,
+        now: Callable[[], float],
+    ) -> None:
+        self.words: Words = np.zeros(N_MOTORS, np.int64)
+        self.driven = False
+        self._registers, self._wire, self._reader = registers, registers.wire, reader
+        self._recovery, self._now = recovery, now
+        self._verified = -np.inf
+        self._trust_trajectory = True
+
+    def release(self) -> None:
+        """The motors are, or are about to be, switched off: no goal is in force."""
+        self.words, self.driven = np.zeros(N_MOTORS, np.int64), False
+
+    def send(self) -> None:
+        """Send `words` to all motors."""
+        goals = dict(zip(self._registers.ids, map(int, self.words), strict=True))
+        try:
+            self._wire.sync_write(_GOAL, goals)
+        except PortLostError as error:
+            self._recovery.regain_port(error)
+            self._wire.sync_write(_GOAL, goals)
+
+    def stand_still(self) -> None:
+        """Tell the arm to stand still, if it hears; else its watchdog stops it."""
+        self.words = np.zeros(N_MOTORS, np.int64)
+        with contextlib.suppress(PortLostError):
+            self._wire.sync_write(_GOAL, dict.fromkeys(self._registers.ids, 0))
+
+    def verify(self, always: bool = False) -> None:
+        """Read goals back if it is time, and write those anew that did not arrive.
+
+        A motor that stays silent here is for the next reading to insist on.
+        """
+        if not always and self._now() - self._verified < VERIFY_EVERY:
+            return
+        for _ in range(TRIES):
+            try:
+                deaf = self._reader.attempt_goals() != self.words
+                if not deaf.any():
+                    self._verified = self._now()
+                    return
+                self._repair(deaf)
+            except PortLostError as error:
+                self._recovery.regain_port(error)
+            except TransientError as trouble:
+                self._recovery.note(trouble.kind, trouble)
+
+    def compare(self, found: Reading) -> None:
+        """In velocity mode every reading says which velocity a motor follows: mend what differs."""
+        if not (self.driven and self._trust_trajectory) or found.registers.hardware_error.any():
+            return
+        other = found.registers.velocity_trajectory != self.words
+        if other.any() and not self._repair(other):
+            self._trust_trajectory = False  # goals are right: this firmware means something else
+
+    def bring_back(self, motors: Sequence[int]) -> None:
+        """Motors, from 1, whose clock began anew, or whose torque went off without an error."""
+        self._reader.forget()
+        if self._recovery.revive(motors, self.words if self.driven else None):
+            return
+        off = [m for m in motors if self.driven and not self._registers.get(m, "torque_enable")]
+        if off:
+            named = self._registers.name(off)
+            raise BusError(f"the torque of {named} was switched off from elsewhere. {ADVICE}")
+        self._recovery.note("clock", f"the clock of {self._registers.name(motors)} was set anew")
+
+    def _repair(self, motors: np.ndarray) -> bool:
+        """Have motors follow their goals again; returns whether anything was wrong with them."""
+        wrong = False
+        for n in np.flatnonzero(motors):
+            motor, goal = int(n) + 1, int(self.words[n])
+            if self._registers.get(motor, "bus_watchdog") == -1:
+                self._recovery.configure_ram(motor)
+                self._recovery.note("watchdog", f"motor {motor} had been stopped by its watchdog")
+            elif self._registers.get(motor, "goal_velocity") != goal:
+                self._recovery.note("goal", f"motor {motor} had not received its goal")
+            elif self.driven and not self._registers.get(motor, "torque_enable"):
+                self.bring_back([motor])
+            else:
+                continue
+            self._registers.put(motor, "goal_velocity", goal)
+            wrong = True
+        return wrong
