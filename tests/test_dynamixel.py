@@ -174,7 +174,7 @@ def test_a_motor_that_restarts_again_and_again_stops_the_arm():
 def test_a_port_that_comes_back_is_taken_up_again():
     with real_time() as (device, bus):
         bus.write_velocity(MILD)
-        device.trigger("unplug", 1, 0.6)
+        device.trigger("unplug", None, 0.6)
         time.sleep(0.1)
         state = bus.read_state()
         assert state.time > 0.4
@@ -201,7 +201,7 @@ def test_a_port_that_stays_away_is_named():
         pytest.raises(BusError, match="did not come back"),
         real_time(patience=0.4) as (device, bus),
     ):
-        device.trigger("unplug", 1, 30)
+        device.trigger("unplug", None, 30)
         time.sleep(0.1)
         bus.read_state()
 

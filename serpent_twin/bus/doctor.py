@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from serpent_twin import cli
 from serpent_twin.bus import BusError
-from serpent_twin.bus.control_table import BAUD_RATES, MODEL_NUMBER
+from serpent_twin.bus.control_table import BAUD_RATES
 from serpent_twin.bus.dynamixel import reading
 from serpent_twin.bus.dynamixel.registers import MotorRegisters
 from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup
@@ -78,9 +78,8 @@ def examine(setup: ArmSetup, reads: int = 200) -> Diagnosis:
     wire = Wire(setup.port, setup.baud)
     wire.open()
     try:
-        found = _scan(wire, setup, diagnosis)
         registers = MotorRegisters(wire, setup.ids)
-        present = [m for m in registers.motors if setup.ids[m - 1] in found]
+        present = _roll_call(registers, setup, diagnosis)
         for motor in present:
             _examine_motor(registers, motor, setup, diagnosis)
         if len(present) == len(setup.ids) and reads:
@@ -92,43 +91,44 @@ def examine(setup: ArmSetup, reads: int = 200) -> Diagnosis:
     return diagnosis
 
 
-def _scan(wire: Wire, setup: ArmSetup, diagnosis: Diagnosis) -> set[int]:
-    answers = wire.scan()
-    found = {id_ for id_, _ in answers}
-    for id_ in sorted(found):
-        models = [int.from_bytes(r.data[:2], "little") for i, r in answers if i == id_]
-        if len(models) > 1:
-            diagnosis.add("error", f"id {id_} answers twice", "give each motor an id of its own")
-        if models[0] != MODEL_NUMBER:
-            what = f"id {id_} is model {models[0]}, not an XL430-W250 ({MODEL_NUMBER})"
-            diagnosis.add("error", what, "exchange it, or take it off the bus")
-    missing = [id_ for id_ in setup.ids if id_ not in found]
-    if missing:
-        todo = "check cable, supply and ids"
-        if not found:
-            todo = _other_rates(wire, setup) or todo
-        diagnosis.add("error", f"no answer from id {', '.join(map(str, missing))}", todo)
-    strangers = sorted(found - set(setup.ids))
+def _roll_call(registers: MotorRegisters, setup: ArmSetup, into: Diagnosis) -> list[int]:
+    """Who answers, of the motors that should, and who else does."""
+    wire = registers.wire
+    presences = {motor: registers.presence(motor) for motor in registers.motors}
+    for presence in presences.values():
+        if presence.problem:
+            into.add("error", presence.problem, "check cable, supply and ids")
+    present = [motor for motor, presence in presences.items() if presence.answers]
+    if not present and (todo := _other_rates(wire, setup)):
+        into.findings[:] = [Finding("error", "no motor answers at this baud rate", todo)]
+    strangers = sorted({id_ for id_, _ in wire.scan()} - set(setup.ids))
     if strangers:
         what = f"id {', '.join(map(str, strangers))} is on the bus, but not in the setup"
-        diagnosis.add("warning", what, "take it off, or correct ids in the setup")
-    return found
+        into.add("warning", what, "take it off, or correct ids in the setup")
+    return present
 
 
 def _other_rates(wire: Wire, setup: ArmSetup) -> str:
-    for baud in BAUD_RATES:
-        other = Wire(setup.port, baud)
+    """What to do if motors answer at another baud rate than the setup's, else nothing."""
+    wire.close()
+    try:
+        rates = [baud for baud in BAUD_RATES if baud != setup.baud]
+        found = [baud for baud in rates if _anybody_at(setup.port, baud)]
+    finally:
+        wire.open()
+    where = setup.path or "the setup"
+    return f"they answer at {found[0]} bit/s: set baud = {found[0]} in {where}" if found else ""
+
+
+def _anybody_at(port: str, baud: int) -> bool:
+    wire = Wire(port, baud)
+    try:
+        wire.open()
+        return bool(wire.scan())
+    except BusError:  # the adapter cannot do this rate
+        return False
+    finally:
         wire.close()
-        try:
-            other.open()
-            if other.scan():
-                return f"they answer at {baud} bit/s: set baud = {baud} in {setup.path}"
-        except BusError:
-            continue  # the adapter cannot do this rate
-        finally:
-            other.close()
-    wire.open()
-    return ""
 
 
 def _examine_motor(registers: MotorRegisters, motor: int, setup: ArmSetup, into: Diagnosis) -> None:

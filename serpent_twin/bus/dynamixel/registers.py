@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,6 +23,14 @@ REFUSALS = {
     7: "refuses access: read-only, undefined, or EEPROM while the torque is on",
 }
 """Error numbers of a status packet (Protocol 2.0)."""
+
+
+@dataclass(frozen=True)
+class Presence:
+    """Whether a motor answers, and what is wrong with it, if anything."""
+
+    answers: bool
+    problem: str
 
 
 class MotorRegisters:
@@ -103,7 +112,8 @@ class MotorRegisters:
 
     def handshake(self) -> None:
         """Ask for all motors; raises one `BusError` that lists every one missing, doubled or wrong."""
-        problems = [problem for motor in self.motors if (problem := self._presence(motor))]
+        presences = [self.presence(motor) for motor in self.motors]
+        problems = [presence.problem for presence in presences if presence.problem]
         if problems:
             raise BusError(
                 f"{self.wire.port}: {'; '.join(problems)}. {_CHECK} "
@@ -119,19 +129,19 @@ class MotorRegisters:
         """The motors for a sentence that a mask, (n,), picks."""
         return self.name(int(n) + 1 for n in np.flatnonzero(which))
 
-    def _presence(self, motor: int) -> str:
+    def presence(self, motor: int) -> Presence:
+        """Ask patiently whether a motor is there, alone, and what it should be."""
         answers, garbled = self._ping_patiently(self.ids[motor - 1])
+        name = self.name([motor])
         if not answers:
-            seen = (
-                "only garbled answers: two motors with this id, or a bad contact" if garbled else ""
-            )
-            return f"{self.name([motor])} {'gives ' + seen if seen else 'is missing'}"
+            return Presence(False, f"{name} {_GARBLED if garbled else 'is missing'}")
         if len(answers) > 1 and self._is_doubled(self.ids[motor - 1]):
-            return f"{self.name([motor])} is doubled: two motors answer to its id"
+            return Presence(True, f"{name} is doubled: two motors answer to its id")
         model = int.from_bytes(answers[0].data[:2], "little")
         if model != MODEL_NUMBER:
-            return f"{self.name([motor])} is model {model}, not an XL430-W250 ({MODEL_NUMBER})"
-        return ""
+            found = f"{name} is model {model}, not an XL430-W250 ({MODEL_NUMBER})"
+            return Presence(True, found)
+        return Presence(True, "")
 
     def _is_doubled(self, motor_id: int) -> bool:
         """Whether two answers come every time: once may be a late one."""

@@ -1,0 +1,114 @@
+"""Does the doctor see what is wrong with a bus, and touch nothing?"""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from serpent_twin.bus.control_table import TABLE
+from serpent_twin.bus.device import running
+from serpent_twin.bus.doctor import examine
+from serpent_twin.bus.dynamixel import ArmSetup
+from serpent_twin.bus.dynamixel.wire import Wire
+
+
+def errors(diagnosis):
+    return [f.what for f in diagnosis.findings if f.level == "error"]
+
+
+def warnings(diagnosis):
+    return [f.what for f in diagnosis.findings if f.level == "warning"]
+
+
+def touch(port, *writes):
+    wire = Wire(port, 1_000_000)
+    wire.open()
+    for motor, name, value in writes:
+        assert wire.write(motor, TABLE[name], value).error & 0x7F == 0
+    wire.close()
+
+
+def registers(port):
+    """All of a motor's settings, which an examination must leave alone."""
+    names = [n for n, item in TABLE.items() if item.writable and item.address < 116]
+    wire = Wire(port, 1_000_000)
+    wire.open()
+    found = {n: wire.read(3, TABLE[n]).data for n in names}
+    wire.close()
+    return found
+
+
+def test_a_sound_bus_has_nothing_against_it_and_stays_as_it_was():
+    with running("--realtime") as device:
+        before = registers(device.port)
+        diagnosis = examine(ArmSetup(device.port, zero=(0,) * 10), reads=30)
+        assert registers(device.port) == before
+    assert not diagnosis.findings
+    assert [m["motor"] for m in diagnosis.motors] == list(range(1, 11))
+    assert diagnosis.cycle_ms["incomplete_reads"] == 0
+    least = diagnosis.cycle_ms["least_at_this_baud_rate"]
+    assert least == pytest.approx(1e3 * (24 + 10 * 38) * 10 / 1e6)
+    assert diagnosis.cycle_ms["median"] > least
+
+
+def test_every_finding_names_the_motor():
+    faults = ("wrong_model=1@4", "doubled=1@5")
+    with running("--realtime", *[w for f in faults for w in ("--fault", f)]) as device:
+        touch(
+            device.port,
+            (2, "shutdown", 0),
+            (3, "drive_mode", 4),
+            (6, "homing_offset", 7),
+            (7, "torque_enable", 1),
+        )
+        device.trigger("missing", 9)
+        device.trigger("overload", 8)
+        device.trigger("voltage", 10, 20)
+        setup = ArmSetup(device.port, zero=(0,) * 10, homing_offset=(0,) * 10)
+        diagnosis = examine(setup, reads=0)
+    said = "\n".join(errors(diagnosis))
+    for text in (
+        "motor 4 is model 1030",
+        "motor 5 is doubled",
+        "motor 9 is missing",
+        "motor 2: does not switch off at overload",
+        "motor 3: drive_mode is 4",
+        "motor 6: homing_offset is 7, was 0",
+        "motor 8: reports overload",
+        "motor 10: reports input voltage",
+        "motor 10: has 5.5 V",
+    ):
+        assert text in said, text
+    assert "motor 7: its torque is on" in warnings(diagnosis)
+
+
+def test_another_baud_rate_is_found():
+    with running("--realtime") as device:
+        touch(device.port, *[(motor, "baud_rate", 1) for motor in range(1, 11)])
+        diagnosis = examine(ArmSetup(device.port), reads=0)
+    (finding,) = [f for f in diagnosis.findings if f.level == "error"]
+    assert "57600 bit/s" in finding.todo
+
+
+def test_a_bus_that_loses_answers_is_noticed():
+    with running("--realtime", "--fault", "drop=0.02") as device:
+        diagnosis = examine(ArmSetup(device.port), reads=60)
+    assert any("reads were incomplete" in what for what in errors(diagnosis) + warnings(diagnosis))
+
+
+def test_the_command_reboots_writes_json_and_tells_by_its_status(tmp_path):
+    out = tmp_path / "doctor.json"
+    with running("--realtime") as device:
+        device.trigger("overload", 8)
+        command = [sys.executable, "-m", "serpent_twin.bus.doctor", "--port", device.port]
+        command += ["--reads", "5", "--setup", str(tmp_path / "arm.toml")]
+        sick = subprocess.run(
+            [*command, "--out", str(out), "--reboot", "8"], capture_output=True, text=True
+        )
+        assert sick.returncode == 1, sick.stderr
+        assert "motor 8: reports overload" in sick.stdout
+        assert "motor 8 restarted" in sick.stdout
+        assert "median" in json.loads(out.read_text())["cycle_ms"]
+        well = subprocess.run(command, capture_output=True, text=True)
+        assert well.returncode == 0, well.stdout + well.stderr

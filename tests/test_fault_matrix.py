@@ -1,0 +1,67 @@
+"""Would the fault matrix notice a row that is wrong, old, lost, or commanded otherwise?"""
+
+import importlib.util
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PATH = Path(__file__).resolve().parents[1] / "experiments" / "fault_matrix.py"
+spec = importlib.util.spec_from_file_location("fault_matrix", PATH)
+fault_matrix = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(fault_matrix)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A session over the wire and the device's transcript of it, made by the experiment itself."""
+    folder = tmp_path_factory.mktemp("matrix")
+    config = fault_matrix.FaultMatrix(out=folder, cycles=40)
+    result = fault_matrix.run_fault(config, "drop")
+    session = fault_matrix.read_session(folder / "drop" / "run" / "logs" / "session_01.parquet")
+    return result, session, fault_matrix._read_transcript(folder / "drop" / "run")
+
+
+def counts(session, events):
+    return fault_matrix.check_rows(session, events)
+
+
+def test_a_run_with_a_fault_is_whole_and_true(run):
+    result, session, events = run
+    assert result["rows"] == 40
+    assert result["rows_lost"] == result["rows_wrong"] == result["rows_stale"] == 0
+    assert counts(session, events)["wrong"] == 0
+    assert 0 < result["stop_s"] < 5
+    json.dumps(result)
+
+
+def test_one_wrong_word_in_one_row_is_noticed(run):
+    _, session, events = run
+    load = session.motor_load.copy()
+    load[7, 3] += 0.001
+    assert counts(replace(session, motor_load=load), events)["wrong"] == 1
+
+
+def test_a_row_of_old_readings_is_noticed(run):
+    _, session, events = run
+    old = {
+        name: getattr(session, name).copy()
+        for name in ("motor_position", "motor_velocity", "motor_load")
+    }
+    tick = session.extra["motor1_tick_ms"].copy()
+    for array in (*old.values(), tick):
+        array[20] = array[15]
+    stale = replace(session, **old, extra=session.extra | {"motor1_tick_ms": tick})
+    assert counts(stale, events)["stale"] == 1
+
+
+def test_a_command_that_was_never_in_force_is_noticed(run):
+    _, session, events = run
+    command = session.motor_velocity_command.copy()
+    quiet = int(np.flatnonzero(session.extra["recoveries"][1:] == 0)[3])
+    command[quiet] += 0.1
+    before = counts(session, events)
+    after = counts(replace(session, motor_velocity_command=command), events)
+    assert after["wrong"] == before["wrong"] + 1
