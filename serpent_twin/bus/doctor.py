@@ -230,13 +230,18 @@ def _latency_timer(into: Diagnosis) -> None:
 def describe(diagnosis: Diagnosis) -> str:
     """The diagnosis as a page of text."""
     lines = [f"{diagnosis.port}: {len(diagnosis.motors)} motors of the setup answer", ""]
-    lines += ["motor  id  firmware  mode  torque  error  volts    °C  position  return delay"]
+    lines += [
+        "motor  id  firmware  mode  torque  error  volts    °C  position  return delay   speed limit"
+        "   °C limit       volt limits"
+    ]
     for m in diagnosis.motors:
         lines.append(
             f"{m['motor']:>5} {m['id']:>3} {m['firmware_version']:>9} {m['operating_mode']:>5} "
             f"{'on' if m['torque_enable'] else 'off':>7} {m['hardware_error_status']:>6} "
             f"{m['present_input_voltage'] / 10:>6.1f} {m['present_temperature']:>5} "
-            f"{m['present_position']:>9} {2 * m['return_delay_time']:>10} µs"
+            f"{m['present_position']:>9} {2 * m['return_delay_time']:>10} µs "
+            f"{0.229 * m['velocity_limit']:>9.1f} rpm {m['temperature_limit']:>10} "
+            f"{m['min_voltage_limit'] / 10:>9.1f} … {m['max_voltage_limit'] / 10:.1f}"
         )
     if diagnosis.cycle_ms:
         c = diagnosis.cycle_ms

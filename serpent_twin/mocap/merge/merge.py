@@ -37,8 +37,8 @@ class Merge:
     """A session log, or a folder with session logs."""
     take: Annotated[Positional[Path], arg(metavar="TAKE.csv")]
     """CSV of Motive: File → Export Tracking Data, with Markers switched on."""
-    out: Path
-    """Folder for the new logs; made if it does not exist."""
+    out: Path | None = None
+    """Folder for the new logs; made if it does not exist. Without: beside LOGS, named …_merged."""
     labels: tuple[str, ...] = ()
     """The take's names of markers 1 … 9, base to tip. Without: names that end in 1 … 9, else found
     by their motion."""
@@ -47,6 +47,12 @@ class Merge:
     is fitted to the nominal twin's markers, which hides a constant error of the twin."""
     base_markers: Path | None = None
     """JSON of markers glued to the base, name: [x, y, z] in the base frame [m]; at least three."""
+
+    @property
+    def folder(self) -> Path:
+        """Where the new logs go."""
+        logs = self.logs if self.logs.is_dir() else self.logs.parent
+        return self.out or logs.absolute().with_name(logs.absolute().name + "_merged")
 
 
 def merge(config: Merge) -> Iterator[tuple[Session, str]]:
@@ -63,7 +69,7 @@ def merge(config: Merge) -> Iterator[tuple[Session, str]]:
             found = _found(session, film, take, config.labels)
             used = _not_twice(session, found, used)
             merged = _merged(session, take, found, given)
-            write_session(config.out / path.name, merged)
+            write_session(config.folder / path.name, merged)
             yield merged, line(merged)
         except SerpentError as error:
             refused.append(f"{path.name}: {error}")
@@ -90,13 +96,13 @@ def _files(config: Merge) -> list[Path]:
     files = session_files(config.logs) if config.logs.is_dir() else [config.logs]
     if not files:
         raise SerpentError(f"There is no session_NN.parquet in {config.logs}.")
-    taken = [path.name for path in files if (config.out / path.name).exists()]
+    taken = [path.name for path in files if (config.folder / path.name).exists()]
     if taken:
         raise SerpentError(
-            f"{config.out} holds {', '.join(taken)} already, which is kept: move it away, or name "
+            f"{config.folder} holds {', '.join(taken)} already, which is kept: move it away, or name "
             "another --out."
         )
-    config.out.mkdir(parents=True, exist_ok=True)
+    config.folder.mkdir(parents=True, exist_ok=True)
     return files
 
 
