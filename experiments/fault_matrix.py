@@ -111,9 +111,10 @@ def run_fault(config: FaultMatrix, name: str) -> dict[str, object]:
         said = process.communicate()[1]
         session = read_session(bench.log)
         counts = bench.device.stop()
-    checked = check_rows(session, bench.transcript())
     ended = session.metadata.get("ended", "")
-    expected = config.cycles if name not in ENDS else len(session)
+    events = bench.transcript()
+    checked = check_rows(session, events)
+    expected = config.cycles if name not in ENDS else _commands(events)
     with _Bench(folder / "killed", config, name) as bench:
         killed = bench.kill(rows=50)
     stop = killed["stop_s"] if name not in ENDS else _time_to_rest(folder / "run", name)
@@ -207,11 +208,11 @@ def check_rows(session: Session, events: list[dict]) -> dict[str, int]:
     reads = {}
     for event in (e for e in events if e["event"] == "read"):
         reads.setdefault(_signature(event), []).append(event)
-    turns = _unwrapped(session)
+    position = xl430.words(session.motor_position, xl430.POSITION_UNIT)
     wrong = stale = interrupted = 0
     offset, before = None, None
     for n in range(len(session)):
-        found = reads.get(_row_signature(session, n, turns), [])
+        found = reads.get(_row_signature(session, n, position), [])
         if offset is None and found:
             offset = found[-1]["host_s"] - session.time[n]
         near = [e for e in found if abs(e["host_s"] - offset - session.time[n]) < STALE]
@@ -227,20 +228,16 @@ def check_rows(session: Session, events: list[dict]) -> dict[str, int]:
     return {"wrong": wrong, "stale": stale, "interrupted": interrupted}
 
 
-def _unwrapped(session: Session) -> np.ndarray:
-    return xl430.words(session.motor_position, xl430.POSITION_UNIT)
-
-
 def _row_signature(session: Session, n: int, position: np.ndarray) -> tuple:
     velocity = xl430.words(session.motor_velocity[n], xl430.VELOCITY_UNIT)
     load = xl430.words(session.motor_load[n], xl430.LOAD_UNIT)
     tick = int(session.extra["motor1_tick_ms"][n])
-    return (tick, *(position[n] % xl430.TURN), *velocity, *load)
+    return (tick, *position[n], *velocity, *load)
 
 
 def _signature(event: dict) -> tuple:
-    position = np.array(event["present_position"]) % xl430.TURN
-    return (event["tick"][0], *position, *event["present_velocity"], *event["present_load"])
+    words = (event["true_position"], event["present_velocity"], event["present_load"])
+    return (event["tick"][0], *(word for column in words for word in column))
 
 
 def _rest_after(events: list[dict], at: float) -> float:
@@ -254,10 +251,17 @@ def _rest_after(events: list[dict], at: float) -> float:
     return round(max(moving) - at, 3) if moving else 0.0
 
 
+def _commands(events: list[dict]) -> int:
+    """Number of control cycles that sent a command; standing still is none of the controller's."""
+    return sum(event["event"] == "goal" and any(event["goal"]) for event in events)
+
+
 def _time_to_rest(folder: Path, name: str) -> float:
     events = _read_transcript(folder)
     struck = [e["host_s"] for e in events if e["event"] == "fault" and e["name"] == name]
-    return _rest_after(events, struck[0]) if struck else float("nan")
+    if not struck:
+        raise SerpentError(f"{folder}: the fault {name} never struck. Run it again.")
+    return _rest_after(events, struck[0])
 
 
 def _read_transcript(folder: Path) -> list[dict]:

@@ -1,8 +1,15 @@
 """Do the servos on the pseudo-terminal behave as the manual says, for the vendor's own SDK?"""
 
 import importlib.util
+import io
 import json
+import os
+import pty
+import signal
+import socket
+import termios
 import time
+from collections import Counter
 from dataclasses import fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -19,11 +26,15 @@ from dynamixel_sdk import (
     Protocol2PacketHandler,
 )
 
+from serpent_twin import cli
 from serpent_twin.bus import protocol
-from serpent_twin.bus.control_table import TABLE
-from serpent_twin.bus.device import running
-from serpent_twin.bus.device.faults import KINDS, Fault
+from serpent_twin.bus.control_table import BAUD_RATES, TABLE
+from serpent_twin.bus.device import child, running
+from serpent_twin.bus.device.__main__ import main
+from serpent_twin.bus.device.faults import KINDS, Fault, Strikes, named
 from serpent_twin.bus.device.options import Options, build
+from serpent_twin.bus.device.orders import Orders
+from serpent_twin.bus.device.responder import Responder, accesses
 from serpent_twin.bus.simulated import SimulatedBus
 from serpent_twin.bus.xl430 import Registers
 from serpent_twin.errors import SerpentError
@@ -83,6 +94,7 @@ class Client:
         return {id: bytes(group.data_dict[id]) for id in IDS}
 
     def send(self, data):
+        assert self.port.ser
         self.port.ser.write(data)
 
     def ask(self, packet, answers=1, seconds=1.0):
@@ -496,13 +508,15 @@ def test_unplugged_it_vanishes_and_comes_back_with_its_motors_powered():
         client = Client(device.port)
         client.prepare()
         client.goals([20] * 10)
+        serial = client.port.ser
+        assert serial
         assert device.trigger("unplug", seconds=0.3) == "unplug"
         with pytest.raises(OSError):
             for _ in range(1000):
-                client.port.ser.write(b"x")
-                client.port.ser.read(10)
+                serial.write(b"x")
+                serial.read(10)
         assert not Path(device.port).exists()
-        client.port.ser.close()
+        serial.close()
         time.sleep(0.4)
         client = Client(device.port)
         assert client.read(1, "torque_enable") == 1
@@ -511,19 +525,49 @@ def test_unplugged_it_vanishes_and_comes_back_with_its_motors_powered():
 
 
 def test_wire_time_and_return_delay_are_kept():
-    """10 × (27 + 11) bytes of answers and 24 of request at 10 µs a byte, and 500 µs per answer or none."""
-    with running("--paced") as device:
-        client = Client(device.port)
-        times = {}
-        for delay in (250, 0):
-            for id in IDS:
-                client.write(id, "return_delay_time", delay)
-            began = time.perf_counter()
-            for _ in range(10):
-                assert len(client.ask(_sync_read(), 10)) == 10
-            times[delay] = (time.perf_counter() - began) / 10
-    assert times[0] == pytest.approx(4.1e-3, abs=2e-3)
-    assert times[250] - times[0] == pytest.approx(5e-3, abs=1e-3)
+    """24 bytes of request, then 27 + 11 per answer, at 10 bits a byte, and 500 µs per answer or none."""
+    device = build(Options(paced=True))
+    for index, table in enumerate(device.servos.table):
+        table["return_delay_time"] = 250 if index < 5 else 0
+    device.servos.table[1]["baud_rate"] = BAUD_RATES.index(57_600)
+    began = time.monotonic()
+    due = np.array([due for _, due in send(device, _sync_read())])
+    assert due[0] >= began + 24e-5 + 5e-4 + 38e-5
+    slow = 38 * 10 / 57_600
+    wanted = [5e-4 + slow, *[5e-4 + 38e-5] * 3, *[38e-5] * 5]
+    assert np.diff(due) == pytest.approx(wanted, abs=1e-6)
+
+
+def test_cameras_see_the_arm_while_a_host_is_busy():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    device, frames = build(Options(cameras=port)), []
+    device._orders = Orders(None, io.StringIO())
+    assert device._cameras
+    device._cameras.send = lambda markers, time: frames.append(time) or True
+    device._plug()
+    client = os.open(device.terminal.port, os.O_RDWR | os.O_NOCTTY)
+    os.write(client, protocol.instruction_packet(1, protocol.Instruction.PING))
+    for _ in range(1000):
+        frames.clear()
+        device._turn()
+        if device.counts["packets"]:
+            break
+    assert device.counts["packets"] == len(frames) == 1
+    os.close(client)
+    device.terminal.unplug()
+    device._cameras.close()
+
+
+def test_orders_end_where_the_terminal_is_not_ours():
+    master, slave = pty.openpty()  # not the controlling terminal of these tests
+    with os.fdopen(slave) as source:
+        orders = Orders(source, io.StringIO())
+        os.write(master, b"overload 3\n")
+        orders.read(lambda line: "done")
+        assert orders.fileno() == -1
+    os.close(master)
 
 
 def test_a_machine_that_is_too_slow_leaves_out_time_instead_of_running_after_it():
@@ -537,8 +581,38 @@ def test_a_machine_that_is_too_slow_leaves_out_time_instead_of_running_after_it(
 
 def test_it_ends_with_the_program_that_started_it():
     with running("--lockstep") as device:
+        assert device.process.stdin
         device.process.stdin.close()
         assert device.process.wait(5) == 0
+
+
+# The child
+
+
+@pytest.mark.parametrize("arguments", [("--nonsense",), ("--seed", "-1")])
+def test_a_device_that_cannot_start_says_why_at_once(arguments):
+    began = time.monotonic()
+    with pytest.raises(SerpentError, match=f"did not start:(.|\\n)*{arguments[0]}"):
+        with running(*arguments):
+            pytest.fail("it started")
+    assert time.monotonic() - began < child._START / 2
+
+
+def test_a_dead_or_silent_device_strikes_nothing_and_is_ended(monkeypatch):
+    with pytest.raises(ZeroDivisionError), running("--lockstep") as device:
+        with pytest.raises(SerpentError, match="motor 0"):
+            device.trigger("overload", 0)
+        os.kill(device.process.pid, signal.SIGSTOP)  # which keeps SIGTERM waiting
+        monkeypatch.setattr(child, "_ANSWER", 0.2)
+        with pytest.raises(SerpentError, match="did not answer 'overload'"):
+            device.trigger("overload", 3)
+        raise ZeroDivisionError
+    assert device.process.returncode == -signal.SIGKILL
+    for _ in range(2):
+        with pytest.raises(SerpentError, match="has ended"):
+            device.trigger("overload", 3)
+    with pytest.raises(SerpentError, match="without saying what it counted"):
+        device.stop()
 
 
 # Faults
@@ -558,7 +632,10 @@ def test_faults_of_one_motors_answers(fault, good):
     with running("--lockstep", "--fault", fault) as device:
         client = Client(device.port)
         found = client.ask(_sync_read(), 12, 0.1)
-        assert [packet.id for packet in found if packet.id != 3].count(3) == 0
+        name, _, rest = fault.partition("=1@")
+        struck = int(rest.partition("/")[0])
+        of_struck = [packet.id for packet in found].count(struck)
+        assert of_struck == (2 if name == "doubled" else 0)
         assert len(found) == good
         if fault.startswith("late"):
             assert [packet.id for packet in client.collect(1, 0.4)] == [3]
@@ -609,6 +686,20 @@ def test_faults_that_do_not_read_are_refused(text):
         Fault.parse(text)
 
 
+@pytest.mark.parametrize(
+    "line", ["overload -3", "overload 0", "overload 3 1 2", "unplug 2", "overload 3 -", "crc +1"]
+)
+def test_orders_that_do_not_read_strike_nobody(line):
+    with pytest.raises(SerpentError):
+        Fault.order(line)
+
+
+def test_orders_read_as_they_are_documented():
+    read = [Fault.order(line) for line in ("overload 3", "reboot 4 0.5", "unplug - 2", "deaf")]
+    assert [(f.motor, f.seconds) for f in read[1:3]] == [(4, 0.5), (None, 2.0)]
+    assert (read[0].motor, read[3].motor) == (3, None)
+
+
 @pytest.mark.parametrize("name", KINDS)
 def test_every_fault_reads_and_explains_itself(name):
     whom = "@3" if KINDS[name].of_motor else ""
@@ -618,7 +709,99 @@ def test_every_fault_reads_and_explains_itself(name):
     assert len(KINDS[name].help) > 10
 
 
+def send(device, wire):
+    """What `_send` makes of the answers of servos that all listen: (bytes, due [s]) each."""
+    sent = []
+    device.terminal.send = lambda data, due: sent.append((data, due))
+    device._speed = termios.B1000000
+    (packet,) = protocol.Parser().feed(wire)
+    device._send(Responder(device.servos).answer(packet), packet)
+    return sent
+
+
+FAST_READ = protocol.instruction_packet(254, 0x8A, bytes([BLOCK, 0, 4, 0, *IDS]))
+
+
+def test_faults_of_a_motor_strike_its_part_of_a_fast_read():
+    whole = b"".join(data for data, _ in send(build(Options(lockstep=True)), FAST_READ))
+    assert len(protocol.Parser().feed(whole)) == 1
+    results = {}
+    for fault in ("drop=1@3", "truncate=1@3", "crc=1@3", "late=1@3/0.2", "doubled=1@3"):
+        device = build(Options(lockstep=True, fault=(fault,)))
+        for start in device.faults.events(Strikes.START):
+            device.strike(start)
+        sent = send(device, FAST_READ)
+        name = fault.split("=")[0]
+        assert device.faults.counts == {name: 1}
+        results[name] = b"".join(data for data, _ in sent)
+        if name == "late":
+            due = np.diff([due for _, due in sent])
+            assert due == pytest.approx([0, 0.2, *[0] * 7])
+    first, block = 8 + 8, 8
+    assert results["drop"] == whole[: first + block]
+    assert whole.startswith(results["truncate"]) and len(results["truncate"]) < first + 2 * block
+    differ = [n for n, (a, b) in enumerate(zip(whole, results["crc"], strict=True)) if a != b]
+    assert len(differ) == 1 and first + block <= differ[0] < first + 2 * block
+    assert results["late"] == whole
+    assert len(results["doubled"]) == len(whole) + block
+
+
+def test_overlapping_brown_outs_end_with_the_last():
+    device = build(Options(lockstep=True))
+    device.strike(named("voltage", motor=2, seconds=0.001))
+    device.strike(named("voltage", motor=2, seconds=0.001))
+    device.strike(named("voltage", motor=3, seconds=0.001))
+    device.strike(named("voltage", motor=3, seconds=100))
+    time.sleep(0.01)
+    device._keep_dates()
+    assert device.servos.motors.voltage[1:3].tolist() == [120, 55]
+
+
+def test_an_unplugged_port_is_not_unplugged_again():
+    device, said = build(Options(lockstep=True)), io.StringIO()
+    device._orders = Orders(None, said)
+    device._plug()
+    assert device.obey("unplug - 0.001") == "done: unplug"
+    assert device.obey("unplug - 0.001").startswith("error: the port is unplugged already")
+    device.strike(named("unplug"))
+    assert device.faults.counts["unplug"] == len(device._later) == 1
+    time.sleep(0.01)
+    device._keep_dates()
+    port = device.terminal.port
+    device.terminal.plug()
+    assert device.terminal.port == port
+    device.terminal.unplug()
+
+
+def test_a_reboot_does_not_bring_a_missing_motor_back():
+    device = build(Options(lockstep=True))
+    device.strike(named("missing", motor=3))
+    device.strike(named("reboot", motor=3))
+    device.servos.restarted.add(2)
+    device._silence_restarted()
+    device.strike(named("missing", motor=3, seconds=1.0))
+    assert device._silent_until[2] == np.inf
+
+
 # Anything may come
+
+GREEDY = [
+    protocol.instruction_packet(254, 0x82, bytes([0, 0, 255, 255]) + bytes(IDS) * 100),
+    protocol.instruction_packet(254, 0x8A, bytes([0, 0, 255, 255]) + bytes(IDS) * 100),
+    protocol.instruction_packet(254, 0x92, bytes([1, 0, 0, 255, 255]) * 200),
+]
+
+
+@pytest.mark.parametrize("wire", GREEDY)
+def test_a_greedy_read_costs_no_more_than_the_table_and_each_id_once(wire):
+    (packet,) = protocol.Parser().feed(wire)
+    device = build(Options(lockstep=True))
+    ids = [access.id for access in accesses(packet)]
+    assert len(ids) == len(set(ids)) <= 10
+    assert len(device.servos.table[0].places(0, 65_535)) == 662
+    replies = Responder(device.servos).answer(packet)
+    assert [r.data[8] & ~ALERT for r in replies] in ([], [ACCESS] * len(ids))
+    assert device.servos.write(0, 661, bytes(3)) == device.servos.write(0, 700, b"1") == ACCESS
 
 
 def test_random_and_mutated_bytes_leave_it_alive_and_right():
@@ -630,9 +813,12 @@ def test_random_and_mutated_bytes_leave_it_alive_and_right():
         protocol.instruction_packet(1, 3, bytes([64, 0, 1])),
         protocol.instruction_packet(254, 0x93, bytes([1, 104, 0, 4, 0, 1, 0, 0, 0])),
         protocol.instruction_packet(254, 8),
+        *GREEDY,
     ]
     with running("--lockstep") as device:
         client = Client(device.port)
+        for packet in GREEDY:
+            client.send(packet)
         for n in range(600):
             if n % 3 == 0:
                 client.send(rng.bytes(int(rng.integers(1, 200))))
@@ -657,16 +843,22 @@ def test_random_and_mutated_bytes_leave_it_alive_and_right():
 
 def test_any_write_leaves_the_servos_alive():
     """Straight to the servos, since on the wire it would change ids and baud rates."""
-    from serpent_twin.bus.protocol import Packet
-
     rng = np.random.default_rng(10)
     device = build(Options(lockstep=True))
+    responder = Responder(device.servos, listens=lambda index: True)
+    errors = Counter()
     for _ in range(4000):
         address = int(rng.integers(700))
         size = int(rng.choice([1, 2, 4, 8]))
         params = address.to_bytes(2, "little") + bytes(rng.choice([0, 1, 255, 100], size).tolist())
-        packet = Packet(int(rng.integers(12)), int(rng.choice([3, 4, 5, 6, 0x10])), params, b"")
-        device._responder.answer(packet)
+        packet = protocol.Packet(
+            int(rng.integers(12)), int(rng.choice([3, 4, 5, 6, 0x10])), params, b""
+        )
+        for reply in responder.answer(packet):
+            (status,) = protocol.Parser().feed(reply.data)
+            errors[status.params[0] & ~ALERT] += 1
+    assert {OK, INSTRUCTION, RANGE, LENGTH, ACCESS} <= set(errors)
+    assert sum(errors.values()) > 1000
     device.servos.refresh()
     device.servos.advance(0.1)
 
@@ -698,6 +890,8 @@ def test_an_arm_torn_apart_is_strung_anew_with_all_motors_tripped(tmp_path, monk
         ({"lockstep": True, "rate_hz": 3.0}, "time step"),
         ({"start_counts": (1, 2)}, "--start-counts"),
         ({"seed": -1}, "--seed"),
+        ({"cameras": 65_536}, "--cameras is 65536"),
+        ({"cameras": -1}, "--cameras is -1"),
         ({"fault": ("crc",)}, "--fault crc"),
         ({"model": Path("nowhere.xml")}, "nowhere.xml"),
     ],
@@ -713,6 +907,85 @@ def test_a_link_does_not_replace_a_file(tmp_path):
     with pytest.raises(SerpentError, match="something else lies there"):
         build(Options(link=taken))
     assert taken.read_text() == "mine"
+
+
+def test_a_link_is_taken_over_only_from_the_dead(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    link = Path("arm")
+    first = build(Options(link=link)).terminal
+    first.plug()
+    with pytest.raises(SerpentError, match=r"arm leads to /dev/pts/.*another device"):
+        build(Options(link=link))
+    assert link.readlink() == Path(first.port)
+    first.unplug()
+    link.symlink_to("/dev/pts/987654")  # as a device leaves it that was killed
+    second = build(Options(link=link)).terminal
+    second.plug()
+    assert link.readlink() == Path(second.port)
+    second.unplug()
+    with pytest.raises(SerpentError, match="nowhere/arm: there is no folder nowhere"):
+        build(Options(link=Path("nowhere/arm"), transcript=Path("events")))
+    assert not Path("events").exists()
+
+
+def test_a_transcript_replaces_no_file_and_knows_the_turns_that_a_reboot_loses(tmp_path):
+    path = tmp_path / "events.jsonl"
+    device = build(Options(transcript=path, start_counts=(9000,), lockstep=True))
+    device._transcript.read()
+    device.servos.reboot(4)
+    assert device.servos.write(5, TABLE["drive_mode"].address, b"\1") == OK
+    device._transcript.read()
+    device._transcript.close()
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [line["true_position"] for line in lines] == [[9000] * 10] * 2
+    assert lines[1]["present_position"][3:6] == [9000, 9000 % 4096, -9000 % 4096]
+    with pytest.raises(SerpentError, match=r"events.jsonl: something lies there already"):
+        build(Options(transcript=path))
+    assert len(path.read_text().splitlines()) == 2
+
+
+def test_the_help_says_what_each_fault_means_and_what_is_not_simulated(capsys):
+    with pytest.raises(SystemExit):
+        cli.run(main, ["--help"])
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for kind in KINDS.values():
+        assert f"{kind.name}, {kind.help}" in text
+    assert "Not simulated: goal PWM and its limit (0 does not stop a motor)" in text
+    assert "`unplug - 2`" in text
+
+
+def test_an_answer_is_given_as_it_was_before_what_it_answers():
+    servos = build(Options(lockstep=True)).servos
+    responder = Responder(servos)
+
+    def write(id, name, value):
+        params = TABLE[name].address.to_bytes(2, "little") + TABLE[name].pack(value)
+        return responder.answer(protocol.Packet(id, protocol.Instruction.WRITE, params, b""))
+
+    (reply,) = write(3, "id", 33)
+    assert protocol.Parser().feed(reply.data)[0].id == 3
+    (reply,) = write(33, "return_delay_time", 0)
+    assert reply.delay == 500e-6
+    (reply,) = write(33, "baud_rate", 1)
+    assert (reply.baud, reply.delay) == (1_000_000, 0.0)
+    assert len(write(33, "status_return_level", 0)) == 1
+    assert write(33, "status_return_level", 2) == []
+    (reply,) = write(33, "led", 1)
+    assert reply.baud == 57_600 and protocol.Parser().feed(reply.data)[0].id == 33
+
+
+def test_positions_have_their_ranges_and_sense():
+    servos = build(Options(lockstep=True, start_counts=(5000,))).servos
+    servos.table[0]["operating_mode"] = 4
+    for value, error in ((1_048_575, OK), (1_048_576, LIMIT), (-1_048_576, LIMIT)):
+        goal = TABLE["goal_position"]
+        assert servos.write(0, goal.address, goal.pack(value)) == error
+    drive = TABLE["drive_mode"].address
+    for mode, sense in ((1, -1), (1, -1), (0, 1)):
+        assert servos.write(0, drive, bytes([mode])) == OK
+        for _ in range(2):
+            assert servos.motors.registers().present_position[0] == sense * 5000 % 4096
+            servos.reboot(0)
 
 
 def test_the_straight_arm_reads_what_it_is_told_to():

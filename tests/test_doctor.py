@@ -103,12 +103,26 @@ def test_the_command_reboots_writes_json_and_tells_by_its_status(tmp_path):
         device.trigger("overload", 8)
         command = [sys.executable, "-m", "serpent_twin.bus.doctor", "--port", device.port]
         command += ["--reads", "5", "--setup", str(tmp_path / "arm.toml")]
-        sick = subprocess.run(
-            [*command, "--out", str(out), "--reboot", "8"], capture_output=True, text=True
-        )
+        sick = subprocess.run([*command, "--out", str(out)], capture_output=True, text=True)
         assert sick.returncode == 1, sick.stderr
         assert "motor 8: reports overload" in sick.stdout
-        assert "motor 8 restarted" in sick.stdout
         assert "median" in json.loads(out.read_text())["cycle_ms"]
-        well = subprocess.run(command, capture_output=True, text=True)
+        well = subprocess.run([*command, "--reboot", "8"], capture_output=True, text=True)
         assert well.returncode == 0, well.stdout + well.stderr
+        assert "motor 8 restarted" in well.stdout
+        assert not list(tmp_path.glob("arm*"))
+
+
+def test_a_motor_that_hardly_answers_is_a_finding_beside_the_others():
+    with running("--realtime", "--fault", "crc=0.7@5") as device:
+        diagnosis = examine(ArmSetup(device.port), reads=0)
+    assert len(diagnosis.motors) >= 9
+    assert any("motor 5" in what for what in errors(diagnosis))
+
+
+@pytest.mark.parametrize("wrong", [("--reboot", "0"), ("--reboot", "11"), ("--reads", "-1")])
+def test_impossible_requests_are_refused(wrong):
+    command = [sys.executable, "-m", "serpent_twin.bus.doctor", "--port", "/dev/x", *wrong]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"error: {wrong[0]}")

@@ -1,8 +1,10 @@
 """Does the Dynamixel bus believe only what is so, mend what can be mended, and always let go?"""
 
+import json
 import os
 import subprocess
 import sys
+import threading
 import time
 from contextlib import contextmanager
 from dataclasses import fields, replace
@@ -16,9 +18,11 @@ from serpent_twin.bus.control_table import TABLE
 from serpent_twin.bus.device import running
 from serpent_twin.bus.dynamixel import DynamixelBus, reading
 from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup, read_setup, write_setup
+from serpent_twin.bus.dynamixel.shutdown import close_after
 from serpent_twin.bus.dynamixel.turns import read_turns, turns_file
 from serpent_twin.bus.dynamixel.wire import PortLostError, Wire
 from serpent_twin.bus.limits import Guard, Limits
+from serpent_twin.bus.protocol import Instruction, status_packet
 from serpent_twin.bus.simulated import SimulatedBus
 from serpent_twin.bus.xl430 import Registers, nearest_turns
 from serpent_twin.bus.zero import Zero, set_zero
@@ -111,9 +115,7 @@ def test_ticks_tell_old_answers_and_wrap():
 def test_late_answers_are_not_taken_for_new_ones(late):
     with real_time("--fault", f"late=0.02/{late}") as (_, bus):
         for _ in range(40):
-            before = time.monotonic() - bus._start
             state = bus.read_state()
-            assert state.time >= before - 1e-3
             offset = state.registers.realtime_tick / 1e3 - state.time
             assert np.ptp(offset) < 0.02
             bus.write_velocity(MILD)
@@ -124,27 +126,26 @@ def test_late_answers_are_not_taken_for_new_ones(late):
 
 
 @pytest.mark.parametrize(
-    ("fault", "kind"),
+    ("fault", "motor", "kind"),
     [
-        ("crc", "silence"),
-        ("drop", "silence"),
-        ("truncate", "silence"),
-        ("deaf", "goal"),
-        ("watchdog", "watchdog"),
+        ("crc", 4, "silence"),
+        ("drop", 4, "silence"),
+        ("truncate", 4, "silence"),
+        ("deaf", None, "goal"),
+        ("watchdog", 4, "watchdog"),
     ],
 )
-def test_a_fault_of_the_moment_costs_no_row_and_is_noted(fault, kind):
+def test_a_fault_of_the_moment_is_overcome_and_noted(fault, motor, kind):
     with real_time() as (device, bus):
-        for n in range(6):
-            state = bus.read_state()
-            if n == 3:
-                device.trigger(fault, None if fault == "deaf" else 4)
-            sent = bus.write_velocity(np.array(MILD) * (1 + n))
-            bus.wait(0.15)
-        assert state.position[0] > 0.05
+        bus.write_velocity(MILD)
+        bus.wait(0.15)
+        device.trigger(fault, motor)
+        sent = bus.write_velocity(2 * np.array(MILD))
+        bus.wait(0.15)
         assert np.array_equal(bus.read_state().registers.velocity_trajectory, bus._goals.words)
-        assert sum(bus.recovery.counts.values()) > 0, kind
-        assert sent[0] > 0.9
+        assert sent == pytest.approx(0.4, abs=0.02)
+        assert set(bus.recovery.counts) == {kind}
+        assert bus.recovery.events[0]["kind"] == kind
 
 
 def test_a_motor_that_restarts_gets_its_turns_and_its_goal_back():
@@ -280,7 +281,7 @@ def test_joint_range_stops_the_arm():
         bus.wait(1.0)
 
 
-def test_a_load_held_too_long_stops_the_arm_and_a_short_one_does_not(monkeypatch):
+def test_a_load_held_too_long_stops_the_arm_and_a_short_one_does_not():
     guard = Guard(Limits(load=0.5, load_time=1.0))
     with SimulatedBus() as bus:
         state = bus.read_state()
@@ -306,6 +307,7 @@ def test_directions_turn_every_quantity_and_zero_shifts_positions():
         state = bus.read_state()
         assert state.registers.present_velocity[0] > 0 > state.registers.present_velocity[1]
         assert (state.velocity[:2] > 0.1).all()
+        assert state.load == pytest.approx(state.registers.present_load * sense / 1000)
 
 
 # Letting go
@@ -348,6 +350,74 @@ def test_a_killed_program_leaves_motors_that_stop_by_themselves():
         assert all(abs(TABLE["present_velocity"].unpack(r.data)) <= 1 for r in block.values())
 
 
+def test_a_port_that_comes_back_at_closing_time_is_waited_for():
+    with running("--realtime") as device:
+        bus = DynamixelBus(ArmSetup(device.port))
+        bus.connect()
+        bus.configure()
+        bus.enable_torque()
+        device.trigger("unplug", None, 0.4)
+        time.sleep(0.1)
+        bus.close()
+        assert peek(device.port, "torque_enable") == 0
+
+
+@pytest.mark.parametrize(
+    "second", [KeyboardInterrupt(), OSError("disk full"), BusError("no answer")]
+)
+def test_what_goes_wrong_on_the_way_out_never_hides_the_first_error(second):
+    class Bus:
+        def close(self):
+            raise second
+
+    first = BusError("motor 3 reports overload")
+    close_after(first, Bus())
+    notes = getattr(first, "__notes__", [])
+    assert notes == ([] if isinstance(second, KeyboardInterrupt) else [f"Besides, {second}"])
+
+
+def test_a_second_program_does_not_disturb_the_first_whatever_its_speed():
+    with real_time() as (device, bus):
+        with pytest.raises(BusError, match="in use by another program"):
+            Wire(device.port, 57_600).open()
+        bus.wait(0.2)
+        assert not bus.recovery.counts
+
+
+def test_answers_of_other_motors_are_not_a_motors_ping():
+    host, slave = os.openpty()
+    wire = Wire(os.ttyname(slave), 1_000_000, latency=0.02)
+    wire.open()
+    os.write(host, b"")
+    for packet in (status_packet(2, 0, b"\x24\x04\x2e"), status_packet(1, 0, b"\x00" * 27)):
+        threading.Timer(0.005, os.write, (host, packet)).start()
+        assert wire.ping(1) == []
+    wire.close()
+
+
+@pytest.mark.parametrize(
+    ("device_clock", "lockstep"), [("--realtime", True), ("--lockstep", False)]
+)
+def test_clocks_that_do_not_belong_together_are_said(device_clock, lockstep):
+    with running(device_clock) as device:
+        with pytest.raises(BusError, match=r"--lockstep"):
+            with DynamixelBus(ArmSetup(device.port), lockstep=lockstep) as bus:
+                bus.enable_torque()
+                time.sleep(0.1)
+                bus.read_state()
+                time.sleep(0.1)
+                bus.read_state()
+
+
+def test_the_jaw_has_a_range_too():
+    guard = Guard(Limits(joint_angle=0.5))
+    with SimulatedBus() as bus:
+        state = bus.read_state()
+    guard.check(replace(state, position=np.array([0.4] * 10)))
+    with pytest.raises(BusError, match="the jaw is at"):
+        guard.check(replace(state, position=np.array([0.0] * 9 + [0.6])))
+
+
 # Setup, zero and turns
 
 
@@ -380,7 +450,17 @@ def test_a_setup_survives_its_file(tmp_path):
         ("port = ", "not TOML"),
         ("watchdog = 9.0", "watchdog is 9.0"),
         ("[limits]\nload = -1", "load is -1"),
-        ("[limits]\nspeed = 1", "unknown keys"),
+        ("[limits]\nspeed = 1", "joint_angle_deg"),
+        ("[limits]\njoint_angle = 60", "unknown keys"),
+        ("[limits]\njoint_angle_deg = '60'", "give a number"),
+        ("[limits]\nvelocity_rad_s = 0.01", "least velocity"),
+        ("[limits]\nvelocity_rad_s = inf", "positive number"),
+        ("limits = 5", "must be a table"),
+        ("watchdog = 0.04", "from 0.1 to 2.54"),
+        ("patience = nan", "patience is nan"),
+        ("baud = 'fast'", "baud is 'fast'"),
+        ("port = 5", "port must be a text"),
+        ("zero = [1.5, 0, 0, 0, 0, 0, 0, 0, 0, 0]", "whole numbers"),
     ],
 )
 def test_a_setup_that_cannot_be_is_refused_with_file_and_key(text, says, tmp_path):
@@ -412,16 +492,16 @@ def test_zero_survives_restarts_of_motors_and_of_programs(tmp_path):
             bus.wait(0.6)
             bus.write_velocity([0.0] * 10)
             bus.wait(0.2)
-            left = bus.read_state()
-        assert left.registers.present_position[0] < 0
+            assert bus.read_state().registers.present_position[0] < 0
+        left = (read_turns(turns_file(path)).position - 100) * 2 * np.pi / 4096  # it sank when limp
         for motor in range(1, 11):
             device.trigger("reboot", motor)
         time.sleep(0.5)
         with DynamixelBus(read_setup(path)) as bus:
             found = bus.read_state()
-            assert (found.registers.present_position > 3000).all()
-            assert found.position == pytest.approx(left.position, abs=0.5)  # limp, the arm sinks
-        assert (read_turns(turns_file(path)).turns == -1).all()
+            assert (found.registers.present_position[1:] > 3000).all()
+            assert found.position == pytest.approx(left, abs=0.03)
+        assert (read_turns(turns_file(path)).turns[1:] == -1).all()
 
 
 def test_turns_that_are_not_certain_are_refused(tmp_path):
@@ -429,9 +509,8 @@ def test_turns_that_are_not_certain_are_refused(tmp_path):
     with running("--realtime") as device:
         set_zero(Zero(device.port, path, watch=0.1))
         memory = turns_file(path)
-        memory.write_text(
-            '{"position": [1500, 0, 0, 0, 0, 0, 0, 0, 0, 0], "turns": [0,0,0,0,0,0,0,0,0,0]}'
-        )
+        position, turns = [1500] + [0] * 9, [0] * 10
+        memory.write_text(json.dumps({"position": position, "turns": turns, "simulated": True}))
         device.trigger("reboot", 1)
         time.sleep(0.5)
         with pytest.raises(BusError, match=r"motor 1 by 132°.*bus.zero"):
@@ -439,6 +518,38 @@ def test_turns_that_are_not_certain_are_refused(tmp_path):
         memory.write_text("{")
         with pytest.raises(BusError, match="damaged"):
             DynamixelBus(read_setup(path)).connect()
+
+
+def test_turns_that_another_program_cleared_are_noticed(tmp_path):
+    """Clear Multi-Turn takes the turns and leaves the mark of power."""
+    path = tmp_path / "arm.toml"
+    with running("--realtime", "--start-counts", "100") as device:
+        set_zero(Zero(device.port, path, watch=0.1))
+        with DynamixelBus(read_setup(path)) as bus:
+            bus.enable_torque()
+            bus.write_velocity([-0.6] * 10)
+            bus.wait(0.6)
+        wire = Wire(device.port, 1_000_000)
+        wire.open()
+        for motor in range(1, 11):
+            wire._ask(motor, Instruction.CLEAR, b"\x01\x44\x58\x4c\x22", 0)
+        wire.close()
+        with pytest.raises(BusError, match=r"by its motors joint \d stands at"):
+            DynamixelBus(read_setup(path)).connect()
+
+
+def test_simulated_motors_do_not_touch_the_turns_of_real_ones(tmp_path):
+    path = tmp_path / "arm.toml"
+    with running("--realtime") as device:
+        set_zero(Zero(device.port, path, watch=0.1))
+        memory = turns_file(path)
+        real = json.loads(memory.read_text()) | {"simulated": False}
+        memory.write_text(json.dumps(real))
+        with pytest.raises(BusError, match="own --setup"):
+            DynamixelBus(read_setup(path)).connect()
+        with pytest.raises(BusError, match="another --setup"):
+            set_zero(Zero(device.port, path, watch=0.1))
+        assert json.loads(memory.read_text()) == real
 
 
 def test_a_changed_homing_offset_voids_the_zero(tmp_path):

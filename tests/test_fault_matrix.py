@@ -44,6 +44,13 @@ def test_one_wrong_word_in_one_row_is_noticed(run):
     assert counts(replace(session, motor_load=load), events)["wrong"] == 1
 
 
+def test_a_lost_turn_is_noticed(run):
+    _, session, events = run
+    position = session.motor_position.copy()
+    position[30:, 3] += 2 * np.pi
+    assert counts(replace(session, motor_position=position), events)["wrong"] == 10
+
+
 def test_a_row_of_old_readings_is_noticed(run):
     _, session, events = run
     old = {

@@ -124,7 +124,7 @@ def test_rows_of_a_session_are_views_of_it():
 
 def test_a_sealed_journal_holds_what_was_appended(tmp_path):
     session = make_session()
-    with log.Journal(tmp_path / "session_01.parquet", METADATA, fsync_every=20) as journal:
+    with log.Journal(tmp_path / "session_01.parquet", METADATA) as journal:
         for row in rows_of(session):
             journal.append(row)
         sealed = journal.seal()

@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,6 +58,25 @@ def stage(**options):
         it.cameras.close()
 
 
+def read_until(mocap, place, reads=10, patience=10.0):
+    """Times of reading, and the reads that show the markers at a place; few if it takes too long."""
+    found, until = [], time.monotonic() + patience
+    while len(found) < reads and time.monotonic() < until:
+        time.sleep(0.01)
+        frame = mocap.read()
+        if frame.position == pytest.approx(place, abs=1e-6):  # single precision at 3 m
+            found.append((time.monotonic(), frame))
+    return found
+
+
+def frames_of(mocap, number, patience=10.0):
+    """Wait until so many frames have come in."""
+    until = time.monotonic() + patience
+    while len(mocap.frames) < number:
+        assert time.monotonic() < until, f"only {len(mocap.frames)} frames came in"
+        time.sleep(0.01)
+
+
 @pytest.mark.parametrize("version", [(4, 1), (3, 1)])
 def test_markers_come_through_in_the_base_frame(version):
     with (
@@ -65,12 +85,11 @@ def test_markers_come_through_in_the_base_frame(version):
     ):
         for angle in (0.0, 0.3):
             it.place = markers(np.full(9, angle))
-            time.sleep(0.1)
-            before = time.monotonic() - it.started
-            frame = mocap.read()
-            assert frame.position == pytest.approx(it.place, abs=1e-6)  # single precision at 3 m
-            assert 0 <= before - frame.camera_time < 0.05
-            assert 0 <= frame.age < 0.05
+            reads = read_until(mocap, it.place)
+            assert reads, "the markers never came through"
+            before, frame = reads[-1]
+            assert 0 <= before - it.started - frame.camera_time < 1.0
+            assert 0 <= min(frame.age for _, frame in reads) < 0.1
         assert mocap.labels[0].endswith("1") and len(set(mocap.labels)) == 9
 
 
@@ -88,18 +107,17 @@ def test_order_follows_the_labels_by_name_or_id():
 def test_occluded_markers_are_nan_and_noise_is_as_asked():
     options = {"rng": np.random.default_rng(1), "noise": 1e-3, "loss": 0.2}
     with stage(**options) as it, NatNetMocap(it.natnet()) as mocap:
-        time.sleep(1.0)
+        frames_of(mocap, 100)
         seen = np.array([list(frame.markers.values()) for frame in mocap.frames])
     assert 0.15 < np.isnan(seen).all(axis=-1).mean() < 0.25
     assert np.nanstd(seen - STRAIGHT) == pytest.approx(1e-3, rel=0.1)
-    assert len(seen) > 90
 
 
 def test_age_is_counted_from_the_exposure():
     with stage(latency=0.05) as it, NatNetMocap(it.natnet()) as mocap:
-        time.sleep(0.3)
-        age = [mocap.read().age for _ in range(20) if time.sleep(0.01) is None]
-        assert 0.045 < min(age) and np.median(age) < 0.075
+        frames_of(mocap, 20)
+        reads = read_until(mocap, STRAIGHT, reads=20)
+        assert 0.045 < min(frame.age for _, frame in reads) < 0.1
 
 
 def test_stale_markers_are_nan_until_the_stream_is_back(monkeypatch):
@@ -168,6 +186,12 @@ def test_the_missing_library_is_named(monkeypatch):
         NatNetMocap().connect()
 
 
+def test_a_port_that_does_not_exist_is_refused():
+    for port in (-1, 65536):
+        with pytest.raises(SerpentError, match=rf"listen on port {port}: ports are 0 … 65535"):
+            SimulatedCameras(port=port)
+
+
 def test_frames_go_out_at_the_cameras_rate_and_only_to_clients():
     with SimulatedCameras(port=0) as cameras:
         sent = sum(cameras.send(STRAIGHT, t) for t in np.arange(0, 2, 0.001))
@@ -188,18 +212,21 @@ def test_the_base_frame_is_found_from_the_straight_arm(tmp_path):
         "loss": 0.02,
     }
     with stage(**options) as it:
-        config = Straight(tmp_path / "frame.json", 0.5, it.natnet())
+        config = Straight(tmp_path / "frame.json", 1.0, it.natnet())
         rigid, labels, residual = measure(config)
         rigid.save(config.out, {"labels": labels})
         loaded = Rigid.load(config.out)
         assert loaded.apply(Y_UP.apply(STRAIGHT)) == pytest.approx(STRAIGHT, abs=2e-4)
         assert residual.max() < 2e-4
         it.place = markers(np.array([0, 0, 0, 0, 0.5, 0, 0, 0, 0]))
-        time.sleep(0.6)
-        with pytest.raises(SerpentError, match=r"more than 10 mm from where a straight arm"):
+        time.sleep(0.1)
+        with pytest.raises(SerpentError, match=r"frame\.json exists already and is kept"):
+            measure(config)
+        config = replace(config, out=tmp_path / "another.json")
+        with pytest.raises(SerpentError, match=r"more than 3 mm from where a straight arm"):
             measure(config)
         it.place = STRAIGHT.copy()
         it.place[3] = np.nan
-        time.sleep(0.6)
+        time.sleep(0.1)
         with pytest.raises(SerpentError, match=r"marker 4 \(Marker 4\) is hidden"):
             measure(config)

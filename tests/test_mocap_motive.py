@@ -110,6 +110,13 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path):
         read_take(changed(fresh(), b"Format Version", b"Other"))
     with pytest.raises(SerpentError, match=r"no row that begins with 'Frame'"):
         read_take(changed(fresh(), b"\nFrame,", b"\nImage,"))
+    for garbage in (bytes(range(256)) * 1000, b"x" * 200_000, b"PAR1" + bytes(9), b""):
+        (tmp_path / "other.csv").write_bytes(garbage)
+        with pytest.raises(SerpentError, match=r"other\.csv is not a Motive export"):
+            read_take(tmp_path / "other.csv")
+    (tmp_path / "torn.csv").write_bytes(b"Format Version," + b"x" * 200_000)
+    with pytest.raises(SerpentError, match=r"torn\.csv: a header row cannot be read"):
+        read_take(tmp_path / "torn.csv")
     with (tmp_path / "empty.csv").open("w") as file:
         csv.writer(file).writerow([])
     with pytest.raises(SerpentError, match=r"not a Motive export"):

@@ -4,7 +4,7 @@ import json
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -12,13 +12,17 @@ import numpy as np
 from tqdm import tqdm
 
 from serpent_twin import cli
+from serpent_twin.arm import N_MOTORS
 from serpent_twin.bus import BusError
 from serpent_twin.bus.control_table import BAUD_RATES
 from serpent_twin.bus.dynamixel import reading
+from serpent_twin.bus.dynamixel.bus import DynamixelBus
 from serpent_twin.bus.dynamixel.registers import MotorRegisters
 from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup
 from serpent_twin.bus.dynamixel.wire import Wire
 from serpent_twin.bus.limits import error_names
+from serpent_twin.bus.xl430 import TURN
+from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 
 LOW_VOLTAGE, HIGH_VOLTAGE = 11.0, 12.6
@@ -42,9 +46,18 @@ class Doctor:
     reads: int = 200
     """Number of reads of all motors to time."""
     reboot: tuple[int, ...] = ()
-    """Motors to restart after the examination, which clears their errors; their torque goes off."""
+    """Motors, from 1, to restart first, which clears their errors; the torque of all motors goes off."""
+    live: bool = False
+    """Show the motors' angles until Ctrl-C, instead: turn joints by hand to see each motor's direction."""
     out: Path | None = None
     """JSON file for the figures and findings."""
+
+    def __post_init__(self) -> None:
+        wrong = [motor for motor in self.reboot if not 1 <= motor <= N_MOTORS]
+        if wrong:
+            raise SerpentError(f"--reboot: there is no motor {wrong[0]}; give 1 … {N_MOTORS}.")
+        if self.reads < 0:
+            raise SerpentError(f"--reads is {self.reads}; give a number of at least 0.")
 
 
 @dataclass(frozen=True)
@@ -81,7 +94,10 @@ def examine(setup: ArmSetup, reads: int = 200) -> Diagnosis:
         registers = MotorRegisters(wire, setup.ids)
         present = _roll_call(registers, setup, diagnosis)
         for motor in present:
-            _examine_motor(registers, motor, setup, diagnosis)
+            try:
+                _examine_motor(registers, motor, setup, diagnosis)
+            except BusError as error:
+                diagnosis.add("error", str(error).rstrip("."), "check its cable and contacts")
         if len(present) == len(setup.ids) and reads:
             _time_reads(wire, setup, reads, diagnosis)
     finally:
@@ -261,26 +277,48 @@ def describe(diagnosis: Diagnosis) -> str:
 
 def main(config: Doctor) -> None:  # noqa: D103 tyro would print it above the config's own
     setup = find_setup(config.setup, config.port)
+    if config.reboot:
+        _reboot(setup, config.reboot)
+    if config.live:
+        _show_live(setup)
+        return
     diagnosis = examine(setup, config.reads)
     print(describe(diagnosis))
     if config.out:
         write_whole(config.out, json.dumps(asdict(diagnosis), indent=2) + "\n")
-    if config.reboot:
-        _reboot(setup, config.reboot)
     if any(f.level == "error" for f in diagnosis.findings):
         sys.exit(1)
 
 
 def _reboot(setup: ArmSetup, motors: tuple[int, ...]) -> None:
-    from serpent_twin.bus.dynamixel.bus import DynamixelBus
-
-    bus = DynamixelBus(setup)
+    known = setup.path is not None and setup.path.exists()
+    bus = DynamixelBus(setup if known else replace(setup, path=None))
     bus.connect()
     try:
         bus.reboot(motors)
     finally:
         bus.close()
-    print(f"motor {', '.join(map(str, motors))} restarted; turn counts were kept.")
+    kept = "; their turns were kept" if known else ""
+    print(
+        f"motor {', '.join(map(str, motors))} restarted{kept}. The torque of all motors is off.\n"
+    )
+
+
+def _show_live(setup: ArmSetup) -> None:
+    """Angles by the setup's zero and directions, five times a second; nothing is written."""
+    registers = MotorRegisters(Wire(setup.port, setup.baud), setup.ids)
+    registers.wire.open()
+    print("degrees of motor 1 … 10 as the setup has them; Ctrl-C ends")
+    try:
+        while True:
+            counts = registers.get_all("present_position") - np.array(setup.zero or (0,) * N_MOTORS)
+            degrees = counts * np.array(setup.direction) * 360 / TURN
+            print("\r" + " ".join(f"{angle:7.1f}" for angle in degrees), end="", flush=True)
+            time.sleep(0.2)
+    except KeyboardInterrupt:
+        print()
+    finally:
+        registers.wire.close()
 
 
 if __name__ == "__main__":

@@ -25,7 +25,8 @@ class Limits:
     velocity: float = xl430.VELOCITY_LIMIT * xl430.VELOCITY_UNIT
     """Greatest motor velocity that is ever sent [rad/s]"""
     joint_angle: float = np.deg2rad(60.0)
-    """Greatest joint angle, told from the motors by stiff cables [rad]; targets end at 22.5°"""
+    """Greatest angle of a joint or the jaw, told from the motors by stiff cables [rad]; targets end at
+    22.5°"""
     load: float = 0.9
     """Share of the stall torque that no motor may hold for longer than `load_time` [1]"""
     load_time: float = 1.0
@@ -33,10 +34,14 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name in ("velocity", "joint_angle", "load", "load_time"):
-            if not getattr(self, name) > 0:
-                raise BusError(
-                    f"the limit {name} is {getattr(self, name)}; give a positive number."
-                )
+            value = getattr(self, name)
+            if not 0 < value < np.inf:
+                raise BusError(f"the limit {name} is {value}; give a positive number.")
+        if self.velocity_words < 1:
+            raise BusError(
+                f"the limit velocity is {self.velocity:g} rad/s, but a servo's least velocity is "
+                f"{xl430.VELOCITY_UNIT:.3f}; give more."
+            )
 
     @property
     def velocity_words(self) -> int:
@@ -54,7 +59,8 @@ class Guard:
     def check(self, state: MotorState) -> None:
         """Raise `BusError` that names motor or joint, its value and its limit."""
         refuse_hardware_error(state)
-        self._check_joints(joint_from_motor(state.position[:N_JOINTS]))
+        joint = joint_from_motor(state.position[:N_JOINTS])
+        self._check_joints(np.append(joint, state.position[-1] - state.position[-2]))
         self._check_loads(state.load, state.time)
 
     def _check_joints(self, joint: Array) -> None:
@@ -62,8 +68,9 @@ class Guard:
         over = np.flatnonzero(np.abs(joint) > limit)
         if over.size:
             angle = np.rad2deg(joint[over[0]])
+            where = f"joint {over[0] + 1}" if over[0] < N_JOINTS else "the jaw"
             raise BusError(
-                f"joint {over[0] + 1} is at {angle:.0f}° by its motors, beyond the limit of "
+                f"{where} is at {angle:.0f}° by its motors, beyond the limit of "
                 f"{np.rad2deg(limit):.0f}°; the arm was stopped. Turn it back by hand with the torque "
                 "off; if it hangs straight now, its zero is lost: run serpent_twin.bus.zero."
             )

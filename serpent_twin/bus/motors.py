@@ -72,6 +72,11 @@ class SimulatedMotors:
         self._load = np.zeros(N_MOTORS)
         twin.power(self.torque)
 
+    @property
+    def true_position(self) -> Words:
+        """Counts that nothing resets: of all turns, in no reversed sense, without homing offset, (10,)."""
+        return xl430.words(self.twin.motor_angle[0], xl430.POSITION_UNIT) + self._start
+
     def power(self, on: bool, motors: Which = slice(None)) -> None:
         """Switch drives on, holding still, or off."""
         self.torque[motors] = on
@@ -139,8 +144,7 @@ class SimulatedMotors:
 
     def _encoder(self) -> Words:
         """Counts since the straight pose and all turns, in the servo's own sense."""
-        counts = xl430.words(self.twin.motor_angle[0], xl430.POSITION_UNIT)
-        return (counts + self._start) * self.sense
+        return self.true_position * self.sense
 
     def _temperature(self) -> Words:
         return xl430.words(self._protection.ambient + self.temperature_rise, 1.0)

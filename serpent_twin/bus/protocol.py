@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 
 HEADER = b"\xff\xff\xfd\x00"
 BROADCAST = 0xFE
@@ -106,17 +107,27 @@ def status_packet(id: int, error: int, params: bytes = b"") -> bytes:
 
 
 def fast_status_packet(blocks: Sequence[tuple[int, int, bytes]], servos: int, size: int) -> bytes:
-    """One answer of many servos to a fast read: blocks are (error, id, data) in the order asked.
+    """One answer of many servos to a fast read: `fast_status_parts` in a row."""
+    return b"".join(fast_status_parts(blocks, servos, size))
 
-    The header promises `servos` blocks of `size` data bytes in all. Each servo appends a CRC of the
-    packet up to there, nothing is stuffed, and behind a servo that is silent nothing comes.
+
+def fast_status_parts(
+    blocks: Sequence[tuple[int, int, bytes]], servos: int, size: int
+) -> list[bytes]:
+    """What each servo sends of a fast read's answer: blocks are (error, id, data) in the order asked.
+
+    The header, which the first sends, promises `servos` blocks of `size` data bytes in all. Each servo
+    appends a CRC of the packet up to there, nothing is stuffed, and behind a servo that is silent nothing
+    comes.
     """
     length = 1 + 4 * servos + size
     packet = HEADER + bytes([BROADCAST]) + length.to_bytes(2, "little")
     packet += bytes([Instruction.STATUS])
+    ends = [0]
     for error, id, data in blocks:
         packet = _with_crc(packet + bytes([error, id]) + data)
-    return packet
+        ends.append(len(packet))
+    return [packet[start:end] for start, end in pairwise(ends)]
 
 
 def _with_crc(packet: bytes) -> bytes:

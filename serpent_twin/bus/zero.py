@@ -9,8 +9,14 @@ import numpy as np
 from serpent_twin import cli
 from serpent_twin.bus import BusError
 from serpent_twin.bus.dynamixel.bus import DynamixelBus
-from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup, write_setup
-from serpent_twin.bus.dynamixel.turns import LastSeen, turns_file, write_turns
+from serpent_twin.bus.dynamixel.setup import (
+    ArmSetup,
+    find_setup,
+    is_pseudo_terminal,
+    keep_before,
+    write_setup,
+)
+from serpent_twin.bus.dynamixel.turns import LastSeen, read_turns, turns_file, write_turns
 from serpent_twin.bus.xl430 import TURN, Words
 
 STILL = 2
@@ -21,8 +27,8 @@ STILL = 2
 class Zero:
     """Set the straight pose: hang the arm straight and still, then run this.
 
-    The torque goes off, the motors' positions become the arm's zero, and --setup is written; the file
-    that was there is kept beside it as *.before. Nothing moves.
+    The torque goes off, the motors' positions become the arm's zero, and --setup is written, with the
+    turn counts beside it; files that were there are kept as *.before. Nothing moves.
     """
 
     port: str = ""
@@ -36,6 +42,7 @@ class Zero:
 def set_zero(config: Zero) -> ArmSetup:
     """Measure the straight pose and write it into the setup, which is returned."""
     before = find_setup(config.setup, config.port)
+    _refuse_other_motors(before)
     # Neither an old zero nor old turns may stand in the way of new ones.
     plain = replace(before, zero=(), homing_offset=(), drive_mode=(), path=None)
     with DynamixelBus(plain) as bus:
@@ -48,9 +55,25 @@ def set_zero(config: Zero) -> ArmSetup:
         drive_mode=tuple(map(int, drive)),
         path=config.setup,
     )
+    turns = turns_file(config.setup)
+    keep_before(turns)
     write_setup(setup)
-    write_turns(turns_file(config.setup), LastSeen(position, np.zeros_like(position)))
+    simulated = is_pseudo_terminal(setup.port)
+    write_turns(turns, LastSeen(position, np.zeros_like(position), simulated))
+    bus = DynamixelBus(setup)
+    bus.connect()  # which marks the motors: from now on it is seen if one loses its power
+    bus.close()
     return setup
+
+
+def _refuse_other_motors(setup: ArmSetup) -> None:
+    seen = read_turns(turns_file(setup.path)) if setup.path else None
+    if seen is not None and seen.simulated != is_pseudo_terminal(setup.port):
+        kind = "simulated" if seen.simulated else "real"
+        raise BusError(
+            f"{setup.path} is of a {kind} arm, and {setup.port} is none. "
+            "Nothing was written: give another --setup."
+        )
 
 
 def _standing_still(bus: DynamixelBus, duration: float) -> Words:

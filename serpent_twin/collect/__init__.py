@@ -54,8 +54,8 @@ class Collect:
     """Control steps per second."""
     seed: int = 0
     """Seed of targets and noise; session n of seed s is always the same."""
-    arm: str = "twin"
-    """Name of the arm, stored in the logs."""
+    arm: str = ""
+    """Name of the arm, stored in the logs; without: twin, or the setup file's name."""
     marker_loss: float = 0.0
     """Share of marker readings that the simulated cameras lose."""
     workers: int = 0
@@ -64,6 +64,11 @@ class Collect:
     """The real arm, for --backend real."""
     parameters: Parameters = field(default=NOMINAL)
     """The simulated arm's free parameters; the controller's gain is also the real arm's."""
+
+    @property
+    def arm_name(self) -> str:
+        """What the logs call the arm."""
+        return self.arm or ("twin" if self.backend == "sim" else self.real.setup.stem)
 
 
 def collect(config: Collect) -> list[Path]:
@@ -93,7 +98,7 @@ def metadata(config: Collect, session: int) -> dict[str, Any]:
     return {
         "schema_version": SCHEMA_VERSION,
         "backend": config.backend,
-        "arm": config.arm,
+        "arm": config.arm_name,
         "session": session,
         "rate_hz": config.rate_hz,
         "seed": config.seed,
@@ -103,16 +108,16 @@ def metadata(config: Collect, session: int) -> dict[str, Any]:
 
 def settings(config: Collect) -> dict[str, Any]:
     """What two runs must share to lie in one folder."""
-    free = ("out", "sessions", "workers", "real")
-    kept = {key: value for key, value in asdict(config).items() if key not in free}
-    if config.backend == "sim":
-        return kept | {"model_sha256": mjcf.fingerprint(parameters=config.parameters)}
-    for simulated in ("parameters", "marker_loss"):
-        del kept[simulated]
-    return kept | {
-        "controller_gain": config.parameters.controller_gain,
-        "mocap": config.real.mocap,
-        "setup": str(config.real.setup),
+    common = {name: getattr(config, name) for name in ("backend", "steps", "rate_hz", "seed")}
+    common["arm"] = config.arm_name
+    if config.backend == "real":
+        from serpent_twin.collect.real import settings_of_arm
+
+        return common | settings_of_arm(config)
+    return common | {
+        "marker_loss": config.marker_loss,
+        "parameters": asdict(config.parameters),
+        "model_sha256": mjcf.fingerprint(parameters=config.parameters),
     }
 
 

@@ -1,7 +1,8 @@
 """How is a session of the real arm recorded?"""
 
-import os
+import contextlib
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -12,9 +13,10 @@ from tqdm import tqdm
 
 from serpent_twin import run_folder
 from serpent_twin.arm import Array
-from serpent_twin.bus import BusError, MotorState
+from serpent_twin.bus import MotorState
 from serpent_twin.bus.dynamixel.bus import DynamixelBus
-from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup
+from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup, is_pseudo_terminal
+from serpent_twin.bus.dynamixel.shutdown import STOPPING, uninterrupted
 from serpent_twin.collect import Collect, metadata, session_path
 from serpent_twin.collect.loop import record
 from serpent_twin.control import random_targets
@@ -37,7 +39,7 @@ def record_all(config: Collect, missing: list[int]) -> None:
     if is_pseudo_terminal(setup.port):
         print(f"{setup.port} is a pseudo-terminal: the motors on it are simulated.")
     total = len(missing) * config.steps
-    with _sigterm_as_interrupt(), tqdm(total=total, unit="row", disable=not missing) as bar:
+    with _stopped_by_signals(), tqdm(total=total, unit="row", disable=not missing) as bar:
         for session in missing:
 
             def show(rows: int, state: str, session: int = session) -> None:
@@ -60,6 +62,17 @@ def arm_of(config: Collect) -> ArmSetup:
     return setup
 
 
+def settings_of_arm(config: Collect) -> dict[str, Any]:
+    """What makes it the same arm, recorded in the same way."""
+    setup = asdict(arm_of(config))
+    kept = ("ids", "direction", "zero", "homing_offset", "drive_mode", "limits")
+    return {name: setup[name] for name in kept} | {
+        "controller_gain": config.parameters.controller_gain,
+        "mocap": config.real.mocap,
+        "port_is_pseudo_terminal": is_pseudo_terminal(setup["port"]),
+    }
+
+
 def record_session(config: Collect, setup: ArmSetup, session: int, show: Show) -> None:
     """Record one session; however it ends, its rows are sealed, and why it ended is said in them."""
     path = session_path(config, session)
@@ -68,29 +81,51 @@ def record_session(config: Collect, setup: ArmSetup, session: int, show: Show) -
     )
     targets = random_targets(config.steps, rng)
     bus = DynamixelBus(setup, config.real.lockstep)
-    cameras = cameras_of(config)
     further = FURTHER + (FURTHER_OF_CAMERAS if config.real.mocap != "none" else ())
-    about = metadata(config, session) | _about(config, setup)
+    gain, period = config.parameters.controller_gain, 1 / config.rate_hz
     times: list[float] = []
-    ended: dict[str, Any] = {"complete": True}
-    with Journal(path, about, further, fsync_every=max(1, round(config.rate_hz))) as journal:
+    ended: dict[str, Any] = {"complete": False}
+    with Journal(path, metadata(config, session) | _about(config, setup), further) as journal:
         try:
-            with cameras, bus:
-                gain, period = config.parameters.controller_gain, 1 / config.rate_hz
+            with cameras_of(config) as cameras, bus, _kept_on_disk(journal):
                 for row in record(bus, cameras, targets, gain, period, _further(bus, further)):
                     journal.append(row)
                     times.append(row["time"])
                     show(1, _state(times, period, bus))
-        except (SerpentError, KeyboardInterrupt, OSError) as error:
-            ended = {"complete": False, "ended": str(error) or "stopped by hand"}
-            if journal.rows and isinstance(error, BusError):
+            ended = {"complete": True}
+        except BaseException as error:
+            by_hand = isinstance(error, KeyboardInterrupt)
+            ended["ended"] = "stopped by hand" if by_hand else str(error) or type(error).__name__
+            if journal.rows and isinstance(error, SerpentError):
                 error.add_note(f"The {journal.rows} rows until then are kept in {path}.")
             raise
         finally:
-            if journal.rows:
-                loop = {"loop": loop_times(np.array(times), 1 / config.rate_hz, bus.missed)}
-                journal.seal(ended | loop | {"bus": _account(bus)})
+            with uninterrupted():
+                if journal.rows:
+                    loop = {"loop": loop_times(np.array(times), period, bus.missed)}
+                    journal.seal(ended | loop | {"bus": _account(bus)})
+                else:
+                    journal.discard()
     run_folder.drop_what_came_again(path)
+
+
+@contextmanager
+def _kept_on_disk(journal: Journal, every: float = 1.0) -> Iterator[None]:
+    """Force the journal to the disk again and again [s], beside the loop: a slow disk stops no motor."""
+    done = threading.Event()
+
+    def keep() -> None:
+        while not done.wait(every):
+            with contextlib.suppress(OSError):  # then the next row says so
+                journal.sync()
+
+    thread = threading.Thread(target=keep, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
 
 
 def loop_times(time: Array, period: float, missed: int) -> dict[str, float]:
@@ -103,11 +138,6 @@ def loop_times(time: Array, period: float, missed: int) -> dict[str, float]:
         "jitter_max_s": float(jitter.max()),
         "missed_deadlines": missed,
     }
-
-
-def is_pseudo_terminal(port: str) -> bool:
-    """Whether a port is no serial line, but another program."""
-    return os.path.realpath(port).startswith(("/dev/pts/", "/dev/ttys"))
 
 
 def _state(times: list[float], period: float, bus: DynamixelBus) -> str:
@@ -166,14 +196,15 @@ def cameras_of(config: Collect) -> Mocap:
 
 
 @contextmanager
-def _sigterm_as_interrupt() -> Iterator[None]:
-    """Have SIGTERM unwind as Ctrl-C does, so that the arm stops and the log is sealed."""
+def _stopped_by_signals() -> Iterator[None]:
+    """Have SIGTERM and SIGHUP unwind as Ctrl-C does, so that the arm stops and the log is sealed."""
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, interrupt)
+    before = {number: signal.signal(number, interrupt) for number in STOPPING}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -22,8 +22,8 @@ class Journal:
     """The session being recorded, row by row; `seal` makes the session log of it.
 
     `path` is session_NN.parquet or session_NN.journal; `extra` names further scalar columns.
-    Leaving the `with` block without `seal` keeps the journal for `recover`. With `fsync_every` = n,
-    every n-th row is forced to the disk: it outlives a loss of power, but costs milliseconds.
+    Leaving the `with` block without `seal` keeps the journal for `recover`. Rows outlive the program at
+    once, and a loss of power once `sync` was called.
     """
 
     def __init__(
@@ -31,11 +31,9 @@ class Journal:
         path: Path | str,
         metadata: Mapping[str, Any],
         extra: Sequence[str] = (),
-        fsync_every: int = 0,
     ) -> None:
         self.path = Path(path).with_suffix(".journal")
         self.rows = 0
-        self._fsync_every = fsync_every
         self._time = -np.inf
         _refuse_existing(self.path.with_suffix(".parquet"), self.path)
         header = {"schema_version": SCHEMA_VERSION} | dict(metadata)
@@ -84,8 +82,6 @@ class Journal:
         crc = self._checksum[0] = zlib.crc32(self._vector.data, self._crc)
         self._write(self._batch.serialize())
         self._crc, self._time, self.rows = int(crc), self._vector[0], self.rows + 1
-        if self._fsync_every and self.rows % self._fsync_every == 0:
-            os.fsync(self._file)
 
     def seal(self, ended: Mapping[str, Any] = {"complete": True}) -> Path:
         """Write session_NN.parquet from the journal, then delete the journal.
@@ -103,6 +99,17 @@ class Journal:
         sync_folder(self.path.parent)
         self.close()
         return sealed
+
+    def sync(self) -> None:
+        """Force what was written to the disk; may be called beside `append`, from another thread."""
+        os.fsync(self._file)
+
+    def discard(self) -> None:
+        """Delete a journal without rows."""
+        if self.rows:
+            raise SerpentError(f"{self.path} holds {self.rows} rows, which are kept: seal it.")
+        self.path.unlink()
+        self.close()
 
     def close(self) -> None:
         """Release the file without sealing it."""

@@ -6,6 +6,7 @@ components; an axis row beginning with `Frame`; the data. Motive's versions diff
 
 import csv
 import io
+from codecs import BOM_UTF8
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -73,13 +74,19 @@ def read_take(path: Path | str) -> Take:
 
 def _header(path: Path, data: bytes) -> tuple[Cells, dict[str, str]]:
     """All rows up to the axis row, and the key, value pairs of row 1."""
-    lines = data.split(b"\n", _HEADER_ROWS)[:_HEADER_ROWS]
-    rows = [next(csv.reader([_text(line)]), []) for line in lines]
-    if not rows or not rows[0] or rows[0][0] != "Format Version":
+    if not data.removeprefix(BOM_UTF8).startswith(b"Format Version,"):
+        begin = data[:80].split(b"\n")[0]
         raise SerpentError(
-            f"{path} is not a Motive export: row 1 begins {_text(lines[0])[:30]!r}, "
+            f"{path} is not a Motive export: row 1 begins {_text(begin)[:30]!r}, "
             f"expected 'Format Version'. {EXPORT}"
         )
+    lines = data.split(b"\n", _HEADER_ROWS)[:_HEADER_ROWS]
+    try:
+        rows = [next(csv.reader([_text(line)]), []) for line in lines]
+    except csv.Error as error:
+        raise SerpentError(
+            f"{path}: a header row cannot be read ({error}), so the file is damaged. {EXPORT}"
+        ) from None
     axis = next((n for n, row in enumerate(rows) if row and row[0] == "Frame"), None)
     if axis is None:
         raise SerpentError(

@@ -15,6 +15,7 @@ from serpent_twin.errors import SerpentError
 
 _START = 60.0  # [s] a device needs about two to start, more where many start at once
 _ANSWER = 10.0  # [s]
+_ENDED = ""  # instead of a line
 
 
 class Running:
@@ -34,42 +35,72 @@ class Running:
             bufsize=1,
         )
         self._lines: queue.Queue[str] = queue.Queue()
-        self._plugged = threading.Event()
+        self._plugged, self._spoke = False, threading.Event()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
     def wait_until_plugged(self) -> None:
         """Return when the port is there; raises `SerpentError` with the device's words if it ended."""
-        self._plugged.wait(_START)
-        if self.process.poll() is not None or not self._plugged.is_set():
+        self._spoke.wait(_START)
+        if not self._plugged:
             self.process.kill()
-            self._errors.seek(0)
-            raise SerpentError(f"the device did not start: {self._errors.read().strip()}")
+            self.process.wait()
+            raise SerpentError(f"the device did not start: {self._words()}")
 
     def trigger(self, name: str, motor: int | None = None, seconds: float | None = None) -> str:
-        """Let a fault strike once, now; returns the device's answer."""
+        """Let a fault strike once, now; returns the device's answer. Raises `SerpentError` if it refuses,
+        has ended, or does not answer.
+        """
         assert self.process.stdin is not None
-        words = (name, motor or "-", "" if seconds is None else seconds)
-        print(*words, file=self.process.stdin, flush=True)
-        answer = self._lines.get(timeout=_ANSWER)
+        words = (name, "-" if motor is None else motor, "" if seconds is None else seconds)
+        try:
+            print(*words, file=self.process.stdin, flush=True)
+            answer = self._lines.get(timeout=_ANSWER)
+        except OSError:
+            answer = _ENDED
+        except queue.Empty:
+            raise SerpentError(
+                f"the device did not answer {name!r} within {_ANSWER:g} s; start another."
+            ) from None
         if answer.startswith("error: "):
             raise SerpentError(answer.removeprefix("error: "))
+        if not answer.startswith("done: "):
+            raise SerpentError(f"the device has ended, so no {name!r} can strike: {self._words()}")
         return answer.removeprefix("done: ")
 
     def stop(self) -> dict[str, Any]:
         """End the device as Ctrl-C does; returns what it counted."""
-        self.process.terminate()
-        self.process.wait(_ANSWER)
+        self.end()
         self._reader.join(_ANSWER)
-        return json.loads(self._lines.get_nowait())
+        while not self._lines.empty():
+            if (line := self._lines.get()).startswith("{"):
+                return json.loads(line)
+        raise SerpentError(f"the device ended without saying what it counted: {self._words()}")
+
+    def end(self) -> None:
+        """End the process, by force if it does not obey."""
+        self.process.terminate()
+        try:
+            self.process.wait(_ANSWER)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+    def _words(self) -> str:
+        """What the process wrote to standard error."""
+        self._errors.seek(0)
+        return self._errors.read().strip() or "it gave no reason."
 
     def _read(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
             if line.startswith("port: "):
-                self._plugged.set()
+                self._plugged = True
+                self._spoke.set()
             elif line.startswith(("done: ", "error: ", "{")):  # MuJoCo prints warnings between
                 self._lines.put(line.strip())
+        self._spoke.set()
+        self._lines.put(_ENDED)
 
 
 @contextmanager
@@ -81,5 +112,4 @@ def running(*arguments: str) -> Iterator[Running]:
             device.wait_until_plugged()
             yield device
         finally:
-            device.process.terminate()
-            device.process.wait(_ANSWER)
+            device.end()

@@ -15,7 +15,7 @@ from serpent_twin.errors import SerpentError
 class Strikes(StrEnum):
     """What a fault's rate counts."""
 
-    STATUS = "each status packet"
+    STATUS = "each status packet, and each motor's part of a fast read's"
     INSTRUCTION = "each instruction packet"
     CYCLE = "each control cycle, that is each group write of goals"
     START = "the start"
@@ -72,7 +72,7 @@ class Fault:
         rest, _, seconds = rest.partition("/")
         rate, _, motor = rest.partition("@")
         try:
-            return named(name, float(rate), int(motor) if motor else None, _seconds(seconds))
+            return named(name, float(rate), _number(motor) if motor else None, _seconds(seconds))
         except ValueError:
             raise SerpentError(
                 f"--fault {text} does not read as NAME=RATE[@MOTOR][/SECONDS], such as late=0.01/0.1."
@@ -80,13 +80,16 @@ class Fault:
 
     @classmethod
     def order(cls, line: str) -> "Fault":
-        """Read `NAME [MOTOR] [SECONDS]`, MOTOR - for any: a fault that is to strike once, now."""
-        name, motor, seconds = (*line.split(), "", "")[:3]
-        motor = motor.removeprefix("-")
+        """Read `NAME [MOTOR [SECONDS]]`, MOTOR - for any: a fault that is to strike once, now."""
         try:
-            return named(name, 1.0, int(motor) if motor else None, _seconds(seconds))
+            words = line.split()
+            name, motor, seconds = *words, *("-", "")[len(words) - 1 :]
+            return named(name, 1.0, None if motor == "-" else _number(motor), _seconds(seconds))
         except ValueError:
-            raise SerpentError(f"{line!r} does not read as NAME [MOTOR] [SECONDS].") from None
+            raise SerpentError(
+                f"{line!r} does not read as NAME [MOTOR [SECONDS]], with - as MOTOR for any or none, "
+                "such as `overload 3` or `unplug - 2`."
+            ) from None
 
 
 def named(
@@ -102,13 +105,37 @@ def named(
     if motor is not None and not 1 <= motor <= N_MOTORS:
         raise SerpentError(f"the fault {name} is for motor {motor}; there are 1 … {N_MOTORS}.")
     if motor is not None and not kind.of_motor:
-        raise SerpentError(f"the fault {name} befalls no single motor; leave out the {motor}.")
+        raise SerpentError(
+            f"the fault {name} befalls no single motor; leave out the {motor}, or order it as "
+            f"`{name} - SECONDS`."
+        )
     seconds = kind.seconds if seconds is None else seconds
     if not seconds > 0:
         raise SerpentError(f"the fault {name} lasts {seconds:g} s; give more than 0.")
     if kind.strikes is Strikes.START and motor is None:
         motor = 1
     return Fault(kind, rate, motor, seconds)
+
+
+def help_text() -> str:
+    """All faults with what they mean, by what their rate counts."""
+    return " ".join(
+        f"Of {strikes}: "
+        + "; ".join(_meaning(kind) for kind in _KINDS if kind.strikes is strikes)
+        + "."
+        for strikes in Strikes
+    )
+
+
+def _meaning(kind: Kind) -> str:
+    usual = f" ({kind.seconds:g} unless told)" if isfinite(kind.seconds) else ""
+    return f"{kind.name}, {kind.help}{usual}"
+
+
+def _number(text: str) -> int:
+    if not text.isdecimal():
+        raise ValueError
+    return int(text)
 
 
 def _seconds(text: str) -> float | None:

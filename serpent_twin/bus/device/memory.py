@@ -45,7 +45,9 @@ class Memory:
         """Bytes from an address on, and `Error.NONE` or why not; a gap between registers is no data."""
         if length < 1:
             return Error.DATA_LENGTH, b""
-        if not _DEFINED.issuperset(range(address, address + length)):
+        if _leaves_table(address, length) or not _DEFINED.issuperset(
+            range(address, address + length)
+        ):
             return Error.ACCESS, b""
         if address + length <= _FIRST_INDIRECT:
             return Error.NONE, bytes(self._bytes[address : address + length])
@@ -55,6 +57,8 @@ class Memory:
         """The registers that a write covers whole with their new words, or why it is no such write."""
         if not data:
             return Error.DATA_LENGTH, ()
+        if _leaves_table(address, len(data)):
+            return Error.ACCESS, ()
         places, words = self.places(address, len(data)), []
         while places:
             item = _ITEM_AT.get(places[0])
@@ -70,6 +74,12 @@ class Memory:
         return Error.NONE, words
 
     def places(self, address: int, length: int) -> list[int]:
-        """Where bytes really lie: Indirect Data lies where its Indirect Address says."""
-        addresses = range(address, address + length)
+        """Where bytes really lie, those beyond the table's end left out: Indirect Data lies where its
+        Indirect Address says.
+        """
+        addresses = range(address, min(address + length, LAST_ADDRESS + 1))
         return [self[_POINTER[a].name] if a in _POINTER else a for a in addresses]
+
+
+def _leaves_table(address: int, length: int) -> bool:
+    return address + length > LAST_ADDRESS + 1

@@ -9,7 +9,7 @@ import tyro
 
 from serpent_twin.arm import N_MOTORS
 from serpent_twin.bus.device.arm_file import load_twin
-from serpent_twin.bus.device.faults import Fault, Faults
+from serpent_twin.bus.device.faults import Fault, Faults, help_text
 from serpent_twin.bus.device.serving import Device
 from serpent_twin.bus.device.servos import Servos
 from serpent_twin.bus.device.terminal import Terminal
@@ -25,6 +25,11 @@ CAMERAS = Rigid(
     np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([0.3, 1.4, -0.2])
 )
 """Base to simulated cameras: y is up, as in Motive, and the base hangs 1.4 m above their origin."""
+_LAST_PORT = 65_535
+_FAULT_HELP = (
+    "NAME=RATE[@MOTOR][/SECONDS], such as late=0.01@3/0.1; may be given again. RATE is a probability. "
+    + help_text()
+)
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 
 
@@ -33,8 +38,13 @@ class Options:
     """Put ten simulated XL430-W250 with the arm on a pseudo-terminal, for any program of yours.
 
     Prints the port, serves until Ctrl-C, then prints what it counted as one line of JSON. A line
-    NAME [MOTOR] [SECONDS] on standard input, such as `overload 3`, lets a fault strike now. The motors
-    are as new: ids 1 … 10, 1 MBd, position mode, torque off, return delay 500 µs.
+    NAME [MOTOR [SECONDS]] on standard input lets a fault strike now, with - as MOTOR for any or none,
+    such as `overload 3`, `reboot 4 0.5` or `unplug - 2`. The motors are as new: ids 1 … 10, 1 MBd,
+    position mode, torque off, return delay 500 µs.
+
+    Not simulated: goal PWM and its limit (0 does not stop a motor), PWM mode, the voltage limits (only the
+    fault voltage raises that error), gains but Position P, profiles but Profile Velocity in the position
+    modes, moving status, secondary ids, backups, and collisions of two motors with one id.
     """
 
     link: Path | None = None
@@ -46,10 +56,10 @@ class Options:
     fast as it computes: lengthen your port handler's timeout."""
     rate_hz: float = 4.0
     """Control periods per second of the motors' time, in lockstep."""
-    fault: tyro.conf.UseAppendAction[tuple[str, ...]] = ()
-    """NAME=RATE[@MOTOR][/SECONDS]; may be given again. RATE is a probability: of each status packet for
-    crc, drop, truncate, garbage, late; of each instruction packet for deaf; of each control cycle for
-    missing, unplug, overload, voltage, watchdog, reboot; of the start for doubled, wrong_model."""
+    fault: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(help=_FAULT_HELP)
+    ] = ()
+    """NAME=RATE[@MOTOR][/SECONDS], as `Fault.parse` reads them."""
     seed: int = 0
     """numpy.random.default_rng(SEED) draws the load noise, default_rng([SEED, 1]) the faults,
     default_rng([SEED, 2]) the cameras' noise."""
@@ -63,7 +73,7 @@ class Options:
     """Port on which simulated cameras stream the arm's markers as Motive does (NatNet, unicast, y up), in
     real time; 1510 is Motive's own. 0: none."""
     transcript: Path | None = None
-    """A file for what really happened, as JSON lines: group reads, goals, faults, velocities."""
+    """A new file for what really happened, as JSON lines: group reads, goals, faults, velocities."""
     until_eof: Flag = False
     """End when standard input ends, as it does when the program dies that started the device."""
     model: Path | None = None
@@ -84,16 +94,17 @@ def build(options: Options) -> Device:
     rng = np.random.default_rng(options.seed)
     start = np.array(options.start_counts)
     motors = SimulatedMotors(twin, rng, parameters.load_noise, start_counts=start)
-    transcript = Transcript(options.transcript, motors)
     draw = np.random.default_rng([options.seed, 1])
+    terminal, cameras = Terminal(options.link), _cameras(options)
+    transcript = Transcript(options.transcript, motors)  # last: what is refused leaves no file
     return Device(
         Servos(motors),
-        Terminal(options.link),
+        terminal,
         Faults(faults, draw, transcript.fault),
         transcript,
         period,
         paced=options.paced or not (options.no_paced or options.lockstep),
-        cameras=_cameras(options),
+        cameras=cameras,
     )
 
 
@@ -111,6 +122,10 @@ def _check(options: Options) -> None:
         if getattr(options, one) and getattr(options, other):
             flags = f"--{one} and --{other.replace('_', '-')}"
             raise SerpentError(f"{flags} exclude each other; give one of them or none.")
+    if not 0 <= options.cameras <= _LAST_PORT:
+        raise SerpentError(
+            f"--cameras is {options.cameras}; give a port within 1 … {_LAST_PORT}, or 0 for none."
+        )
     if options.cameras and options.lockstep:
         raise SerpentError("--cameras stream in real time; leave --lockstep out, or the cameras.")
     if not 0 < options.rate_hz <= 100:

@@ -22,9 +22,12 @@ class Orders:
 
     def read(self, obey: Callable[[str], str]) -> None:
         """Answer the lines that are there, and note when there will be no more."""
-        if os.isatty(self._fileno) and os.tcgetpgrp(self._fileno) != os.getpgrp():
-            return  # in the background: the terminal's lines are the shell's
-        data = os.read(self._fileno, 4096)
+        try:
+            if os.isatty(self._fileno) and os.tcgetpgrp(self._fileno) != os.getpgrp():
+                return  # in the background: the terminal's lines are the shell's
+            data = os.read(self._fileno, 4096)
+        except OSError:  # a terminal that is not ours to read, or that was hung up
+            data = b""
         if not data:
             self._fileno = -1
         *lines, self._pending = (self._pending + data).split(b"\n")

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 from serpent_twin.arm import N_MOTORS
 from serpent_twin.bus import protocol
-from serpent_twin.bus.control_table import TABLE
+from serpent_twin.bus.control_table import BAUD_RATES, TABLE
+from serpent_twin.bus.device.memory import Memory
 from serpent_twin.bus.device.servos import Servos
 from serpent_twin.bus.protocol import BROADCAST, Error, Instruction, Packet
 
@@ -15,13 +16,36 @@ _ALL, _READS = 2, 1  # of Status Return Level (68); 0 answers pings alone
 
 @dataclass(frozen=True)
 class Reply:
-    """One status packet on its way."""
+    """One servo's status packet, or its part of a fast read's, on its way."""
 
-    index: int | None
-    """The servo it is from, from 0; none if a fast read's answer is of many"""
+    index: int
+    """The servo it is from, from 0"""
     data: bytes
-    delay: float
+    baud: int
+    """Bits per second"""
+    delay: float = 0.0
     """Return Delay Time [s]"""
+    follows: bool = False
+    """Whether it goes on a fast read's packet, which only the whole part before it lets it do"""
+
+
+@dataclass(frozen=True)
+class Voice:
+    """How a servo answers: registers that the instruction itself may change."""
+
+    id: int
+    level: int
+    """Status Return Level"""
+    delay: float
+    """[s]"""
+    baud: int
+    """Bits per second"""
+
+    @classmethod
+    def of(cls, table: Memory) -> "Voice":
+        """As it is now."""
+        delay = table["return_delay_time"] * _DELAY_UNIT
+        return cls(table["id"], table["status_return_level"], delay, BAUD_RATES[table["baud_rate"]])
 
 
 @dataclass(frozen=True)
@@ -84,13 +108,14 @@ class Responder:
 
     def _single(self, index: int, packet: Packet) -> Reply | None:
         """One servo's answer to a packet to it or to all, or none."""
+        voice = Voice.of(self.servos.table[index])
         if packet.instruction == Instruction.PING:
-            return self._reply(index, Error.NONE, self._who(index))
+            return self._reply(index, voice, Error.NONE, self._who(index))
         error, data = self._do(index, packet)
         needs = _READS if packet.instruction == Instruction.READ else _ALL
-        if packet.id == BROADCAST or self.servos.table[index]["status_return_level"] < needs:
+        if packet.id == BROADCAST or voice.level < needs:
             return None
-        return self._reply(index, error, data)
+        return self._reply(index, voice, error, data)
 
     def _do(self, index: int, packet: Packet) -> tuple[int, bytes]:
         servos, params = self.servos, packet.params
@@ -115,10 +140,9 @@ class Responder:
                 return Error.DATA_RANGE, b""
         return Error.INSTRUCTION, b""
 
-    def _reply(self, index: int, error: int, data: bytes = b"") -> Reply:
-        table = self.servos.table[index]
-        packet = protocol.status_packet(table["id"], error | self.servos.alert(index), data)
-        return Reply(index, packet, table["return_delay_time"] * _DELAY_UNIT)
+    def _reply(self, index: int, voice: Voice, error: int, data: bytes = b"") -> Reply:
+        packet = protocol.status_packet(voice.id, error | self.servos.alert(index), data)
+        return Reply(index, packet, voice.baud, voice.delay)
 
     def _who(self, index: int) -> bytes:
         table = self.servos.table[index]
@@ -127,10 +151,11 @@ class Responder:
         )
 
     def _read_all(self, access: Access) -> list[Reply]:
+        tables = ((index, self.servos.table[index]) for index in self.addressed(access.id))
         return [
-            self._reply(index, *self.servos.table[index].read(access.address, access.length))
-            for index in self.addressed(access.id)
-            if self.servos.table[index]["status_return_level"] >= _READS
+            self._reply(index, voice, *table.read(access.address, access.length))
+            for index, table in tables
+            if (voice := Voice.of(table)).level >= _READS
         ]
 
     def _write_all(self, wanted: list[Access]) -> None:
@@ -139,6 +164,7 @@ class Responder:
                 self.servos.write(index, access.address, access.data)
 
     def _fast_read(self, wanted: list[Access]) -> list[Reply]:
+        speakers: list[int] = []
         blocks: list[tuple[int, int, bytes]] = []
         for access in wanted:
             index = next(self.addressed(access.id), None)
@@ -146,27 +172,41 @@ class Responder:
                 break
             error, data = self.servos.table[index].read(access.address, access.length)
             error |= self.servos.alert(index)
+            speakers.append(index)
             blocks.append(
                 (error, access.id, data.ljust(min(access.length, protocol.MAX_LENGTH), b"\0"))
             )
         size = sum(access.length for access in wanted)
         if not blocks or size + 4 * len(wanted) >= protocol.MAX_LENGTH:
             return []
-        return [Reply(None, protocol.fast_status_packet(blocks, len(wanted), size), 0.0)]
+        parts = protocol.fast_status_parts(blocks, len(wanted), size)
+        return [
+            Reply(index, part, Voice.of(self.servos.table[index]).baud, follows=n > 0)
+            for n, (index, part) in enumerate(zip(speakers, parts, strict=True))
+        ]
 
 
 def accesses(packet: Packet) -> list[Access]:
-    """What a group instruction reads or writes, servo by servo; a part that is cut off is left out."""
+    """What a group instruction reads or writes, servo by servo; a part that is cut off is left out, and
+    so is the second read of an id.
+    """
     match packet.instruction:
         case Instruction.SYNC_READ | Instruction.FAST_SYNC_READ:
-            return list(_sync(packet.params, 0))
+            return _once(_sync(packet.params, 0))
         case Instruction.SYNC_WRITE:
             return list(_sync(packet.params, int.from_bytes(packet.params[2:4], "little")))
         case Instruction.BULK_READ | Instruction.FAST_BULK_READ:
-            return list(_bulk(packet.params, carries_data=False))
+            return _once(_bulk(packet.params, carries_data=False))
         case Instruction.BULK_WRITE:
             return list(_bulk(packet.params, carries_data=True))
     return []
+
+
+def _once(wanted: Iterator[Access]) -> list[Access]:
+    by_id: dict[int, Access] = {}
+    for access in wanted:
+        by_id.setdefault(access.id, access)
+    return list(by_id.values())
 
 
 def _sync(params: bytes, size: int) -> Iterator[Access]:

@@ -31,7 +31,9 @@ _BYTE_GAP = 0.02  # [s] a pause that ends a packet; the manual's 1.5 ms is short
 _IDLE = 0.01  # [s] longest time between two looks at the clock
 _MOST_LAG = 0.2  # [s] what a machine that is too slow may fall behind before time is left out
 _BITS = 10  # on the wire for a byte: start, 8, stop
-_SPEEDS = tuple(getattr(termios, f"B{rate}", None) for rate in BAUD_RATES)
+_SPEEDS = {rate: getattr(termios, f"B{rate}", None) for rate in BAUD_RATES}
+_RATES = {speed: rate for rate, speed in _SPEEDS.items()}
+_FASTEST = BAUD_RATES[-1]
 _READS = (
     Instruction.SYNC_READ,
     Instruction.FAST_SYNC_READ,
@@ -70,7 +72,8 @@ class Device:
         self._steps = 0
         self._later: list[tuple[float, int, Callable[[], None]]] = []
         self._order = count()
-        self._silent_until = np.zeros(N_MOTORS)
+        self._silent_until, self._low_until = np.zeros(N_MOTORS), np.zeros(N_MOTORS)
+        self._nominal = servos.motors.voltage.copy()
         self._doubled: set[int] = set()
         self._speed = -1
         self._stopping = False
@@ -115,16 +118,20 @@ class Device:
             self.faults.arm(fault)
             return f"done: {fault.kind.name} will strike the next packet"
         fault = self.faults.aimed(fault)
+        if fault.kind.name == "unplug" and not self.terminal.plugged:
+            return "error: the port is unplugged already; wait until it is back."
         self.strike(fault)
         return f"done: {fault.kind.name}" + (f", motor {fault.motor}" if fault.motor else "")
 
     def strike(self, fault: Fault) -> None:
-        """Let a fault of a motor or of the port happen now."""
+        """Let a fault of a motor or of the port happen now; none unplugs a port that is unplugged."""
+        if fault.kind.name == "unplug" and not self.terminal.plugged:
+            return
         self.faults.note(fault.kind.name, fault.motor)
-        index, now = (fault.motor or 1) - 1, time.monotonic()
+        index = (fault.motor or 1) - 1
         match fault.kind.name:
             case "missing":
-                self._silent_until[index] = now + fault.seconds
+                self._silence(index, fault.seconds)
             case "unplug":
                 self.terminal.unplug()
                 self._after(fault.seconds, self._plug)
@@ -137,7 +144,7 @@ class Device:
             case "reboot":
                 self.servos.reboot(index)
                 self.servos.restarted.discard(index)
-                self._silent_until[index] = now + fault.seconds
+                self._silence(index, fault.seconds)
             case "doubled":
                 self._doubled.add(index)
             case "wrong_model":
@@ -155,8 +162,7 @@ class Device:
         for packet in packets:
             if self.terminal.plugged:  # a packet before it may have brought an unplug
                 self._take(packet)
-        if not packets:
-            self._pass_time()
+        self._pass_time()  # with packets too: a busy host does not stop the cameras
         if self._orders in ready:
             self._orders.read(self.obey)
         if self._cameras and self._cameras in ready:
@@ -203,28 +209,35 @@ class Device:
             self.strike(fault)
 
     def _send(self, replies: list[Reply], packet: Packet) -> None:
-        due = time.monotonic() + self._wire_time(packet.wire)
+        due = time.monotonic() + self._wire_time(packet.wire, _RATES.get(self._speed, _FASTEST))
+        held_up, broken = 0.0, False  # a fast read's packet so far
         for reply in replies:
+            if broken and reply.follows:
+                continue
             for _ in range(2 if reply.index in self._doubled else 1):
                 due += reply.delay if self._paced else 0.0
-                due += self._wire_time(reply.data)
-                motor = None if reply.index is None else reply.index + 1
-                data, delay = self.faults.strike(reply.data, motor)
+                due += self._wire_time(reply.data, reply.baud)
+                data, delay = self.faults.strike(reply.data, reply.index + 1)
+                broken = len(data) != len(reply.data)
+                held_up = delay + (held_up if reply.follows else 0.0)
                 self.counts["replies"] += bool(data)
-                self.terminal.send(data, due + delay)
+                self.terminal.send(data, due + held_up)
 
-    def _wire_time(self, data: bytes) -> float:
-        baud = BAUD_RATES[self.servos.table[0]["baud_rate"]]
+    def _wire_time(self, data: bytes, baud: int) -> float:
         return len(data) * _BITS / baud if self._paced else 0.0
 
     def _listens(self, index: int) -> bool:
         """Whether a servo is on the wire, at the speed that the port is set to."""
-        speed = _SPEEDS[self.servos.table[index]["baud_rate"]]
+        speed = _SPEEDS[BAUD_RATES[self.servos.table[index]["baud_rate"]]]
         return time.monotonic() >= self._silent_until[index] and speed in (None, self._speed)
 
     def _silence_restarted(self) -> None:
         while self.servos.restarted:
-            self._silent_until[self.servos.restarted.pop()] = time.monotonic() + _RESTART
+            self._silence(self.servos.restarted.pop(), _RESTART)
+
+    def _silence(self, index: int, seconds: float) -> None:
+        until = time.monotonic() + seconds
+        self._silent_until[index] = max(self._silent_until[index], until)
 
     def _pass_time(self) -> None:
         if self._period is not None:
@@ -258,11 +271,14 @@ class Device:
             self.servos.motors.restring()
 
     def _brown_out(self, index: int, seconds: float) -> None:
-        motors = self.servos.motors
-        usual = motors.voltage[index]
-        motors.voltage[index] = BROWN_OUT
-        motors.trip(index, VOLTAGE_ERROR)
-        self._after(seconds, lambda: motors.voltage.__setitem__(index, usual))
+        self._low_until[index] = max(self._low_until[index], time.monotonic() + seconds)
+        self.servos.motors.voltage[index] = BROWN_OUT
+        self.servos.motors.trip(index, VOLTAGE_ERROR)
+        self._after(seconds, lambda: self._recover(index))
+
+    def _recover(self, index: int) -> None:
+        if time.monotonic() >= self._low_until[index]:
+            self.servos.motors.voltage[index] = self._nominal[index]
 
     def _plug(self) -> None:
         self.terminal.plug()

@@ -21,6 +21,7 @@ _VELOCITY, _POSITION, _EXTENDED = 1, 3, 4  # of Operating Mode (11)
 _REVERSE, _TORQUE_ON_BY_GOAL = 1 << 0, 1 << 3  # of Drive Mode (10)
 _GOALS = ("goal_pwm", "goal_velocity", "goal_position")
 _MIRRORED = ("homing_offset", "moving_threshold", "temperature_limit", "shutdown")
+_FURTHEST = 1_048_575  # manual: Goal Position (116) in extended position mode, 256 turns either way
 _POSITION_RATE = 8.0  # [1/s] A: speed per angle to go, at the default Position P Gain
 _SLICE = 0.02  # [s] between two corrections of a position
 _LIVE = np.dtype(  # registers 120 … 146 as they lie in the table, by the names of `Registers`
@@ -202,6 +203,8 @@ class Servos:
                 return -table["pwm_limit"], table["pwm_limit"]
             case "goal_position" if table["operating_mode"] == _POSITION:
                 return table["min_position_limit"], table["max_position_limit"]
+            case "goal_position" if table["operating_mode"] == _EXTENDED:
+                return -_FURTHEST, _FURTHEST
         return item.low, item.high
 
     def _apply(self, index: int, item: Item, value: int) -> None:
@@ -247,7 +250,10 @@ class Servos:
         table = self.table[index]
         for name in _MIRRORED:
             getattr(self.motors, name)[index] = table[name]
-        self.motors.sense[index] = -1 if table["drive_mode"] & _REVERSE else 1
+        sense = -1 if table["drive_mode"] & _REVERSE else 1
+        if sense != self.motors.sense[index]:
+            self.motors.sense[index] = sense
+            self.motors.lose_turns(index)
 
     def _is_shut_down(self, index: int) -> bool:
         return bool(self.motors.hardware_error[index] & self.motors.shutdown[index])

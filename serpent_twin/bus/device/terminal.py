@@ -20,10 +20,8 @@ class Terminal:
     """
 
     def __init__(self, link: Path | None = None) -> None:
-        if link is not None and not _is_free(link):
-            raise SerpentError(
-                f"--link {link}: something else lies there; name a path that is free."
-            )
+        if link is not None:
+            _require_free(link)
         self.link = link
         self.port = ""
         self._master = self._slave = -1
@@ -40,15 +38,18 @@ class Terminal:
         return self._master
 
     def plug(self) -> None:
-        """Make the port, and link to it."""
+        """Make the port, and link to it; harmless when it is there."""
+        if self.plugged:
+            return
+        if self.link is not None:
+            _require_free(self.link)
         self._master, self._slave = pty.openpty()
         tty.setraw(self._master)
         tty.setraw(self._slave)  # kept open: or the end of one client would be the end of the port
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)
         if self.link is not None:
-            self.link.unlink(missing_ok=True)
-            self.link.symlink_to(self.port)
+            _point(self.link, self.port)
 
     def unplug(self) -> None:
         """Let the port vanish with all that was on its way; harmless when it has."""
@@ -95,7 +96,25 @@ class Terminal:
                 return
 
 
-def _is_free(link: Path) -> bool:
-    """Whether nothing lies there but what a device left that was killed."""
-    left = link.is_symlink() and link.readlink().is_relative_to("/dev/pts")
-    return left or not os.path.lexists(link)
+def _require_free(link: Path) -> None:
+    """Refuse a path where anything lies but what a device left that was killed."""
+    if not link.parent.is_dir():
+        raise SerpentError(f"--link {link}: there is no folder {link.parent}; make it first.")
+    if link.is_symlink() and link.readlink().is_relative_to("/dev/pts"):
+        if link.exists():
+            raise SerpentError(
+                f"--link {link} leads to {link.readlink()}, which is alive: another device may serve "
+                "it. End that device, or name another path; remove the link if it is nobody's."
+            )
+    elif os.path.lexists(link):
+        raise SerpentError(f"--link {link}: something else lies there; name a path that is free.")
+
+
+def _point(link: Path, port: str) -> None:
+    try:
+        link.unlink(missing_ok=True)
+        link.symlink_to(port)
+    except OSError as error:
+        raise SerpentError(
+            f"--link {link} cannot be made: {error.strerror}. Name a path in a folder that is yours."
+        ) from None

@@ -3,10 +3,12 @@
 import json
 import time
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
 from serpent_twin.bus.motors import SimulatedMotors
+from serpent_twin.errors import SerpentError
 
 _STATE_EVERY = 0.02  # [s]
 
@@ -15,20 +17,20 @@ class Transcript:
     """Writes JSON lines, each with `host_s`, time.monotonic(), the motors' `time_s`, and an `event`.
 
     read: the words of all registers when a group read asked for positions, whatever the wire made
-    of the answers; goal: the velocity words in force after a group write of goals; fault: its name
-    and the motor, from 1; state: the velocity words, and whether the
-    torque is on, every 20 ms in real time.
+    of the answers, and `true_position`, the counts that no reboot and no drive mode changes; goal:
+    the velocity words in force after a group write of goals; fault: its name and the motor, from 1;
+    state: the velocity words, and whether the torque is on, every 20 ms in real time.
     """
 
     def __init__(self, path: Path | None, motors: SimulatedMotors) -> None:
         self._motors = motors
-        self._file = path.open("w", buffering=1) if path else None
+        self._file = _new(path) if path else None
         self._next_state = 0.0
 
     def read(self) -> None:
         """A group read of the motors' present state."""
         if self._file:
-            words = vars(self._motors.registers())
+            words = vars(self._motors.registers()) | {"true_position": self._motors.true_position}
             self._write("read", {name: column.tolist() for name, column in words.items()})
 
     def goal(self) -> None:
@@ -59,3 +61,12 @@ class Transcript:
             ticks = self._motors.registers().realtime_tick.tolist()
             head = {"host_s": time.monotonic(), "time_s": self._motors.time, "event": event}
             self._file.write(json.dumps(head | {"tick": ticks} | fields) + "\n")
+
+
+def _new(path: Path) -> TextIO:
+    try:
+        return path.open("x", buffering=1)
+    except FileExistsError:
+        raise SerpentError(
+            f"--transcript {path}: something lies there already; name another file, or remove it."
+        ) from None

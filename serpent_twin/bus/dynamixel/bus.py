@@ -21,7 +21,7 @@ from serpent_twin.bus.dynamixel.reader import (
 from serpent_twin.bus.dynamixel.reading import Reading
 from serpent_twin.bus.dynamixel.recovery import ADVICE, Recovery
 from serpent_twin.bus.dynamixel.registers import TRIES, MotorRegisters
-from serpent_twin.bus.dynamixel.setup import ArmSetup
+from serpent_twin.bus.dynamixel.setup import ArmSetup, is_pseudo_terminal
 from serpent_twin.bus.dynamixel.shutdown import close_after, switch_off, uninterrupted
 from serpent_twin.bus.dynamixel.turns import TurnCounter
 from serpent_twin.bus.dynamixel.wire import PortLostError, Wire
@@ -58,6 +58,11 @@ class DynamixelBus:
         """Open the port, check all ten motors, their zero and their turn counts."""
         self.wire.open()
         try:
+            if self.lockstep and not is_pseudo_terminal(self.setup.port):
+                raise BusError(
+                    f"{self.setup.port} is no simulated device, so its time does not wait for "
+                    "commands. Leave --lockstep out."
+                )
             self.wire.sync_write(TABLE["status_return_level"], dict.fromkeys(self.setup.ids, 2))
             self.registers.handshake()
             self.registers.compare("homing_offset", self.setup.homing_offset)
@@ -90,7 +95,7 @@ class DynamixelBus:
                 self.recovery.energise(motor, goal=0)
             self._goals.driven = True
         else:
-            switch_off(self.registers)
+            switch_off(self.registers, self.setup.patience)
         self._waited = self._now()
 
     def write_velocity(self, velocity: ArrayLike) -> Array:
@@ -147,15 +152,15 @@ class DynamixelBus:
 
     def close(self) -> None:
         """Switch the torque off and let go of the bus; closing twice is harmless."""
-        if not self._connected:
-            return
-        self._connected = False
-        self._goals.release()
         with uninterrupted():
+            if not self._connected:
+                return
+            self._connected = False
+            self._goals.release()
             try:
-                switch_off(self.registers)
+                switch_off(self.registers, self.setup.patience)
+                self.turns.settle()
             finally:
-                self.turns.store()
                 self.wire.close()
 
     def __enter__(self) -> Self:

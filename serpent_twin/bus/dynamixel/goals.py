@@ -45,13 +45,15 @@ class Goals:
         self.words, self.driven = np.zeros(N_MOTORS, np.int64), False
 
     def send(self) -> None:
-        """Send `words` to all motors."""
+        """Send `words` to all motors; after a port was lost and regained they are zero, for what was to
+        be sent was meant for another moment.
+        """
         goals = dict(zip(self._registers.ids, map(int, self.words), strict=True))
         try:
             self._wire.sync_write(_GOAL, goals)
         except PortLostError as error:
             self._recovery.regain_port(error)
-            self._wire.sync_write(_GOAL, goals)
+            self.stand_still()
 
     def stand_still(self) -> None:
         """Tell the arm to stand still, if it hears; else its watchdog stops it."""
@@ -84,7 +86,8 @@ class Goals:
             return
         other = found.registers.velocity_trajectory != self.words
         if other.any() and not self._repair(other):
-            self._trust_trajectory = False  # goals are right: this firmware means something else
+            self._trust_trajectory = False
+            self._recovery.note("firmware", "Velocity Trajectory (136) is not the goal: not used")
 
     def bring_back(self, motors: Sequence[int]) -> None:
         """Motors, from 1, whose clock began anew, or whose torque went off without an error."""

@@ -98,6 +98,7 @@ class Reader:
         if not odd.any():
             return
         if self._suspect is None or self._out_of_step(found, self._suspect).any():
+            self._refuse_other_kind_of_time(found)
             self._suspect = found
             self._wire.drain()
             raise TransientError("stale", f"{self._registers.name_all(odd)} gave an old answer")
@@ -111,6 +112,23 @@ class Reader:
         if jumped.any():
             named = self._registers.name_all(jumped)
             raise TransientError("jump", f"{named} reported an impossible jump")
+
+    def _refuse_other_kind_of_time(self, found: Reading) -> None:
+        """A simulated device in lockstep needs a host in lockstep, and no other does."""
+        if self._suspect is None:
+            return
+        now, then = found.registers.realtime_tick, self._suspect.registers.realtime_tick
+        went_on = reading.tick_error(now, then, 0.0)
+        if self._lockstep and (went_on > SLACK_IN_LOCKSTEP).all():
+            raise BusError(
+                "the motors' clocks go on without a command: this is no device that was started with "
+                "--lockstep. Leave --lockstep out."
+            )
+        if not self._lockstep and (went_on == 0).all():
+            raise BusError(
+                "the motors' clocks stand still, as those of a simulated device that was started with "
+                "--lockstep do. Give --lockstep here, too, or start it without."
+            )
 
     def _out_of_step(self, found: Reading, before: Reading | None) -> np.ndarray:
         if before is None:

@@ -77,7 +77,9 @@ class Recovery:
 
         With `goal` words, (10,), they are switched on again; None leaves them off.
         """
-        restarted = [motor for motor in motors if self._turns.forgot(motor)]
+        restarted = [
+            m for m in motors if self._registers.get(m, "bus_watchdog") == 0
+        ]  # as after power-on
         self._revived.update(restarted)
         often = [motor for motor in restarted if self._revived[motor] > REVIVALS]
         if often:

@@ -3,6 +3,7 @@
 import contextlib
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
@@ -12,51 +13,57 @@ from serpent_twin.bus.control_table import TABLE
 from serpent_twin.bus.dynamixel.registers import TRIES, MotorRegisters
 from serpent_twin.bus.dynamixel.wire import PortLostError
 
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that end a program, a terminal that was closed among them."""
+
 
 class _Closable(Protocol):
     def close(self) -> None: ...
 
 
-def switch_off(registers: MotorRegisters) -> None:
+def switch_off(registers: MotorRegisters, patience: float) -> None:
     """Torque off, confirmed by every motor; `BusError` names those that did not confirm it.
 
-    A motor that does not hear it at once is also told to stand still.
+    A motor that does not hear it at once is also told to stand still, and a lost port is waited for,
+    `patience` [s] at most.
     """
-    left, cause = list(registers.motors), ""
-    for _ in range(TRIES):
+    left, cause, tries, until = list(registers.motors), "", 0, time.monotonic() + patience
+    while left and (time.monotonic() < until if cause else tries < TRIES):
         try:
             registers.wire.sync_write(TABLE["torque_enable"], dict.fromkeys(registers.ids, 0))
             left = [motor for motor in left if not _is_off(registers, motor)]
-            if not left:
-                return
-            cause = "no answer"
-            registers.wire.sync_write(TABLE["goal_velocity"], dict.fromkeys(registers.ids, 0))
+            if left:
+                registers.wire.sync_write(TABLE["goal_velocity"], dict.fromkeys(registers.ids, 0))
+            tries, cause = tries + 1, ""
         except PortLostError as error:
             cause = str(error)
             _try_to_reopen(registers)
-    raise BusError(
-        f"{registers.name(left)} did not confirm that the torque is off ({cause}). Their watchdog has "
-        "stopped them, but they may still hold: cut the power before you touch the arm."
-    )
+    if left:
+        raise BusError(
+            f"{registers.name(left)} did not confirm that the torque is off ({cause or 'no answer'}). "
+            "In silence its watchdog stops it, but it may still hold: cut the power before you touch "
+            "the arm."
+        )
 
 
 def close_after(error: BaseException, bus: _Closable) -> None:
     """Close a bus on the way out with `error`, to which what goes wrong now is a note."""
     try:
         bus.close()
-    except BusError as second:
+    except KeyboardInterrupt:
+        pass  # what it asks for is under way, and `error` says more
+    except Exception as second:
         error.add_note(f"Besides, {second}")
 
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Let neither Ctrl-C nor SIGTERM interrupt; a signal that came meanwhile counts afterwards."""
+    """Let no Ctrl-C, SIGTERM or SIGHUP interrupt; a signal that came meanwhile counts afterwards."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     came: list[int] = []
-    both = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.signal(number, lambda n, _: came.append(n)) for number in both}
+    before = {number: signal.signal(number, lambda n, _: came.append(n)) for number in STOPPING}
     try:
         yield
     finally:
@@ -72,5 +79,6 @@ def _is_off(registers: MotorRegisters, motor: int) -> bool:
 
 
 def _try_to_reopen(registers: MotorRegisters) -> None:
+    time.sleep(0.05)
     with contextlib.suppress(BusError):
         registers.wire.open()

@@ -12,18 +12,22 @@ from pathlib import Path
 
 import numpy as np
 
-from serpent_twin.arm import N_MOTORS
+from serpent_twin.arm import ARM, N_JOINTS, N_MOTORS, joint_from_motor
 from serpent_twin.bus import BusError
 from serpent_twin.bus.dynamixel.registers import MotorRegisters
-from serpent_twin.bus.dynamixel.setup import ArmSetup
-from serpent_twin.bus.xl430 import TURN, Words, nearest_turns
+from serpent_twin.bus.dynamixel.setup import ArmSetup, is_pseudo_terminal
+from serpent_twin.bus.xl430 import POSITION_UNIT, TURN, Words, nearest_turns
+from serpent_twin.files import write_whole
 
 FURTHEST = TURN // 4
 """How far a motor may have moved unseen before its turn is no longer certain [counts]."""
 STORE_EVERY = 0.25
-"""Turns are written to the disk this often at most [s]."""
+"""Turns are written to the file this often at most [s]."""
+SETTLED, SETTLING = 0.3, 3.0
+"""A limp arm sinks: it has come to rest when it stood for so long, and is waited for at most so long [s]."""
 POWER_MARK = "indirect_data_28"
-"""A register in RAM that nothing else uses: set at connection, zero again after a loss of power."""
+"""A register in RAM that nothing else uses: set once the turns are stored, zero again after a loss of
+power. A: no real servo has shown yet that it keeps the byte as long as it keeps its turns."""
 
 
 @dataclass(frozen=True)
@@ -34,41 +38,46 @@ class LastSeen:
     """Present Position + turns × 4096 [counts], (10,)"""
     turns: Words
     """What the host adds to Present Position [turns], (10,)"""
+    simulated: bool
+    """Whether these are motors on a pseudo-terminal"""
 
 
 class TurnCounter:
-    """The turns of ten motors on a bus, over restarts of motors and of programs."""
+    """The turns of ten motors on a bus, over restarts of motors and of programs.
+
+    Without a file of the setup they are kept for this connection only.
+    """
 
     def __init__(self, registers: MotorRegisters, setup: ArmSetup) -> None:
         self.turns = np.zeros(N_MOTORS, np.int64)
-        self._registers, self._zero = registers, setup.zero
+        self._registers, self._setup = registers, setup
         self._path = setup.path and turns_file(setup.path)
         self._position = np.zeros(N_MOTORS, np.int64)
         self._stored = -np.inf
 
     def connect(self) -> None:
-        """Find out what was forgotten since somebody last looked, and mark the motors as seen."""
+        """Find out what was forgotten since somebody last looked, and whether that can be."""
         raw = self._registers.get_all("present_position")
         forgot = self._registers.get_all(POWER_MARK) == 0
         seen = read_turns(self._path) if self._path else None
         if seen is not None:
+            self._refuse_other_motors(seen)
             self.turns = seen.turns.copy()
             self._restore(np.flatnonzero(forgot), raw, seen.position)
-        elif self._zero:
-            self._restore(np.flatnonzero(forgot), raw, np.array(self._zero))
+        elif self._setup.zero:
+            self._restore(np.flatnonzero(forgot), raw, np.array(self._setup.zero))
         self._position = raw + self.turns * TURN
-        self._mark(np.flatnonzero(forgot))
-        self.store()
+        self._refuse_impossible_pose()
+        if self._path:
+            self._store(durably=True)
+            for n in np.flatnonzero(forgot):
+                self._registers.ensure(int(n) + 1, POWER_MARK, 1)
 
     def follow(self, raw: Words) -> None:
         """Note where the motors are, (10,) raw positions [counts]."""
         self._position = raw + self.turns * TURN
         if time.monotonic() - self._stored > STORE_EVERY:
-            self.store()
-
-    def forgot(self, motor: int) -> bool:
-        """Whether a motor, numbered from 1, lost its power since it was marked."""
-        return self._registers.get(motor, POWER_MARK) == 0
+            self._store()
 
     def restore(self, motors: Sequence[int]) -> None:
         """Give motors that restarted, numbered from 1, their turns back."""
@@ -76,14 +85,27 @@ class TurnCounter:
         raw = np.zeros(N_MOTORS, np.int64)
         raw[index] = [self._registers.get(motor, "present_position") for motor in motors]
         self._restore(index, raw, self._position)
-        self._mark(index)
-        self.store()
+        self._store(durably=True)
+        for motor in motors if self._path else ():
+            self._registers.ensure(motor, POWER_MARK, 1)
 
-    def store(self) -> None:
-        """Write down where the motors are; the file is whole at every moment."""
+    def settle(self) -> None:
+        """Watch a limp arm until it rests, and store where: the power may go off now."""
+        if not self._path:
+            return
+        began = moved = time.monotonic()
+        rest = self._position
+        while (now := time.monotonic()) - moved < SETTLED and now - began < SETTLING:
+            self._position = self._registers.get_all("present_position") + self.turns * TURN
+            if np.abs(self._position - rest).max() > 2:
+                rest, moved = self._position, now
+        self._store(durably=True)
+
+    def _store(self, durably: bool = False) -> None:
         self._stored = time.monotonic()
         if self._path:
-            write_turns(self._path, LastSeen(self._position, self.turns))
+            simulated = is_pseudo_terminal(self._setup.port)
+            write_turns(self._path, LastSeen(self._position, self.turns, simulated), durably)
 
     def _restore(self, index: np.ndarray, raw: Words, last: Words) -> None:
         self.turns[index], moved = nearest_turns(raw[index], last[index])
@@ -98,9 +120,35 @@ class TurnCounter:
                 "Their zero is uncertain: hang the arm straight and run serpent_twin.bus.zero."
             )
 
-    def _mark(self, index: np.ndarray) -> None:
-        for n in index:
-            self._registers.put(int(n) + 1, POWER_MARK, 1)
+    def _refuse_impossible_pose(self) -> None:
+        """A turn too many bends a joint by 360° more than it can: such a zero is lost."""
+        if not self._setup.zero:
+            return
+        counts = (self._position - np.array(self._setup.zero)) * np.array(self._setup.direction)
+        motor = counts * POSITION_UNIT
+        joint = np.append(joint_from_motor(motor[:N_JOINTS]), motor[-1] - motor[-2])
+        beyond = np.flatnonzero(np.abs(joint) > ARM.joint_range)
+        if beyond.size:
+            n = beyond[0]
+            where = f"joint {n + 1}" if n < N_JOINTS else "the jaw"
+            raise BusError(
+                f"by its motors {where} stands at {np.rad2deg(joint[n]):.0f}°, which it cannot: turns "
+                "were lost, or another program reset them. Hang the arm straight and run "
+                "serpent_twin.bus.zero."
+            )
+
+    def _refuse_other_motors(self, seen: LastSeen) -> None:
+        simulated = is_pseudo_terminal(self._setup.port)
+        if seen.simulated != simulated:
+            kinds = (
+                ("simulated motors", "real ones")
+                if simulated
+                else ("real motors", "simulated ones")
+            )
+            raise BusError(
+                f"{self._setup.port} has {kinds[0]}, but {self._path} is of {kinds[1]}. "
+                "Give each its own --setup file."
+            )
 
 
 def turns_file(setup: Path) -> Path:
@@ -108,10 +156,20 @@ def turns_file(setup: Path) -> Path:
     return setup.with_suffix(".turns.json")
 
 
-def write_turns(path: Path, seen: LastSeen) -> None:
-    """Replace the stored turns in one step; not forced to the disk, for it happens in the loop."""
+def write_turns(path: Path, seen: LastSeen, durably: bool = True) -> None:
+    """Replace the stored turns in one step; `durably` outlives a loss of power, and takes longer."""
+    content = json.dumps(
+        {
+            "position": seen.position.tolist(),
+            "turns": seen.turns.tolist(),
+            "simulated": seen.simulated,
+        }
+    )
+    if durably:
+        write_whole(path, content)
+        return
     part = path.with_name(path.name + ".partial")
-    part.write_text(json.dumps({"position": seen.position.tolist(), "turns": seen.turns.tolist()}))
+    part.write_text(content)
     part.replace(path)
 
 
@@ -122,11 +180,13 @@ def read_turns(path: Path) -> LastSeen | None:
     try:
         content = json.loads(path.read_text())
         position, turns = (np.array(content[key], np.int64) for key in ("position", "turns"))
+        simulated = bool(content["simulated"])
     except (ValueError, KeyError, TypeError):
         position = turns = np.zeros(0, np.int64)
+        simulated = False
     if position.shape != (N_MOTORS,) or turns.shape != (N_MOTORS,):
         raise BusError(
             f"{path} is damaged, so nobody knows the turn counts. "
             "Delete it, hang the arm straight and run serpent_twin.bus.zero."
         )
-    return LastSeen(position, turns)
+    return LastSeen(position, turns, simulated)

@@ -5,6 +5,8 @@ receiver drops the answers that follow a lost one, hides error bytes in group re
 """
 
 import contextlib
+import fcntl
+import os
 import select
 import termios
 import time
@@ -59,25 +61,21 @@ class Wire:
         self._handler: PortHandler | None = None
         self._parser = Parser()
         self._request = 0
+        self._lock = -1
 
     def open(self) -> None:
         """Open the port; raises `PortLostError` with the cause."""
         self.close()
+        self._lock = _locked(self.port)  # before its speed is set, for another program may use it
         handler = PortHandler(self.port)
         try:
             opened = handler.setBaudRate(self.baud)
         except (OSError, termios.error) as error:  # SerialException is an OSError
+            self.close()
             raise PortLostError(f"cannot open {self.port}: {_cause(error)}") from None
         if not opened:
             raise BusError(f"{self.baud} bit/s is no baud rate that dynamixel-sdk knows.")
         self._handler = handler
-        try:
-            _serial(handler).exclusive = True
-        except (OSError, termios.error):
-            self.close()
-            raise BusError(
-                f"{self.port} is in use by another program. Stop that program, then go on."
-            ) from None
 
     def close(self) -> None:
         """Let go of the port, whatever state it is in."""
@@ -86,11 +84,15 @@ class Wire:
                 self._handler.closePort()
         self._handler = None
         self._parser = Parser()
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
 
     def ping(self, motor: int) -> list[Reply]:
         """All answers of an id: none if nobody has it, two if two motors do. Waits for all of them."""
         self._send(motor, Instruction.PING, b"")
-        return [reply for _, reply in self._collect(3 * _OVERHEAD, stop=lambda replies: False)]
+        found = self._collect(3 * _OVERHEAD, stop=lambda replies: False)
+        return [reply for id_, reply in found if id_ == motor and len(reply.data) == 3]
 
     def scan(self, duration: float = 0.8) -> list[tuple[int, Reply]]:
         """All answers to a ping to everybody, by id; each motor waits 3 ms for every id before it."""
@@ -204,6 +206,22 @@ class Wire:
     def _lost(self, error: Exception) -> PortLostError:
         self.close()
         return PortLostError(f"{self.port} was lost: {_cause(error)}")
+
+
+def _locked(port: str) -> int:
+    """A descriptor that holds the port against other programs; pyserial's `exclusive` is the same lock."""
+    try:
+        handle = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError as error:
+        raise PortLostError(f"cannot open {port}: {_cause(error)}") from None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        raise BusError(
+            f"{port} is in use by another program. Stop that program, then go on."
+        ) from None
+    return handle
 
 
 def _serial(handler: PortHandler) -> serial.Serial:

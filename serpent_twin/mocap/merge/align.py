@@ -12,7 +12,7 @@ from serpent_twin.mocap.frame import Rigid
 from serpent_twin.mocap.merge.film import Film, between
 
 SMOOTHED = 0.075  # s: window of the local parabola that gives velocities
-DRIFT_STD = 2e-4  # quartz clocks differ by less; matters for short sessions only
+DRIFT_STD = 5e-5  # between two quartz clocks, each within some 20 … 50 ppm of the truth
 LAG_SHARE = 0.08  # of a prediction's error may look like a delay; 0.06 rms on four other arms
 _STEPS = 30
 
@@ -47,7 +47,8 @@ def refine(
     `film` has nine columns, `marker` (K, 9, 3) is predicted at log times (K,). Gauss-Newton on the
     distances, far ones weighted down (Huber), on a film smoothed over a moment. Standard errors are
     a jackknife's over blocks of rows, because neighbouring residuals are alike, and a share for the
-    prediction's error that may look like a delay.
+    prediction's error that may look like a delay, also like one that grows over the session. The
+    drift is held at 0 ± `DRIFT_STD`, as quartz clocks are: a short session alone tells less of it.
     """
     smooth, velocity = _smoothed(film)
     centre = float(time.mean())
@@ -61,7 +62,9 @@ def refine(
     covariance = _jackknife(time, left, slope)
     rigid = _summed_up(rigid, left)
     speed = float(np.sqrt(np.nanmean((slope[..., 0] ** 2).sum(axis=-1))))
-    covariance[0, 0] += (LAG_SHARE * rigid.residual / speed) ** 2
+    lag = LAG_SHARE * rigid.residual / speed
+    covariance[0, 0] += lag**2
+    covariance[1, 1] += (lag / float(time.std())) ** 2
     return _with_errors(clock, covariance[:2, :2], centre), rigid
 
 
@@ -156,7 +159,7 @@ def _jackknife(time: Array, left: Array, slope: Array) -> Array:
 
 
 def _with_errors(clock: Clock, covariance: Array, centre: float) -> Clock:
-    """The clock at log time 0 with its errors, given that clocks drift by `DRIFT_STD` at most."""
+    """The clock at log time 0 with its errors, given that clocks drift by 0 ± `DRIFT_STD`."""
     gain = covariance[:, 1] / (covariance[1, 1] + DRIFT_STD**2)
     shift = -gain * clock.drift
     covariance = covariance - np.outer(gain, covariance[1])

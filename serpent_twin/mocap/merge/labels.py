@@ -144,19 +144,28 @@ def track(
     ]
 
 
-def _pieces(film: Film, expected: Array, column: int, marker: int | None) -> list[Piece]:
-    """The stretches of a column that belong to a marker: the one given, else the nearest."""
+def stretches(film: Film, expected: Array, column: int) -> tuple[list[np.ndarray], Array]:
+    """Frames of each stretch in which a column's label stays, and its mean distances from the nine
+    predicted markers [m], (S, 9).
+    """
     known = np.isfinite(expected).all(axis=(-1, -2))
     position = film.position[:, column]
     frames = np.flatnonzero(np.isfinite(position).all(axis=-1) & known)
     if not len(frames):
-        return []
+        return [], np.empty((0, N_JOINTS))
     far = np.linalg.norm(position[frames, None] - expected[frames], axis=-1)
     gap = np.diff(frames) / film.rate_hz
     step = np.linalg.norm(np.diff(position[frames], axis=0), axis=-1)
     first = np.r_[0, 1 + np.flatnonzero((gap > PAUSE) | (step > JUMP + FASTEST * gap))]
     mean = np.add.reduceat(far, first) / np.diff(np.r_[first, len(frames)])[:, None]
-    parts = np.split(frames, first[1:])
+    return np.split(frames, first[1:]), mean
+
+
+def _pieces(film: Film, expected: Array, column: int, marker: int | None) -> list[Piece]:
+    """The stretches of a column that belong to a marker: the one given, else the nearest."""
+    parts, mean = stretches(film, expected, column)
+    if not parts:
+        return []
     if marker is not None:
         return [
             Piece(column, f, marker, float(d[marker]), True)

@@ -7,11 +7,11 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.mocap.frame import Rigid
-from serpent_twin.mocap.merge import labels
+from serpent_twin.mocap.frame import IDENTITY, Rigid
+from serpent_twin.mocap.merge import agree, labels
 from serpent_twin.mocap.merge.align import Clock, refine
 from serpent_twin.mocap.merge.film import Film, sampled
-from serpent_twin.mocap.merge.search import COVER, peaks, search
+from serpent_twin.mocap.merge.search import COVER, findable, peaks, search
 
 CERTAIN = 0.5  # share of the motion that the prediction must explain
 AMBIGUOUS = 1.5  # the second best place leaves at least this many times the best one's square
@@ -26,6 +26,8 @@ class Match:
     """The cameras' clock against the log's."""
     rigid: Rigid
     """Cameras to base, fitted on the arm's markers against the prediction."""
+    predicted: Array
+    """Markers in the base frame that the motors let expect [m], (K, 9, 3)."""
     film: Film
     """Markers 1 … 9 in the cameras' frame, put together from the take's columns."""
     givers: list[dict[int, int]]
@@ -49,9 +51,10 @@ def match(
 ) -> Match:
     """Find a session, of which a twin predicts `marker` (K, 9, 3) at log times (K,), in a film.
 
-    Raises a `SerpentError` if the film does not cover half of it, or if no place, or more than one
-    place of the film moves as predicted.
+    Raises a `SerpentError` if the film does not cover half of it, if no place, or more than one
+    place of the film moves as predicted, or if a marker there is not where it should be.
     """
+    findable(time, marker, film)
     given = labels.named(names, wanted)
     owner = {column: n for n, column in enumerate(given)} if given else {}
     offset, score = search(time, marker, film)
@@ -70,8 +73,12 @@ def match(
         expected = labels.expected_on(film, clock.log_time(film.time), time, marker, rigid)
         found, givers = labels.track(film, expected, best.owner, bool(given))
         clock, rigid = refine(time, marker, found, clock, rigid)
-    explained = _explained(marker, rigid.apply(sampled(found, clock.camera_time(time))))
-    return Match(clock, rigid, found, givers, explained, second)
+    expected = labels.expected_on(film, clock.log_time(film.time), time, marker, rigid)
+    agree.refuse_names(film, expected, best.owner if given else {}, names)
+    seen = rigid.apply(sampled(found, clock.camera_time(time)))
+    agree.refuse_another_arm(marker, seen)
+    explained = _explained(marker, seen)
+    return Match(clock, rigid, marker, found, givers, explained, second)
 
 
 def _place(time: Array, marker: Array, film: Film, clock: Clock, owner: dict[int, int]) -> _Place:
@@ -82,10 +89,14 @@ def _place(time: Array, marker: Array, film: Film, clock: Clock, owner: dict[int
     owner = {c: m for c, m in owner.items() if np.isfinite(seen[:, c]).any()}
     columns, markers = list(owner), list(owner.values())
     source, target = seen[:, columns], marker[:, markers]
+    shown = np.isfinite(source).all(axis=-1).mean(axis=0) > labels.SHOWN
+    hopeless = _Place(clock, IDENTITY, owner, -np.inf)
+    if shown.sum() < 3:
+        return hopeless
     try:
         rigid = labels.trimmed_fit(source, target)
     except SerpentError:
-        return _Place(clock, Rigid(np.eye(3), np.zeros(3)), owner, -np.inf)
+        return hopeless
     return _Place(clock, rigid, owner, _explained(target, rigid.apply(source)))
 
 
@@ -94,6 +105,8 @@ def _explained(marker: Array, seen: Array) -> float:
 
     Squares are compared by their medians, which a label that swaps half-way does not move.
     """
+    known = np.isfinite(seen).any(axis=(0, 2))
+    marker, seen = marker[:, known], seen[:, known]
     motion = seen - np.nanmean(seen, axis=0)
     left, whole = (np.nanmedian((x**2).sum(axis=-1)) for x in (seen - marker, motion))
     return 1.0 - float(left / max(whole, 1e-12))
@@ -103,6 +116,11 @@ def _certain(places: list[_Place]) -> tuple[_Place, float]:
     """The one place that fits, and what the second best explains; raises if there is none or two."""
     order = sorted(places, key=lambda place: -place.explained)
     best, second = order[0], order[1].explained if len(order) > 1 else -np.inf
+    if best.explained == -np.inf:
+        raise SerpentError(
+            "no place of the take shows three markers for long enough to compare them with the "
+            "motors; three are needed. Record a take in which more of them are visible."
+        )
     if best.explained < CERTAIN:
         raise SerpentError(
             "no place of the take moves as this session's motors did: at the best one, the motors "

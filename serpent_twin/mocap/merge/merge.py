@@ -13,10 +13,14 @@ from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Session, read_session, session_files, write_session
 from serpent_twin.mocap.frame import Rigid, fit_rigid
+from serpent_twin.mocap.merge import agree
 from serpent_twin.mocap.merge.film import Film, sampled
 from serpent_twin.mocap.merge.match import Match, match
 from serpent_twin.mocap.motive import Take, read_take
 from serpent_twin.provenance import file_hash
+
+BASE_FIT = 0.010  # m rms: markers glued to the base are measured better than this
+OF_CAMERAS = ("camera_time", "marker_age")  # columns that speak of the live markers
 
 HEADING = (
     f"{'session':<12} {'offset, s':>12} {'± ms':>6} {'drift, ppm':>11} {'± ppm':>6} "
@@ -29,8 +33,9 @@ class Merge:
     """Fill the markers of session logs from a take that Motive exported.
 
     Each session is found in the take by the motion that its motor angles must have caused. New logs
-    are written to --out; the logs given stay as they are. A session that the take does not hold, or
-    that fits at more than one place, is refused by name, and the command exits 1.
+    are written to --out; the logs given stay as they are. A session that the take does not hold, that
+    fits at more than one place, or of which a marker is not where the motors put it, is refused by
+    name, and the command exits 1.
     """
 
     logs: Annotated[Positional[Path], arg(metavar="LOGS")]
@@ -47,6 +52,8 @@ class Merge:
     is fitted to the nominal twin's markers, which hides a constant error of the twin."""
     base_markers: Path | None = None
     """JSON of markers glued to the base, name: [x, y, z] in the base frame [m]; at least three."""
+    replace: bool = False
+    """Put the take's markers in place of those that a log holds already, such as live ones."""
 
     @property
     def folder(self) -> Path:
@@ -66,6 +73,7 @@ def merge(config: Merge) -> Iterator[tuple[Session, str]]:
     for path in _files(config):
         try:
             session = read_session(path)
+            _refuse_replacing(config, session)
             found = _found(session, film, take, config.labels)
             used = _not_twice(session, found, used)
             merged = _merged(session, take, found, given)
@@ -106,6 +114,16 @@ def _files(config: Merge) -> list[Path]:
     return files
 
 
+def _refuse_replacing(config: Merge, session: Session) -> None:
+    held = float(np.isfinite(session.marker).all(axis=-1).any(axis=-1).mean())
+    if held and not config.replace:
+        raise SerpentError(
+            f"it holds markers already, in {held:.0%} of its rows "
+            f"(source: {session.metadata.get('markers', 'not said')}). Leave it out, or give --replace "
+            "to put the take's in their place."
+        )
+
+
 def _found(session: Session, film: Film, take: Take, labels: tuple[str, ...]) -> Match:
     from serpent_twin.twin import replay_motors
 
@@ -130,17 +148,19 @@ def _not_twice(
 def _merged(session: Session, take: Take, found: Match, given: tuple[Rigid, str] | None) -> Session:
     """The session with markers at its time stamps, and what was found out in its metadata."""
     rigid, source = given or (found.rigid, "fitted on the arm's markers")
-    marker = rigid.apply(sampled(found.film, found.clock.camera_time(session.time)))
+    clock, filmed = found.clock, sampled(found.film, found.clock.camera_time(session.time))
+    agree.refuse_frame(rigid, source, found.rigid, filmed)
+    marker = rigid.apply(filmed)
     seen = np.isfinite(marker).all(axis=-1)
-    shift = np.linalg.norm(marker - found.rigid.apply(rigid.inverse().apply(marker)), axis=-1)
-    clock = found.clock
+    shift = np.linalg.norm(marker - found.rigid.apply(filmed), axis=-1)
     names = [{take.names[c]: n for c, n in giver.items()} for giver in found.givers]
     facts: dict[str, Any] = {
         "offset_s": clock.offset,
         "offset_std_s": clock.offset_std,
         "drift_ppm": 1e6 * clock.drift,
         "drift_std_ppm": 1e6 * clock.drift_std,
-        "residual_rms_m": found.rigid.residual,
+        "residual_rms_m": agree.rms(((marker - found.predicted) ** 2).sum(axis=-1)),
+        "fit_residual_rms_m": found.rigid.residual,
         "explained": found.explained,
         "explained_second_best": found.runner_up,
         "labels": [next(iter(name), "") for name in names],
@@ -158,7 +178,8 @@ def _merged(session: Session, take: Take, found: Match, given: tuple[Rigid, str]
         "take_sha256": file_hash(take.path),
     }
     metadata = session.metadata | {"markers": "motive", "mocap": facts}
-    return replace(session, marker=marker, metadata=metadata)
+    extra = {name: column for name, column in session.extra.items() if name not in OF_CAMERAS}
+    return replace(session, marker=marker, metadata=metadata, extra=extra)
 
 
 def _given_frame(config: Merge, take: Take) -> tuple[Rigid, str] | None:
@@ -189,5 +210,21 @@ def _from_base_markers(path: Path, take: Take) -> Rigid:
             f"It has {', '.join(take.names)}."
         )
     columns = [take.names.index(name) for name in places]
-    seen = np.nanmedian(take.position[:, columns], axis=0)
-    return fit_rigid(seen, np.array(list(places.values())))
+    shown = np.isfinite(take.position[:, columns]).all(axis=-1).any(axis=0)
+    if not shown.all():
+        hidden = [list(places)[n] for n in np.flatnonzero(~shown)]
+        raise SerpentError(
+            f"{path} names {', '.join(hidden)}, which no frame of the take shows. Leave it out, or "
+            "make it visible and record again."
+        )
+    seen, place = np.nanmedian(take.position[:, columns], axis=0), np.array(list(places.values()))
+    rigid = fit_rigid(seen, place)
+    if not rigid.residual <= BASE_FIT:
+        left = np.linalg.norm(rigid.apply(seen) - place, axis=-1)
+        sizes = ", ".join(f"{n} {1e3 * far:.0f}" for n, far in zip(places, left, strict=True))
+        raise SerpentError(
+            f"{path}: the base's markers are {1e3 * rigid.residual:.0f} mm rms from where the file has "
+            f"them, more than {1e3 * BASE_FIT:.0f} mm (by marker, in mm: {sizes}). Check the "
+            "coordinates, which are in metres, and the names."
+        )
+    return rigid

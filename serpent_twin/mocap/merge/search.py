@@ -7,11 +7,44 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from serpent_twin.arm import Array
+from serpent_twin.errors import SerpentError
 from serpent_twin.mocap.merge.film import Film
 
 GRID_HZ = 20.0  # markers move slowly against it
 MOMENT = 5  # grid steps over which a motion is measured: one control step at 4 Hz
 COVER = 0.5  # share of a session that the take must hold
+SHORTEST = 2.0  # s: a place is judged by a second of moments at least
+STILL = 0.01  # m rms: less motion than this looks the same everywhere
+
+
+def findable(time: Array, marker: Array, film: Film) -> None:
+    """Raise if a session, of which `marker` (K, 9, 3) is predicted, can be found in no take, or the
+    film holds nothing to compare it with.
+    """
+    lasts = float(time[-1] - time[0])
+    if lasts < SHORTEST:
+        raise SerpentError(
+            f"this session of {len(time)} rows lasts {lasts:.2f} s; one shorter than {SHORTEST:g} s "
+            "cannot be found by its motion. Leave it out, or record a longer one."
+        )
+    motion = float(np.sqrt(((marker - marker.mean(axis=0)) ** 2).sum(axis=-1).mean()))
+    if motion < STILL:
+        raise SerpentError(
+            f"this session's motors move the markers by {1e3 * motion:.1f} mm rms, less than "
+            f"{1e3 * STILL:.0f} mm, so it cannot be found by its motion. Leave it out, or record one "
+            "in which the arm moves."
+        )
+    shown = int(np.isfinite(film.position).all(axis=-1).any(axis=0).sum())
+    if shown == 0:
+        raise SerpentError(
+            "the take shows no marker in any frame: all its cells are blank. Check in Motive that the "
+            "cameras see the markers, and export the take again."
+        )
+    if shown < 3:
+        raise SerpentError(
+            f"the take shows only {shown} marker{'s' if shown > 1 else ''}; three are needed to find "
+            "the base frame. Make more of them visible and record again."
+        )
 
 
 def search(time: Array, marker: Array, film: Film) -> tuple[Array, Array]:

@@ -43,6 +43,10 @@ class SimulatedCameras:
         """`noise` is the standard deviation of a coordinate [m], `loss` the share of markers lost,
         `latency` how long after its exposure a frame is sent [s].
         """
+        if not 0 <= port <= 65535:
+            raise SerpentError(
+                f"the cameras cannot listen on port {port}: ports are 0 … 65535. Choose another."
+            )
         self.rate_hz, self._transform, self._version = rate_hz, base_to_cameras, version
         self._rng = rng or np.random.default_rng(0)
         self._noise, self._loss, self._latency = noise, loss, latency
