@@ -31,10 +31,10 @@ class Straight:
     """File for the transform from the cameras' to the base frame; an existing one is kept, and refused."""
     seconds: float = 1.0
     """How long to look [s], up to 2; at least 30 frames must come in."""
-    placed_within: float = MOST
-    """How far from their places the markers may sit on the links [m]; more lets a bent arm pass."""
     natnet: NatNet = field(default=NatNet())
     """Where Motive streams."""
+    placed_within: float = MOST
+    """How far from their places the markers may sit on the links [m]; more lets a bent arm pass."""
 
 
 def measure(config: Straight) -> tuple[Rigid, list[str], Array]:
