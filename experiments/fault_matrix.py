@@ -20,15 +20,15 @@ import numpy as np
 from tqdm import tqdm
 
 from serpent_twin import cli
-from serpent_twin.bus import xl430
 from serpent_twin.bus.device import Running, running
+from serpent_twin.bus.device.verify import Event, check_rows, read_transcript
 from serpent_twin.bus.dynamixel import DynamixelBus
 from serpent_twin.bus.dynamixel.setup import ArmSetup, write_setup
 from serpent_twin.bus.simulated import SimulatedBus
 from serpent_twin.control import joint_p_control, random_targets
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
-from serpent_twin.log import Session, read_journal, read_session, recover
+from serpent_twin.log import read_journal, read_session, recover
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import provenance
 
@@ -55,7 +55,6 @@ ENDS = {"missing": 4, "overload": 3, "voltage": 7}
 with a sentence that names motor and cause."""
 STRIKE = 0.8  # of the cycles
 AIM_STOP_S = 0.5
-STALE = 0.03  # [s] between the moment a row tells and the moment the device was read
 BYTES_MS = (
     (24 + 10 * 38 + 64) * 10 / 1e3
 )  # read request, ten answers, command: 10 bits a byte at 1 MBd
@@ -121,9 +120,9 @@ def run_fault(config: FaultMatrix, name: str) -> dict[str, object]:
     return {
         "rows": len(session),
         "rows_lost": expected - len(session) + killed["rows_lost"],
-        "rows_wrong": checked["wrong"] + checked["stale"],
-        "rows_stale": checked["stale"],
-        "rows_interrupted": checked["interrupted"],
+        "rows_wrong": checked.wrong + checked.stale,
+        "rows_stale": checked.stale,
+        "rows_interrupted": checked.interrupted,
         "recoveries": sum(session.metadata["bus"]["recoveries"].values()),
         "recovered": session.metadata["bus"]["recoveries"],
         "stop_s": stop,
@@ -199,48 +198,11 @@ class _Bench:
             time.sleep(0.05)
         return logged
 
-    def transcript(self) -> list[dict[str, object]]:
-        return _read_transcript(self.folder)
+    def transcript(self) -> list[Event]:
+        return read_transcript(self.folder / "transcript.jsonl")
 
 
-def check_rows(session: Session, events: list[dict]) -> dict[str, int]:
-    """Compare every row with what the device was when it was read; counts of rows."""
-    reads = {}
-    for event in (e for e in events if e["event"] == "read"):
-        reads.setdefault(_signature(event), []).append(event)
-    position = xl430.words(session.motor_position, xl430.POSITION_UNIT)
-    wrong = stale = interrupted = 0
-    offset, before = None, None
-    for n in range(len(session)):
-        found = reads.get(_row_signature(session, n, position), [])
-        if offset is None and found:
-            offset = found[-1]["host_s"] - session.time[n]
-        near = [e for e in found if abs(e["host_s"] - offset - session.time[n]) < STALE]
-        wrong += not found
-        stale += bool(found) and not near
-        if before is not None and near:
-            goal = xl430.words(session.motor_velocity_command[n - 1], xl430.VELOCITY_UNIT)
-            other = near[-1]["velocity_trajectory"] != goal.tolist()
-            excused = session.extra["recoveries"][n] > 0
-            interrupted += other and excused
-            wrong += other and not excused
-        before = n
-    return {"wrong": wrong, "stale": stale, "interrupted": interrupted}
-
-
-def _row_signature(session: Session, n: int, position: np.ndarray) -> tuple:
-    velocity = xl430.words(session.motor_velocity[n], xl430.VELOCITY_UNIT)
-    load = xl430.words(session.motor_load[n], xl430.LOAD_UNIT)
-    tick = int(session.extra["motor1_tick_ms"][n])
-    return (tick, *position[n], *velocity, *load)
-
-
-def _signature(event: dict) -> tuple:
-    words = (event["true_position"], event["present_velocity"], event["present_load"])
-    return (event["tick"][0], *(word for column in words for word in column))
-
-
-def _rest_after(events: list[dict], at: float) -> float:
+def _rest_after(events: list[Event], at: float) -> float:
     """Time from `at` until no motor is driven any more [s]; a limp one may still sink with the arm."""
     after = (e for e in events if e["event"] == "state" and e["host_s"] > at)
     moving = [
@@ -251,22 +213,17 @@ def _rest_after(events: list[dict], at: float) -> float:
     return round(max(moving) - at, 3) if moving else 0.0
 
 
-def _commands(events: list[dict]) -> int:
+def _commands(events: list[Event]) -> int:
     """Number of control cycles that sent a command; standing still is none of the controller's."""
     return sum(event["event"] == "goal" and any(event["goal"]) for event in events)
 
 
 def _time_to_rest(folder: Path, name: str) -> float:
-    events = _read_transcript(folder)
+    events = read_transcript(folder / "transcript.jsonl")
     struck = [e["host_s"] for e in events if e["event"] == "fault" and e["name"] == name]
     if not struck:
         raise SerpentError(f"{folder}: the fault {name} never struck. Run it again.")
     return _rest_after(events, struck[0])
-
-
-def _read_transcript(folder: Path) -> list[dict]:
-    lines = (folder / "transcript.jsonl").read_text().splitlines()
-    return [json.loads(line) for line in lines if line.endswith("}")]
 
 
 def _rows_in(journal: Path) -> int:

@@ -8,9 +8,9 @@ import pytest
 
 from serpent_twin.bus.control_table import TABLE
 from serpent_twin.bus.device import running
-from serpent_twin.bus.doctor import examine
 from serpent_twin.bus.dynamixel import ArmSetup
 from serpent_twin.bus.dynamixel.wire import Wire
+from serpent_twin.bus.examination import examine
 
 
 def errors(diagnosis):

@@ -2,11 +2,13 @@
 
 import importlib.util
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from serpent_twin.bus.device.verify import check_rows, read_transcript
 
 PATH = Path(__file__).resolve().parents[1] / "experiments" / "fault_matrix.py"
 spec = importlib.util.spec_from_file_location("fault_matrix", PATH)
@@ -21,11 +23,11 @@ def run(tmp_path_factory):
     config = fault_matrix.FaultMatrix(out=folder, cycles=40)
     result = fault_matrix.run_fault(config, "drop")
     session = fault_matrix.read_session(folder / "drop" / "run" / "logs" / "session_01.parquet")
-    return result, session, fault_matrix._read_transcript(folder / "drop" / "run")
+    return result, session, read_transcript(folder / "drop" / "run" / "transcript.jsonl")
 
 
 def counts(session, events):
-    return fault_matrix.check_rows(session, events)
+    return asdict(check_rows(session, events))
 
 
 def test_a_run_with_a_fault_is_whole_and_true(run):

@@ -1,0 +1,169 @@
+"""Is the device what its options say, and are impossible ones refused?"""
+
+import json
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from sdk_client import LIMIT, OK, Client
+
+from serpent_twin import cli
+from serpent_twin.bus import protocol
+from serpent_twin.bus.control_table import TABLE
+from serpent_twin.bus.device import running
+from serpent_twin.bus.device.__main__ import main
+from serpent_twin.bus.device.faults import KINDS
+from serpent_twin.bus.device.options import Options, build
+from serpent_twin.bus.device.responder import Responder
+from serpent_twin.errors import SerpentError
+
+
+@pytest.fixture
+def device():
+    with running("--lockstep", "--load-noise", "0") as device:
+        yield device
+
+
+@pytest.fixture
+def bus(device):
+    client = Client(device.port)
+    client.prepare()
+    yield client
+    client.port.closePort()
+
+
+# Options
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"realtime": True, "lockstep": True}, "--realtime and --lockstep"),
+        ({"rate_hz": 0.0}, "--rate-hz"),
+        ({"lockstep": True, "rate_hz": 3.0}, "time step"),
+        ({"start_counts": (1, 2)}, "--start-counts"),
+        ({"seed": -1}, "--seed"),
+        ({"cameras": 65_536}, "--cameras is 65536"),
+        ({"cameras": -1}, "--cameras is -1"),
+        ({"fault": ("crc",)}, "--fault crc"),
+        ({"model": Path("nowhere.xml")}, "nowhere.xml"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(options, match):
+    with pytest.raises(SerpentError, match=match):
+        build(Options(**options))
+
+
+def test_a_link_does_not_replace_a_file(tmp_path):
+    taken = tmp_path / "notes.txt"
+    taken.write_text("mine")
+    with pytest.raises(SerpentError, match="something else lies there"):
+        build(Options(link=taken))
+    assert taken.read_text() == "mine"
+
+
+def test_a_link_is_taken_over_only_from_the_dead(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    link = Path("arm")
+    first = build(Options(link=link)).terminal
+    first.plug()
+    with pytest.raises(SerpentError, match=r"arm leads to /dev/pts/.*another device"):
+        build(Options(link=link))
+    assert link.readlink() == Path(first.port)
+    first.unplug()
+    link.symlink_to("/dev/pts/987654")  # as a device leaves it that was killed
+    second = build(Options(link=link)).terminal
+    second.plug()
+    assert link.readlink() == Path(second.port)
+    second.unplug()
+    with pytest.raises(SerpentError, match="nowhere/arm: there is no folder nowhere"):
+        build(Options(link=Path("nowhere/arm"), transcript=Path("events")))
+    assert not Path("events").exists()
+
+
+def test_a_transcript_replaces_no_file_and_knows_the_turns_that_a_reboot_loses(tmp_path):
+    path = tmp_path / "events.jsonl"
+    device = build(Options(transcript=path, start_counts=(9000,), lockstep=True))
+    device._transcript.read()
+    device.servos.reboot(4)
+    assert device.servos.write(5, TABLE["drive_mode"].address, b"\1") == OK
+    device._transcript.read()
+    device._transcript.close()
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [line["true_position"] for line in lines] == [[9000] * 10] * 2
+    assert lines[1]["present_position"][3:6] == [9000, 9000 % 4096, -9000 % 4096]
+    with pytest.raises(SerpentError, match=r"events.jsonl: something lies there already"):
+        build(Options(transcript=path))
+    assert len(path.read_text().splitlines()) == 2
+
+
+def test_the_help_says_what_each_fault_means_and_what_is_not_simulated(capsys):
+    with pytest.raises(SystemExit):
+        cli.run(main, ["--help"])
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for kind in KINDS.values():
+        assert f"{kind.name}, {kind.help}" in text
+    assert "Not simulated: goal PWM and its limit (0 does not stop a motor)" in text
+    assert "`unplug - 2`" in text
+
+
+def test_an_answer_is_given_as_it_was_before_what_it_answers():
+    servos = build(Options(lockstep=True)).servos
+    responder = Responder(servos)
+
+    def write(id, name, value):
+        params = TABLE[name].address.to_bytes(2, "little") + TABLE[name].pack(value)
+        return responder.answer(protocol.Packet(id, protocol.Instruction.WRITE, params, b""))
+
+    (reply,) = write(3, "id", 33)
+    assert protocol.Parser().feed(reply.data)[0].id == 3
+    (reply,) = write(33, "return_delay_time", 0)
+    assert reply.delay == 500e-6
+    (reply,) = write(33, "baud_rate", 1)
+    assert (reply.baud, reply.delay) == (1_000_000, 0.0)
+    assert len(write(33, "status_return_level", 0)) == 1
+    assert write(33, "status_return_level", 2) == []
+    (reply,) = write(33, "led", 1)
+    assert reply.baud == 57_600 and protocol.Parser().feed(reply.data)[0].id == 33
+
+
+def test_positions_have_their_ranges_and_sense():
+    servos = build(Options(lockstep=True, start_counts=(5000,))).servos
+    servos.table[0]["operating_mode"] = 4
+    for value, error in ((1_048_575, OK), (1_048_576, LIMIT), (-1_048_576, LIMIT)):
+        goal = TABLE["goal_position"]
+        assert servos.write(0, goal.address, goal.pack(value)) == error
+    drive = TABLE["drive_mode"].address
+    for mode, sense in ((1, -1), (1, -1), (0, 1)):
+        assert servos.write(0, drive, bytes([mode])) == OK
+        for _ in range(2):
+            assert servos.motors.registers().present_position[0] == sense * 5000 % 4096
+            servos.reboot(0)
+
+
+def test_the_straight_arm_reads_what_it_is_told_to():
+    device = build(Options(start_counts=tuple(range(2000, 12000, 1000))))
+    words = device.servos.motors.registers().present_position
+    assert words.tolist() == list(range(2000, 12000, 1000))
+    device.servos.reboot(9)
+    assert device.servos.motors.registers().present_position[9] == 11000 % 4096
+
+
+def test_a_model_file_is_read_or_what_it_lacks_is_named(tmp_path):
+    from serpent_twin import mjcf
+
+    text = mjcf.build().to_xml()
+    good, bad = tmp_path / "good.xml", tmp_path / "bad.xml"
+    good.write_text(text)
+    assert build(Options(model=good)).servos.motors.twin.model.nu == 20
+    bad.write_text(text.replace("joint4", "elbow"))
+    with pytest.raises(SerpentError, match=r"joints must be .* missing or elsewhere: joint4"):
+        build(Options(model=bad))
+
+
+def test_realtime_ticks_advance_evenly_between_reads():
+    with running("--no-paced") as device:
+        client = Client(device.port)
+        ticks = [client.read(1, "realtime_tick") for _ in range(60)]
+        assert all(0 <= later - sooner < 100 for sooner, later in pairwise(ticks))
+        client.port.closePort()

@@ -1,0 +1,163 @@
+"""Do setup, zero and turn counts survive files, restarts and other programs?"""
+
+import json
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from serpent_twin.bus import BusError
+from serpent_twin.bus.device import running
+from serpent_twin.bus.dynamixel import DynamixelBus
+from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup, read_setup, write_setup
+from serpent_twin.bus.dynamixel.turns import read_turns, turns_file
+from serpent_twin.bus.dynamixel.wire import Wire
+from serpent_twin.bus.limits import Limits
+from serpent_twin.bus.protocol import Instruction
+from serpent_twin.bus.xl430 import nearest_turns
+from serpent_twin.bus.zero import Zero, set_zero
+
+
+def test_a_setup_survives_its_file(tmp_path):
+    setup = ArmSetup(
+        "/dev/x",
+        57_600,
+        tuple(range(11, 21)),
+        (1, -1) * 5,
+        tuple(range(10)),
+        (0,) * 10,
+        (1,) * 10,
+        limits=Limits(joint_angle=0.5),
+        path=tmp_path / "arm.toml",
+    )
+    write_setup(setup)
+    back = read_setup(tmp_path / "arm.toml")
+    assert back.limits.joint_angle == pytest.approx(0.5, rel=1e-5)
+    assert replace(back, limits=setup.limits) == setup
+    write_setup(setup)
+    assert (tmp_path / "arm.toml.before").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("ids = [1, 2]", "ids has 2 values"),
+        ("ids = [1,1,2,3,4,5,6,7,8,9]", "different"),
+        ("speed = 3", "unknown keys"),
+        ("port = ", "not TOML"),
+        ("watchdog = 9.0", "watchdog is 9.0"),
+        ("[limits]\nload = -1", "load is -1"),
+        ("[limits]\nspeed = 1", "joint_angle_deg"),
+        ("[limits]\njoint_angle = 60", "unknown keys"),
+        ("[limits]\njoint_angle_deg = '60'", "give a number"),
+        ("[limits]\nvelocity_rad_s = 0.01", "least velocity"),
+        ("[limits]\nvelocity_rad_s = inf", "positive number"),
+        ("limits = 5", "must be a table"),
+        ("watchdog = 0.04", "from 0.1 to 2.54"),
+        ("patience = nan", "patience is nan"),
+        ("baud = 'fast'", "baud is 'fast'"),
+        ("port = 5", "port must be a text"),
+        ("zero = [1.5, 0, 0, 0, 0, 0, 0, 0, 0, 0]", "whole numbers"),
+    ],
+)
+def test_a_setup_that_cannot_be_is_refused_with_file_and_key(text, says, tmp_path):
+    path = tmp_path / "arm.toml"
+    path.write_text(text)
+    with pytest.raises(BusError, match=says) as caught:
+        find_setup(path, "/dev/x")
+    assert "arm.toml" in str(caught.value) or "limit" in str(caught.value)
+
+
+def test_nearest_turns_against_all_turns():
+    rng = np.random.default_rng(0)
+    truth = rng.integers(-20_000, 20_000, 500)
+    last = truth + rng.integers(-2000, 2000, 500)
+    turns, moved = nearest_turns(truth % 4096, last)
+    assert np.array_equal(truth % 4096 + 4096 * turns, truth)
+    assert np.array_equal(moved, truth - last)
+
+
+def test_zero_survives_restarts_of_motors_and_of_programs(tmp_path):
+    """Counts lost while nobody watched come back from where the motors were last seen."""
+    path = tmp_path / "arm.toml"
+    with running("--realtime", "--start-counts", "100") as device:
+        setup = set_zero(Zero(device.port, path, watch=0.1))
+        assert setup.zero == (100,) * 10
+        with DynamixelBus(read_setup(path)) as bus:
+            bus.enable_torque()
+            bus.write_velocity([-0.6] * 10)
+            bus.wait(0.6)
+            bus.write_velocity([0.0] * 10)
+            bus.wait(0.2)
+            assert bus.read_state().registers.present_position[0] < 0
+        left = (read_turns(turns_file(path)).position - 100) * 2 * np.pi / 4096  # it sank when limp
+        for motor in range(1, 11):
+            device.trigger("reboot", motor)
+        time.sleep(0.5)
+        with DynamixelBus(read_setup(path)) as bus:
+            found = bus.read_state()
+            assert (found.registers.present_position[1:] > 3000).all()
+            assert found.position == pytest.approx(left, abs=0.03)
+        assert (read_turns(turns_file(path)).turns[1:] == -1).all()
+
+
+def test_turns_that_are_not_certain_are_refused(tmp_path):
+    path = tmp_path / "arm.toml"
+    with running("--realtime") as device:
+        set_zero(Zero(device.port, path, watch=0.1))
+        memory = turns_file(path)
+        position, turns = [1500] + [0] * 9, [0] * 10
+        memory.write_text(json.dumps({"position": position, "turns": turns, "simulated": True}))
+        device.trigger("reboot", 1)
+        time.sleep(0.5)
+        with pytest.raises(BusError, match=r"motor 1 by 132°.*bus.zero"):
+            DynamixelBus(read_setup(path)).connect()
+        memory.write_text("{")
+        with pytest.raises(BusError, match="damaged"):
+            DynamixelBus(read_setup(path)).connect()
+
+
+def test_turns_that_another_program_cleared_are_noticed(tmp_path):
+    """Clear Multi-Turn takes the turns and leaves the mark of power."""
+    path = tmp_path / "arm.toml"
+    with running("--realtime", "--start-counts", "100") as device:
+        set_zero(Zero(device.port, path, watch=0.1))
+        with DynamixelBus(read_setup(path)) as bus:
+            bus.enable_torque()
+            bus.write_velocity([-0.6] * 10)
+            bus.wait(0.6)
+        wire = Wire(device.port, 1_000_000)
+        wire.open()
+        for motor in range(1, 11):
+            wire._ask(motor, Instruction.CLEAR, b"\x01\x44\x58\x4c\x22", 0)
+        wire.close()
+        with pytest.raises(BusError, match=r"by its motors joint \d stands at"):
+            DynamixelBus(read_setup(path)).connect()
+
+
+def test_simulated_motors_do_not_touch_the_turns_of_real_ones(tmp_path):
+    path = tmp_path / "arm.toml"
+    with running("--realtime") as device:
+        set_zero(Zero(device.port, path, watch=0.1))
+        memory = turns_file(path)
+        real = json.loads(memory.read_text()) | {"simulated": False}
+        memory.write_text(json.dumps(real))
+        with pytest.raises(BusError, match="own --setup"):
+            DynamixelBus(read_setup(path)).connect()
+        with pytest.raises(BusError, match="another --setup"):
+            set_zero(Zero(device.port, path, watch=0.1))
+        assert json.loads(memory.read_text()) == real
+
+
+def test_a_changed_homing_offset_voids_the_zero(tmp_path):
+    path = tmp_path / "arm.toml"
+    with running("--realtime") as device:
+        set_zero(Zero(device.port, path, watch=0.1))
+        bus = DynamixelBus(ArmSetup(device.port))
+        bus.connect()
+        bus.configure()
+        bus.registers.put(7, "homing_offset", 50)
+        bus.close()
+        with pytest.raises(BusError, match=r"homing_offset changed .*motor 7: 50, was 0"):
+            DynamixelBus(read_setup(path)).connect()
