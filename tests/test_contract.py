@@ -28,7 +28,7 @@ def in_process(seed=0):
 def over_the_wire(seed=0):
     with (
         running("--lockstep", "--seed", str(seed), "--load-noise", "0.02") as device,
-        DynamixelBus(ArmSetup(port=device.port, limits=WIDE), lockstep=True) as bus,
+        DynamixelBus(ArmSetup(port=device.port, limits=WIDE)) as bus,
     ):
         yield bus
 

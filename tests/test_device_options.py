@@ -83,7 +83,7 @@ def test_a_link_is_taken_over_only_from_the_dead(tmp_path, monkeypatch):
 
 def test_a_transcript_replaces_no_file_and_knows_the_turns_that_a_reboot_loses(tmp_path):
     path = tmp_path / "events.jsonl"
-    device = build(Options(transcript=path, start_counts=(9000,), lockstep=True))
+    device = build(Options(transcript=path, start_counts=(9000,)))
     device._transcript.read()
     device.servos.reboot(4)
     assert device.servos.write(5, TABLE["drive_mode"].address, b"\1") == OK

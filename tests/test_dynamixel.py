@@ -30,7 +30,7 @@ def test_over_a_bad_cable_every_word_that_is_believed_is_true(rate):
     ):
         setup = ArmSetup(cable.port, limits=WIDE, patience=20.0)
         with (
-            DynamixelBus(setup, lockstep=True) as bus,
+            DynamixelBus(setup) as bus,
             SimulatedBus(rng=np.random.default_rng(0), load_noise=0.02) as truth,
         ):
             bus.enable_torque()

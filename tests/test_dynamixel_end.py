@@ -105,18 +105,11 @@ def test_answers_of_other_motors_are_not_a_motors_ping():
     wire.close()
 
 
-@pytest.mark.parametrize(
-    ("device_clock", "lockstep"), [("--realtime", True), ("--lockstep", False)]
-)
-def test_clocks_that_do_not_belong_together_are_said(device_clock, lockstep):
-    with running(device_clock) as device:
-        with pytest.raises(BusError, match=r"--lockstep"):
-            with DynamixelBus(ArmSetup(device.port), lockstep=lockstep) as bus:
-                bus.enable_torque()
-                time.sleep(0.1)
-                bus.read_state()
-                time.sleep(0.1)
-                bus.read_state()
+@pytest.mark.parametrize(("clock", "lockstep"), [("--realtime", False), ("--lockstep", True)])
+def test_the_bus_finds_out_whether_time_waits_for_it(clock, lockstep):
+    with running(clock, "--fault", "drop=0.01") as device:
+        with DynamixelBus(ArmSetup(device.port)) as bus:
+            assert bus.lockstep is lockstep
 
 
 def test_the_jaw_has_a_range_too():

@@ -30,8 +30,6 @@ class Real:
     """Where Motive streams, for --mocap natnet."""
     frame: Path = Path("frame.json")
     """Where the cameras see the arm's base; python -m serpent_twin.mocap frame writes it."""
-    lockstep: bool = False
-    """The port is a simulated device that was started with --lockstep: as fast as it computes."""
 
 
 @dataclass(frozen=True)

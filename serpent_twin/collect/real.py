@@ -5,14 +5,15 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
 from serpent_twin import run_folder
-from serpent_twin.arm import Array
+from serpent_twin.arm import N_MOTORS, Array
 from serpent_twin.bus import MotorState
 from serpent_twin.bus.dynamixel.bus import DynamixelBus
 from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup, is_pseudo_terminal
@@ -52,8 +53,18 @@ def record_all(config: Collect, missing: list[int]) -> None:
 
 
 def arm_of(config: Collect) -> ArmSetup:
-    """The arm's setup, which must know its port and where the arm is straight."""
+    """The arm's setup, which must know its port and where the arm is straight.
+
+    Simulated motors count from the straight pose unless a setup says otherwise.
+    """
     setup = find_setup(config.real.setup, config.real.port)
+    if not Path(setup.port).exists():
+        raise SerpentError(
+            f"there is no port {setup.port}. Check cable and supply, and ls /dev/serial/by-id, or start "
+            "python -m serpent_twin.bus.device."
+        )
+    if not setup.zero and is_pseudo_terminal(setup.port):
+        return replace(setup, zero=(0,) * N_MOTORS, path=None)
     if not setup.zero:
         raise SerpentError(
             f"{config.real.setup} holds no zero, so nobody knows where the arm is straight. "
@@ -80,7 +91,7 @@ def record_session(config: Collect, setup: ArmSetup, session: int, show: Show) -
         np.random.SeedSequence(config.seed, spawn_key=(session,)).spawn(3)[0]
     )
     targets = random_targets(config.steps, rng)
-    bus = DynamixelBus(setup, config.real.lockstep)
+    bus = DynamixelBus(setup)
     further = FURTHER + (FURTHER_OF_CAMERAS if config.real.mocap != "none" else ())
     gain, period = config.parameters.controller_gain, 1 / config.rate_hz
     times: list[float] = []
@@ -172,13 +183,13 @@ def _about(config: Collect, setup: ArmSetup) -> dict[str, Any]:
     return {
         "markers": config.real.mocap,
         "setup": described,
-        "lockstep": config.real.lockstep,
         "port_is_pseudo_terminal": is_pseudo_terminal(setup.port),
     }
 
 
 def _account(bus: DynamixelBus) -> dict[str, Any]:
     return {
+        "lockstep": bus.lockstep,
         "recoveries": dict(bus.recovery.counts),
         "events": bus.recovery.events[:MOST_EVENTS],
         "answers": dict(bus.wire.counts),

@@ -34,14 +34,15 @@ HALT_AFTER = 0.15
 
 
 class DynamixelBus:
-    """A `MotorBus` over dynamixel-sdk; `lockstep` for a simulated device whose time only commands move.
+    """A `MotorBus` over dynamixel-sdk.
 
+    `lockstep` says, once connected, that these are simulated motors whose time only commands move.
     `recovery` keeps account of what was overcome; `missed` counts the deadlines that had passed when
     `wait` was called.
     """
 
-    def __init__(self, setup: ArmSetup, lockstep: bool = False) -> None:
-        self.setup, self.lockstep = setup, lockstep
+    def __init__(self, setup: ArmSetup) -> None:
+        self.setup, self.lockstep = setup, False
         self.missed = 0
         self.wire = Wire(setup.port, setup.baud)
         self.registers = MotorRegisters(self.wire, setup.ids)
@@ -50,7 +51,7 @@ class DynamixelBus:
         self._direction = np.array(setup.direction)
         self._connected = False
         self._guard = Guard(setup.limits)
-        self._reader = Reader(self.registers, self._now, lockstep)
+        self._reader = Reader(self.registers, self._now)
         self._goals = Goals(self.registers, self._reader, self.recovery, self._now)
         self._start = self._simulated_time = self._waited = 0.0
 
@@ -58,16 +59,12 @@ class DynamixelBus:
         """Open the port, check all ten motors, their zero and their turn counts."""
         self.wire.open()
         try:
-            if self.lockstep and not is_pseudo_terminal(self.setup.port):
-                raise BusError(
-                    f"{self.setup.port} is no simulated device, so its time does not wait for "
-                    "commands. Leave --lockstep out."
-                )
             self.wire.sync_write(TABLE["status_return_level"], dict.fromkeys(self.setup.ids, 2))
             self.registers.handshake()
             self.registers.compare("homing_offset", self.setup.homing_offset)
             self.registers.compare("drive_mode", self.setup.drive_mode)
             self.turns.connect()
+            self.lockstep = self._reader.lockstep = self._waits_for_commands()
         except BaseException:
             self.wire.close()
             raise
@@ -220,6 +217,14 @@ class DynamixelBus:
 
     def _now(self) -> float:
         return self._simulated_time if self.lockstep else time.monotonic() - self._start
+
+    def _waits_for_commands(self) -> bool:
+        """Whether the motors' clocks stand still, as those of a device in lockstep do."""
+        if not is_pseudo_terminal(self.setup.port):
+            return False
+        before = self.registers.get_all("realtime_tick")
+        time.sleep(0.02)
+        return np.array_equal(before, self.registers.get_all("realtime_tick"))
 
     def _wait_in_lockstep(self, period: float) -> float:
         """See that the device's clock went on by a period; the command that moves it may be lost."""
