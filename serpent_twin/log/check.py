@@ -161,7 +161,7 @@ def _lost(session: Session) -> Iterator[Finding]:
         if rows > LOST_SECONDS * session.rate_hz:
             text = f"Marker {marker} is lost for {rows} rows on end, from row {first}."
             yield Finding("warning", text)
-    if lost.any():
+    if lost.any() and not together.all():
         shares = ", ".join(f"{share:.2f}" for share in 100 * lost.mean(axis=0))
         once = max(_longest(lost[:, marker])[1] for marker in range(len(runs)))
         text = f"Markers 1 … {len(runs)} are lost in {shares} % of the rows, at most {once} on end."
