@@ -55,9 +55,8 @@ ENDS = {"missing": 4, "overload": 3, "voltage": 7}
 with a sentence that names motor and cause."""
 STRIKE = 0.8  # of the cycles
 AIM_STOP_S = 0.5
-BYTES_MS = (
-    (24 + 10 * 38 + 64) * 10 / 1e3
-)  # read request, ten answers, command: 10 bits a byte at 1 MBd
+BYTES_MS = (24 + 10 * 38 + 64) * 10 / 1e3
+"""Read request, ten answers and a command on the wire: 10 bits a byte at 1 MBd."""
 REST = 1  # [words] a driven motor that turns no faster is at rest
 
 
@@ -110,13 +109,12 @@ def run_fault(config: FaultMatrix, name: str) -> dict[str, object]:
         said = process.communicate()[1]
         session = read_session(bench.log)
         counts = bench.device.stop()
-    ended = session.metadata.get("ended", "")
     events = bench.transcript()
     checked = check_rows(session, events)
     expected = config.cycles if name not in ENDS else _commands(events)
     with _Bench(folder / "killed", config, name) as bench:
         killed = bench.kill(rows=50)
-    stop = killed["stop_s"] if name not in ENDS else _time_to_rest(folder / "run", name)
+    stop = killed["stop_s"] if name not in ENDS else _time_to_rest(events, name)
     return {
         "rows": len(session),
         "rows_lost": expected - len(session) + killed["rows_lost"],
@@ -129,7 +127,7 @@ def run_fault(config: FaultMatrix, name: str) -> dict[str, object]:
         "struck": {fault: counts["faults"].get(fault, 0) for fault in _names(name)},
         "missed_deadlines": session.metadata["loop"]["missed_deadlines"],
         "complete": session.metadata["complete"],
-        "ended": ended,
+        "ended": session.metadata.get("ended", ""),
         "said": said.splitlines()[-1] if process.returncode else "",
     }
 
@@ -161,15 +159,8 @@ class _Bench:
         self._running.__exit__(*error)
 
     def collect(self, steps: int) -> subprocess.Popen[str]:
-        command = [
-            sys.executable,
-            "-m",
-            "serpent_twin.collect",
-            "--backend",
-            "real",
-            "--sessions",
-            "1",
-        ]
+        command = [sys.executable, "-m", "serpent_twin.collect", "--backend", "real"]
+        command += ["--sessions", "1"]
         command += ["--steps", str(steps), "--rate-hz", str(self.config.rate_hz)]
         command += ["--seed", str(self.config.seed), "--out", str(self.log.parent)]
         command += ["--setup", str(self.folder / "arm.toml")]
@@ -218,11 +209,10 @@ def _commands(events: list[Event]) -> int:
     return sum(event["event"] == "goal" and any(event["goal"]) for event in events)
 
 
-def _time_to_rest(folder: Path, name: str) -> float:
-    events = read_transcript(folder / "transcript.jsonl")
+def _time_to_rest(events: list[Event], name: str) -> float:
     struck = [e["host_s"] for e in events if e["event"] == "fault" and e["name"] == name]
     if not struck:
-        raise SerpentError(f"{folder}: the fault {name} never struck. Run it again.")
+        raise SerpentError(f"the fault {name} never struck. Run it again.")
     return _rest_after(events, struck[0])
 
 

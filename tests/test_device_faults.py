@@ -33,21 +33,6 @@ from serpent_twin.bus.device.responder import Responder, accesses
 from serpent_twin.errors import SerpentError
 from serpent_twin.parameters import NOMINAL
 
-
-@pytest.fixture
-def device():
-    with running("--lockstep", "--load-noise", "0") as device:
-        yield device
-
-
-@pytest.fixture
-def bus(device):
-    client = Client(device.port)
-    client.prepare()
-    yield client
-    client.port.closePort()
-
-
 # Faults
 
 

@@ -17,21 +17,6 @@ from serpent_twin.bus.device.options import Options, build
 from serpent_twin.bus.device.responder import Responder
 from serpent_twin.errors import SerpentError
 
-
-@pytest.fixture
-def device():
-    with running("--lockstep", "--load-noise", "0") as device:
-        yield device
-
-
-@pytest.fixture
-def bus(device):
-    client = Client(device.port)
-    client.prepare()
-    yield client
-    client.port.closePort()
-
-
 # Options
 
 

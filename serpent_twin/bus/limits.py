@@ -59,18 +59,15 @@ class Guard:
     def check(self, state: MotorState) -> None:
         """Raise `BusError` that names motor or joint, its value and its limit."""
         refuse_hardware_error(state)
-        joint = joint_from_motor(state.position[:N_JOINTS])
-        self._check_joints(np.append(joint, state.position[-1] - state.position[-2]))
+        self._check_joints(state.position)
         self._check_loads(state.load, state.time)
 
-    def _check_joints(self, joint: Array) -> None:
+    def _check_joints(self, motor: Array) -> None:
         limit = self._limits.joint_angle
-        over = np.flatnonzero(np.abs(joint) > limit)
-        if over.size:
-            angle = np.rad2deg(joint[over[0]])
-            where = f"joint {over[0] + 1}" if over[0] < N_JOINTS else "the jaw"
+        if (beyond := joint_beyond(motor, limit)) is not None:
+            where, angle = beyond
             raise BusError(
-                f"{where} is at {angle:.0f}° by its motors, beyond the limit of "
+                f"{where} is at {np.rad2deg(angle):.0f}° by its motors, beyond the limit of "
                 f"{np.rad2deg(limit):.0f}°; the arm was stopped. Turn it back by hand with the torque "
                 "off; if it hangs straight now, its zero is lost: run serpent_twin.bus.zero."
             )
@@ -87,6 +84,19 @@ class Guard:
                 f"{held[worst]:.1f} s, over the limit of {self._limits.load:.0%} for "
                 f"{self._limits.load_time:g} s; the arm was stopped. Free the arm, then go on."
             )
+
+
+def joint_beyond(motor: Array, limit: float) -> tuple[str, float] | None:
+    """The first joint, or the jaw, that stiff cables hold beyond ± limit [rad], and its angle [rad].
+
+    For motor angles [rad], (10,); None if there is none.
+    """
+    joint = np.append(joint_from_motor(motor[:N_JOINTS]), motor[-1] - motor[-2])
+    over = np.flatnonzero(np.abs(joint) > limit)
+    if not over.size:
+        return None
+    n = int(over[0])
+    return f"joint {n + 1}" if n < N_JOINTS else "the jaw", float(joint[n])
 
 
 def refuse_hardware_error(state: MotorState) -> None:

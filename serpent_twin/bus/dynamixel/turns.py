@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from serpent_twin.arm import ARM, N_JOINTS, N_MOTORS, joint_from_motor
+from serpent_twin.arm import ARM, N_MOTORS
 from serpent_twin.bus import BusError
 from serpent_twin.bus.dynamixel.registers import MotorRegisters
 from serpent_twin.bus.dynamixel.setup import ArmSetup, is_pseudo_terminal
+from serpent_twin.bus.limits import joint_beyond
 from serpent_twin.bus.xl430 import POSITION_UNIT, TURN, Words, nearest_turns
 from serpent_twin.files import write_whole
 
@@ -54,9 +55,11 @@ class TurnCounter:
         self._path = setup.path and turns_file(setup.path)
         self._position = np.zeros(N_MOTORS, np.int64)
         self._stored = -np.inf
+        self._simulated = False
 
     def connect(self) -> None:
         """Find out what was forgotten since somebody last looked, and whether that can be."""
+        self._simulated = is_pseudo_terminal(self._setup.port)
         raw = self._registers.get_all("present_position")
         forgot = self._registers.get_all(POWER_MARK) == 0
         seen = read_turns(self._path) if self._path else None
@@ -104,8 +107,7 @@ class TurnCounter:
     def _store(self, durably: bool = False) -> None:
         self._stored = time.monotonic()
         if self._path:
-            simulated = is_pseudo_terminal(self._setup.port)
-            write_turns(self._path, LastSeen(self._position, self.turns, simulated), durably)
+            write_turns(self._path, LastSeen(self._position, self.turns, self._simulated), durably)
 
     def _restore(self, index: np.ndarray, raw: Words, last: Words) -> None:
         self.turns[index], moved = nearest_turns(raw[index], last[index])
@@ -125,26 +127,19 @@ class TurnCounter:
         if not self._setup.zero:
             return
         counts = (self._position - np.array(self._setup.zero)) * np.array(self._setup.direction)
-        motor = counts * POSITION_UNIT
-        joint = np.append(joint_from_motor(motor[:N_JOINTS]), motor[-1] - motor[-2])
-        beyond = np.flatnonzero(np.abs(joint) > ARM.joint_range)
-        if beyond.size:
-            n = beyond[0]
-            where = f"joint {n + 1}" if n < N_JOINTS else "the jaw"
+        if (beyond := joint_beyond(counts * POSITION_UNIT, ARM.joint_range)) is not None:
+            where, angle = beyond
             raise BusError(
-                f"by its motors {where} stands at {np.rad2deg(joint[n]):.0f}°, which it cannot: turns "
+                f"by its motors {where} stands at {np.rad2deg(angle):.0f}°, which it cannot: turns "
                 "were lost, or another program reset them. Hang the arm straight and run "
                 "serpent_twin.bus.zero."
             )
 
     def _refuse_other_motors(self, seen: LastSeen) -> None:
-        simulated = is_pseudo_terminal(self._setup.port)
-        if seen.simulated != simulated:
-            kinds = (
-                ("simulated motors", "real ones")
-                if simulated
-                else ("real motors", "simulated ones")
-            )
+        if seen.simulated != self._simulated:
+            kinds = ("real motors", "simulated ones")
+            if self._simulated:
+                kinds = ("simulated motors", "real ones")
             raise BusError(
                 f"{self._setup.port} has {kinds[0]}, but {self._path} is of {kinds[1]}. "
                 "Give each its own --setup file."

@@ -19,13 +19,12 @@ from dynamixel_sdk import COMM_SUCCESS, PortHandler, Protocol2PacketHandler
 
 from serpent_twin.bus import BusError
 from serpent_twin.bus.control_table import Item
-from serpent_twin.bus.protocol import Instruction, Packet, Parser
+from serpent_twin.bus.protocol import BROADCAST, Instruction, Packet, Parser
 
 LATENCY = 0.034
 """Time beyond that on the wire that an answer may take [s]: the SDK's own, two ticks of a USB adapter."""
 DRAIN = 0.08
 """How long to listen for late answers after a silence [s]; 4 ms is too short, 80 ms was enough."""
-_BROADCAST = 0xFE
 _OVERHEAD = 11  # bytes of a status packet without data
 
 
@@ -96,7 +95,7 @@ class Wire:
 
     def scan(self, duration: float = 0.8) -> list[tuple[int, Reply]]:
         """All answers to a ping to everybody, by id; each motor waits 3 ms for every id before it."""
-        self._send(_BROADCAST, Instruction.PING, b"")
+        self._send(BROADCAST, Instruction.PING, b"")
         return self._collect(0, lambda found: False, duration)
 
     def read(self, motor: int, item: Item) -> Reply | None:
@@ -117,7 +116,7 @@ class Wire:
     def sync_read(self, motors: Sequence[int], address: int, length: int) -> dict[int, Reply]:
         """The same block of many motors in one request: whatever answers came back whole, by id."""
         params = address.to_bytes(2, "little") + length.to_bytes(2, "little") + bytes(motors)
-        self._send(_BROADCAST, Instruction.SYNC_READ, params)
+        self._send(BROADCAST, Instruction.SYNC_READ, params)
         asked = set(motors)
 
         def settled(found: _Found) -> bool:
@@ -136,7 +135,7 @@ class Wire:
         """Write a register of many motors in one packet, which nobody answers."""
         params = item.address.to_bytes(2, "little") + item.size.to_bytes(2, "little")
         params += b"".join(bytes([motor]) + item.pack(value) for motor, value in values.items())
-        self._send(_BROADCAST, Instruction.SYNC_WRITE, params)
+        self._send(BROADCAST, Instruction.SYNC_WRITE, params)
 
     def drain(self, duration: float = DRAIN) -> None:
         """Listen to late answers for a duration [s] and forget them."""
