@@ -18,6 +18,7 @@ import numpy as np
 from serpent_twin import cli
 from serpent_twin.arm import ARM, N_JOINTS, N_MOTORS, Arm, Array
 from serpent_twin.parameters import NOMINAL, Parameters
+from serpent_twin.tolerances import EXACT, Tolerances
 
 if TYPE_CHECKING:
     from serpent_twin.meshes import Part
@@ -40,14 +41,25 @@ _HEADER = """ The cable-driven serpentine arm. `python -m serpent_twin.mjcf` wri
   Motors take two inputs: the goal velocity, and the same integrated, which makes them velocity PI. """
 
 
-def build(arm: Arm = ARM, parameters: Parameters = NOMINAL, drawn: bool = False) -> mujoco.MjSpec:
-    """The arm as an `MjSpec`; `drawn` adds meshes, lights and visible cables, and no physics."""
+def build(
+    arm: Arm = ARM,
+    parameters: Parameters = NOMINAL,
+    tolerances: Tolerances = EXACT,
+    drawn: bool = False,
+    motors: bool = True,
+) -> mujoco.MjSpec:
+    """The arm as an `MjSpec`; `drawn` adds meshes, lights and visible cables, and no physics.
+
+    Without `motors` the strands run over the arm's joints alone: who steps it shifts their rest
+    lengths by what the motors wind (see `imposed.py`).
+    """
     if not drawn:
-        return mujoco.MjSpec.from_string(_text(_document(arm, parameters)))
+        document = _document(arm, parameters, tolerances, motors=motors)
+        return mujoco.MjSpec.from_string(_text(document))
     from serpent_twin import meshes, routing, scene  # trimesh is slow to import, needed here only
 
     parts = meshes.parts(arm)
-    document = _text(_document(arm, parameters, parts))
+    document = _text(_document(arm, parameters, tolerances, parts))
     spec = mujoco.MjSpec.from_string(document, assets=_mesh_files(parts))
     routing.draw(spec, arm)
     scene.furnish(spec)
@@ -60,7 +72,7 @@ def write(folder: Path = MODEL, arm: Arm = ARM, parameters: Parameters = NOMINAL
 
     parts = meshes.parts(arm)
     files: dict[str, str | bytes] = {
-        "serpent.xml": _text(_document(arm, parameters, parts)),
+        "serpent.xml": _text(_document(arm, parameters, EXACT, parts)),
         "scene.xml": build(arm, parameters, drawn=True).to_xml(),
     }
     files |= {f"assets/{name}": data for name, data in _mesh_files(parts).items()}
@@ -104,7 +116,13 @@ def _word(value: Any) -> str:
     return " ".join(f"{number + 0.0:.9g}" for number in np.atleast_1d(np.round(value, 12)))
 
 
-def _document(arm: Arm, parameters: Parameters, parts: "list[Part] | None" = None) -> ET.Element:
+def _document(
+    arm: Arm,
+    parameters: Parameters,
+    tolerances: Tolerances = EXACT,
+    parts: "list[Part] | None" = None,
+    motors: bool = True,
+) -> ET.Element:
     root = ET.Element("mujoco", model="serpent")
     root.append(ET.Comment(_HEADER))
     _add(root, "compiler", angle="radian", meshdir="assets")
@@ -113,13 +131,14 @@ def _document(arm: Arm, parameters: Parameters, parts: "list[Part] | None" = Non
     _add(option, "flag", contact="disable")
     _add_defaults(root, arm, parameters)
     _add_assets(root, parts or [])
-    bodies = _add_bodies(_add(root, "worldbody"), arm)
+    bodies = _add_bodies(_add(root, "worldbody"), arm, parameters, tolerances, motors)
     for part in parts or []:
         look = {"class": "visual", "mesh": part.name, "rgba": _word(part.rgba)}
         _add(bodies[part.body], "geom", **look)
-    _add_strands(_add(root, "tendon"), arm)
-    _add_servos(_add(root, "actuator"))
-    _add_sensors(_add(root, "sensor"))
+    _add_strands(_add(root, "tendon"), arm, parameters, tolerances, motors)
+    if motors:
+        _add_servos(_add(root, "actuator"))
+    _add_sensors(_add(root, "sensor"), motors)
     return root
 
 
@@ -156,7 +175,9 @@ def _add_assets(root: ET.Element, parts: "list[Part]") -> None:
             _add(asset, "mesh", name=part.name, file=f"{part.name}.stl", inertia="shell")
 
 
-def _add_bodies(world: ET.Element, arm: Arm) -> dict[str, ET.Element]:
+def _add_bodies(
+    world: ET.Element, arm: Arm, parameters: Parameters, tolerances: Tolerances, motors: bool
+) -> dict[str, ET.Element]:
     """All bodies by name: the base with its motors, the chain of links, the jaw."""
     half = np.sqrt(0.5)
     base = _add(world, "body", name="base", quat=(half, 0, half, 0))
@@ -165,35 +186,46 @@ def _add_bodies(world: ET.Element, arm: Arm) -> dict[str, ET.Element]:
     _add_inertial(base, mass, -size[0] / 2, mass / 12 * ((size**2).sum() - size**2))
     _add(base, "site", name="base")
     bodies = {"base": base}
-    for j in range(N_MOTORS):
-        bodies[f"motor{j + 1}"] = _add_motor(base, j, arm)
+    for j in range(N_MOTORS if motors else 0):
+        friction = _off(parameters.gear_friction, tolerances.gear_friction[j], "frictionloss")
+        bodies[f"motor{j + 1}"] = _add_motor(base, j, arm, friction)
     link = base
     for i in range(N_JOINTS):
-        link = bodies[f"link{i + 1}"] = _add_link(link, i, arm)
+        resist = _off(parameters.joint_friction, tolerances.joint_friction[i], "frictionloss")
+        resist |= _off(parameters.joint_damping, tolerances.joint_damping[i], "damping")
+        offset = tolerances.marker[3 * i : 3 * i + 3]
+        link = bodies[f"link{i + 1}"] = _add_link(link, i, arm, resist, np.array(offset))
     bodies["jaw"] = _add_jaw(link, arm)
     return bodies
+
+
+def _off(nominal: float, logarithm: float, name: str) -> dict[str, float]:
+    """An attribute that overrides the class's, if the part deviates."""
+    return {name: nominal * np.exp(logarithm)} if logarithm else {}
 
 
 def _add_inertial(body: ET.Element, mass: float, centre: float, inertia: Array) -> None:
     _add(body, "inertial", pos=(centre, 0, 0), mass=mass, diaginertia=inertia)
 
 
-def _add_motor(base: ET.Element, j: int, arm: Arm) -> ET.Element:
+def _add_motor(base: ET.Element, j: int, arm: Arm, friction: dict[str, float]) -> ET.Element:
     name, m, r = f"motor{j + 1}", arm.horn_mass, arm.pulley_radius[j]
     horn = _add(base, "body", name=name, pos=arm.motor_place[j])
     _add_inertial(horn, m, 0.0, m * r**2 * np.array([0.25, 0.25, 0.5]))
-    _add(horn, "joint", class_="motor", name=name)
+    _add(horn, "joint", class_="motor", name=name, **friction)
     return horn
 
 
-def _add_link(parent: ET.Element, i: int, arm: Arm) -> ET.Element:
+def _add_link(
+    parent: ET.Element, i: int, arm: Arm, resist: dict[str, float], marker_offset: Array
+) -> ET.Element:
     link = _add(parent, "body", name=f"link{i + 1}", pos=arm.joint_offset[i])
     if i < N_JOINTS - 1:
         _add_inertial(link, arm.link_mass[i], arm.link_length[i] / 2, arm.link_inertia(i))
     else:
         _add_inertial(link, *_without_jaw(arm))
-    _add(link, "joint", class_="even" if i % 2 else "odd", name=f"joint{i + 1}")
-    _add(link, "site", name=f"marker{i + 1}", pos=arm.marker[i])
+    _add(link, "joint", class_="even" if i % 2 else "odd", name=f"joint{i + 1}", **resist)
+    _add(link, "site", name=f"marker{i + 1}", pos=np.array(arm.marker[i]) + marker_offset)
     return link
 
 
@@ -221,12 +253,19 @@ def _add_jaw(link: ET.Element, arm: Arm) -> ET.Element:
     return jaw
 
 
-def _add_strands(tendon: ET.Element, arm: Arm) -> None:
-    for name in STRANDS:
-        j, sign = int(name[5:].split("_")[0]), 1.0 if name.endswith("plus") else -1.0
+def _add_strands(
+    tendon: ET.Element, arm: Arm, parameters: Parameters, tolerances: Tolerances, motors: bool
+) -> None:
+    for n, name in enumerate(STRANDS):
+        j, sign = n // 2 + 1, 1.0 if name.endswith("plus") else -1.0
         reach = sign * arm.pulley_radius[j - 1]
-        strand = _add(tendon, "fixed", class_="strand", name=name)
-        _add(strand, "joint", joint=f"motor{j}", coef=reach)
+        off = _off(parameters.strand_stiffness, tolerances.strand_stiffness[n], "stiffness")
+        if more := tolerances.strand_slack[n]:
+            off |= {"springlength": np.array([_NEVER, parameters.strand_slack + more])}
+        strand = _add(tendon, "fixed", class_="strand", name=name, **off)
+        if motors:
+            winch = reach * (1 + tolerances.winch_radius[j - 1])
+            _add(strand, "joint", joint=f"motor{j}", coef=winch)
         for i in range(1, min(j, N_JOINTS) + 1):
             _add(strand, "joint", joint=f"joint{i}", coef=-reach)
         if j == N_MOTORS:
@@ -238,13 +277,14 @@ def _add_servos(actuator: ET.Element) -> None:
         _add(actuator, "dcmotor", class_="motor", name=f"motor{j}", joint=f"motor{j}")
 
 
-def _add_sensors(sensor: ET.Element) -> None:
-    for j in range(1, N_MOTORS + 1):
-        _add(sensor, "jointpos", name=f"motor{j}_position", joint=f"motor{j}")
-    for j in range(1, N_MOTORS + 1):
-        _add(sensor, "jointvel", name=f"motor{j}_velocity", joint=f"motor{j}")
-    for j in range(1, N_MOTORS + 1):
-        _add(sensor, "actuatorfrc", name=f"motor{j}_torque", actuator=f"motor{j}")
+def _add_sensors(sensor: ET.Element, motors: bool) -> None:
+    for kind, reads, of in (
+        ("jointpos", "position", "joint"),
+        ("jointvel", "velocity", "joint"),
+        ("actuatorfrc", "torque", "actuator"),
+    ):
+        for j in range(1, N_MOTORS + 1 if motors else 1):
+            _add(sensor, kind, name=f"motor{j}_{reads}", **{of: f"motor{j}"})
     seen = {"objtype": "site", "reftype": "site", "refname": "base"}
     for i in range(1, N_JOINTS + 1):
         _add(sensor, "framepos", name=f"marker{i}", objname=f"marker{i}", **seen)

@@ -18,6 +18,7 @@ Rows = NDArray[np.intp]
 
 _SLACK, _HALF, _TIGHT = (40, 85, 205), (235, 215, 205), (225, 30, 30)
 _MEASURED, _ESTIMATED, _TWIN = (70, 215, 120), (255, 150, 30), (150, 165, 190)
+_NOMINAL, _CORRECTED = (235, 90, 90), (80, 160, 255)
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,20 @@ class Estimate:
     """[m], (N, 9, 3)"""
 
 
+@dataclass(frozen=True)
+class Overlay:
+    """A twin that is drawn over the measured arm."""
+
+    name: str
+    """Of its entities"""
+    look: str
+    """Its colour in words"""
+    colour: tuple[int, int, int]
+    """0 … 255"""
+    moved: twin.Replay
+    """What it did"""
+
+
 def write(
     out: Path,
     session: log.Session,
@@ -39,28 +54,44 @@ def write(
     guess: Estimate | None = None,
     identity: str | None = None,
     arm: Arm = ARM,
+    corrected: twin.Replay | None = None,
 ) -> None:
-    """Write the recording of a session [T rows] to a file, which appears when it is whole."""
+    """Write the recording of a session [T rows] to a file, which appears when it is whole.
+
+    `moved` is what the nominal twin did. Where there is a corrected one, pose and tensions are its,
+    and lines through the markers lay measured arm and both twins over each other.
+    """
     part = out.with_name(out.name + ".part")
     out.parent.mkdir(parents=True, exist_ok=True)
     stream = rr.RecordingStream("serpent_twin", recording_id=identity)
     stream.save(part, default_blueprint=blueprint(session.name))
     stream.send_recording_name(session.name)
     writer = _Writer(stream, session.time, arm)
-    writer.about(session, moved, guess)
+    posed, rows = corrected or moved, np.arange(len(session))
+    twins = [Overlay("twin", "grey", _TWIN, moved)]
+    if corrected:
+        twins = [
+            Overlay("nominal_twin", "red", _NOMINAL, moved),
+            Overlay("corrected_twin", "blue", _CORRECTED, corrected),
+        ]
+        writer.chain("measured", session.marker, _MEASURED)
+    writer.about(session, twins, guess)
     writer.shapes()
-    writer.motion(session.motor_position, moved)
-    writer.cables(moved.tension)
-    writer.markers("measured", session.marker, np.arange(len(session)), _MEASURED, 0.0050)
-    writer.markers("twin", moved.marker, np.arange(len(session)), _TWIN, 0.0030)
-    writer.error("twin", moved.marker - session.marker, np.arange(len(session)), _TWIN)
+    writer.motion(session.motor_position, posed)
+    writer.cables(posed.tension)
+    writer.markers("measured", session.marker, rows, _MEASURED, 0.0050)
+    for each in twins:
+        writer.markers(each.name, each.moved.marker, rows, each.colour, 0.0030)
+        writer.error(each.name, each.moved.marker - session.marker, rows, each.colour)
+        if corrected:
+            writer.chain(each.name, each.moved.marker, each.colour)
     if guess:
         writer.markers("estimated", guess.marker, guess.row, _ESTIMATED, 0.0048)
         writer.error(guess.name, guess.marker - session.marker[guess.row], guess.row, _ESTIMATED)
     for j in range(N_MOTORS):
         writer.curve(f"plots/load/motor{j + 1}", 100 * session.motor_load[:, j], hue(j))
     for n, name in enumerate(STRANDS):
-        writer.curve(f"plots/tension/{name}", moved.tension[:, n], hue(n // 2))
+        writer.curve(f"plots/tension/{name}", posed.tension[:, n], hue(n // 2))
     try:
         stream.flush()
         stream.disconnect()
@@ -120,20 +151,21 @@ class _Writer:
     time: Array
     arm: Arm
 
-    def about(self, session: log.Session, moved: twin.Replay, guess: Estimate | None) -> None:
+    def about(self, session: log.Session, twins: list[Overlay], guess: Estimate | None) -> None:
         """A page that says what is shown."""
-        far = np.linalg.norm(moved.marker - session.marker, axis=-1)
-        far = far[np.isfinite(far)]
-        off = f"; its markers lie {1e3 * far.mean():.1f} mm off on average" if far.size else ""
+        looks = [("green", "measured"), *((t.look, t.name.replace("_", " ")) for t in twins)]
+        looks += [("orange", f"`{guess.name}`")] if guess else []
+        last = twins[-1]
         lines = [
             f"### {session.metadata.get('arm')}, {session.name}",
             f"{len(session)} rows at {session.rate_hz:g} Hz, "
             f"backend `{session.metadata.get('backend')}`.",
-            "Pose and tensions: the twin, driven by the measured motor angles" + off + ".",
-            f"Cables: blue is slack, red is {full_tension(moved.tension):.1f} N or more.",
-            "Markers: green measured, grey twin" + (f", orange `{guess.name}`." if guess else "."),
+            f"Pose and tensions: the {last.name.replace('_', ' ')}, driven by the measured motor angles.",
+            *(_distance(t, session.marker) for t in twins),
+            f"Cables: blue is slack, red is {full_tension(last.moved.tension):.1f} N or more.",
+            "Markers: " + ", ".join(f"{look} {what}" for look, what in looks) + ".",
         ]
-        page = rr.TextDocument("\n\n".join(lines), media_type="text/markdown")
+        page = rr.TextDocument("\n\n".join(filter(None, lines)), media_type="text/markdown")
         self.recording.log("about", page, static=True)
         self.recording.log("/", rr.ViewCoordinates.DLF, static=True)  # +x hangs down
 
@@ -186,6 +218,15 @@ class _Writer:
             points = rr.Points3D.columns(positions=marker[seen, i])
             self._send(path, points.partition(seen.astype(int)), row)
 
+    def chain(self, kind: str, marker: Array, colour: tuple[int, int, int]) -> None:
+        """A line from the base through the markers that are seen, (T, 9, 3)."""
+        path, radius = f"markers/{kind}/chain", rr.Radius.ui_points(2.0)
+        look = rr.LineStrips3D.from_fields(colors=[colour], radii=radius)
+        self.recording.log(path, look, static=True)
+        base = np.zeros((1, 3))
+        lines = [np.vstack([base, each[np.isfinite(each).all(axis=-1)]]) for each in marker]
+        self._send(path, rr.LineStrips3D.columns(strips=lines))
+
     def error(self, name: str, off: Array, row: Rows, colour: tuple[int, int, int]) -> None:
         """Mean distance of the markers seen [mm], from their differences [m], (N, 9, 3)."""
         distance = 1e3 * np.linalg.norm(off, axis=-1)
@@ -218,3 +259,12 @@ class _Writer:
 def full_tension(tension: Array) -> float:
     """The tension drawn in full red [N]: what only 1 % of a session's tensions exceed."""
     return max(float(np.quantile(tension, 0.99)), 1.0)
+
+
+def _distance(shown: Overlay, measured: Array) -> str:
+    far = np.linalg.norm(shown.moved.marker - measured, axis=-1)
+    far = far[np.isfinite(far)]
+    if not far.size:
+        return ""
+    name = shown.name.replace("_", " ")
+    return f"The {name}'s markers lie {1e3 * far.mean():.1f} mm off on average."

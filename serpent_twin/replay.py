@@ -1,10 +1,12 @@
 """What happened in a session, to look at?
 
 The measured motor angles drive the twin, which gives the pose and the cables' tensions; the log
-gives markers and loads, a trained readout its estimate. All becomes one recording for rerun.
+gives markers and loads, a trained readout its estimate. A corrected twin is laid over the nominal one.
+All becomes one recording for rerun.
 """
 
 import hashlib
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -14,19 +16,22 @@ import numpy as np
 import tyro
 from rerun.chunk import RrdReader
 
-from serpent_twin import __version__, cli, log, readout, recording, twin
+from serpent_twin import __version__, cli, design, log, readout, recording
 from serpent_twin.arm import ARM
+from serpent_twin.design import Design
 from serpent_twin.errors import SerpentError
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import file_hash
 from serpent_twin.readout.windows import cut
 from serpent_twin.recording import Estimate
+from serpent_twin.twin import replay_motors
 
 
 def main(
     session: Annotated[Path, tyro.conf.Positional],
     out: Path,
     readout: Path | None = None,
+    twin: Path | None = None,
     view: bool = False,
 ) -> None:
     """Make a recording of a session that rerun shows: arm, cables, markers, loads, errors.
@@ -35,6 +40,7 @@ def main(
         session: The session log, such as DIR/session_01.parquet.
         out: The recording to write, FILE.rrd; an existing one is never overwritten.
         readout: A trained readout to show beside the measurement, such as OUT/models/mlp.
+        twin: A corrected twin to lay over the nominal one, OUT/twin.json of python -m serpent_twin.trace.
         view: Open the recording in the viewer.
     """
     if out.suffix != ".rrd":
@@ -43,12 +49,14 @@ def main(
         )
     seen = log.read_session(session)
     log.refuse_damaged([seen])
-    identity = _identity(session, readout)
+    corrected = corrected_twin(twin, seen) if twin else None
+    identity = _identity(session, readout, corrected)
     if not _already_there(out, identity):
         guess = estimate(seen, readout) if readout else None
         print(f"Driving the twin by the motor angles of {len(seen)} rows …", flush=True)
-        moved = twin.replay_motors(seen.time, seen.motor_position)
-        recording.write(out, seen, moved, guess, identity)
+        moved = replay_motors(seen.time, seen.motor_position)
+        better = corrected and replay_motors(seen.time, seen.motor_position, corrected)
+        recording.write(out, seen, moved, guess, identity, corrected=better)
     print(f"{out}: open it with `rerun {out}`")
     if view:
         _open(out)
@@ -63,11 +71,26 @@ def estimate(session: log.Session, folder: Path) -> Estimate:
     return Estimate(trained.name, row, trained.predict(seen.x, seen.start))
 
 
-def _identity(session: Path, folder: Path | None) -> str:
+def corrected_twin(path: Path, seen: log.Session) -> Design:
+    """The design in a twin.json, which must be of the session's arm if it names one."""
+    found = design.read(path)
+    arm, its = seen.metadata.get("arm"), json.loads(path.read_text()).get("arm")
+    collected_by = seen.metadata.get("config") or {}
+    made_by_it = collected_by.get("model_sha256") == found.fingerprint()
+    if its not in (None, arm) and not made_by_it:
+        raise SerpentError(
+            f"{path} is the twin of the arm {its}, and {seen.name} is of the arm {arm}. "
+            "Give the twin that was traced on that arm's logs."
+        )
+    return found
+
+
+def _identity(session: Path, folder: Path | None, corrected: Design | None) -> str:
     """Name of the recording that these inputs and this twin make."""
     files = [session, *([folder / "readout.json", folder / "learned.npz"] if folder else [])]
     makers = [__version__, repr(ARM), repr(NOMINAL)]
     makers += [file_hash(path) for path in files if path.is_file()]
+    makers += [corrected.fingerprint()] if corrected else []
     return f"{session.stem}-{hashlib.sha256(' '.join(makers).encode()).hexdigest()[:16]}"
 
 

@@ -8,53 +8,75 @@ from mujoco.batch import Batch
 from numpy.typing import ArrayLike
 
 from serpent_twin import mjcf
-from serpent_twin.arm import ARM, N_JOINTS, N_MOTORS, Arm, Array, joint_from_motor
+from serpent_twin.arm import N_JOINTS, N_MOTORS, Array, joint_from_motor
+from serpent_twin.design import NOMINAL_DESIGN, Design
 from serpent_twin.errors import SerpentError
-from serpent_twin.parameters import NOMINAL, Parameters
+from serpent_twin.history import History
+from serpent_twin.imposed import Stretches, impose
+from serpent_twin.mechanism import JOINT_NAMES, MOTOR_NAMES, Mechanism, addresses
 
-MOTORS = slice(0, N_MOTORS)
-JOINTS = slice(N_MOTORS, N_MOTORS + N_JOINTS)
-JAW = N_MOTORS + N_JOINTS
 _TORQUE = slice(2 * N_MOTORS, 3 * N_MOTORS)  # in the sensor vector, as mjcf.py orders it
-_MARKERS = slice(3 * N_MOTORS, None)
+_MARKERS = slice(3 * N_MOTORS, 3 * N_MOTORS + 3 * N_JOINTS)
 _GAIN_I, _GAIN_P = 4, 6  # of a dcmotor's gainprm: mjcf.py's `controller`
+_SETTLE = 2.0  # [s]
+_UNSTABLE = (
+    "the twin's simulation became unstable in {}. Lower the strand stiffness or raise the damping in "
+    "the parameters."
+)
 
 
 class Twin:
     """`nsim` runs of one arm, stepped side by side; every array below has their rows in front.
 
     A run starts straight and hanging, at rest, all angles zero. Readings are of the present
-    instant. All of the state lies in MuJoCo's state rows and the integrated velocity goals.
+    instant. All of the state lies in MuJoCo's state rows, the integrated velocity goals, and what the
+    effects remember.
     """
 
     def __init__(
         self,
-        model: mujoco.MjModel | None = None,
+        design: Design = NOMINAL_DESIGN,
         nsim: int = 1,
         nthread: int = 1,
-        arm: Arm = ARM,
-        parameters: Parameters = NOMINAL,
+        model: mujoco.MjModel | None = None,
+        earlier: float = 0.0,
     ) -> None:
-        self.model = model or mjcf.build(arm, parameters).compile()
-        self.arm = arm
+        """`model` is taken in place of what the design's spec compiles to; `earlier` is how long the
+        arm has run in earlier sessions [s], for effects that wear it.
+        """
+        self.model = model or design.spec().compile()
+        self.design, self.arm = design, design.arm
         self.batch = Batch(self.model, nsim, nthread)
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
-        self._ctrl = self.batch.bind("ctrl")
+        self._motor_q, self._motor_v = addresses(self.model, MOTOR_NAMES)
+        self._joint_q, _ = addresses(self.model, JOINT_NAMES)
+        self._jaw_q = addresses(self.model, ("jaw",))[0][0]
+        self._time, self._ctrl = self.batch.bind("time"), self.batch.bind("ctrl")
+        self._force = self.batch.bind("actuator_force")
         self._sensors, self._stretch = self.batch.bind("sensordata"), self.batch.bind("ten_length")
+        self._strands = tuple(
+            self.batch.expand(f"tendon_{of}")
+            for of in ("lengthspring", "stiffness", "stiffnesspoly")
+        )
         self._gain = self.batch.expand("actuator_gainprm")
         self._firmware_gain = self._gain.copy()
         self._goal = np.zeros((nsim, N_MOTORS))
+        self.mechanism = Mechanism(self.batch, [design] * nsim, motors=True)
+        self.mechanism.earlier = earlier
+        self.mechanism.start(self._time[:, None].copy(), self.motor_angle, self.motor_velocity)
+        self._look()
+        History(self.batch).fill()
         self.batch.forward()
 
     @property
     def motor_angle(self) -> Array:
         """Motor angles [rad], (nsim, 10)."""
-        return self.qpos[:, MOTORS].copy()
+        return self.qpos[:, self._motor_q]
 
     @property
     def motor_velocity(self) -> Array:
         """Motor velocities [rad/s], (nsim, 10)."""
-        return self.qvel[:, MOTORS].copy()
+        return self.qvel[:, self._motor_v]
 
     @property
     def motor_torque(self) -> Array:
@@ -64,12 +86,12 @@ class Twin:
     @property
     def joint_angle(self) -> Array:
         """Joint angles [rad], (nsim, 9)."""
-        return self.qpos[:, JOINTS].copy()
+        return self.qpos[:, self._joint_q]
 
     @property
     def jaw_angle(self) -> Array:
         """The jaw's angle [rad], (nsim,)."""
-        return self.qpos[:, JAW].copy()
+        return self.qpos[:, self._jaw_q].copy()
 
     @property
     def markers(self) -> Array:
@@ -79,8 +101,9 @@ class Twin:
     @property
     def tension(self) -> Array:
         """Tension of every strand, in the order of `mjcf.STRANDS` [N], (nsim, 20)."""
-        over = self._stretch - self.model.tendon_lengthspring[:, 1]
-        return self.model.tendon_stiffness * np.maximum(over, 0.0)
+        rest, stiffness, bend = self._strands
+        over = np.maximum(self._stretch - rest[:, :, 1], 0.0)
+        return (stiffness + bend[:, :, 0] * over) * over
 
     def power(self, on: ArrayLike) -> None:
         """Switch the drives on or off; `on` is broadcast to (nsim, 10). Off, a motor turns freely
@@ -102,35 +125,43 @@ class Twin:
         velocity = np.broadcast_to(np.asarray(velocity, float), self._goal.shape)
         substeps = self.substeps(duration)
         most = self.arm.servo.stall_torque / self.arm.servo.velocity_i
-        angle = self.qpos[:, MOTORS]
+        angle = self.qpos[:, self._motor_q]
         self._goal = np.clip(self._goal, angle - most, angle + most)
         elapsed = self.model.opt.timestep * np.arange(substeps)
         control = np.empty((len(angle), substeps, 2 * N_MOTORS))
         control[:, :, 0::2] = self._goal[:, None] + velocity[:, None] * elapsed[:, None]
         control[:, :, 1::2] = velocity[:, None]
-        record = self.batch.rollout(substeps, control, record=("actuator_force",))
+        torque = self._step(control) if self.mechanism.acting else self._roll(control)
         self._goal = self._goal + velocity * duration
         self._ctrl[:, 0::2] = self._goal  # what is read now belongs to now, not to a step ago
-        self.batch.forward()
+        self._look()
         self._refuse_divergence()
+        return torque
+
+    def _roll(self, control: Array) -> Array:
+        """All substeps at once: nothing acts in Python."""
+        record = self.batch.rollout(control.shape[1], control, record=("actuator_force",))
         return record["actuator_force"]
 
-    def impose(self, start: ArrayLike, end: ArrayLike, duration: float) -> None:
-        """Move the motors from angles to angles [rad], (nsim, 10), evenly and exactly, whatever pulls.
-
-        The motors' state is set before each substep, so no servo's lag enters the comparison.
-        """
-        start, end = np.asarray(start, float), np.asarray(end, float)
-        substeps = self.substeps(duration)
-        self.qvel[:, MOTORS] = slope = (end - start) / duration
-        for n in range(substeps):
-            self.qpos[:, MOTORS] = start + (end - start) * (n / substeps)
-            self.qvel[:, MOTORS] = slope
+    def _step(self, control: Array) -> Array:
+        """Substep by substep, effects acting before each."""
+        torque = np.empty((*control.shape[:2], N_MOTORS))
+        for k in range(control.shape[1]):
+            self._ctrl[...] = control[:, k]
+            self._act(self.model.opt.timestep)
             self.batch.step()
-        self.qpos[:, MOTORS], self.qvel[:, MOTORS] = end, slope
-        self._goal[:] = end
+            torque[:, k] = self._force
+        return torque
+
+    def _act(self, dt: float) -> None:
+        time = self._time[:, None].copy()
+        self.mechanism.act(time, self.motor_angle, self.motor_velocity, dt)
+
+    def _look(self) -> None:
+        """Bring sensors and tensions up to the present instant."""
+        if self.mechanism.acting:
+            self._act(0.0)
         self.batch.forward()
-        self._refuse_divergence()
 
     def substeps(self, duration: float) -> int:
         """Number of time steps in a duration [s], which must be a whole number of them."""
@@ -145,10 +176,7 @@ class Twin:
     def _refuse_divergence(self) -> None:
         raised = np.flatnonzero(self.batch.warning[..., 1].any(axis=-1))  # (lastinfo, number)
         if raised.size:
-            raise SerpentError(
-                f"the twin's simulation became unstable in run {raised[0]} of {len(self.qpos)}. "
-                "Lower the strand stiffness or raise the damping in the parameters."
-            )
+            raise SerpentError(_UNSTABLE.format(f"run {raised[0]} of {len(self.qpos)}"))
 
 
 @dataclass(frozen=True)
@@ -165,22 +193,19 @@ class Replay:
     """In the base frame [m], (T, 9, 3)"""
 
 
-def replay_motors(time: Array, motor_position: Array, twin: Twin | None = None) -> Replay:
-    """Drive a twin by measured motor angles [rad], (T, 10), at times [s], (T,).
+def replay_motors(time: Array, motor_position: Array, design: Design = NOMINAL_DESIGN) -> Replay:
+    """Drive a design by measured motor angles [rad], (T, 10), at rising times [s], (T,).
 
-    The run starts where stiff cables would put the joints, and settles for two seconds.
+    The run starts where stiff cables would put the joints, and settles for two seconds. A gap in
+    time is bridged as one long, even motion.
     """
-    twin = twin or Twin()
-    rows: list[tuple[Array, ...]] = []
-    twin.qpos[0, MOTORS] = motor_position[0]
-    twin.qpos[0, JOINTS] = joint_from_motor(motor_position[0, :N_JOINTS])
-    twin.qpos[0, JAW] = motor_position[0, -1] - motor_position[0, -2]
-    twin.impose(motor_position[:1], motor_position[:1], 2.0)
-    step = twin.model.opt.timestep
-    ticks = np.round((time - time[0]) / step).astype(int)
-    for n in range(len(time)):
-        if n and ticks[n] > ticks[n - 1]:
-            duration = (ticks[n] - ticks[n - 1]) * step
-            twin.impose(motor_position[n - 1 : n], motor_position[n : n + 1], duration)
-        rows.append((twin.joint_angle[0], twin.jaw_angle[0], twin.tension[0], twin.markers[0]))
-    return Replay(*(np.stack(column) for column in zip(*rows, strict=True)))
+    moves = np.concatenate([motor_position[:1], motor_position])[None]
+    clock = np.concatenate([time[:1] - _SETTLE, time])[None]
+    joint = np.zeros((*moves.shape[:2], N_JOINTS))
+    joint[0, 0] = joint_from_motor(motor_position[0, :N_JOINTS])
+    velocity = np.gradient(moves, clock[0], axis=1)
+    stretch = Stretches(clock, moves, velocity, joint, np.arange(len(clock[0])) == 0)
+    did = impose([design], stretch, mjcf.TIMESTEP, 1)
+    if did.unstable.any():
+        raise SerpentError(_UNSTABLE.format("its replay"))
+    return Replay(*(x[0, 0, 1:] for x in (did.joint_angle, did.jaw_angle, did.tension, did.marker)))

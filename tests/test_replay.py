@@ -1,13 +1,16 @@
 """Does the recording hold what the log, the twin and the readout say?"""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from serpent_twin import log, readout, recording, replay, twin
+from serpent_twin import design, log, readout, recording, replay, twin
 from serpent_twin.arm import ARM, N_JOINTS, N_MOTORS, link_frames, markers, motor_from_joint
+from serpent_twin.design import NOMINAL_DESIGN
+from serpent_twin.effects import CATALOGUE
 from serpent_twin.errors import SerpentError
 from serpent_twin.mjcf import STRANDS
 
@@ -175,3 +178,66 @@ def test_a_log_of_another_arm_replays(tmp_path):
     recording.write(tmp_path / "bench.rrd", session, moved, arm=ARM)
     step, _, points = column(tmp_path / "bench.rrd", "/markers/twin/marker9", "Points3D:positions")
     assert len(step) == 60 and np.allclose(np.array(points)[:, 0], moved.marker[:, 8], atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def overlaid(tmp_path_factory):
+    """A session of an arm with a payload, its twin.json, and the recording of both."""
+    folder = tmp_path_factory.mktemp("overlaid")
+    heavy = NOMINAL_DESIGN.with_effect(CATALOGUE["payload"](0.1))
+    design.write(folder / "twin.json", heavy, {"arm": "swing"})
+    session = make_session(np.random.default_rng(2))
+    moved = twin.replay_motors(session.time, session.motor_position, heavy)
+    session = dataclasses.replace(session, marker=moved.marker.copy())
+    session.marker[list(LOST), 2] = np.nan
+    log.write_session(folder / "session_01.parquet", session)
+    replay.main(folder / "session_01.parquet", folder / "both.rrd", twin=folder / "twin.json")
+    return folder, session, moved
+
+
+def test_nominal_and_corrected_twin_are_laid_over_the_measured_arm(overlaid):
+    folder, session, moved = overlaid
+    nominal = twin.replay_motors(session.time, session.motor_position)
+    for name, did in (("nominal_twin", nominal), ("corrected_twin", moved)):
+        path = f"/markers/{name}/marker9"
+        _, _, points = column(folder / "both.rrd", path, "Points3D:positions")
+        assert np.allclose(np.array(points)[:, 0], did.marker[:, 8], atol=1e-6)
+        _, _, lines = column(folder / "both.rrd", f"/markers/{name}/chain", "LineStrips3D:strips")
+        assert np.allclose(np.array(lines)[:, 0, 1:], did.marker, atol=1e-6)
+        _, _, error = column(folder / "both.rrd", f"/plots/error/{name}", "Scalars:scalars")
+        far = np.linalg.norm(did.marker - session.marker, axis=-1)
+        assert np.allclose(np.array(error)[:, 0], 1e3 * np.nanmean(far, axis=-1))
+        assert (np.max(error) < 1e-6) == (name == "corrected_twin")
+    _, _, lines = column(folder / "both.rrd", "/markers/measured/chain", "LineStrips3D:strips")
+    assert [len(strips[0]) for strips in lines] == [9 if n in LOST else 10 for n in range(T)]
+
+
+def test_pose_and_tensions_are_the_corrected_twin_s(overlaid):
+    folder, _, moved = overlaid
+    _, _, place = column(folder / "both.rrd", "/arm/link9", "Transform3D:translation")
+    assert np.allclose(np.array(place)[:, 0], link_frames(moved.joint_angle)[0][:, 8], atol=1e-6)
+    _, _, tension = column(folder / "both.rrd", f"/plots/tension/{STRANDS[0]}", "Scalars:scalars")
+    assert np.allclose(np.array(tension)[:, 0], moved.tension[:, 0])
+
+
+def test_a_recording_is_of_one_corrected_twin(overlaid, tmp_path, capsys):
+    folder, _, _ = overlaid
+    again = folder / "session_01.parquet", folder / "both.rrd"
+    replay.main(*again, twin=folder / "twin.json")
+    assert "Driving" not in capsys.readouterr().out
+    design.write(tmp_path / "twin.json", NOMINAL_DESIGN, {})
+    for other in (None, tmp_path / "twin.json"):
+        with pytest.raises(SerpentError, match=r"both\.rrd exists"):
+            replay.main(*again, twin=other)
+
+
+def test_the_twin_of_another_arm_is_refused(overlaid, tmp_path):
+    folder, _, _ = overlaid
+    design.write(tmp_path / "twin.json", NOMINAL_DESIGN, {"arm": "arm_b"})
+    for twin_file, message in (
+        (tmp_path / "twin.json", r"is the twin of the arm arm_b, and .* is of the arm swing"),
+        (tmp_path / "twin.xml", r"Give the twin\.json that"),
+    ):
+        with pytest.raises(SerpentError, match=message):
+            replay.main(folder / "session_01.parquet", tmp_path / "a.rrd", twin=twin_file)
+    assert not (tmp_path / "a.rrd").exists()

@@ -9,7 +9,9 @@ import pytest
 from serpent_twin import arm, mjcf
 from serpent_twin.arm import ARM, joint_from_motor
 from serpent_twin.control import joint_p_control, random_targets
+from serpent_twin.design import Design
 from serpent_twin.errors import SerpentError
+from serpent_twin.imposed import Stretches, impose
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.twin import Twin, replay_motors
 
@@ -59,19 +61,25 @@ def test_energy_is_kept_without_friction():
     assert lost[1] < 0.65 * lost[0]
 
 
+def held(design, motor, times, timestep=mjcf.TIMESTEP):
+    """What the arm does whose motors turn from zero to angles (10,) by times[1], and stay there."""
+    moves = np.tile(motor, (1, len(times), 1))
+    moves[:, 0] = 0.0
+    first = np.arange(len(times)) == 0
+    stretch = Stretches(np.array([times]), moves, 0 * moves, 0 * moves[..., :9], first)
+    return impose([design], stretch, timestep)
+
+
 def test_stiff_taut_cables_give_the_joints_the_motors_tell():
     """The gravity-loaded joints approach A⁻¹ m as 1 / stiffness."""
     target = random_targets(1, np.random.default_rng(0))[0]
     motor = arm.motor_from_joint(target)
-    motor = np.append(motor, motor[-1])[None]
+    motor = np.append(motor, motor[-1])
     error = []
     for stiffness in (2e5, 4e5):
-        model = mjcf.build(parameters=replace(STIFF, strand_stiffness=stiffness)).compile()
-        model.opt.timestep = 0.0001
-        twin = Twin(model)
-        twin.impose(0 * motor, motor, 1.0)
-        twin.impose(motor, motor, 3.0)
-        error.append(np.abs(twin.joint_angle[0] - joint_from_motor(motor[0, :9])))
+        stiff = Design(replace(STIFF, strand_stiffness=stiffness))
+        joint = held(stiff, motor, [0.0, 1.0, 4.0], timestep=1e-4).joint_angle[0, 0, -1]
+        error.append(np.abs(joint - joint_from_motor(motor[:9])))
     assert error[0].max() < np.deg2rad(0.6)
     assert error[1] == pytest.approx(error[0] / 2, rel=0.1)
 
@@ -96,16 +104,14 @@ def test_a_pulled_strand_stretches_by_force_over_stiffness():
 def test_a_hanging_arm_loads_its_strand_by_the_lever_of_its_weight():
     """Static balance from outside the simulator: the moment of the weights below joint 1."""
     free = replace(NOMINAL, joint_friction=0.0, gear_friction=0.0, joint_damping=0.05)
-    twin = Twin(parameters=free)
-    motor = np.full(10, 0.4)
-    twin.impose(np.zeros((1, 10)), motor[None], 2.0)
-    twin.impose(motor[None], motor[None], 40.0)
-    origin, rotation = arm.link_frames(twin.joint_angle[0])
+    did = held(Design(free), np.full(10, 0.4), [0.0, 2.0, 41.0, 42.0])
+    joint, tension = did.joint_angle[0, 0], did.tension[0, 0, -1]
+    origin, rotation = arm.link_frames(joint[-1])
     centre = origin + rotation @ np.array([1.0, 0, 0]) * np.array(ARM.link_length)[:, None] / 2
     moment = -(np.array(ARM.link_mass) * 9.81) @ centre[:, 1]
     side = np.array([1.0, -1.0] * 10) * np.repeat(ARM.pulley_radius, 2)
-    assert np.abs(twin.qvel[0, 10:]).max() < 1e-3
-    assert side @ twin.tension[0] + moment == pytest.approx(0, abs=2e-3 * abs(moment))
+    assert np.abs(joint[-1] - joint[-2]).max() < 1e-3
+    assert side @ tension + moment == pytest.approx(0, abs=2e-3 * abs(moment))
 
 
 def test_a_slack_strand_carries_nothing_at_any_speed():
@@ -147,7 +153,7 @@ def test_the_time_step_is_fine_enough():
     def markers(timestep):
         model = mjcf.build().compile()
         model.opt.timestep = timestep
-        twin = Twin(model)
+        twin = Twin(model=model)
         for target in random_targets(20, np.random.default_rng(0)):
             twin.advance(joint_p_control(target, twin.motor_angle[0], 1.6), 0.25)
         return twin.markers[0]
@@ -179,16 +185,21 @@ def test_servo_holds_its_velocity_under_load():
     assert twin.motor_angle[0, 0] - start == pytest.approx(0.4, abs=0.01)
 
 
+def lift(twin):
+    """Turn all motors by 0.6 rad, and let the arm come to rest."""
+    twin.advance(np.full(10, 0.6), 1.0)
+    twin.advance(np.zeros(10), 2.0)
+
+
 def test_unpowered_motors_let_the_arm_sag_and_powered_ones_hold():
     moved = {}
     for on in (True, False):
-        twin = Twin(parameters=replace(NOMINAL, gear_friction=1e-4))
-        motor = np.full(10, 0.6)
-        twin.impose(np.zeros((1, 10)), motor[None], 1.0)
-        twin.impose(motor[None], motor[None], 2.0)
+        twin = Twin(Design(replace(NOMINAL, gear_friction=1e-4)))
+        lift(twin)
+        before = twin.motor_angle[0, 0]
         twin.power(on)
         twin.advance(np.zeros(10), 4.0)
-        moved[on] = np.abs(twin.motor_angle[0, 0] - 0.6)
+        moved[on] = np.abs(twin.motor_angle[0, 0] - before)
     assert moved[True] < 0.01 < 0.05 < moved[False]
 
 
@@ -204,12 +215,10 @@ def test_rows_of_a_batch_are_single_runs_to_the_last_bit():
         assert np.array_equal(alone.qpos[0], together.qpos[row])
 
 
-def test_replay_puts_the_motors_exactly_where_the_log_says():
+def test_replay_has_a_row_for_each_of_the_log():
     rng = np.random.default_rng(0)
     time, motor = 0.25 * np.arange(12), np.cumsum(0.05 * rng.standard_normal((12, 10)), axis=0)
-    twin = Twin()
-    replay = replay_motors(time, motor, twin)
-    assert np.array_equal(twin.motor_angle[0], motor[-1])
+    replay = replay_motors(time, motor)
     assert replay.joint_angle.shape == (12, 9)
     assert replay.tension.shape == (12, 20)
     assert np.abs(replay.marker - arm.markers(replay.joint_angle)).max() < 1e-9
@@ -238,7 +247,7 @@ def test_a_period_between_time_steps_is_refused():
 
 
 def test_an_unstable_twin_is_refused_by_name():
-    twin = Twin(parameters=replace(NOMINAL, strand_stiffness=1e9))
+    twin = Twin(Design(replace(NOMINAL, strand_stiffness=1e9)))
     with pytest.raises(SerpentError, match="unstable"):
         for _ in range(40):
             twin.advance(np.full(10, 2.0), 0.25)
@@ -265,13 +274,13 @@ def test_the_stiffest_mode_is_slow_against_the_time_step():
 
 def test_switching_on_holds_still():
     """After the arm has moved with the power off, the drives start from where they are."""
-    twin = Twin(parameters=replace(NOMINAL, gear_friction=5e-3))
-    motor = np.full((1, 10), 0.6)
-    twin.impose(0 * motor, motor, 1.0)
+    twin = Twin(Design(replace(NOMINAL, gear_friction=5e-3)))
+    lift(twin)
+    lifted = twin.motor_angle
     twin.power(False)
     twin.advance(np.zeros(10), 8.0)
     before = twin.motor_angle
-    assert np.abs(before - motor).max() > 0.05
+    assert np.abs(before - lifted).max() > 0.05
     twin.power(True)
     torque = twin.advance(np.zeros(10), 0.1)
     assert np.abs(torque).max() < 0.5 * ARM.servo.stall_torque

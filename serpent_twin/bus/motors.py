@@ -138,7 +138,7 @@ class SimulatedMotors:
         """Start again straight and at rest, all motors tripped: for when they pulled so hard that the
         simulation of the arm gave up.
         """
-        self.twin = Twin(self.twin.model, arm=self.twin.arm)
+        self.twin = Twin(self.twin.design, model=self.twin.model)
         self.goal[:] = 0
         self.trip(slice(None), xl430.OVERLOAD)
 

@@ -4,14 +4,14 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from serpent_twin import mjcf, run_folder
+from serpent_twin import arm_file, mjcf, run_folder
+from serpent_twin.arm_file import ArmFile
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import SCHEMA_VERSION
 from serpent_twin.mocap.natnet.live import NatNet
 from serpent_twin.parameters import NOMINAL, Parameters
-from serpent_twin.provenance import provenance
-from serpent_twin.twin import Twin
+from serpent_twin.provenance import file_hash, provenance
 
 SETTINGS = "collect.json"
 
@@ -58,6 +58,9 @@ class Collect:
     """Share of marker readings that the simulated cameras lose."""
     workers: int = 0
     """Processes that simulate side by side; 0 for one a core. The logs do not depend on it."""
+    twin: Path | None = None
+    """The arm to simulate, in place of the parameters below: a twin.json, with all of its effects, or
+    its twin.xml, which takes its noise and the controller's gain from them."""
     real: Real = field(default_factory=Real)
     """The real arm, for --backend real."""
     parameters: Parameters = field(default=NOMINAL)
@@ -67,6 +70,10 @@ class Collect:
     def arm_name(self) -> str:
         """What the logs call the arm."""
         return self.arm or ("twin" if self.backend == "sim" else self.real.setup.stem)
+
+    def simulated(self) -> ArmFile:
+        """The arm to simulate."""
+        return arm_file.read(self.twin, self.parameters)
 
 
 def collect(config: Collect) -> list[Path]:
@@ -82,6 +89,8 @@ def collect(config: Collect) -> list[Path]:
         else:
             from serpent_twin.collect import simulated
 
+            if note := config.simulated().note:
+                print(note)
             simulated.simulate_all(config, missing)
     return paths
 
@@ -93,15 +102,19 @@ def session_path(config: Collect, session: int) -> Path:
 
 def metadata(config: Collect, session: int) -> dict[str, Any]:
     """What a session's file says about itself."""
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "backend": config.backend,
-        "arm": config.arm_name,
-        "session": session,
-        "rate_hz": config.rate_hz,
-        "seed": config.seed,
-        "config": settings(config),
-    } | provenance()
+    return (
+        {
+            "schema_version": SCHEMA_VERSION,
+            "backend": config.backend,
+            "arm": config.arm_name,
+            "session": session,
+            "rate_hz": config.rate_hz,
+            "seed": config.seed,
+            "config": settings(config),
+        }
+        | _twin_file(config)
+        | provenance()
+    )
 
 
 def settings(config: Collect) -> dict[str, Any]:
@@ -112,11 +125,20 @@ def settings(config: Collect) -> dict[str, Any]:
         from serpent_twin.collect.real import settings_of_arm
 
         return common | settings_of_arm(config)
+    arm = config.simulated()
+    parameters = arm.design.parameters
+    same = arm.fingerprint if arm.path else mjcf.fingerprint(parameters=parameters)
     return common | {
         "marker_loss": config.marker_loss,
-        "parameters": asdict(config.parameters),
-        "model_sha256": mjcf.fingerprint(parameters=config.parameters),
+        "parameters": asdict(parameters),
+        "model_sha256": same,
     }
+
+
+def _twin_file(config: Collect) -> dict[str, Any]:
+    if config.twin is None:
+        return {}
+    return {"twin": {"path": str(config.twin), "sha256": file_hash(config.twin)}}
 
 
 def _check(config: Collect) -> None:
@@ -132,7 +154,9 @@ def _check(config: Collect) -> None:
     if config.seed < 0:
         raise SerpentError(f"--seed is {config.seed}; give a number of at least 0.")
     if config.backend == "sim":
-        Twin(parameters=config.parameters).substeps(1 / config.rate_hz)
+        config.simulated().twin().substeps(1 / config.rate_hz)
+    elif config.twin:
+        raise SerpentError("--twin is the arm to simulate; leave it out with --backend real.")
     else:
         from serpent_twin.collect.real import arm_of, cameras_of
 

@@ -22,7 +22,6 @@ from serpent_twin.control import random_targets
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Journal
 from serpent_twin.mocap.simulated import SimulatedMocap
-from serpent_twin.twin import Twin
 
 
 def simulate_all(config: Collect, missing: list[int]) -> None:
@@ -35,8 +34,9 @@ def simulate_session(config: Collect, session: int, tick: Callable[[int], None])
     """Record one session of the twin; `tick` is told the number of rows logged so far."""
     seeds = np.random.SeedSequence(config.seed, spawn_key=(session,)).spawn(3)
     for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
-    parameters = config.parameters
-    bus = SimulatedBus(Twin(parameters=parameters), for_loads, parameters.load_noise)
+    arm, earlier = config.simulated(), (session - 1) * config.steps / config.rate_hz
+    parameters = arm.design.parameters
+    bus = SimulatedBus(arm.twin(earlier), for_loads, parameters.load_noise)
     cameras = SimulatedMocap(bus.twin, for_cameras, parameters.marker_noise, config.marker_loss)
     targets = random_targets(config.steps, for_targets)
     path = session_path(config, session)

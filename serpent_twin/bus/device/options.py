@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 import tyro
 
+from serpent_twin import arm_file
 from serpent_twin.arm import N_MOTORS
-from serpent_twin.bus.device.arm_file import load_twin
 from serpent_twin.bus.device.faults import Fault, Faults, help_text
 from serpent_twin.bus.device.serving import Device
 from serpent_twin.bus.device.servos import Servos
@@ -19,7 +19,6 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.mocap.frame import Rigid
 from serpent_twin.mocap.natnet.server import SimulatedCameras
 from serpent_twin.parameters import NOMINAL, Parameters
-from serpent_twin.twin import Twin
 
 CAMERAS = Rigid(
     np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([0.3, 1.4, -0.2])
@@ -77,7 +76,8 @@ class Options:
     until_eof: Flag = False
     """End when standard input ends, as it does when the program dies that started the device."""
     model: Path | None = None
-    """An MJCF file of the arm, instead of the arm built from the parameters below."""
+    """A twin.json, with all of its effects, or an MJCF file, instead of the arm built from the parameters
+    below. MJCF still takes its load and marker noise from them."""
     parameters: Parameters = field(default=NOMINAL)
     """The simulated arm's free parameters."""
 
@@ -85,9 +85,9 @@ class Options:
 def build(options: Options) -> Device:
     """The device that the options describe; raises `SerpentError` on options that cannot be."""
     _check(options)
-    parameters = options.parameters
     faults = [Fault.parse(text) for text in options.fault]
-    twin = load_twin(options.model) if options.model else Twin(parameters=parameters)
+    twin = arm_file.read(options.model, options.parameters, "--model").twin()
+    parameters = twin.design.parameters
     period = 1 / options.rate_hz if options.lockstep else None
     if period is not None:
         twin.substeps(period)
@@ -95,7 +95,7 @@ def build(options: Options) -> Device:
     start = np.array(options.start_counts)
     motors = SimulatedMotors(twin, rng, parameters.load_noise, start_counts=start)
     draw = np.random.default_rng([options.seed, 1])
-    terminal, cameras = Terminal(options.link), _cameras(options)
+    terminal, cameras = Terminal(options.link), _cameras(options, parameters.marker_noise)
     transcript = Transcript(options.transcript, motors)  # last: what is refused leaves no file
     return Device(
         Servos(motors),
@@ -108,13 +108,11 @@ def build(options: Options) -> Device:
     )
 
 
-def _cameras(options: Options) -> SimulatedCameras | None:
+def _cameras(options: Options, noise: float) -> SimulatedCameras | None:
     if not options.cameras:
         return None
     rng = np.random.default_rng([options.seed, 2])
-    return SimulatedCameras(
-        options.cameras, base_to_cameras=CAMERAS, rng=rng, noise=options.parameters.marker_noise
-    )
+    return SimulatedCameras(options.cameras, base_to_cameras=CAMERAS, rng=rng, noise=noise)
 
 
 def _check(options: Options) -> None:

@@ -1,0 +1,110 @@
+"""What arm does a file describe: a twin.json, or a model in MJCF?"""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import mujoco
+
+from serpent_twin import design
+from serpent_twin.arm import N_JOINTS, N_MOTORS
+from serpent_twin.design import Design
+from serpent_twin.errors import SerpentError
+from serpent_twin.mjcf import STRANDS
+from serpent_twin.parameters import NOMINAL, Parameters
+from serpent_twin.provenance import file_hash
+from serpent_twin.twin import Twin
+
+_MOTORS = [f"motor{j}" for j in range(1, N_MOTORS + 1)]
+_LINKS = range(1, N_JOINTS + 1)
+_JOINTS = [*_MOTORS, *(f"joint{i}" for i in _LINKS), "jaw"]
+_IN_ORDER = {  # names in the order in which the twin addresses them
+    mujoco.mjtObj.mjOBJ_ACTUATOR: _MOTORS,
+    mujoco.mjtObj.mjOBJ_TENDON: list(STRANDS),
+    mujoco.mjtObj.mjOBJ_SENSOR: [
+        *(f"{motor}_{what}" for what in ("position", "velocity", "torque") for motor in _MOTORS),
+        *(f"marker{i}" for i in _LINKS),
+    ],
+}
+_HINGE = mujoco.mjtJoint.mjJNT_HINGE
+
+
+@dataclass(frozen=True)
+class ArmFile:
+    """An arm to simulate, whole."""
+
+    design: Design
+    """What twin.json says; of an arm in MJCF, its noise and its controller"""
+    path: Path | None = None
+    """Where it was read, if it was"""
+    model: mujoco.MjModel | None = None
+    """What MJCF says"""
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of the arm's physics."""
+        return file_hash(self.path) if self.model and self.path else self.design.fingerprint()
+
+    @property
+    def note(self) -> str:
+        """What the reader should know of it; nothing for twin.json."""
+        if self.model is None:
+            return ""
+        return f"{self.path} is MJCF, which lacks the effects that only twin.json can hold."
+
+    def twin(self, earlier: float = 0.0) -> Twin:
+        """A twin of the arm, which ran for so long before [s]."""
+        return Twin(self.design, model=self.model, earlier=earlier)
+
+
+def read(path: Path | None, parameters: Parameters = NOMINAL, flag: str = "--twin") -> ArmFile:
+    """Read twin.json or MJCF; raises `SerpentError` naming what the file lacks.
+
+    `parameters` are those beside the file on the command line, where `flag` named it. Without a file
+    they make the arm; MJCF takes its noise and its controller from them; twin.json holds its own and
+    allows no others.
+    """
+    if path is None:
+        return ArmFile(Design(parameters))
+    if path.suffix == ".json":
+        given = [
+            f.name
+            for f in fields(NOMINAL)
+            if getattr(parameters, f.name) != getattr(NOMINAL, f.name)
+        ]
+        if given:
+            flags = ", ".join(f"--{name.replace('_', '-')}" for name in given)
+            raise SerpentError(
+                f"{flag} {path} holds the arm's parameters already; leave out {flags}."
+            )
+        return ArmFile(design.read(path), path)
+    return ArmFile(Design(parameters), path, _model(path))
+
+
+def _model(path: Path) -> mujoco.MjModel:
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise SerpentError(f"{path} is no model that MuJoCo can load: {error}") from error
+    for kind, names in _IN_ORDER.items():
+        found = [mujoco.mj_id2name(model, kind, n) for n in range(len(names))]
+        _refuse(path, kind, names, [a for a, b in zip(names, found, strict=True) if a != b])
+    lost = [n for n in _JOINTS if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, n) < 0]
+    _refuse(path, mujoco.mjtObj.mjOBJ_JOINT, _JOINTS, lost)
+    hinges = all(model.joint(name).type[0] == _HINGE for name in _JOINTS)
+    if not hinges or (model.ntendon, model.nu) != (len(STRANDS), 2 * N_MOTORS):
+        raise SerpentError(
+            f"{path} is no model of the arm: it has {model.ntendon} tendons and {model.nu} inputs "
+            f"instead of {2 * N_MOTORS} each, or joints that are no hinges; its motors need a goal "
+            "position and a velocity each."
+        )
+    return model
+
+
+def _refuse(path: Path, kind: mujoco.mjtObj, names: list[str], wrong: list[str]) -> None:
+    if wrong:
+        what = kind.name.removeprefix("mjOBJ_").lower()
+        raise SerpentError(
+            f"{path} is no model of the arm: {what}s must be {names[0]}, {names[1]}, … in the "
+            f"order that python -m serpent_twin.mjcf writes; missing or elsewhere: "
+            f"{', '.join(wrong)}."
+        )

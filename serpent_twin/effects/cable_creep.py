@@ -1,0 +1,42 @@
+"""What if loaded cables lengthen slowly, and recover?"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from serpent_twin.arm import Array
+from serpent_twin.effects.effect import Effect, parameter
+from serpent_twin.effects.moment import Moment
+
+
+@dataclass(frozen=True)
+class CableCreep(Effect):
+    """Each strand's rest length grows by e with de/dt = (f x − e) / τ, x its elastic stretch.
+
+    That is the standard linear solid: the strand's spring k in series with a spring k/f and a damper
+    τ k/f side by side. Under a constant tension the strand is longer by the share f in the end.
+    Source: Zener, Elasticity and Anelasticity of Metals, 1948; polyethylene line creeps by 0.1 … 1 of
+    its elastic stretch within minutes.
+    """
+
+    fraction: float = parameter("1", high=3.0, typical=0.3)
+    """f [1]"""
+    time: float = parameter("s", low=5.0, high=1000.0, typical=60.0, default=60.0)
+    """τ [s]"""
+
+    shows_in: ClassVar[str] = (
+        "error that builds up over a minute while a pose is held, and recovers"
+    )
+    confused_with: ClassVar[tuple[str, ...]] = ("cable_stiffening", "clamp_slip", "stiffness_drift")
+    remembers: ClassVar[bool] = True
+
+    def start(self, moment: Moment) -> Array:
+        """Strands that have rested: no elongation [m], (n, 20)."""
+        return np.zeros_like(moment.slack)
+
+    def act(self, moment: Moment, memory: Array) -> None:
+        """Lengthen the strands, then let them creep on; exact for a stretch held over the step."""
+        moment.slack += memory
+        goal = self.fraction * np.maximum(moment.stretch, 0.0)
+        memory += (goal - memory) * -np.expm1(-moment.dt / self.time)

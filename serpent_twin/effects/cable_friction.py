@@ -1,0 +1,42 @@
+"""What if cables rub on the pulleys that they pass?"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from serpent_twin.effects.effect import LOSS, Effect, Several, parameter
+from serpent_twin.effects.moment import Moment, at_joints, loops
+
+
+@dataclass(frozen=True)
+class CableFriction(Effect):
+    """Cables resist a hinge that they wrap: it gets Coulomb friction s Σ r_j T_j over its cables.
+
+    T_j is the sum of cable j's two strands' tensions, r_j its pulleys' radius. The share s is c where
+    the wrap that matters is the same at every angle: pulley bearings that carry the cables' pull, or
+    strands that wrap a pulley all the time. It is exp(c |q|) − 1, after Euler and Eytelwein, where a
+    strand bends on the groove by the hinge's angle q alone.
+    Source: Amontons' and Coulomb's laws; capstan equation. c is 0.05 … 0.3 for polyethylene on nylon.
+    """
+
+    coefficient: float = parameter("1", high=2.0, typical=0.1)
+    """c [1]"""
+    by_bend: float = parameter("1", high=1.0, typical=0.0, fitted=False)
+    """0: the same at every angle; 1: by the hinge's angle"""
+
+    shows_in: ClassVar[str] = "lag behind the motors that grows with the cables' tension, and loads"
+    confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "gear_friction")
+    stage: ClassVar[int] = LOSS
+
+    @classmethod
+    def variants(cls) -> Several:
+        """By the tension alone, and by the bend."""
+        return (cls(0.1), cls(0.4, by_bend=1.0))
+
+    def act(self, moment: Moment, memory: None) -> None:
+        """Raise the hinges' friction by what their cables' tensions make."""
+        pressed = at_joints(np.array(moment.arm.pulley_radius) * loops(moment.tension))
+        bent = np.expm1(self.coefficient * np.abs(moment.joint_angle))
+        share = np.where(np.equal(self.by_bend, 1.0), bent, self.coefficient)
+        moment.joint_friction = moment.joint_friction + share * pressed

@@ -1,0 +1,32 @@
+"""What if a cable grows stiffer the harder it is pulled?"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import mujoco
+
+from serpent_twin.arm import Arm
+from serpent_twin.effects.effect import Effect, parameter
+from serpent_twin.mjcf import STRANDS
+
+
+@dataclass(frozen=True)
+class CableStiffening(Effect):
+    """A strand stretched by x pulls with T = k x (1 + b x): a braid's fibres straighten first.
+
+    Source: load-extension curves of braided line, to second order. MJCF expresses all of it: the
+    tendon's stiffness polynomial k, k b acts on the stretch beyond the slack. Strands of this arm
+    stretch by about 0.3 mm, so that b = 500/m makes them 15 % stiffer in the secant.
+    """
+
+    rate: float = parameter("1/m", high=1.5e3, typical=500.0)
+    """b [1/m]"""
+
+    shows_in: ClassVar[str] = "error that grows with tension, less than in proportion"
+    confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "joint_elasticity")
+
+    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+        """Give each strand's spring its second coefficient."""
+        for name in STRANDS:
+            strand = spec.tendon(name)
+            strand.stiffness[1] = self.rate * strand.stiffness[0]

@@ -1,0 +1,51 @@
+"""What if a screw clamp lets its cable slip?"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from serpent_twin.arm import N_JOINTS, Array
+from serpent_twin.effects.effect import Effect, Several, parameter
+from serpent_twin.effects.moment import Moment
+
+EVERY = -1.0
+"""In place of a strand's number: all clamps are alike."""
+
+
+@dataclass(frozen=True)
+class ClampSlip(Effect):
+    """Above a tension, the grip, a strand's clamp yields: it lengthens for good by rate (T − grip) dt.
+
+    Ends of cables are clamped by screws, by friction alone; a clamp tightened too little slips like a
+    viscoplastic (Bingham) element. Clamps are taken as tightened anew before each session.
+    Source: Bingham, An Investigation of the Laws of Plastic Flow, 1916. A strand that slips by half a
+    millimetre in a session, of 5 to 10 N, shows clearly.
+    """
+
+    rate: float = parameter("m/(N s)", high=1e-3, typical=1e-5)
+    """[m/(N s)]"""
+    grip: float = parameter("N", high=60.0, typical=3.0, default=3.0)
+    """[N]"""
+    strand: float = parameter("1", low=EVERY, high=19.0, typical=EVERY, default=EVERY, fitted=False)
+    """Whose clamp, 0 … 19, in the order of `mjcf.STRANDS`; −1 for all alike"""
+
+    shows_in: ClassVar[str] = "error that jumps or grows when a strand is pulled hard, and stays"
+    confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "stiffness_drift")
+    remembers: ClassVar[bool] = True
+
+    @classmethod
+    def variants(cls) -> Several:
+        """All clamps alike, and one alone; cable 10 moves the jaw and is never pulled hard."""
+        return tuple(cls(1e-5, strand=float(n)) for n in range(-1, 2 * N_JOINTS))
+
+    def start(self, moment: Moment) -> Array:
+        """Tight clamps: no elongation [m], (n, 20)."""
+        return np.zeros_like(moment.slack)
+
+    def act(self, moment: Moment, memory: Array) -> None:
+        """Lengthen the strands, then let them slip on."""
+        moment.slack += memory
+        slips = (self.strand == EVERY) | (self.strand == np.arange(memory.shape[1]))
+        excess = np.maximum(moment.tension - self.grip, 0.0)
+        memory += slips * (moment.dt * self.rate) * excess

@@ -1,0 +1,122 @@
+"""What is an effect, and in which range do its parameters lie?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from math import isfinite
+from typing import Any, ClassVar, TypeVar
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arm import Arm, Array
+from serpent_twin.effects.moment import Moment
+from serpent_twin.errors import SerpentError
+
+
+@dataclass(frozen=True)
+class Range:
+    """Where a parameter may lie, in its unit."""
+
+    unit: str
+    low: float
+    high: float
+    typical: float
+    """What an arm of this size may well have: where a fit starts, and how far its first step goes"""
+    fitted: bool = True
+    """Whether logs can tell it; else it is given, or tried at the few values of `variants`"""
+
+
+WINDING, CABLE, LOSS = range(3)
+"""Order in a time step: what winds the cables, then what cables are, then what rubs by their tension."""
+
+
+def parameter(
+    unit: str,
+    high: float,
+    typical: float,
+    low: float = 0.0,
+    default: float = 0.0,
+    fitted: bool = True,
+) -> Any:
+    """A field of an effect, within low … high, in a unit; 0 must mean absent for the first field."""
+    return field(default=default, metadata={"range": Range(unit, low, high, typical, fitted)})
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Physics that the nominal twin leaves out. All fields zero, or `absent`, is the nominal twin.
+
+    `edit` writes what MJCF can express into the arm's spec; `act` changes one time step of many runs
+    at once, with what `start` returned as memory. A stacked effect (`stack`) has (n, 1) arrays for
+    fields: `start` and `act` are written so that both work. `edit` sees numbers only.
+    """
+
+    shows_in: ClassVar[str] = ""
+    """What in a log betrays it, in words."""
+    confused_with: ClassVar[tuple[str, ...]] = ()
+    """Names of effects that look like it."""
+    remembers: ClassVar[bool] = False
+    """Whether its memory is longer than a segment, so that a session must be run through."""
+    stage: ClassVar[int] = CABLE
+    """When in a time step it acts."""
+
+    def __post_init__(self) -> None:
+        for name, allowed in ranges(type(self)).items():
+            value = getattr(self, name)
+            if isinstance(value, np.ndarray):
+                continue
+            if not (isfinite(value) and allowed.low <= value <= allowed.high):
+                raise SerpentError(
+                    f"{type(self).__name__}: {name} is {value:g} {allowed.unit}; it must lie within "
+                    f"{allowed.low:g} … {allowed.high:g} {allowed.unit}."
+                )
+
+    @property
+    def strength(self) -> float:
+        """How strong it is, in the unit of its first parameter; zero is absence."""
+        return float(getattr(self, fields(self)[0].name))
+
+    @property
+    def absent(self) -> bool:
+        """Whether it changes nothing at all."""
+        return self.strength == 0
+
+    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+        """Write into the arm's spec what MJCF can express of it."""
+
+    def start(self, moment: Moment) -> Any:
+        """What it remembers, at the beginning of a run."""
+
+    def act(self, moment: Moment, memory: Any) -> None:
+        """Change one time step of n runs, and the memory, in place."""
+
+    @classmethod
+    def variants(cls) -> "Several":
+        """What it may be like in an arm of this size: where fits start, more than one if a parameter
+        that is not fitted says where or how it sits.
+        """
+        return (cls(**{n: r.typical for n, r in ranges(cls).items()}),)
+
+    @classmethod
+    def acts(cls) -> bool:
+        """Whether it does more than MJCF can express, so that Python runs in every time step."""
+        return cls.act is not Effect.act
+
+
+E = TypeVar("E", bound=Effect)
+Several = tuple[Effect, ...]
+"""At most one of each kind."""
+
+
+def ranges(kind: type[Effect]) -> dict[str, Range]:
+    """The parameters of a kind of effect, by name."""
+    return {each.name: each.metadata["range"] for each in fields(kind)}
+
+
+def stack(effects: Sequence[E]) -> E:
+    """One effect for n runs: its fields are the given ones' as (n, 1) arrays."""
+    columns: dict[str, Array] = {
+        name: np.array([[getattr(effect, name)] for effect in effects])
+        for name in ranges(type(effects[0]))
+    }
+    return replace(effects[0], **columns)

@@ -1,0 +1,39 @@
+"""What if a servo's gears have play?"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from serpent_twin.arm import Array
+from serpent_twin.effects.effect import WINDING, Effect, parameter
+from serpent_twin.effects.moment import Moment
+
+
+@dataclass(frozen=True)
+class GearBacklash(Effect):
+    """The winch keeps still while the motor's measured angle turns inside a gap, else is dragged along.
+
+    The play operator: w follows m so that |m − w| ≤ gap / 2, and moves no more than it must. It holds
+    its output inside the gap, which a dead band does not. Something else than the gear holds the
+    winch there, such as friction; the cable's torque reaches the motor all the same.
+    Source: Krasnosel'skii and Pokrovskii, Systems with Hysteresis, 1989. Hobby-class servos have 0.2 …
+    2° of play.
+    """
+
+    gap: float = parameter("rad", high=0.3, typical=0.02)
+    """From one flank to the other [rad]"""
+
+    shows_in: ClassVar[str] = "joints that start late after each reversal of a motor, at every load"
+    confused_with: ClassVar[tuple[str, ...]] = ("cable_friction", "mocap_latency")
+    stage: ClassVar[int] = WINDING
+
+    def start(self, moment: Moment) -> Array:
+        """Winches dragged along by motors that move, in the middle of the gap by others [rad], (n, 10)."""
+        return moment.winch_angle - self.gap / 2 * np.sign(moment.motor_velocity)
+
+    def act(self, moment: Moment, memory: Array) -> None:
+        """Drag the winches along."""
+        m, half = moment.winch_angle, self.gap / 2
+        np.clip(memory, m - half, m + half, out=memory)
+        moment.winch_angle = memory.copy()

@@ -1,0 +1,55 @@
+"""What if the links bend?"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import mujoco
+
+from serpent_twin.arm import N_JOINTS, Arm
+from serpent_twin.effects.effect import Effect, parameter
+
+RELAXATION = 0.003
+"""Damping over stiffness [s]: nylon's own is less, but it keeps the stiffest link stable at time steps
+up to twice this, and a link still follows its load far faster than the arm moves."""
+ARMATURE = 2e-3
+"""Inertia of a bend [kg m²]: keeps the light half of a link stable between stiff cables, and dry friction
+in the joints from creeping; at 0.5 Hz, it carries less than 1 % of the moment of the softest link."""
+
+
+@dataclass(frozen=True)
+class LinkFlex(Effect):
+    """A link bends about y and about z by compliance × moment, as if by a hinge at its middle.
+
+    Cables run along the link's axis and do not bend it. Links 1 … 8 bend; what hangs on the ninth is
+    too light. A link's own mass and marker stay with the half that holds its joint.
+    Source: pseudo-rigid-body model (Howell, Compliant Mechanisms, Wiley 2001). MJCF expresses all of it:
+    joints of one body turn in sequence, so that the hinges of a link's middle come first in the next
+    link's body. A printed nylon link of this size has 0.01 … 0.1 rad/(N m).
+    """
+
+    compliance: float = parameter("rad/(N m)", high=0.2, typical=0.03)
+    """[rad/(N m)]"""
+
+    shows_in: ClassVar[str] = "markers that sag further out than the joints' angles say"
+    confused_with: ClassVar[tuple[str, ...]] = ("payload",)
+
+    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+        """Put two springy hinges before each of joints 2 … 9."""
+        for i in range(2, N_JOINTS + 1):
+            for about in ("y", "z"):
+                hinge = _insert_before(spec, i)
+                hinge.name, hinge.axis = f"flex{i - 1}_{about}", [0, about == "y", about == "z"]
+                hinge.pos = [-arm.link_length[i - 2] / 2, 0.0, 0.0]
+                hinge.stiffness = [1 / self.compliance, 0, 0]
+                hinge.damping = [RELAXATION / self.compliance, 0, 0]
+                hinge.armature = ARMATURE
+                hinge.frictionloss, hinge.limited = 0.0, mujoco.mjtLimited.mjLIMITED_FALSE
+
+
+def _insert_before(spec: mujoco.MjSpec, i: int) -> mujoco.MjsJoint:
+    """A new joint that turns before joint i: the old one, whose name and properties a new one takes."""
+    old = spec.joint(f"joint{i}")
+    new = spec.body(f"link{i}").add_joint(old.classname, axis=old.axis)
+    new.stiffness, new.damping, new.frictionloss = old.stiffness, old.damping, old.frictionloss
+    old.name, new.name = "", old.name
+    return old

@@ -1,0 +1,35 @@
+"""What if the cameras' markers are older than the motors' angles?"""
+
+from dataclasses import dataclass
+from math import ceil
+from typing import ClassVar
+
+import mujoco
+
+from serpent_twin.arm import N_JOINTS, Arm
+from serpent_twin.effects.effect import Effect, parameter, ranges
+
+
+@dataclass(frozen=True)
+class MocapLatency(Effect):
+    """Markers read at time t are those of t − delay, linear between time steps.
+
+    MJCF expresses all of it, as a delay of the marker sensors; their history covers the longest delay at
+    the spec's time step and at any longer one.
+    Source: a pure dead time. Exposure, image processing, the network and waiting for the next frame
+    add up to 10 … 60 ms with cameras of 120 Hz.
+    """
+
+    delay: float = parameter("s", high=0.2, typical=0.03)
+    """[s]"""
+
+    shows_in: ClassVar[str] = "error in proportion to the markers' speed, in no load"
+    confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash",)
+
+    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+        """Delay the marker sensors."""
+        longest = ranges(type(self))["delay"].high
+        for i in range(1, N_JOINTS + 1):
+            sensor = spec.sensor(f"marker{i}")
+            sensor.nsample = ceil(longest / spec.option.timestep) + 2
+            sensor.interp, sensor.delay = 1, self.delay  # 1 is MJCF's interp="linear"

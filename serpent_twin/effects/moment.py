@@ -1,0 +1,90 @@
+"""What does an effect see of one time step, and what may it change?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.arm import N_JOINTS, N_MOTORS, Arm, Array
+
+_SIGN = np.tile([1.0, -1.0], N_MOTORS)
+
+
+@dataclass
+class Moment:
+    """One time step of n runs; arrays are (n, 10) for motors, (n, 9) for joints, (n, 20) for strands.
+
+    The first block is measured from the runs and is not to be changed. The second is what the arm
+    without effects would do; an effect changes it in place or replaces it.
+    """
+
+    arm: Arm
+    dt: float | Array
+    """[s], or (n, 1)"""
+    time: Array
+    """Since the session began [s], (n, 1)"""
+    motor_angle: Array
+    """[rad]"""
+    motor_velocity: Array
+    """[rad/s]"""
+    joint_angle: Array
+    """[rad]"""
+    joint_velocity: Array
+    """[rad/s]"""
+    jaw_angle: Array
+    """[rad], (n, 1)"""
+
+    winch_angle: Array
+    """What winds the cables [rad]; the motors' angles, unless the gears play"""
+    slack: Array
+    """Stretch that a strand takes up before it pulls [m]"""
+    stiffness: Array
+    """[N/m]"""
+    joint_torque: Array
+    """Added to the hinges [N m]"""
+    motor_torque: Array
+    """Added to the motors' horns [N m]"""
+    joint_friction: Array
+    """Coulomb friction of the hinges [N m]"""
+    gear_friction: Array
+    """Coulomb friction of the gearboxes [N m]"""
+    winch_ratio: Array | float = 1.0
+    """Winch radius over the radius of the cable's pulleys [1]"""
+    earlier: Array | float = 0.0
+    """How long earlier sessions ran in all [s], or (n, 1)"""
+    stiffening: Array | float = 0.0
+    """b in T = k x (1 + b x) [1/m]; the model's, not to be changed here"""
+
+    @property
+    def stretch(self) -> Array:
+        """Length by which each strand is stretched beyond its slack [m]; negative while it hangs."""
+        wound = self.winch_ratio * self.winch_angle
+        passed = np.cumsum(
+            self.joint_angle, axis=1
+        )  # a matrix product rounds by the number of rows
+        wound[:, :N_JOINTS] -= passed
+        wound[:, N_JOINTS:] -= passed[:, -1:] + self.jaw_angle
+        radius = np.array(self.arm.pulley_radius)
+        return _SIGN * np.repeat(wound * radius, 2, axis=1) - self.slack
+
+    @property
+    def tension(self) -> Array:
+        """Tension of each strand [N]."""
+        over = np.maximum(self.stretch, 0.0)
+        return self.stiffness * over * (1.0 + self.stiffening * over)
+
+    @property
+    def horn_torque(self) -> Array:
+        """Torque that cables and effects ask of each motor's horn, without its gearbox [N m], (n, 10)."""
+        tension = self.tension
+        reach = np.array(self.arm.pulley_radius) * self.winch_ratio
+        return reach * (tension[:, 0::2] - tension[:, 1::2]) - self.motor_torque
+
+
+def at_joints(per_cable: Array) -> Array:
+    """Sum over the cables that pass or end at each joint, (n, 9), of one number a cable, (n, 10)."""
+    return np.cumsum(per_cable[:, ::-1], axis=1)[:, :0:-1]
+
+
+def loops(per_strand: Array) -> Array:
+    """Sum of a loop's two strands, (n, 10), of numbers a strand, (n, 20)."""
+    return per_strand[:, 0::2] + per_strand[:, 1::2]

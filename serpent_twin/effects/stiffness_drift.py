@@ -1,0 +1,43 @@
+"""What if cables soften while they work?"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from serpent_twin.effects.effect import Effect, Several, parameter
+from serpent_twin.effects.moment import Moment
+
+LEAST = 0.1
+"""Share of its stiffness that a strand keeps at least [1]"""
+
+
+@dataclass(frozen=True)
+class StiffnessDrift(Effect):
+    """All strands soften evenly: k(t) = k (1 − rate t), down to a tenth.
+
+    What warms recovers until the next session, and t is since the session began; what wears carries
+    over, and t counts the sessions before, too.
+    Source: linear term of the modulus in time. Polyethylene loses about 1 % of its modulus per kelvin,
+    and cables, pulleys and winches warm by some kelvins to tens of kelvins in an hour of running.
+    """
+
+    rate: float = parameter("1/h", high=5.0, typical=0.5)
+    """Share of the stiffness lost per hour [1/h]"""
+    carries: float = parameter("1", high=1.0, typical=0.0, fitted=False)
+    """0: recovers between sessions; 1: carries over"""
+
+    shows_in: ClassVar[str] = (
+        "sag and lag that grow evenly from beginning to end of a session, or of all"
+    )
+    confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "clamp_slip")
+
+    @classmethod
+    def variants(cls) -> Several:
+        """Warming, and wear."""
+        return (cls(0.5), cls(0.5, carries=1.0))
+
+    def act(self, moment: Moment, memory: None) -> None:
+        """Soften the strands."""
+        hours = (moment.time + self.carries * moment.earlier) / 3600.0
+        moment.stiffness *= np.maximum(1.0 - self.rate * hours, LEAST)

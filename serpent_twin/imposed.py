@@ -1,0 +1,252 @@
+"""What would arms do, if their motors moved exactly as logged?
+
+The motors' angles wind the strands, whatever pulls: an error of the twin is not hidden by a
+controller, nor made by a servo's lag. Many designs and many stretches of logs step side by side.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
+from serpent_twin.design import Design
+from serpent_twin.errors import SerpentError
+from serpent_twin.history import History
+from serpent_twin.mechanism import JOINT_NAMES, Mechanism, addresses, side_by_side
+
+TIMESTEP = 0.005
+"""[s]; a step of 1 ms moves the markers by about 0.1 mm, and by about 1 ms in time at most (tests)."""
+STANDING = 0.05
+"""[rad/s] slower than this, a motor's load lies anywhere within its gear friction."""
+
+
+@dataclass(frozen=True)
+class Past:
+    """What happened before each of B stretches, at K rows, for effects that remember.
+
+    Motor angles and markers were measured then, so nothing is simulated: effects feel the measured
+    pose, from row to row.
+    """
+
+    time: Array
+    """Since each session began [s], (B, K); a shorter past repeats its first row"""
+    motor_angle: Array
+    """[rad], (B, K, 10)"""
+    motor_velocity: Array
+    """[rad/s], (B, K, 10)"""
+    joint_angle: Array
+    """From the markers [rad], (B, K, 9)"""
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """B stretches of R rows of logs; a run is put on the measured pose at every restart."""
+
+    time: Array
+    """Since each session began [s], (B, R)"""
+    motor_angle: Array
+    """[rad], (B, R, 10)"""
+    motor_velocity: Array
+    """[rad/s], (B, R, 10)"""
+    joint_angle: Array
+    """From the markers [rad], (B, R, 9); used at restarts only"""
+    restart: Array
+    """Rows at which a segment begins, of bool, (R,); the first is one"""
+    servo_lag: float = 0.0
+    """Time constant with which a motor takes up a new velocity after each row [s]"""
+    earlier: Array | float = 0.0
+    """How long the arm's sessions before each one ran in all [s], or (B,)"""
+    past: Past | None = None
+    """What effects with a long memory felt before; without, they begin with the first row"""
+
+
+@dataclass(frozen=True)
+class Response:
+    """What D designs did in B stretches of R rows."""
+
+    marker: Array
+    """[m], (D, B, R, 9, 3)"""
+    load: Array
+    """Fraction of the stall torque, (D, B, R, 10)"""
+    joint_angle: Array
+    """[rad], (D, B, R, 9)"""
+    jaw_angle: Array
+    """[rad], (D, B, R)"""
+    tension: Array
+    """In the order of `mjcf.STRANDS` [N], (D, B, R, 20)"""
+    unstable: Array
+    """Designs whose simulation gave up; their numbers are NaN; of bool, (D,)"""
+
+
+def impose(
+    designs: Sequence[Design], stretches: Stretches, timestep: float = TIMESTEP, nthread: int = 0
+) -> Response:
+    """Drive designs, all with effects of the same kinds, by measured motor angles."""
+    run = _Run(designs, stretches, timestep, nthread or os.cpu_count() or 1)
+    for row in range(stretches.time.shape[1]):
+        if stretches.restart[row]:
+            run.restart(row)
+        else:
+            run.step_to(row)
+        run.read(row)
+    return run.response()
+
+
+class _Run:
+    """Runs of all designs (D) in all stretches (B), D slow, B fast, from row to row."""
+
+    def __init__(
+        self, designs: Sequence[Design], stretches: Stretches, timestep: float, nthread: int
+    ) -> None:
+        self.s, (self.B, self.R), self.D = stretches, stretches.time.shape, len(designs)
+        self.timestep = timestep
+        models = [design.spec(motors=False).compile() for design in designs]
+        for model in models:
+            model.opt.timestep = timestep
+        rows = [n for n in range(self.D) for _ in range(self.B)]
+        self.batch = side_by_side([models[n] for n in rows], nthread)
+        self.arms = Mechanism(self.batch, [designs[n] for n in rows], motors=False)
+        self.arms.earlier = self._rows(np.broadcast_to(stretches.earlier, self.B))[:, None]
+        self.dt = self.batch.expand("opt.timestep")
+        self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
+        self.sensors = self.batch.bind("sensordata")
+        self.history = History(self.batch)
+        self.joints, _ = addresses(models[0], JOINT_NAMES)
+        self.jaw = addresses(models[0], ("jaw",))[0]
+        period = np.median(np.diff(stretches.time, axis=1)) if self.R > 1 else timestep
+        self.substeps = max(1, int(np.ceil(period / timestep - 1e-9)))
+        self.stall = designs[0].arm.servo.stall_torque
+        shape = (self.D * self.B, self.R)
+        self.marker = np.empty((*shape, 3 * N_JOINTS))
+        self.load, self.joint = np.empty((*shape, N_MOTORS)), np.empty((*shape, N_JOINTS))
+        self.jaws, self.tension = np.empty(shape), np.empty((*shape, 2 * N_MOTORS))
+
+    def _rows(self, of_stretches: Array) -> Array:
+        """(B, …) for all designs, (D B, …)."""
+        return np.tile(of_stretches, (self.D,) + (1,) * (of_stretches.ndim - 1))
+
+    def restart(self, row: int) -> None:
+        """Put the joints where the markers saw them, at rest; effects with a long memory keep it."""
+        s = self.s
+        if row == 0:
+            self._remember(s.past)
+        self._pose(s.motor_angle[:, row], s.joint_angle[:, row])
+        if row == 0 and not s.past:
+            self._start(s.time[:, 0], s.motor_angle[:, 0], s.motor_velocity[:, 0])
+        self._wind(row)
+        self.batch.forward()
+        self.history.fill()
+
+    def _pose(self, motor_angle: Array, joint_angle: Array) -> None:
+        """Hold joints [rad], (B, 9), at rest; the jaw hangs on its cable."""
+        self.qpos[...], self.qvel[...] = 0.0, 0.0
+        self.qpos[:, self.joints] = self._rows(joint_angle)
+        jaw = motor_angle[:, -1:] - joint_angle.sum(axis=1, keepdims=True)
+        self.qpos[:, self.jaw] = self._rows(jaw)
+
+    def _start(self, time: Array, motor_angle: Array, motor_velocity: Array) -> None:
+        now = (self._rows(x) for x in (time[:, None], motor_angle, motor_velocity))
+        self.arms.start(*now)
+
+    def _remember(self, past: Past | None) -> None:
+        """Let effects feel the measured poses before the stretches."""
+        if not past:
+            return
+        for k in range(past.time.shape[1]):
+            time, angle, velocity = (
+                past.time[:, k],
+                past.motor_angle[:, k],
+                past.motor_velocity[:, k],
+            )
+            self._pose(angle, past.joint_angle[:, k])
+            if k == 0:
+                self._start(time, angle, velocity)
+                continue
+            dt = self._rows((time - past.time[:, k - 1])[:, None])
+            self.arms.act(self._rows(time[:, None]), self._rows(angle), self._rows(velocity), dt)
+
+    def step_to(self, row: int) -> None:
+        """Move the motors from the row before to this one."""
+        s, period = self.s, self.s.time[:, row] - self.s.time[:, row - 1]
+        n = max(self.substeps, int(np.ceil(0.9 * period.max() / self.timestep)))  # jitter adds none
+        interval = self._rows(period)
+        before, after = self._rows(s.motor_angle[:, row - 1]), self._rows(s.motor_angle[:, row])
+        self.dt[...] = (interval / n).reshape(self.dt.shape)
+        dt, began = (interval / n)[:, None], self._rows(s.time[:, row - 1])[:, None]
+        path = _Path(before, after, self._rows(s.motor_velocity[:, row - 1]), n * dt, s.servo_lag)
+        for k in range(n):
+            angle, velocity = path.at(k * dt)  # MuJoCo's springs pull as at the step's beginning
+            if self.arms.acting:
+                self.arms.act(began + k * dt, angle, velocity, dt)
+            else:
+                self.arms.wind(self.arms.slack, angle, angle)
+            self.batch.step()
+        self._wind(row)
+        self.batch.forward()
+
+    def _wind(self, row: int) -> None:
+        angle = self._rows(self.s.motor_angle[:, row])
+        self.arms.wind(self.arms.slack, angle, angle)
+
+    def read(self, row: int) -> None:
+        """Note what sensors say of the present instant."""
+        angle, velocity = (
+            self._rows(x[:, row]) for x in (self.s.motor_angle, self.s.motor_velocity)
+        )
+        time = self._rows(self.s.time[:, row])[:, None]
+        moment = self.arms.act(time, angle, velocity, 0.0)
+        loss = moment.gear_friction * np.tanh(velocity / (STANDING / 3))
+        self.marker[:, row], self.tension[:, row] = self.sensors, moment.tension
+        self.load[:, row] = (self.arms.horn_torque(moment) + loss) / self.stall
+        self.joint[:, row] = self.qpos[:, self.joints]
+        self.jaws[:, row] = self.qpos[:, self.jaw[0]]
+
+    def response(self) -> Response:
+        """All that was noted, by design."""
+        bad = self.batch.warning[..., 1].any(axis=-1).reshape(self.D, self.B).any(axis=1)
+
+        def by_design(noted: Array, *last: int) -> Array:
+            values = noted.reshape(self.D, self.B, self.R, *last)
+            values[bad] = np.nan
+            return values
+
+        return Response(
+            marker=by_design(self.marker, N_JOINTS, 3),
+            load=by_design(self.load, N_MOTORS),
+            joint_angle=by_design(self.joint, N_JOINTS),
+            jaw_angle=by_design(self.jaws),
+            tension=by_design(self.tension, 2 * N_MOTORS),
+            unstable=bad,
+        )
+
+
+class _Path:
+    """How motors go from row to row: their old velocity turns into a new one within the servo's lag.
+
+    x(t) = x₀ + v t + (v₀ − v) τ (1 − exp(−t/τ)), the new velocity v being what ends at the measured angle.
+    """
+
+    def __init__(self, before: Array, after: Array, old: Array, period: Array, lag: float) -> None:
+        self._before, self._lag = before, lag
+        taken = lag * (1 - np.exp(-period / lag)) if lag else 0.0
+        self._new = (after - before - old * taken) / (period - taken)
+        self._change = old - self._new
+
+    def at(self, t: Array) -> tuple[Array, Array]:
+        """Angles [rad] and velocities [rad/s] at times [s] since the row before, (n, 1)."""
+        if not self._lag:
+            return self._before + self._new * t, self._new
+        fading = np.exp(-t / self._lag)
+        angle = self._before + self._new * t + self._change * self._lag * (1 - fading)
+        return angle, self._new + self._change * fading
+
+
+def gaps(time: Array) -> Array:
+    """Rows whose interval to the row before is off the median by more than half, of bool, (R,)."""
+    step = np.diff(time, prepend=time[:1])
+    if len(time) < 2:
+        raise SerpentError("a stretch needs at least two rows.")
+    usual = np.median(step[1:])
+    return np.r_[False, np.abs(step[1:] - usual) > usual / 2]

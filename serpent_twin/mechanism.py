@@ -1,0 +1,161 @@
+"""How do effects act on runs that step side by side?"""
+
+from collections.abc import Sequence
+
+import mujoco
+import mujoco.batch
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from serpent_twin import effects
+from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
+from serpent_twin.design import Design
+from serpent_twin.effects import Moment
+from serpent_twin.errors import SerpentError
+
+MOTOR_NAMES = tuple(f"motor{j}" for j in range(1, N_MOTORS + 1))
+JOINT_NAMES = tuple(f"joint{i}" for i in range(1, N_JOINTS + 1))
+_SIGN = np.tile([1.0, -1.0], N_MOTORS)
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_UNEQUAL = (
+    "runs side by side need models of one structure, which some effects change: give what is absent "
+    "in some of the runs a tiny strength, or run those apart."
+)
+
+
+def side_by_side(models: Sequence[mujoco.MjModel], nthread: int) -> Batch:
+    """A batch whose run i is of models[i]; all must be of one structure."""
+    batch = Batch(models[0], len(models), nthread)
+    distinct = {id(model): model for model in models}
+    if len({mujoco.mj_stateSize(m, _STATE) for m in distinct.values()}) > 1:
+        raise SerpentError(_UNEQUAL)
+    for name in mujoco.batch.MODEL_FIELDS:
+        owner, _, field = name.rpartition(".")
+        of = {n: getattr(m.opt if owner == "opt" else m, field) for n, m in distinct.items()}
+        first, *others = of.values()
+        if any(np.shape(value) != np.shape(first) for value in others):
+            raise SerpentError(_UNEQUAL)
+        if any(not np.array_equal(value, first) for value in others):
+            values = np.array([of[id(model)] for model in models])
+            batch.expand(name)[...] = values.reshape(len(models), *np.shape(first))
+    return batch
+
+
+def addresses(
+    model: mujoco.MjModel, names: Sequence[str]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where joints of these names lie in qpos and in qvel."""
+    joints = [model.joint(name) for name in names]
+    return (
+        np.array([int(j.qposadr[0]) for j in joints], np.intp),
+        np.array([int(j.dofadr[0]) for j in joints], np.intp),
+    )
+
+
+class Mechanism:
+    """Cables, gears and hinges of n runs, with what their effects do before every time step.
+
+    `motors` says whether the model has the motors' hinges, so that its strands feel them already;
+    else the strands' rest lengths carry what the winches wind.
+    """
+
+    def __init__(self, batch: Batch, designs: Sequence[Design], motors: bool) -> None:
+        model = batch.model
+        self.batch, self.arm, self._motors = batch, designs[0].arm, motors
+        self._joint_q, self._joint_v = addresses(model, JOINT_NAMES)
+        self._motor_v = addresses(model, MOTOR_NAMES)[1] if motors else None
+        self._jaw_q = addresses(model, ("jaw",))[0]
+        self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
+        self._effects = _stacked(designs)
+        self.acting = bool(self._effects)
+        self._rest = batch.expand("tendon_lengthspring")
+        self._stiffness = batch.expand("tendon_stiffness")
+        self._friction = batch.expand("dof_frictionloss")
+        self._bend = batch.expand("tendon_stiffnesspoly")  # T = k x + bend x²
+        self._applied = batch.bind("qfrc_applied")
+        self.slack, self.stiffness = self._rest[:, :, 1].copy(), self._stiffness.copy()
+        bend, stiff = self._bend[:, :, 0], self.stiffness
+        self.stiffening = np.divide(bend, stiff, out=np.zeros_like(bend), where=stiff > 0)
+        self.joint_friction = self._friction[:, self._joint_v].copy()
+        if self._motor_v is None:
+            self.gear_friction = _per_motor(designs)
+        else:
+            self.gear_friction = self._friction[:, self._motor_v].copy()
+        self.winch_ratio = 1.0 + np.array([d.tolerances.winch_radius for d in designs])
+        self._reach = np.array(self.arm.pulley_radius) * self.winch_ratio
+        self.earlier: Array | float = 0.0
+        """How long earlier sessions ran in all [s], or (n, 1)"""
+        self._memory: list[object] = []
+
+    def start(self, time: Array, motor_angle: Array, motor_velocity: Array) -> None:
+        """Begin anew: effects forget all. Arrays are (n, 1), (n, 10), (n, 10)."""
+        moment = self.moment(time, motor_angle, motor_velocity, 0.0)
+        self._memory = [effect.start(moment) for effect in self._effects]
+
+    def moment(
+        self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array
+    ) -> Moment:
+        """The present instant without effects."""
+        return Moment(
+            arm=self.arm,
+            dt=dt,
+            time=time,
+            motor_angle=motor_angle,
+            motor_velocity=motor_velocity,
+            joint_angle=self._qpos[:, self._joint_q],
+            joint_velocity=self._qvel[:, self._joint_v],
+            jaw_angle=self._qpos[:, self._jaw_q],
+            winch_angle=motor_angle.copy(),
+            slack=self.slack.copy(),
+            stiffness=self.stiffness.copy(),
+            joint_torque=np.zeros((len(motor_angle), N_JOINTS)),
+            motor_torque=np.zeros((len(motor_angle), N_MOTORS)),
+            joint_friction=self.joint_friction.copy(),
+            gear_friction=self.gear_friction.copy(),
+            winch_ratio=self.winch_ratio,
+            stiffening=self.stiffening,
+            earlier=self.earlier,
+        )
+
+    def act(
+        self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array
+    ) -> Moment:
+        """Let the effects act on the next time step, and write what they changed into the batch."""
+        moment = self.moment(time, motor_angle, motor_velocity, dt)
+        for effect, memory in zip(self._effects, self._memory, strict=True):
+            effect.act(moment, memory)
+        self.wind(moment.slack, moment.winch_angle, motor_angle)
+        self._stiffness[...] = moment.stiffness
+        self._bend[:, :, 0] = moment.stiffness * self.stiffening
+        self._friction[:, self._joint_v] = moment.joint_friction
+        self._applied[:, self._joint_v] = moment.joint_torque
+        if self._motor_v is not None:
+            self._friction[:, self._motor_v] = moment.gear_friction
+            self._applied[:, self._motor_v] = moment.motor_torque
+        return moment
+
+    def wind(self, slack: Array, winch_angle: Array, motor_angle: Array) -> None:
+        """Shift the strands' rest lengths by what the winches wind and the model does not know."""
+        wound = winch_angle - motor_angle if self._motors else winch_angle
+        self._rest[:, :, 1] = slack - _SIGN * np.repeat(self._reach * wound, 2, axis=1)
+
+    def horn_torque(self, moment: Moment) -> Array:
+        """Torque that cables and effects ask of each motor's horn, without its gearbox [N m], (n, 10)."""
+        return moment.horn_torque
+
+
+def _per_motor(designs: Sequence[Design]) -> Array:
+    return np.array(
+        [d.parameters.gear_friction * np.exp(d.tolerances.gear_friction) for d in designs]
+    )
+
+
+def _stacked(designs: Sequence[Design]) -> list[effects.Effect]:
+    """The designs' acting effects, each as one of n rows, in the order in which they act."""
+    rows = []
+    for kind in sorted(effects.CATALOGUE.values(), key=lambda kind: kind.stage):
+        each = [next((e for e in d.active if type(e) is kind), None) for d in designs]
+        if kind.acts() and any(each):
+            rows.append(effects.stack([e or kind() for e in each]))
+    return rows

@@ -1,0 +1,29 @@
+"""Where, when and on what does the twin's error depend?
+
+`Comparison` holds measured rows beside predicted ones; `analyse` finds, `describe` says, `figures`
+draws. `learned` is the last resort: a correction without physics.
+"""
+
+from serpent_twin.residual.comparison import Comparison, join
+from serpent_twin.residual.dependence import Dependence, depends_on
+from serpent_twin.residual.describe import describe
+from serpent_twin.residual.findings import Findings, analyse
+from serpent_twin.residual.noise import Noise, expected_distance, measurement_noise
+from serpent_twin.residual.place import place
+from serpent_twin.residual.size import load_size, marker_size
+
+__all__ = [
+    "Comparison",
+    "Dependence",
+    "Findings",
+    "Noise",
+    "analyse",
+    "depends_on",
+    "describe",
+    "expected_distance",
+    "join",
+    "load_size",
+    "marker_size",
+    "measurement_noise",
+    "place",
+]

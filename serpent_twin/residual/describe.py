@@ -1,0 +1,148 @@
+"""What should an engineer know of the error, and where should they look?"""
+
+import numpy as np
+
+from serpent_twin.residual.dependence import Dependence
+from serpent_twin.residual.findings import Change, Findings
+from serpent_twin.residual.where import Where, listed
+
+AT_THE_NOISE = 1.08  # times the noise floor: no error is left
+NOT_SMALL = 0.1  # share of the variance above the noise that deserves a sentence of its own
+
+_HINTS = {
+    "angle step": "something that touches, pulls or lets go there: a hose, a stop, a cable off its groove",
+    "angle ramp": "something that begins to pull or press there: a hose, a stop, a cable that stiffens",
+    "angle window": "something in that range alone: a catch, a tight spot, a rubbing cover",
+    "angle ripple": "something that comes round with it: a horn or winch off centre, a damaged tooth",
+    "angle": "an elasticity, a geometric error or a weight that the twin lacks",
+    "directed window": "something that holds it back in that range: a tight or sticking axle",
+    "directed": "friction or play there",
+    "ripple": "something that comes round with it: a horn or winch off centre, a damaged tooth",
+    "velocity": "damping, friction or a delay",
+    "direction": "friction or play there",
+    "reversal": "play or friction that is taken up after each reversal",
+    "load": "an elasticity or friction that grows with force",
+    "tension": "an elasticity or friction that grows with tension",
+    "past": "creep: something that gives way slowly under force",
+    "time": "something that warms up, creeps or wears",
+    "place": "something in that place: an obstacle, a hose, the cameras' view",
+    "group": "a cause common to them all, such as a delay (velocities), elasticity (loads) or weight",
+}
+
+
+def describe(findings: Findings) -> str:
+    """What is left, on what it depends and where to look, in a few plain sentences."""
+    parts = [_size(findings)]
+    told: list[str] = []
+    for what, change, of_loads in (
+        ("the markers' error", findings.marker_change, False),
+        ("the load error", findings.load_change, True),
+    ):
+        pairs = [p for p in _pairs(findings) if (p[0].kind == "load") == of_loads]
+        if change is not None and change.steady:  # says when and how much, which is more
+            pairs = [p for p in pairs if p[0].feature.kind != "time"]
+        told += [*_dependences(pairs), *_changes(change, what)]
+    if not told and _is_above_noise(findings):
+        told = [_unknown(findings)]
+    return " ".join([*parts, *told])
+
+
+def _pairs(findings: Findings) -> list[tuple[Dependence, Where]]:
+    return list(zip(findings.depends_on, findings.where, strict=True))
+
+
+def _is_above_noise(findings: Findings) -> bool:
+    return findings.marker.mean_mm > AT_THE_NOISE * findings.noise.floor_mm
+
+
+def _size(findings: Findings) -> str:
+    mean, floor = findings.marker.mean_mm, findings.noise.floor_mm
+    percent, quiet = findings.load.rms_percent, findings.noise.load_floor_percent
+    parts = []
+    if np.isfinite(mean):
+        word = "" if _is_above_noise(findings) else ", which is no more than noise"
+        parts.append(f"The markers are off by {mean:.2f} mm (noise alone: {floor:.2f} mm){word}")
+    if np.isfinite(percent):
+        parts.append(f"the loads by {percent:.2f} % of stall (noise alone: {quiet:.2f} %)")
+    text = "; ".join(parts) or "Neither markers nor loads were measured"
+    return text[0].upper() + text[1:] + "."
+
+
+def _dependences(pairs: list[tuple[Dependence, Where]]) -> list[str]:
+    if not pairs:
+        return []
+    first, at = pairs[0]
+    share, text = 100 * first.share_above_noise, first.text
+    size = "of it" if first.kind == "size" else "of what is above the noise"
+    seen = "" if first.kind == "load" else f" ({at.text})"
+    sentence = f"{text[0].upper() + text[1:]}, which explains {share:.0f} % {size}{seen}."
+    if first.alternatives:
+        sentence += (
+            f" {_sentence_case(' or '.join(first.alternatives))} would explain it nearly as well."
+        )
+    others = [d for d, _ in pairs[1:] if d.share_above_noise >= NOT_SMALL]
+    if others:
+        also = [f"{d.text} ({100 * d.share_above_noise:.0f} %)" for d in others]
+        sentence += f" Besides, {listed(also)}."
+    return [f"{sentence} Look for {hint(first)}."]
+
+
+def hint(dependence: Dependence) -> str:
+    """What an engineer may look for."""
+    kind = dependence.feature.kind
+    return _HINTS.get(f"{kind} {dependence.shape.kind}", _HINTS[kind])
+
+
+def _changes(change: Change | None, what: str) -> list[str]:
+    """Sentences on a jump or drift, and on a swing."""
+    if change is None:
+        return []
+    sentences = []
+    if change.steady == "jump" and change.jump is not None:
+        most = int(np.argmax(np.abs(change.jump.size)))
+        size = change.jump.size[most] * change.in_unit[most]
+        sentences.append(
+            f"{_sentence_case(what)} jumps at {change.jump.time_s:.0f} s of {change.jump.session}, "
+            f"most in {change.channels[most]} ({_signed(size, change.unit)}): look for "
+            "something that slipped, came loose or was knocked."
+        )
+    if change.steady == "drift":
+        most = change.drift.strongest
+        scale = change.in_unit[most]
+        slope, half = scale * change.drift.per_minute[most], scale * change.drift.interval[most]
+        sentences.append(
+            f"{_sentence_case(what)} drifts, most in {change.channels[most]} "
+            f"({_signed(slope, change.unit)} ± {half:.2g} per minute): look for something that warms up, "
+            "creeps or slips slowly."
+        )
+    if change.swings and change.line is not None:
+        sentences.append(
+            f"{_sentence_case(what)} swings at {change.line.frequency_hz:.2f} Hz whatever the "
+            f"motors do ({100 * change.line.share:.0f} % of its variance): look for something that "
+            "shakes the machine, its frame or the cameras."
+        )
+    return sentences
+
+
+def _signed(value: float, unit: str) -> str:
+    gap = "" if unit == "°" else " "
+    return f"{value:+.2g}{gap}{unit}".replace("-", "−")
+
+
+def _sentence_case(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+def _unknown(findings: Findings) -> str:
+    """What is above the noise and follows nothing: at least where it is."""
+    constant = np.linalg.norm(findings.marker.mean_residual_mm, axis=-1)
+    if np.mean(constant) > 0.7 * findings.above_noise_mm:
+        most = int(np.argmax(constant))
+        return (
+            f"Most of it is a constant offset, greatest at marker {most + 1} "
+            f"({constant[most]:.2f} mm): look at where markers sit and how the frame was aligned."
+        )
+    return (
+        f"The {findings.above_noise_mm:.2f} mm above the noise follow nothing that was looked at: "
+        "no angle, motion, force, time or place."
+    )

@@ -1,0 +1,226 @@
+"""What does the error look like?"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from serpent_twin.report import Figure
+from serpent_twin.residual.comparison import Array, Comparison
+from serpent_twin.residual.curves import curve, marker_curve
+from serpent_twin.residual.findings import Findings
+from serpent_twin.residual.size import load_size, marker_size
+from serpent_twin.residual.spectrum import spectrum
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Drawing
+
+COLOURS = ("#a3a7ad", "#3d7ea6", "#d1603d", "#588157", "#7d5ba6", "#c9a227")
+INK, SOFT, LINE = "#1d2129", "#5c6470", "#e4e6e9"
+GAP_S = 20.0  # drawn between sessions
+
+
+def figures(
+    comparisons: Mapping[str, Comparison], findings: Findings, moving_above: float = 0.05
+) -> tuple[Figure, ...]:
+    """Figures for named comparisons of the same rows; findings are those of the last one."""
+    last = list(comparisons.values())[-1]
+    drawn: list[Figure] = []
+    if last.has_markers:
+        drawn += [_by_marker(comparisons, findings), _over_time(comparisons, findings)]
+    if last.has_loads:
+        drawn.append(_by_motor(comparisons, findings, moving_above))
+    if findings.depends_on:
+        drawn.append(_dependence(last, findings))
+    if last.has_markers:
+        drawn += [_heat(last, findings), _spectrum(comparisons, findings)]
+    return tuple(drawn)
+
+
+def _by_marker(comparisons: Mapping[str, Comparison], findings: Findings) -> Figure:
+    """Mean distance of each marker, and the noise."""
+    drawing, axes = _sheet(9, 3.9)
+    names = next(iter(comparisons.values())).marker_names
+    at = np.arange(len(names))
+    for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
+        mean = marker_size(comparison).by_marker_mm
+        axes.plot(at, mean, "o-", color=colour, lw=2, ms=5, label=name)
+    floor = 1e3 * 2 * np.sqrt(2 / np.pi) * findings.noise.marker
+    axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
+    axes.set(ylabel="mean distance [mm]", ylim=(0, None))
+    _label(axes, at, names, "marker")
+    axes.margins(x=0.02)
+    _finish(drawing, axes)
+    caption = "Mean distance between measured and predicted markers, from the base to the tip."
+    return Figure("error_by_marker", drawing, caption)
+
+
+def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Figure:
+    """Distance averaged over markers, sessions one after another."""
+    drawing, axes = _sheet(9, 3.9)
+    first = next(iter(comparisons.values()))
+    clock, zero = _one_after_another(first)
+    for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
+        error = _smooth(marker_size(comparison).by_row_mm, max(1, round(3 / comparison.period)))
+        for s, (t, e) in enumerate(zip(clock, error, strict=True)):
+            axes.plot(t, e, color=colour, lw=1.3, label=name if s == 0 else None)
+    axes.axhspan(0, findings.noise.floor_mm, color=LINE, lw=0, label="noise of the measurement")
+    jump = findings.marker_change.jump if findings.marker_change else None
+    if jump is not None and findings.marker_change and findings.marker_change.steady == "jump":
+        axes.axvline(zero[jump.session] + jump.time_s, color=INK, lw=1, ls=":")
+    for name in zero if len(zero) > 1 else ():
+        begin = min(t[0] for t, s in zip(clock, first.session, strict=True) if s == name)
+        axes.annotate(name, (begin, 1), xycoords=("data", "axes fraction"), color=SOFT, fontsize=9)
+    axes.set(xlabel="time [s]", ylabel="distance, mean of markers over 3 s [mm]", ylim=(0, None))
+    axes.margins(x=0)
+    _finish(drawing, axes)
+    caption = "Distance averaged over markers in the course of the sessions."
+    return Figure("error_over_time", drawing, caption)
+
+
+def _by_motor(
+    comparisons: Mapping[str, Comparison], findings: Findings, moving_above: float
+) -> Figure:
+    """Load error of each motor, in motion and at rest."""
+    drawing, panels = _sheet(9, 3.7, columns=2, sharey=True)
+    names = next(iter(comparisons.values())).motor_names
+    at = np.arange(len(names))
+    for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
+        size = load_size(comparison, moving_above)
+        for axes, values in zip(panels, (size.moving_percent, size.resting_percent), strict=True):
+            axes.plot(at, values, "o-", color=colour, lw=2, ms=5, label=name)
+    for axes, title in zip(panels, ("in motion", "at rest"), strict=True):
+        floor = 100 * findings.noise.load
+        axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
+        axes.set_title(title, loc="left", fontsize=10, color=SOFT)
+        axes.set_ylim(0, None)
+        _label(axes, at, names, "motor")
+    panels[0].set_ylabel("load error, rms [% of stall]")
+    _finish(drawing, panels[1], legend=False)
+    _finish(drawing, panels[0])
+    caption = f"Load error by motor; in motion is above {moving_above:g} rad/s."
+    return Figure("load_error_by_motor", drawing, caption)
+
+
+def _dependence(comparison: Comparison, findings: Findings) -> Figure:
+    """The residual over what it follows most, markers and loads."""
+    of = {d.kind == "load": d for d in reversed(findings.depends_on)}
+    told = [of[load] for load in (False, True) if load in of]
+    drawing, panels = _sheet(4.8 * len(told) + (2 if len(told) == 1 else 0), 3.9, columns=len(told))
+    for axes, dependence in zip(np.atleast_1d(panels), told, strict=True):
+        drawn = curve(comparison, dependence, findings.place)
+        axes.plot(drawn.x, drawn.error, ".", color=COLOURS[1], ms=3, alpha=0.25, mew=0)
+        axes.fill_between(drawn.middle, drawn.low, drawn.high, color=COLOURS[2], alpha=0.25, lw=0)
+        axes.plot(drawn.middle, drawn.mean, "-", color=COLOURS[2], lw=2.2)
+        for edge in dependence.shape.edges:
+            axes.axvline(edge * drawn.per_unit, color=INK, lw=1, ls=":")
+        axes.axhline(0, color=SOFT, lw=0.8)
+        axes.set(xlabel=drawn.x_label, ylabel=drawn.y_label)
+        axes.set_ylim(*np.nanquantile(drawn.error, [0.002, 0.998]) * 1.15)
+        share = 100 * dependence.share_above_noise
+        title = f"{share:.0f} % of what is above the noise"
+        title = f"{share:.0f} % of it" if dependence.kind == "size" else title
+        axes.set_title(title, loc="left", fontsize=10, color=SOFT)
+        _finish(drawing, axes, legend=False)
+    caption = "; ".join(d.text for d in told)
+    note = "Points are rows, the line their mean, the band their middle half; dots mark the edges found."
+    return Figure("residual_by_feature", drawing, f"{caption[0].upper() + caption[1:]}. {note}")
+
+
+def _heat(comparison: Comparison, findings: Findings) -> Figure:
+    """Which joint or marker is off, and when."""
+    drawing, axes = _sheet(9, 3.7)
+    names, values, label = marker_curve(comparison, findings.place)
+    rows = max(1, round(4 / comparison.period))
+    pieces = values.shape[1] // rows
+    cut = values[:, : pieces * rows].reshape(len(values), pieces, rows, -1)
+    order = np.lexsort((comparison.start, np.array(comparison.session)))
+    picture = np.sqrt(np.mean(cut[order] ** 2, axis=2)).reshape(-1, len(names)).T
+    image = axes.imshow(picture, aspect="auto", cmap="magma_r", vmin=0, interpolation="nearest")
+    axes.set_yticks(np.arange(len(names)), names)
+    sessions = np.array(comparison.session)[order]
+    first = np.flatnonzero(np.concatenate([[True], sessions[1:] != sessions[:-1]]))
+    ticks = np.arange(0, len(values) + 1, max(1, len(values) // 8)) * pieces
+    axes.set_xticks(ticks - 0.5, [f"{t * rows * comparison.period:.0f}" for t in ticks])
+    for start in first[1:]:
+        axes.axvline(start * pieces - 0.5, color=INK, lw=1)
+    axes.set_xlabel("time over all segments [s]")
+    bar = drawing.colorbar(image, ax=axes, pad=0.01)
+    bar.set_label(label)
+    bar.outline.set_visible(False)  # pyright: ignore
+    axes.spines[:].set_visible(False)
+    caption = "Where along the machine and when the markers are off: darker is more."
+    return Figure("error_by_place_and_time", drawing, caption)
+
+
+def _spectrum(comparisons: Mapping[str, Comparison], findings: Findings) -> Figure:
+    """Power of the marker residual by frequency."""
+    drawing, axes = _sheet(9, 3.7)
+    for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
+        values = 1e3 * comparison.marker_residual.reshape(*comparison.time.shape, -1)
+        found = spectrum(values, comparison.period)
+        axes.semilogy(found.frequency[1:-1], found.power[1:-1], color=colour, lw=1.8, label=name)
+    last = list(comparisons.values())[-1]
+    level = 2 * last.period * 3e6 * float(np.sum(findings.noise.marker**2))
+    axes.axhline(level, color=SOFT, lw=1, ls="--", label="noise of the measurement")
+    change = findings.marker_change
+    if change and change.swings and change.line:
+        axes.axvline(change.line.frequency_hz, color=INK, lw=1, ls=":")
+        text = f"  {change.line.frequency_hz:.2f} Hz"
+        axes.annotate(text, (change.line.frequency_hz, 0.93), xycoords=("data", "axes fraction"))
+    axes.set(xlabel="frequency [Hz]", ylabel="power [mm²/Hz]")
+    axes.margins(x=0)
+    _finish(drawing, axes)
+    caption = "Spectrum of the marker residual, all markers and axes added up."
+    return Figure("residual_spectrum", drawing, caption)
+
+
+def _colours(names: Mapping[str, Any]) -> Sequence[str]:
+    return [COLOURS[i % len(COLOURS)] for i in range(len(names))]
+
+
+def _one_after_another(comparison: Comparison) -> tuple[Array, dict[str, float]]:
+    """Times of all rows (S, T) [s] with the sessions in a row, and where each session's time 0 lies."""
+    starts: dict[str, float] = {}
+    clock, end = comparison.time.astype(float).copy(), 0.0
+    for name in dict.fromkeys(comparison.session):
+        own = np.array([s == name for s in comparison.session])
+        starts[name] = end - comparison.time[own].min() if starts else 0.0
+        clock[own] += starts[name]
+        end = clock[own].max() + GAP_S
+    return clock, starts
+
+
+def _label(axes: "Axes", at: np.ndarray, names: Sequence[str], word: str) -> None:
+    """Numbers where names are the word and a number, else the names aslant."""
+    if all(name.startswith(f"{word} ") for name in names):
+        axes.set_xticks(at, [name.removeprefix(f"{word} ") for name in names])
+        axes.set_xlabel(word)
+    else:
+        axes.set_xticks(at, names, rotation=30, ha="right")
+
+
+def _smooth(values: Array, width: int) -> Array:
+    """Mean of rows (S, T) over a centred window, what is unknown left out."""
+    known, kernel = np.isfinite(values), np.ones(min(width, values.shape[1]))
+    count = np.stack([np.convolve(row, kernel, "same") for row in known])
+    total = np.stack([np.convolve(row, kernel, "same") for row in np.nan_to_num(values)])
+    return np.divide(total, count, out=np.full(values.shape, np.nan), where=count > 0)
+
+
+def _sheet(width: float, height: float, columns: int = 1, sharey: bool = False) -> Any:
+    from matplotlib.figure import Figure as Drawing
+
+    drawing = Drawing(figsize=(width, height), layout="constrained")
+    return drawing, drawing.subplots(1, columns, sharey=sharey)
+
+
+def _finish(drawing: "Drawing", axes: "Axes", legend: bool = True) -> None:
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(SOFT)
+    axes.tick_params(colors=SOFT, labelcolor=INK)
+    axes.grid(axis="y", color=LINE, lw=0.7)
+    axes.set_axisbelow(True)
+    if legend:
+        drawing.legend(*axes.get_legend_handles_labels(), loc="outside right upper", frameon=False)

@@ -1,0 +1,180 @@
+"""What is there to say of a comparison, all in one?"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from serpent_twin.residual.comparison import Array, Comparison
+from serpent_twin.residual.dependence import Dependence, depends_on
+from serpent_twin.residual.drift import Drift, Jump, drift, jump
+from serpent_twin.residual.noise import Noise, measurement_noise
+from serpent_twin.residual.place import Place, place
+from serpent_twin.residual.size import LoadSize, MarkerSize, load_size, marker_size
+from serpent_twin.residual.spectrum import Line, Spectrum, known, line, spectrum
+from serpent_twin.residual.where import Where, where
+
+WORTH_SAYING = 0.03  # share of the variance
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """How the error changes in time, for markers or loads."""
+
+    channels: tuple[str, ...]
+    """What is followed: rotations at joints, markers along an axis, or motors' loads, (C,)"""
+    unit: str
+    """In which a person reads them"""
+    in_unit: Array
+    """What one of drift's and jump's numbers is in that unit, (C,)"""
+    drift: Drift
+    """Trend"""
+    jump: Jump | None
+    """Change at one time"""
+    line: Line | None
+    """Swing that keeps its phase"""
+    spectrum: Spectrum
+    """Power by frequency"""
+
+    @property
+    def steady(self) -> str:
+        """drift, jump or nothing: whichever takes away more, if it is beyond chance."""
+        of_drift = self.drift.share if self.drift.seen else 0.0
+        of_jump = self.jump.share if self.jump else 0.0
+        if max(of_drift, of_jump) < WORTH_SAYING:
+            return ""
+        return "drift" if of_drift >= of_jump else "jump"
+
+    @property
+    def swings(self) -> bool:
+        """Whether a swing is worth a sentence."""
+        return self.line is not None and self.line.share >= WORTH_SAYING
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """Size, noise, place, course in time and dependence of the error."""
+
+    marker: MarkerSize
+    """Size of the marker error"""
+    load: LoadSize
+    """Size of the load error"""
+    noise: Noise
+    """Measurement noise"""
+    place: Place | None
+    """By joint, where the geometry is known"""
+    marker_change: Change | None
+    """Course in time of the markers' error"""
+    load_change: Change | None
+    """Course in time of the loads' error"""
+    depends_on: list[Dependence]
+    """On what it depends, the greatest share first"""
+    where: list[Where]
+    """Where each dependence shows"""
+
+    @property
+    def above_noise_mm(self) -> float:
+        """What a mean distance of nought would have to grow by, in quadrature, to reach the error."""
+        mean, floor = self.marker.mean_mm, self.noise.floor_mm
+        return float(np.sqrt(max(0.0, mean**2 - floor**2)))
+
+    @property
+    def share_above_noise(self) -> float:
+        """Share of the squared marker error that is not noise."""
+        mean = self.marker.mean_mm
+        return float((self.above_noise_mm / mean) ** 2) if mean > 0 else 0.0
+
+    def numbers(self) -> dict[str, Any]:
+        """The figures for JSON, units in the keys."""
+        return {
+            "marker_error_mm": self.marker.mean_mm,
+            "marker_error_by_marker_mm": self.marker.by_marker_mm.tolist(),
+            "noise_floor_mm": self.noise.floor_mm,
+            "above_noise_mm": self.above_noise_mm,
+            "share_above_noise": self.share_above_noise,
+            "load_error_percent": self.load.rms_percent,
+            "load_error_by_motor_percent": self.load.by_motor_percent.tolist(),
+            "load_noise_percent": self.noise.load_floor_percent,
+            "share_by_joint": [] if self.place is None else self.place.share.tolist(),
+            "depends_on": [
+                {
+                    "what": d.target,
+                    "follows": d.feature.name,
+                    "how": d.shape.text,
+                    "where": w.text,
+                    "share_above_noise": d.share_above_noise,
+                    "probability_of_chance": d.probability,
+                    "or": list(d.alternatives),
+                }
+                for d, w in zip(self.depends_on, self.where, strict=True)
+            ],
+        }
+
+
+def analyse(comparison: Comparison, rng: np.random.Generator, permutations: int = 199) -> Findings:
+    """Everything about the error of a comparison."""
+    noise = measurement_noise(comparison)
+    found = place(comparison, noise.marker)
+    depends = depends_on(comparison, rng, permutations, noise=noise, found=found)
+    return Findings(
+        marker=marker_size(comparison),
+        load=load_size(comparison),
+        noise=noise,
+        place=found,
+        marker_change=_marker_change(comparison, found, rng, permutations),
+        load_change=_load_change(comparison, rng, permutations),
+        depends_on=depends,
+        where=[where(comparison, d, found) for d in depends],
+    )
+
+
+class _Labels(NamedTuple):
+    channels: tuple[str, ...]
+    unit: str
+    in_unit: Array
+
+
+def _marker_change(
+    comparison: Comparison, found: Place | None, rng: np.random.Generator, permutations: int
+) -> Change | None:
+    if not comparison.has_markers:
+        return None
+    markers = 1e3 * known(comparison.marker_residual.reshape(*comparison.time.shape, -1))
+    channels = tuple(f"{m} along {x}" for m in comparison.marker_names for x in "xyz")
+    if found is None:
+        labels = _Labels(channels, "mm", np.ones(len(channels)))
+        return _change(comparison, markers, markers, labels, rng, permutations)
+    channels = tuple(f"the rotation at {name}" for name in comparison.joint_names)
+    scale = 1e3 * np.maximum(found.lever, 1e-6)  # counted by how far they move the markers
+    resolved = np.where(found.resolved > 0.5, found.resolved, 1.0)  # below, it is a neighbour's
+    true = np.degrees(1 / scale) / resolved
+    labels = _Labels(channels, "°", true)
+    return _change(comparison, found.rotation * scale, markers, labels, rng, permutations)
+
+
+def _load_change(
+    comparison: Comparison, rng: np.random.Generator, permutations: int
+) -> Change | None:
+    if not comparison.has_loads:
+        return None
+    loads = 100 * comparison.load_residual
+    names = tuple(f"{name}'s load" for name in comparison.motor_names)
+    labels = _Labels(names, "% of stall", np.ones(len(names)))
+    return _change(comparison, loads, loads, labels, rng, permutations)
+
+
+def _change(
+    c: Comparison,
+    values: Array,
+    swinging: Array,
+    labels: _Labels,
+    rng: np.random.Generator,
+    permutations: int,
+) -> Change:
+    return Change(
+        *labels,
+        drift(values, c.time, c.session),
+        jump(values, c.time, c.session, rng, permutations),
+        line(swinging, c.period, rng, permutations),
+        spectrum(swinging, c.period),
+    )

@@ -1,0 +1,149 @@
+"""How much of the error is the measurement's own noise?
+
+Assumed: the noise is independent from row to row and gaussian; the twin's error changes slowly
+against the row rate, follows pose, velocity or direction of motion linearly, or grows with the
+roughness of the motion. Then the fourth difference of the residual holds the noise, variance 70 σ²,
+a part that regression on the predicted motion's fourth differences removes, and a part in proportion
+to their square; the noise is what is left when the motion's roughness goes to zero. Where joint axes
+are known, it is also sought in what no small rotation of a joint could make. Noise that a filter has
+smoothed is underestimated; an error that jumps at random rows is taken for noise.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from serpent_twin.residual.comparison import Array, Comparison
+from serpent_twin.residual.place import joint_jacobian
+
+ORDER, GAIN = 4, 70.0  # 1² + 4² + 6² + 4² + 1²
+OVERLAP = 12870 / 70**2  # Σ of the squared autocorrelation of white noise's fourth differences
+MAD_TO_STD = 1.4826  # of a gaussian
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Standard deviations of the measurement noise."""
+
+    marker: Array
+    """Of one coordinate of each marker [m], (M,)"""
+    load: Array
+    """Of each motor's load [fraction of the stall torque], (N,)"""
+
+    @property
+    def floor_mm(self) -> float:
+        """Mean marker distance [mm] of a perfect twin."""
+        return float(1e3 * np.mean(expected_distance(self.marker))) if self.marker.size else 0.0
+
+    @property
+    def load_floor_percent(self) -> float:
+        """Root mean square load error [% of the stall torque] of a perfect twin."""
+        return float(100 * np.sqrt(np.mean(self.load**2))) if self.load.size else 0.0
+
+
+def expected_distance(std: Array | float) -> Array:
+    """Mean length of a vector of three gaussian numbers of this standard deviation: 2 σ √(2/π)."""
+    return 2 * np.sqrt(2 / np.pi) * np.asarray(std, float)
+
+
+def measurement_noise(comparison: Comparison) -> Noise:
+    """Noise of markers and loads, from the residual's fourth differences."""
+    markers, loads = comparison.marker_residual, comparison.load_residual
+    rough, motion = _roughness(comparison), _motion(comparison)
+
+    def each(values: Array) -> Array:
+        return np.array([noise_std(values[:, :, i], rough, motion) for i in range(values.shape[2])])
+
+    of_markers = each(markers)
+    if comparison.has_markers and comparison.joint_anchor is not None:
+        # Both ways take what is left of the twin's error for noise, so the lesser is nearer.
+        beside = each(_beside_joints(comparison))
+        of_markers = np.where(beside > 0, np.minimum(of_markers, beside), of_markers)
+    return Noise(of_markers, each(loads[..., None]))
+
+
+def noise_std(values: Array, roughness: Array, motion: Array, bins: int = 10) -> float:
+    """Noise [of values] in equally noisy coordinates (S, T, K).
+
+    Roughness of the motion (S, T − 4); fourth differences of what may cause error, (S, T − 4, P).
+    """
+    difference = _unexplained(np.diff(values, ORDER, axis=1), motion)
+    edges = np.quantile(roughness, np.linspace(0, 1, bins + 1)[1:-1])
+    part = np.searchsorted(edges, roughness)
+    found = [_bin(difference, roughness, part == b) for b in range(bins)]
+    table = np.array([row for row in found if row is not None])
+    if not len(table) or not table[:, 1].all():
+        return 0.0
+    weight = np.sqrt(table[:, 2]) / table[:, 1]
+    scale = table[:, 0].max() or 1.0
+    design = np.stack([np.ones(len(table)), table[:, 0] / scale], axis=1)
+    (still, _), _ = nnls(design * weight[:, None], table[:, 1] * weight)
+    return float(np.sqrt(still / GAIN))
+
+
+def _unexplained(difference: Array, motion: Array) -> Array:
+    """Differences (S, T, K) less their regression on the motion's, scaled for what it takes by chance."""
+    y, x = difference.reshape(-1, difference.shape[2]).copy(), motion.reshape(-1, motion.shape[2])
+    columns = np.linalg.matrix_rank(np.nan_to_num(x)) if x.size else 0
+    for k in range(y.shape[1]):
+        known = np.isfinite(y[:, k]) & np.isfinite(x).all(axis=1)
+        if (rows := int(known.sum())) < 10 * columns or not columns:
+            continue
+        gram = x[known].T @ x[known]
+        gram += 1e-9 * np.trace(gram) / len(gram) * np.eye(len(gram))
+        y[:, k] -= np.nan_to_num(x) @ np.linalg.solve(gram, x[known].T @ y[known, k])
+        y[:, k] *= np.sqrt(rows / (rows - OVERLAP * columns))
+    return y.reshape(difference.shape)
+
+
+def _beside_joints(comparison: Comparison) -> Array:
+    """Marker residual that no joint rotation makes, scaled to the noise's full size, (S, T, M, 3)."""
+    residual = comparison.marker_residual
+    y = residual.reshape(*comparison.time.shape, -1)
+    seen = np.isfinite(y)
+    H = joint_jacobian(comparison).reshape(*y.shape, -1) * seen[..., None]
+    gram = np.einsum("stki,stkj->stij", H, H, optimize=True)
+    gram += 1e-9 * np.trace(gram, axis1=2, axis2=3)[..., None, None] * np.eye(H.shape[-1])
+    taken = np.linalg.solve(gram, np.swapaxes(H, 2, 3))
+    left = y - (H @ (taken @ np.nan_to_num(y)[..., None]))[..., 0]
+    free = 1 - np.einsum("stki,stik->stk", H, taken, optimize=True)
+    left = np.where(seen & (free > 0.3), left / np.sqrt(np.maximum(free, 0.3)), np.nan)
+    return left.reshape(residual.shape)
+
+
+def _bin(difference: Array, roughness: Array, rows: np.ndarray) -> tuple[float, ...] | None:
+    """Squared roughness, robust variance and count of the known differences of some rows."""
+    known = difference[rows][np.isfinite(difference[rows])]
+    if known.size < 8:
+        return None
+    variance = (MAD_TO_STD * np.median(np.abs(known))) ** 2
+    return float(np.median(roughness[rows] ** 2)), float(variance), float(known.size)
+
+
+def _roughness(comparison: Comparison) -> Array:
+    """Root mean square fourth difference of what the twin predicts, (S, T − 4)."""
+    S, T = comparison.time.shape
+    for predicted in (comparison.marker_predicted, comparison.motor_angle):
+        if predicted is not None and predicted.size:
+            rows = np.diff(predicted.reshape(S, T, -1), ORDER, axis=1)
+            return np.sqrt(np.nanmean(rows**2, axis=-1))
+    return np.zeros((S, T - ORDER))
+
+
+def _motion(comparison: Comparison) -> Array:
+    """Fourth differences of predicted pose, velocity and direction of motion, (S, T − 4, P)."""
+    S, T = comparison.time.shape
+    parts: list[Array] = [np.zeros((S, T, 0))]
+    for pose in (comparison.marker_predicted, comparison.joint_angle):
+        if pose is not None and pose.size:
+            flat = pose.reshape(S, T, -1)
+            speed = np.gradient(flat, axis=1)
+            parts += [flat / (flat.std() + 1e-12), speed / (speed.std() + 1e-12)]
+    for drive in (comparison.joint_angle, comparison.motor_angle):
+        if drive is not None:
+            speed = np.gradient(drive, axis=1)
+            parts.append(np.tanh(speed / (0.1 * speed.std() + 1e-12)))
+    if comparison.motor_velocity is not None:
+        parts.append(comparison.motor_velocity)
+    return np.diff(np.concatenate(parts, axis=-1), ORDER, axis=1)

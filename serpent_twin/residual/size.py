@@ -1,0 +1,89 @@
+"""How large is the error, by marker, motor, segment and time?"""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.residual.comparison import Array, Comparison
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerSize:
+    """Distances between measured and predicted markers."""
+
+    mean_mm: float
+    """Mean over markers, rows and segments; NaN without markers"""
+    std_mm: float
+    """Standard deviation over the same set"""
+    by_marker_mm: Array
+    """Mean of each marker, (M,)"""
+    by_segment_mm: Array
+    """Mean of each segment, (S,)"""
+    by_row_mm: Array
+    """Mean over markers of each row, (S, T)"""
+    in_segment_mm: Array
+    """Mean over markers and segments by the row within the segment, (T,)"""
+    rms_by_axis_mm: Array
+    """Root mean square along x, y, z, (3,)"""
+    mean_residual_mm: Array
+    """Mean of measured − predicted: the constant part, (M, 3)"""
+
+
+@dataclass(frozen=True, eq=False)
+class LoadSize:
+    """Errors of motor loads, root mean squares in per cent of the stall torque."""
+
+    rms_percent: float
+    """Over all motors and rows; NaN without loads"""
+    by_motor_percent: Array
+    """Of each motor, (N,)"""
+    moving_percent: Array
+    """Of each motor in rows where it moves, (N,)"""
+    resting_percent: Array
+    """Of each motor in rows where it rests, (N,)"""
+
+
+def marker_size(comparison: Comparison) -> MarkerSize:
+    """Size of the marker error; lost markers are left out."""
+    distance, residual = 1e3 * comparison.distance, 1e3 * comparison.marker_residual
+    with warnings.catch_warnings():  # a segment without any marker has a mean of NaN
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return MarkerSize(
+            mean_mm=float(np.nanmean(distance)) if distance.size else np.nan,
+            std_mm=float(np.nanstd(distance)) if distance.size else np.nan,
+            by_marker_mm=np.nanmean(distance, axis=(0, 1)),
+            by_segment_mm=np.nanmean(distance, axis=(1, 2)),
+            by_row_mm=np.nanmean(distance, axis=2),
+            in_segment_mm=np.nanmean(distance, axis=(0, 2)),
+            rms_by_axis_mm=np.sqrt(np.nanmean(residual**2, axis=(0, 1, 2))),
+            mean_residual_mm=np.nanmean(residual, axis=(0, 1)),
+        )
+
+
+def load_size(comparison: Comparison, moving_above: float = 0.05) -> LoadSize:
+    """Size of the load error; a motor moves where its speed is above a threshold [rad/s]."""
+    residual = 100 * comparison.load_residual
+    moving = is_moving(comparison, moving_above)
+    return LoadSize(
+        rms_percent=float(np.sqrt(np.nanmean(residual**2))) if residual.size else np.nan,
+        by_motor_percent=_rms(residual, np.ones_like(moving)),
+        moving_percent=_rms(residual, moving),
+        resting_percent=_rms(residual, ~moving),
+    )
+
+
+def is_moving(comparison: Comparison, above: float) -> np.ndarray:
+    """Whether each motor's speed is above a threshold [rad/s], (S, T, N); yes where unknown."""
+    if comparison.motor_velocity is None or not comparison.has_loads:
+        return np.ones(comparison.load_residual.shape, bool)
+    return np.abs(comparison.motor_velocity) > above
+
+
+def _rms(values: Array, where: np.ndarray) -> Array:
+    """Root mean square of each column over the rows chosen for it, NaN where there is none."""
+    chosen = where & np.isfinite(values)
+    total = np.where(chosen, values, 0.0) ** 2
+    count = chosen.sum(axis=(0, 1))
+    unknown = np.full(count.shape, np.nan)
+    return np.sqrt(np.divide(total.sum(axis=(0, 1)), count, out=unknown, where=count > 0))

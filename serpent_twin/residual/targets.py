@@ -1,0 +1,84 @@
+"""Which parts of the residual are looked at, and how much of each is noise?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.residual.comparison import Array, Comparison
+from serpent_twin.residual.noise import Noise
+from serpent_twin.residual.place import Place
+from serpent_twin.residual.spectrum import known
+
+MOST_COMPONENTS = 8
+HALF_NORMAL = 1 - 2 / np.pi  # variance of |x| for gaussian x of variance 1
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """Channels of the residual, and the sets of them that may depend on something."""
+
+    names: tuple[str, ...]
+    """Of each target, as a sentence says it, (K,)"""
+    kinds: tuple[str, ...]
+    """markers, joint, size or load, (K,)"""
+    values: Array
+    """Channels without their means, (S, T, C); markers in mm, loads in % of the stall torque"""
+    member: np.ndarray
+    """Which channels make up a target, (K, C)"""
+    total: Array
+    """Variance by which each target's share is counted, noise included, (K,)"""
+    noise: Array
+    """Part of it that is noise, (K,)"""
+
+
+def marker_targets(c: Comparison, noise: Noise, found: Place | None) -> Targets:
+    """All markers together, then each joint's rotation, then the size of each joint's error.
+
+    A joint's rotation is counted in mm: by how far it moves the markers. Without joint geometry the
+    single markers stand for the joints.
+    """
+    residual = 1e3 * known(c.marker_residual.reshape(*c.time.shape, -1))
+    parts, coloured = _components(residual), 1e6 * 3 * float(np.sum(noise.marker**2))
+    total = float(np.mean(np.sum(residual**2, axis=-1)))
+    if found is not None:
+        single = 1e3 * known(found.rotation * found.lever * np.sqrt(c.marker_residual.shape[2]))
+        names = tuple(f"the rotation at {name}" for name in c.joint_names)
+        size, sizes = (
+            known(np.abs(single)),
+            tuple(f"how far {name} is off" for name in c.joint_names),
+        )
+    else:
+        single, names = np.zeros((*c.time.shape, 0)), ()
+        size = 1e3 * known(c.distance)
+        sizes = tuple(f"how far {name} is off" for name in c.marker_names)
+    values = np.concatenate([parts, single, size], axis=-1)
+    kinds = ("markers",) + ("joint",) * len(names) + ("size",) * len(sizes)
+    member = _members([parts.shape[2]] + [1] * (len(names) + len(sizes)))
+    of_sizes = np.var(size, axis=(0, 1))
+    totals = np.concatenate([np.full(1 + len(names), total), of_sizes])
+    quiet = np.concatenate([np.full(1 + len(names), coloured), np.zeros(len(sizes))])
+    return Targets(("the markers",) + names + sizes, kinds, values, member, totals, quiet)
+
+
+def load_targets(c: Comparison, noise: Noise) -> Targets:
+    """Each motor's load; motors without a load residual keep a target of zeros."""
+    values = 100 * known(c.load_residual)
+    names = tuple(f"{name}'s load" for name in c.motor_names)
+    member = np.eye(len(names), dtype=bool)
+    total = np.mean(values**2, axis=(0, 1))
+    return Targets(names, ("load",) * len(names), values, member, total, 1e4 * noise.load**2)
+
+
+def _components(residual: Array) -> Array:
+    """Principal components that hold 99 % of the variance, a few at the most, (S, T, C)."""
+    flat = residual.reshape(-1, residual.shape[2])
+    size, axes = np.linalg.eigh(flat.T @ flat)
+    size, axes = size[::-1], axes[:, ::-1]
+    enough = int(np.searchsorted(np.cumsum(size), 0.99 * size.sum())) + 1
+    return residual @ axes[:, : min(enough, MOST_COMPONENTS)]
+
+
+def _members(sizes: list[int]) -> np.ndarray:
+    """Consecutive channels for each target, (K, C)."""
+    owner = np.repeat(np.arange(len(sizes)), sizes)
+    return owner[None, :] == np.arange(len(sizes))[:, None]

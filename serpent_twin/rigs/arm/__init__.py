@@ -1,0 +1,117 @@
+"""The cable-driven serpentine arm as a machine of the loop."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from serpent_twin.arm import N_JOINTS, N_MOTORS, Array, joint_from_motor
+from serpent_twin.errors import SerpentError
+from serpent_twin.imposed import STANDING
+from serpent_twin.log import Session, read_folder, refuse_damaged
+from serpent_twin.pose import joints_from_markers, marker_offsets
+from serpent_twin.rigs.arm.cable_law import cable_laws
+from serpent_twin.rigs.arm.case import ArmCase
+from serpent_twin.rigs.arm.pieces import servo_lag
+from serpent_twin.rigs.arm.vector import candidates, vector
+from serpent_twin.rigs.rig import Candidate, Point
+
+_FRICTIONS = (0.0015, 0.004, 0.01)  # [N m] of each hinge, tried with
+_DAMPINGS = (0.001, 0.004, 0.015)  # [N m s/rad]
+_FOREIGN = 5e-3  # [m] rms of what no pose explains: cameras see to tenths of a millimetre
+_MOVES = 0.02  # share of rows in which a motor must turn to tell of its cable and gear
+_ROWS = 600  # rows enough to find where markers sit
+_TRIED = 4  # segments to find the hinges' friction
+
+
+@dataclass(frozen=True)
+class ArmRig:
+    """The arm of `arm.py`, driven by its motors' angles, seen by cameras and motor loads."""
+
+    name: str = "arm"
+
+    def read(self, folder: Path) -> list[Session]:
+        """The sessions of a folder, checked."""
+        sessions = read_folder(folder)
+        refuse_damaged(sessions)
+        _require_one(sessions, "arm", folder)
+        _require_one(sessions, "rate_hz", folder)
+        for session in sessions:
+            if np.isnan(session.marker).all():
+                raise SerpentError(
+                    f"{session.path} has no markers, so nobody knows where the arm was. Merge the "
+                    "cameras' take into it first: python -m serpent_twin.mocap merge --help."
+                )
+        return sessions
+
+    def open(self, training: Sequence[Session]) -> ArmCase:
+        """First guesses: marker places and cable laws from poses and loads alone, then the hinges'
+        friction and damping by trying nine of each.
+        """
+        marker, motor, velocity, load = (
+            np.concatenate([getattr(session, name) for session in training])
+            for name in ("marker", "motor_position", "motor_velocity", "motor_load")
+        )
+        start = joint_from_motor(motor[:, :N_JOINTS])
+        few = slice(None, None, max(1, len(marker) // _ROWS))
+        offset, error, rms = marker_offsets(marker[few], start[few])
+        if rms > _FOREIGN:
+            raise SerpentError(
+                f"no pose of this arm puts its markers where the logs have them: {1e3 * rms:.1f} mm "
+                "remain. The logs are of another machine, or in another frame: see python -m "
+                "serpent_twin.mocap frame --help."
+            )
+        joint = joints_from_markers(marker, start, offset)
+        laws = cable_laws(joint, motor, velocity, load)
+        about = vector(laws, offset, error, _FRICTIONS[1], _DAMPINGS[1])
+        noise = np.full(N_JOINTS, 1e-3), np.full(N_MOTORS, 5e-3)
+        known = candidates()
+        case = ArmCase(about, known, _unseen(velocity, known), *noise, servo_lag(training))
+        return _with_friction(case, training)
+
+
+def _require_one(sessions: Sequence[Session], key: str, folder: Path) -> None:
+    """All sessions of a folder say the same of themselves."""
+    said = {str(session.metadata.get(key, "")) for session in sessions}
+    if len(said) > 1:
+        raise SerpentError(
+            f"{folder} mixes logs with different {key}: {', '.join(sorted(said))}. Trace one arm, "
+            "recorded at one rate, at a time: give each its own folder."
+        )
+
+
+def moving(velocity: Array) -> Array:
+    """Which motors turn often enough to tell of their cables and gears, of bool, (10,)."""
+    return (np.abs(velocity) > 2 * STANDING).mean(axis=0) > _MOVES
+
+
+def _unseen(velocity: Array, known: Mapping[str, Candidate]) -> dict[str, str]:
+    """Candidates that the logs cannot show: none, unless no motor turns."""
+    if moving(velocity).any():
+        return {}
+    why = "no motor moves in these logs, and a pose alone tells no effect from a parameter"
+    return dict.fromkeys(known, why)
+
+
+def _with_friction(case: ArmCase, training: Sequence[Session]) -> ArmCase:
+    """The case starting from the friction and damping, of those tried, that fit a few segments best."""
+    pieces = case.pieces(training)
+    some = case.take(pieces, range(0, len(pieces), max(1, len(pieces) // _TRIED)))
+    tried = [(f, d) for f in _FRICTIONS for d in _DAMPINGS]
+    start = case.vector.start
+    at = case.vector.blocks
+    points = []
+    for friction, damping in tried:
+        x = np.zeros(len(case.declared))
+        x[at["friction"].start] = np.log(friction / start.parameters.joint_friction)
+        x[at["damping"].start] = np.log(damping / start.parameters.joint_damping)
+        points.append(Point(x))
+    cost = np.nansum(case.residual(points, some) ** 2, axis=(1, 2))
+    friction, damping = tried[int(np.argmin(np.where(cost > 0, cost, np.inf)))]
+    parameters = replace(start.parameters, joint_friction=friction, joint_damping=damping)
+    moved = replace(case.vector, start=replace(start, parameters=parameters))
+    return replace(case, vector=moved)
+
+
+RIG = ArmRig()

@@ -1,0 +1,146 @@
+"""How are an arm's logs cut into segments, each starting from a measured pose?"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from serpent_twin.arm import N_JOINTS, Array, joint_from_motor
+from serpent_twin.errors import SerpentError
+from serpent_twin.imposed import STANDING, Past, gaps
+from serpent_twin.log import Session
+from serpent_twin.pose import joints_from_markers, marker_offsets
+
+SEGMENT = 40.0
+"""Seconds between two starts from measured joint angles."""
+RUN = ("time", "motor_angle", "motor_velocity", "joint_angle")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One session's motors and pose: [s], (T,); [rad], (T, 10); [rad/s], (T, 10); [rad], (T, 9)."""
+
+    time: Array
+    motor_angle: Array
+    motor_velocity: Array
+    joint_angle: Array
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """S segments of T rows of logs of one rate."""
+
+    session: tuple[str, ...]
+    """Name of each segment's session, (S,)"""
+    began: Array
+    """Which row of its session each segment begins with, (S,)"""
+    time: Array
+    """Within the session [s], (S, T)"""
+    motor_angle: Array
+    """[rad], (S, T, 10)"""
+    motor_velocity: Array
+    """[rad/s], (S, T, 10)"""
+    motor_command: Array
+    """[rad/s], (S, T, 10)"""
+    load: Array
+    """Fraction of stall, (S, T, 10)"""
+    marker: Array
+    """[m], (S, T, 9, 3); NaN where lost"""
+    joint_angle: Array
+    """From the markers [rad], (S, T, 9)"""
+    earlier: Array
+    """How long the sessions before ran [s], (S,)"""
+    run: Mapping[str, Run]
+    """Each session from its first row, for effects that remember"""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Whether a load says anything: its motor turns, so that gear friction has one sign, (S, T, 10)."""
+        return np.abs(self.motor_velocity) > 2 * STANDING
+
+
+def cut(sessions: Sequence[Session], offset: Array) -> Pieces:
+    """All whole segments of sessions without gaps in time, the last of each ending with its session."""
+    rows = max(8, round(SEGMENT * sessions[0].rate_hz))
+    starts = {s.name: segment_starts(s.time, rows) for s in sessions}
+    parts = [(s, at) for s in sessions for at in starts[s.name]]
+    if not parts:
+        raise SerpentError(
+            f"no session has {SEGMENT:g} s without a gap in time. Record longer sessions."
+        )
+    earlier = {s.name: _earlier(s) for s in sessions}
+    runs = {s.name: _run(s, offset) for s in sessions}
+
+    def of(name: str) -> Array:
+        return np.array([getattr(s, name)[at : at + rows] for s, at in parts])
+
+    return Pieces(
+        session=tuple(s.name for s, _ in parts),
+        began=np.array([at for _, at in parts]),
+        time=of("time"),
+        motor_angle=of("motor_position"),
+        motor_velocity=of("motor_velocity"),
+        motor_command=of("motor_velocity_command"),
+        load=of("motor_load"),
+        marker=of("marker"),
+        joint_angle=np.array([runs[s.name].joint_angle[at : at + rows] for s, at in parts]),
+        earlier=np.array([earlier[s.name] for s, _ in parts]),
+        run=runs,
+    )
+
+
+def camera_noise(pieces: Pieces) -> float:
+    """Standard deviation of a marker's coordinate [m]: what no pose explains."""
+    few = slice(None, None, max(1, pieces.time.size // 600))
+    marker = pieces.marker.reshape(-1, N_JOINTS, 3)[few]
+    joint = pieces.joint_angle.reshape(-1, N_JOINTS)[few]
+    return marker_offsets(marker, joint)[2]
+
+
+def segment_starts(time: Array, rows: int) -> list[int]:
+    """Where whole segments of so many rows begin, none across a gap, the last ending with the log."""
+    broken, starts = np.flatnonzero(gaps(time)), []
+    for first, last in zip(np.r_[0, broken], np.r_[broken, len(time)], strict=True):
+        starts += [int(at) for at in range(first + (last - first) % rows, last, rows)]
+    return starts
+
+
+def _run(session: Session, offset: Array) -> Run:
+    motor = session.motor_position
+    joint = joints_from_markers(session.marker, joint_from_motor(motor[:, :N_JOINTS]), offset)
+    return Run(session.time, motor, session.motor_velocity, joint)
+
+
+def _earlier(session: Session) -> float:
+    """How long the arm ran before [s]; sessions of a run are of one length."""
+    number = int(session.metadata.get("session", 1))
+    return (number - 1) * float(session.time[-1] - session.time[0])
+
+
+def past(pieces: Pieces) -> Past:
+    """What happened in the session before each segment; a short past repeats its first row."""
+    most = max(1, int(pieces.began.max()))
+    rows = [np.maximum(0, np.arange(most) - (most - int(at))) for at in pieces.began]
+    runs = [pieces.run[name] for name in pieces.session]
+    past = (np.array([getattr(run, f)[k] for run, k in zip(runs, rows, strict=True)]) for f in RUN)
+    return Past(*past)
+
+
+def servo_lag(sessions: Sequence[Session]) -> float:
+    """Time constant with which the motors take up a new velocity [s], from angles and velocities.
+
+    Between two rows a motor goes v T + (v₀ − v) τ, so τ is a slope; a log without jumps gives 0.
+    """
+    jump, short = [], []
+    for session in sessions:
+        v, T = session.motor_velocity, np.diff(session.time)[:, None]
+        jump.append((v[:-1] - v[1:]).ravel())
+        short.append((np.diff(session.motor_position, axis=0) - v[1:] * T).ravel())
+    x, y = np.concatenate(jump), np.concatenate(short)
+    use = np.isfinite(x + y) & (np.abs(x) > 4 * STANDING)
+    slope = float(x[use] @ y[use] / (x[use] @ x[use])) if use.sum() > 100 else 0.0
+    return float(np.clip(slope, 0.0, 0.05))

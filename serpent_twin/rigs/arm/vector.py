@@ -1,0 +1,173 @@
+"""Which of the arm's parameters does calibration fit, and where does it start?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from serpent_twin import effects, mjcf
+from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
+from serpent_twin.design import Design
+from serpent_twin.effects import Effect
+from serpent_twin.parameters import NOMINAL
+from serpent_twin.rigs.arm.cable_law import CableLaw
+from serpent_twin.rigs.rig import Candidate, Declared, Point
+from serpent_twin.tolerances import Tolerances
+
+_TRUST = (
+    2.0  # prior widths are this many standard errors of the cable laws, for these ignore mismatch
+)
+_STIFFNESS, _SLACK, _FRICTION = (
+    0.02,
+    0.02,
+    0.3,
+)  # [log], [mm], [log] at least; hinges differ by the last
+_UNKNOWN_STIFFNESS, _UNKNOWN_SLACK = 0.25, 0.3  # [log], [mm] of a cable whose law no log shows
+
+
+@dataclass(frozen=True)
+class Vector:
+    """The fit's coordinates, and the design that lies at any point of them."""
+
+    start: Design
+    """The design at all coordinates zero"""
+    declared: tuple[Declared, ...]
+    """stiffness 10, slack 20, friction 1 + 9, damping 1 + 9, gear friction 10, marker 27"""
+
+    @cached_property
+    def blocks(self) -> dict[str, slice]:
+        """Where each kind of parameter lies."""
+        sizes = {
+            "stiffness": N_MOTORS,
+            "slack": 2 * N_MOTORS,
+            "friction": 1 + N_JOINTS,
+            "damping": 1 + N_JOINTS,
+            "gear": N_MOTORS,
+            "marker": 3 * N_JOINTS,
+        }
+        ends = np.cumsum(list(sizes.values()))
+        return {k: slice(e - n, e) for (k, n), e in zip(sizes.items(), ends, strict=True)}
+
+    def design(self, point: Point) -> Design:
+        """The arm at a point."""
+        x = {name: point.declared[where] for name, where in self.blocks.items()}
+        t = self.start.tolerances
+        tolerances = replace(
+            t,
+            strand_stiffness=_plus(t.strand_stiffness, np.repeat(x["stiffness"], 2)),
+            strand_slack=_plus(t.strand_slack, 1e-3 * x["slack"]),
+            joint_friction=_plus(t.joint_friction, x["friction"][0] + x["friction"][1:]),
+            joint_damping=_plus(t.joint_damping, x["damping"][0] + x["damping"][1:]),
+            gear_friction=_plus(t.gear_friction, x["gear"]),
+            marker=_plus(t.marker, 1e-3 * x["marker"]),
+        )
+        there = tuple(effect_at(name, values) for name, values in point.effects.items())
+        return replace(self.start, tolerances=tolerances, effects=there)
+
+
+def _plus(nominal: Sequence[float], change: Array) -> tuple[float, ...]:
+    return tuple(float(v) for v in np.asarray(nominal) + change)
+
+
+def effect_at(name: str, values: Array) -> Effect:
+    """An effect out of its parameters, clipped to their ranges; a strength stays just off zero, where
+    the effect would leave the model's structure.
+    """
+    kind = effects.by_name(name)
+    each = {}
+    for n, ((parameter, r), value) in enumerate(
+        zip(effects.ranges(kind).items(), values, strict=True)
+    ):
+        low = 1e-6 * r.typical if n == 0 and r.low == 0 else r.low
+        each[parameter] = float(np.clip(value, low, r.high))
+    return kind(**each)
+
+
+def _values(effect: Effect) -> Array:
+    return np.array([getattr(effect, name) for name in effects.ranges(type(effect))])
+
+
+def candidates() -> dict[str, Candidate]:
+    """Every effect of the catalogue."""
+    return {
+        name: Candidate(
+            name,
+            effects.ranges(kind),
+            tuple(_values(variant) for variant in kind.variants()),
+            kind.shows_in,
+            kind.confused_with,
+        )
+        for name, kind in effects.CATALOGUE.items()
+    }
+
+
+def vector(
+    laws: Sequence[CableLaw | None],
+    offset: Array,
+    offset_error: Array,
+    friction: float,
+    damping: float,
+) -> Vector:
+    """Coordinates around first guesses: cable laws (9), marker offsets [m] with errors, (9, 3), and
+    the hinges' friction [N m] and damping [N m s/rad].
+    """
+    known = [law for law in laws if law]
+    stiffness = (
+        float(np.median([law.stiffness for law in known])) if known else NOMINAL.strand_stiffness
+    )
+    slack = float(np.median([law.slack for law in known])) if known else NOMINAL.strand_slack
+    gear = (
+        float(np.median([law.gear_friction for law in known])) if known else NOMINAL.gear_friction
+    )
+    gear = max(gear, 1e-4)
+    each = [*laws, None]  # the gripper's cable shows in no marker
+    parameters = replace(
+        NOMINAL,
+        strand_stiffness=stiffness,
+        strand_slack=slack,
+        gear_friction=gear,
+        joint_friction=friction,
+        joint_damping=damping,
+    )
+    tolerances = Tolerances(
+        strand_stiffness=tuple(
+            float(np.log(law.stiffness / stiffness)) if law else 0.0 for law in each for _ in "+-"
+        ),
+        strand_slack=tuple(
+            float(law.slack[side] - slack) if law else 0.0 for law in each for side in (0, 1)
+        ),
+        winch_radius=tuple(law.winch if law else 0.0 for law in each),
+        gear_friction=tuple(
+            float(np.log(max(law.gear_friction, 1e-4) / gear)) if law else 0.0 for law in each
+        ),
+        marker=tuple(map(float, offset.ravel())),
+    )
+    return Vector(Design(parameters, tolerances), _declare(each, 1e3 * offset_error))
+
+
+def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Declared, ...]:
+    rows = []
+    for j, law in enumerate(laws, 1):
+        width = max(_STIFFNESS, _TRUST * law.error[0]) if law else _UNKNOWN_STIFFNESS
+        rows.append(Declared(f"stiffness of cable {j}", "log N/m", min(width, 0.3), 0.03))
+    for n, name in enumerate(mjcf.STRANDS):
+        law = laws[n // 2]
+        width = max(_SLACK, _TRUST * 1e3 * law.error[1 + n % 2]) if law else _UNKNOWN_SLACK
+        rows.append(Declared(f"slack of {name}", "mm", min(width, 0.4), 0.02))
+    for what, unit, together in (("friction", "log N m", 1.0), ("damping", "log N m s/rad", 1.5)):
+        rows.append(Declared(f"{what} of all joints", unit, together, 0.1))
+        rows += [
+            Declared(f"{what} of joint {i}", unit, _FRICTION, 0.1) for i in range(1, N_JOINTS + 1)
+        ]
+    rows += [
+        Declared(f"gear friction of motor {j}", "log N m", 0.3, 0.1, simulated=False)
+        for j in range(1, N_MOTORS + 1)
+    ]
+    rows += [
+        Declared(
+            f"place of marker {k // 3 + 1} along {'xyz'[k % 3]}", "mm", width, 0.1, simulated=False
+        )
+        for k, width in enumerate(np.maximum(0.02, _TRUST * offset_error.ravel()))
+    ]
+    return tuple(rows)

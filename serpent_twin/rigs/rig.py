@@ -1,0 +1,156 @@
+"""What must the loop know of a machine?
+
+A rig says how its twin is built, how a log drives it, what is measured with which noise, and which
+effects are candidates. `residual` and `trace` know rigs by this file alone.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+from serpent_twin.arm import Array
+from serpent_twin.effects import Range
+from serpent_twin.log import Session
+from serpent_twin.residual import Comparison
+
+
+@dataclass(frozen=True)
+class Declared:
+    """One parameter that the machine's twin declares, as a coordinate of the fit; it starts at 0."""
+
+    name: str
+    """Such as `slack of cable3_plus`"""
+    unit: str
+    """Of the coordinate, such as `log N/m` or `mm`"""
+    prior: float
+    """Standard deviation within which it is expected"""
+    step: float
+    """Finite difference"""
+    simulated: bool = True
+    """Whether a change asks for a simulation; `Case.slopes` answers for the others"""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect that the machine may have and its nominal twin lacks."""
+
+    name: str
+    ranges: Mapping[str, Range]
+    """Its parameters, the strength first"""
+    variants: tuple[Array, ...]
+    """Values of all parameters that it may well have: where fits start"""
+    shows_in: str = ""
+    """What in a log betrays it"""
+    confused_with: tuple[str, ...] = ()
+    """Names of candidates that look like it"""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A twin in the fit's coordinates."""
+
+    declared: Array
+    """(P,), all 0 at the start"""
+    effects: Mapping[str, Array] = field(default_factory=dict)
+    """All parameters of each effect that is there, by name, in the order of its ranges"""
+
+    def moved(self, step: Array) -> "Point":
+        """With declared parameters changed by a step, (P,)."""
+        return replace(self, declared=self.declared + step)
+
+    def having(self, name: str, values: Array) -> "Point":
+        """With one effect's parameters set."""
+        return replace(self, effects={**self.effects, name: np.asarray(values, float)})
+
+
+class Stopwatch:
+    """Adds up time spent inside its `with` blocks."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._began = 0.0
+
+    def __enter__(self) -> None:
+        self._began = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.seconds += time.perf_counter() - self._began
+
+
+class Pieces(Protocol):
+    """Segments of logs, all of one length, each starting from a measured state."""
+
+    @property
+    def session(self) -> tuple[str, ...]:
+        """Name of each segment's session."""
+        ...
+
+    def __len__(self) -> int: ...
+
+
+P = TypeVar("P", bound=Pieces)
+
+
+class Case(Protocol[P]):
+    """A machine with the first guesses that its training logs allow: what the fit works on."""
+
+    declared: Sequence[Declared]
+    candidates: Mapping[str, Candidate]
+    unseen: Mapping[str, str]
+    """Candidates that these logs cannot show, and why"""
+    clock: Stopwatch
+    """Time spent in simulation"""
+
+    def pieces(self, sessions: Sequence[Session]) -> P:
+        """Cut sessions into segments."""
+        ...
+
+    def take(self, pieces: P, which: Sequence[int]) -> P:
+        """Some of the segments."""
+        ...
+
+    def residual(self, points: Sequence[Point], pieces: P) -> Array:
+        """Measured minus predicted, divided by `noise`: (points, segments, numbers); 0 where nothing
+        was measured, NaN for a twin whose simulation gave up. All points have the same effects.
+        """
+        ...
+
+    def slopes(self, point: Point, pieces: P) -> Array:
+        """Change of the residual per unit of each parameter that is not simulated, (p, segments, numbers)."""
+        ...
+
+    def reweighted(self, point: Point, pieces: P) -> "Case[P]":
+        """The same case, each channel's noise set to what a fitted twin leaves of it."""
+        ...
+
+    def compare(self, point: Point | None, pieces: P) -> Comparison:
+        """Measured beside what the twin at a point predicts; without a point, the nominal twin."""
+        ...
+
+    def expected(self, fit: Point, error: Array, pieces: P, rng: np.random.Generator) -> float:
+        """Mean marker error [mm] of a twin that lacks nothing: whose start is as uncertain as the
+        measurement, and whose parameters as uncertain as their fit; `error` (P,).
+        """
+        ...
+
+    def write(self, point: Point, path: Path, about: Mapping[str, Any]) -> None:
+        """Write the twin of a point, PATH.json and PATH.xml."""
+        ...
+
+
+class Rig(Protocol):
+    """One kind of machine."""
+
+    name: str
+
+    def read(self, folder: Path) -> list[Session]:
+        """A folder's sessions; raises a `SerpentError` on logs that are not of this machine."""
+        ...
+
+    def open(self, training: Sequence[Session]) -> Case[Any]:
+        """First guesses out of training logs."""
+        ...

@@ -1,0 +1,188 @@
+"""What do the rounds of a trace add up to?"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.residual import Findings, analyse, describe
+from serpent_twin.residual.learned import learn
+from serpent_twin.rigs.rig import Case as AnyCase
+from serpent_twin.trace.diagnosis import (
+    ACCEPTED,
+    NOT_EXCITED,
+    REJECTED,
+    Diagnosis,
+    Estimate,
+    Named,
+    Tried,
+    Unexplained,
+)
+from serpent_twin.trace.held_out import errors
+from serpent_twin.trace.least_squares import Fit, indistinguishable
+from serpent_twin.trace.steps import Round, Search, Tracer, seen
+
+Case = AnyCase[Any]
+BEYOND = 2.0
+"""Times the error of a twin that lacks nothing, above which an error is unexplained in any case"""
+SUSPECT = 1.25
+"""And above which it is, if it follows something"""
+FOLLOWS = 0.15
+"""Share of what is above the noise that must follow something"""
+LOAD_BEYOND = 1.15
+"""Times the loads' noise"""
+
+
+def conclude(tracer: Tracer, search: Search, arm: str, files: Sequence[str]) -> Diagnosis:
+    """The diagnosis: errors, effects with intervals, verdicts, and what is left."""
+    case, held_out, rng = search.case, tracer.held_out, np.random.default_rng([tracer.seed, 7])
+    final = search.final
+    points = {"nominal": None, "calibrated": search.calibrated.point, "corrected": final.point}
+    compared = {name: case.compare(point, held_out) for name, point in points.items()}
+    found = {name: analyse(compared[name], rng) for name in ("calibrated", "corrected")}
+    error = {name: errors(each) for name, each in compared.items()}
+    spread = final.error[: len(case.declared)]
+    expected = case.expected(final.point, spread, held_out, rng)
+    noise = found["corrected"].noise
+    error_mm = {name: each.marker for name, each in error.items()}
+    load = {name: each.load for name, each in error.items()}
+    learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
+    return Diagnosis(
+        arm=arm,
+        held_out=tuple(files),
+        effects=_named(case, search),
+        candidates=_tried(case, search),
+        unexplained=_unexplained(found["corrected"], error_mm, load, expected),
+        error_mm=error_mm | {"noise_floor": noise.floor_mm, "expected": expected},
+        load_error_percent=load | {"noise_floor": noise.load_floor_percent},
+        cautions=_cautions(case, search),
+        calibration=_calibration(case, final),
+        comparisons=compared,
+        findings=found,
+        learned=learned,
+    )
+
+
+def _named(case: Case, search: Search) -> tuple[Named, ...]:
+    accepted = {
+        each.accepted: each.trials[each.accepted] for each in search.rounds if each.accepted
+    }
+    named = []
+    for name in search.final.point.effects:
+        gained = accepted[name].gain
+        assert gained is not None
+        bounds = [
+            n
+            for n, r in case.candidates[name].ranges.items()
+            if _at_bound(search.final, name, n, case)
+        ]
+        named.append(
+            Named(
+                name=name,
+                parameters=_estimates(case, search.final, name),
+                gain_mm=gained.marker_mm,
+                gain_load_percent=gained.load_percent,
+                probability_of_chance=gained.probability_of_chance,
+                at_bound=f"{name}'s {', '.join(bounds)} lies at the end of its range."
+                if bounds
+                else "",
+            )
+        )
+    return tuple(named)
+
+
+def _estimates(case: Case, fit: Fit, name: str) -> dict[str, Estimate]:
+    out = {}
+    for k, (parameter, allowed) in enumerate(case.candidates[name].ranges.items()):
+        value = float(fit.point.effects[name][k])
+        low, high = value, value
+        if (name, k) in fit.moves.effects:
+            _, low, high = fit.interval(name, k)
+        out[parameter] = Estimate(
+            value, max(low, allowed.low), min(high, allowed.high), allowed.unit
+        )
+    return out
+
+
+def _at_bound(fit: Fit, name: str, parameter: str, case: Case) -> bool:
+    ranges = case.candidates[name].ranges
+    allowed, value = ranges[parameter], fit.point.effects[name][list(ranges).index(parameter)]
+    return allowed.fitted and (value >= allowed.high or (allowed.low < 0 and value <= allowed.low))
+
+
+def _tried(case: Case, search: Search) -> tuple[Tried, ...]:
+    """Every candidate's verdict: from the round that accepted it, else from the last."""
+    out = {
+        name: Tried(name, float("nan"), NOT_EXCITED, 0.0, None, why)
+        for name, why in case.unseen.items()
+    }
+    for each in search.rounds:
+        for name, trial in each.trials.items():
+            verdict, why = _verdict(name, each, search, case)
+            by_segment = trial.gain.marker_by_segment_mm if trial.gain else None
+            out[name] = Tried(name, trial.error_mm, verdict, trial.score.share, by_segment, why)
+        for name in search.final.point.effects:
+            if name == each.accepted:
+                break
+    ordered = sorted(out.values(), key=lambda t: (t.verdict != ACCEPTED, -t.score))
+    return tuple(ordered)
+
+
+def _verdict(name: str, each: Round, search: Search, case: Case) -> tuple[str, str]:
+    trial = each.trials[name]
+    if name == each.accepted:
+        if name in search.final.point.effects:
+            return ACCEPTED, "it betters logs that nothing was fitted to, beyond chance"
+        return REJECTED, "beside the effects found later it is not worth its parameters"
+    if not seen(trial):
+        return NOT_EXCITED, "a typical strength would move these logs by less than can be seen"
+    if trial.gain is None:
+        return (
+            REJECTED,
+            f"to first order it would remove {100 * trial.score.share:.1f} % of the residual",
+        )
+    better = f"{100 * trial.gain.relative:.1f} % better on held-out logs"
+    if each.accepted:
+        return REJECTED, f"{better}, less than {each.accepted}"
+    return REJECTED, f"{better}: not worth its parameters, or within chance"
+
+
+def _unexplained(
+    found: Findings, error_mm: Mapping[str, float], load: Mapping[str, float], expected: float
+) -> Unexplained:
+    error = error_mm["corrected"]
+    share = max(0.0, 1 - (expected / error) ** 2) if error > 0 else 0.0
+    markers = [d.share_above_noise for d in found.depends_on if d.kind != "load"]
+    loads = [d.share_above_noise for d in found.depends_on if d.kind == "load"]
+    swings = found.marker_change is not None and found.marker_change.swings
+    follows = swings or max(markers, default=0.0) > FOLLOWS
+    in_markers = error > BEYOND * expected or (follows and error > SUSPECT * expected)
+    floor = found.noise.load_floor_percent
+    in_loads = load["corrected"] > LOAD_BEYOND * floor and max(loads, default=0.0) > FOLLOWS
+    if in_loads and not in_markers:
+        share = max(0.0, 1 - (floor / load["corrected"]) ** 2)
+    is_ = bool(in_markers or in_loads)
+    return Unexplained(is_, share, describe(found) if is_ else "")
+
+
+def _cautions(case: Case, search: Search) -> tuple[str, ...]:
+    told = indistinguishable(case, search.final)
+    if not search.final.converged:
+        told.append("The last fit had not settled; its intervals are too narrow.")
+    told += [f"{name}: {why}." for name, why in case.unseen.items()]
+    for name, at in ((n, p) for n in search.final.point.effects for p in case.candidates[n].ranges):
+        if _at_bound(search.final, name, at, case):
+            told.append(f"{name}'s {at} lies at the end of its range: doubt it.")
+    return tuple(told)
+
+
+def _calibration(case: Case, fit: Fit) -> dict[str, Estimate]:
+    out = {}
+    for n, k in enumerate(fit.moves.declared):
+        about, value, half = (
+            case.declared[k],
+            float(fit.point.declared[k]),
+            1.96 * float(fit.error[n]),
+        )
+        out[about.name] = Estimate(value, value - half, value + half, about.unit)
+    return out

@@ -1,0 +1,160 @@
+"""What does a trace find? The figures of diagnosis.json, and what the report draws."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from serpent_twin.arm import Array
+from serpent_twin.residual import Comparison, Findings
+from serpent_twin.residual.learned import Learned
+
+ACCEPTED, REJECTED, NOT_EXCITED = "accepted", "rejected", "not excited"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One number of an effect with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect that the twin lacked."""
+
+    name: str
+    parameters: Mapping[str, Estimate]
+    gain_mm: float
+    """By how much it betters the held-out marker error [mm]"""
+    gain_load_percent: float
+    """By how much it betters the held-out load error [% of stall]"""
+    probability_of_chance: float
+    """Of no gain at all, by paired bootstrap over held-out segments [1]"""
+    at_bound: str = ""
+    """A sentence, where a parameter lies at the end of its range"""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate and what became of it."""
+
+    name: str
+    error_mm: float
+    """Held-out marker error with it; of the twin without it, where it was not worth a full fit [mm]"""
+    verdict: str
+    """accepted, rejected or not excited"""
+    score: float
+    """Share of the residual's squares that it would remove, to first order [1]"""
+    gain_by_segment_mm: Array | None
+    """On held-out segments, if it was fitted [mm]"""
+    why: str
+    """In words"""
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What no effect of the catalogue explains."""
+
+    is_: bool
+    share: float
+    """Share of the corrected twin's squared error that a twin which lacks nothing would not make [1]"""
+    depends_on: str
+    """In words: on what it depends, and where to look"""
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """All that a trace finds."""
+
+    arm: str
+    held_out: tuple[str, ...]
+    """Files of the sessions that nothing was fitted to"""
+    effects: tuple[Named, ...]
+    candidates: tuple[Tried, ...]
+    unexplained: Unexplained
+    error_mm: Mapping[str, float]
+    """nominal, calibrated, corrected, noise_floor; and expected: of a twin that lacks nothing"""
+    load_error_percent: Mapping[str, float]
+    """nominal, calibrated, corrected, noise_floor"""
+    cautions: tuple[str, ...]
+    """What the data cannot tell, in sentences"""
+    calibration: Mapping[str, Estimate]
+    """Declared parameters with intervals, in the fit's coordinates"""
+    comparisons: Mapping[str, Comparison]
+    """nominal, calibrated, corrected: measured beside predicted on held-out segments"""
+    findings: Mapping[str, Findings]
+    """calibrated, corrected: what the residual depends on"""
+    learned: Learned
+    """The last resort, apart from physics"""
+
+    def numbers(self, seconds: float, simulated: float) -> dict[str, Any]:
+        """diagnosis.json."""
+        return {
+            "arm": self.arm,
+            "held_out": list(self.held_out),
+            "effects": [
+                {
+                    "name": each.name,
+                    "parameters": {n: vars(e) for n, e in each.parameters.items()},
+                    "gain_mm": each.gain_mm,
+                    "gain_load_percent": each.gain_load_percent,
+                    "probability_of_chance": each.probability_of_chance,
+                }
+                for each in self.effects
+            ],
+            "candidates": [
+                {
+                    "name": each.name,
+                    "error_mm": each.error_mm,
+                    "verdict": each.verdict,
+                    "score": each.score,
+                    "why": each.why,
+                }
+                for each in self.candidates
+            ],
+            "unexplained": {
+                "is": self.unexplained.is_,
+                "share": self.unexplained.share,
+                "depends_on": self.unexplained.depends_on,
+            },
+            "error_mm": dict(self.error_mm),
+            "load_error_percent": dict(self.load_error_percent),
+            "learned": {
+                "share": self.learned.share,
+                "on": self.learned.on,
+                "before_mm": self.learned.before_mm,
+                "after_mm": self.learned.after_mm,
+            },
+            "cautions": list(self.cautions),
+            "calibration": {name: vars(each) for name, each in self.calibration.items()},
+            "residual": {name: each.numbers() for name, each in self.findings.items()},
+            "seconds": seconds,
+            "share_of_time_in_simulation": simulated / seconds if seconds else 0.0,
+        }
+
+    def sentence(self) -> str:
+        """The diagnosis in a line or two."""
+        error = self.error_mm
+        course = (
+            f"{error['nominal']:.2f} mm nominal, {error['calibrated']:.2f} calibrated, "
+            f"{error['corrected']:.2f} corrected (cameras alone: {error['noise_floor']:.2f})"
+        )
+        if not self.effects:
+            what = (
+                "nothing is missing" if not self.unexplained.is_ else "no known effect explains it"
+            )
+        else:
+            what = "it lacked " + " and ".join(map(_told, self.effects))
+        rest = f" Unexplained: {self.unexplained.depends_on}" if self.unexplained.is_ else ""
+        return f"{self.arm}: {what}. {course}.{rest}"
+
+
+def _told(effect: Named) -> str:
+    values = ", ".join(
+        f"{name} {e.value:.3g} {e.unit} ({e.low:.3g} … {e.high:.3g})"
+        for name, e in effect.parameters.items()
+    )
+    return f"{effect.name} ({values})"

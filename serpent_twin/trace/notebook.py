@@ -1,0 +1,91 @@
+"""How does an interrupted trace go on where it stopped?"""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.rigs.rig import Point
+from serpent_twin.trace.least_squares import Fit, Moves
+from serpent_twin.trace.search import Score
+
+
+class Notebook:
+    """Finished stages of one trace, each a file in a folder; without a folder nothing is kept."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+        if folder:
+            folder.mkdir(parents=True, exist_ok=True)
+
+    def fit(self, name: str, make: Callable[[], Fit]) -> Fit:
+        """The fit of a stage, made now or read back."""
+        if not self._folder:
+            return make()
+        path = self._folder / f"{name}.npz"
+        if path.exists():
+            return _read_fit(path)
+        made = make()
+        _save(path, _fit_arrays(made))
+        return made
+
+    def scores(self, name: str, make: Callable[[], list[Score]]) -> list[Score]:
+        """The score tests of a stage, made now or read back."""
+        if not self._folder:
+            return make()
+        path = self._folder / f"{name}.npz"
+        if path.exists():
+            with np.load(path) as stored:
+                rows = json.loads(str(stored["scores"]))
+            return [Score(**{**row, "start": np.array(row["start"])}) for row in rows]
+        made = make()
+        rows = [{**asdict(each), "start": each.start.tolist()} for each in made]
+        _save(path, {"scores": np.array(json.dumps(rows))})
+        return made
+
+
+def _save(path: Path, arrays: dict[str, Any]) -> None:
+    part = path.with_suffix(".partial")
+    with part.open("wb") as file:
+        np.savez(file, **arrays)
+    part.rename(path)
+
+
+def _fit_arrays(fit: Fit) -> dict[str, Any]:
+    about = {
+        "effects": {name: list(map(float, v)) for name, v in fit.point.effects.items()},
+        "moved": list(fit.moves.declared),
+        "moved_effects": [list(each) for each in fit.moves.effects],
+        "cost": fit.cost,
+        "converged": fit.converged,
+        "used": list(fit.used),
+        "clusters": fit.clusters,
+    }
+    return {
+        "about": np.array(json.dumps(about)),
+        "declared": fit.point.declared,
+        "error": fit.error,
+        "correlation": fit.correlation,
+        "slope": fit.slope,
+    }
+
+
+def _read_fit(path: Path) -> Fit:
+    with np.load(path) as stored:
+        about = json.loads(str(stored["about"]))
+        effects = {name: np.array(values) for name, values in about["effects"].items()}
+        moved = tuple((name, int(k)) for name, k in about["moved_effects"])
+        return Fit(
+            point=Point(stored["declared"], effects),
+            moves=Moves(tuple(about["moved"]), moved),
+            cost=about["cost"],
+            error=stored["error"],
+            correlation=stored["correlation"],
+            converged=about["converged"],
+            slope=stored["slope"],
+            used=tuple(about["used"]),
+            clusters=about["clusters"],
+        )

@@ -1,0 +1,242 @@
+"""What does an engineer want to know of a trace?"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from serpent_twin import effects
+from serpent_twin.report import Figure, Report, Section
+from serpent_twin.residual import describe
+from serpent_twin.residual import figures as residual_figures
+from serpent_twin.trace import figures, tables
+from serpent_twin.trace.diagnosis import Diagnosis, Named
+
+
+def page(
+    diagnosis: Diagnosis, facts: Mapping[str, str], prior: Mapping[str, float] | None = None
+) -> Report:
+    """The report: what was missing, how that was found, and what is left.
+
+    `prior` holds the width within which each calibrated parameter was expected, in its unit; without
+    it, a parameter's way from its start is told in standard errors.
+    """
+    drawn = _residual_figures(diagnosis)
+    sections = (
+        _before_and_after(diagnosis, drawn),
+        _ranking(diagnosis),
+        _missing(diagnosis),
+        _left(diagnosis, drawn),
+        _loads(diagnosis, drawn),
+        _calibration(diagnosis, prior or {}),
+        _last_resort(diagnosis),
+    )
+    title = f"What the twin of {diagnosis.arm} lacks"
+    return Report(title, lead(diagnosis), tuple(s for s in sections if s), facts)
+
+
+def lead(diagnosis: Diagnosis) -> str:
+    """What was missing, what it brings and what is left, in a few sentences."""
+    return " ".join(
+        part for part in (_found(diagnosis), _course(diagnosis), _rest(diagnosis)) if part
+    )
+
+
+def _found(diagnosis: Diagnosis) -> str:
+    if diagnosis.effects:
+        told = " and ".join(map(_with_strength, diagnosis.effects))
+        return f"The twin lacked {told}; ranges are 95 % intervals."
+    if diagnosis.unexplained.is_:
+        return "Nothing in the catalogue explains what is left of the error."
+    return (
+        "Nothing is missing: no effect of the catalogue betters the calibrated twin beyond chance and by "
+        "enough to be worth its parameters."
+    )
+
+
+def _with_strength(effect: Named) -> str:
+    told = ", ".join(f"{name} {tables.with_interval(e)}" for name, e in effect.parameters.items())
+    return f"{figures.spaced(effect.name)} ({told})"
+
+
+def _course(diagnosis: Diagnosis) -> str:
+    """Errors from stage to stage, of the markers or, where there are none, of the loads."""
+    for error, what, unit in (
+        (diagnosis.error_mm, "the markers are off by", " mm"),
+        (diagnosis.load_error_percent, "the loads are off by", " % of stall"),
+    ):
+        names = [n for n in figures.stages(diagnosis) if np.isfinite(error.get(n, np.nan))]
+        if names:
+            told = [f"{error[name]:.2f}{unit} {name}" for name in names]
+            floor = error.get("noise_floor", np.nan)
+            noise = f"; noise alone makes {floor:.2f}{unit}" if np.isfinite(floor) else ""
+            return f"On {_sessions(diagnosis)}, {what} {_listed(told)}{noise}."
+    return ""
+
+
+def _rest(diagnosis: Diagnosis) -> str:
+    rest = diagnosis.unexplained
+    if not rest.is_:
+        return ""
+    share = f"{100 * rest.share:.0f} % of the squared error stays unexplained."
+    return f"{share} {rest.depends_on}".strip()
+
+
+def _sessions(diagnosis: Diagnosis) -> str:
+    names = [name.removesuffix(".parquet") for name in diagnosis.held_out]
+    return f"{_listed(names)}, to which nothing was fitted" if names else "the held-out segments"
+
+
+def _residual_figures(diagnosis: Diagnosis) -> dict[str, Figure]:
+    """The residual's figures by name, of the last twin beside those before it."""
+    names = [n for n in figures.stages(diagnosis) if n in diagnosis.comparisons]
+    if not names or names[-1] not in diagnosis.findings:
+        return {}
+    chosen = {name: diagnosis.comparisons[name] for name in names}
+    drawn = residual_figures.figures(chosen, diagnosis.findings[names[-1]])
+    return {figure.name: figure for figure in drawn}
+
+
+def _before_and_after(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section:
+    text = (
+        "Motor angles of the log drive each twin. Nominal is the twin as declared; calibrated has the "
+        "declared parameters fitted to the training sessions; corrected has, besides, what was found "
+        "missing."
+    )
+    if not diagnosis.effects:
+        text += " Nothing was added to the calibrated twin, so that the corrected one is the same."
+    blocks = (
+        figures.before_and_after(diagnosis),
+        tables.errors(diagnosis),
+        drawn.get("error_by_marker"),
+        drawn.get("error_over_time"),
+    )
+    return Section("Before and after", text, tuple(block for block in blocks if block))
+
+
+def _ranking(diagnosis: Diagnosis) -> Section | None:
+    figure = figures.ranking(diagnosis.candidates)
+    if figure is None:
+        return None
+    verdicts = [each.verdict for each in diagnosis.candidates]
+    count = {verdict: verdicts.count(verdict) for verdict in tables.VERDICTS}
+    told = _listed([f"{n} {verdict}" for verdict, n in count.items() if n])
+    text = (
+        f"{len(diagnosis.candidates)} candidates were tried: {told}. A candidate is accepted only if it "
+        "betters sessions that it was not fitted to, beyond chance and by enough to be worth its "
+        "parameters. Not excited means that these logs could not show it."
+    )
+    return Section("Which candidate", text, (figure, tables.candidates(diagnosis.candidates)))
+
+
+def _missing(diagnosis: Diagnosis) -> Section | None:
+    if not diagnosis.effects:
+        return None
+    verdicts = {each.name: each.verdict for each in diagnosis.candidates}
+    text = "\n\n".join(_about(effect, verdicts) for effect in diagnosis.effects)
+    return Section("What was missing", text, (tables.parameters(diagnosis.effects),))
+
+
+def _about(effect: Named, verdicts: Mapping[str, str]) -> str:
+    """What an effect is, in which logs it shows, and what became of what looks like it."""
+    parts = []
+    if kind := effects.CATALOGUE.get(effect.name):
+        parts.append((kind.__doc__ or "").split("\n")[0].strip())
+        parts.append(f"It shows in {kind.shows_in}." if kind.shows_in else "")
+        alike = [
+            f"{figures.spaced(n)} ({verdicts[n]})" if n in verdicts else figures.spaced(n)
+            for n in kind.confused_with
+        ]
+        parts.append(f"It can be confused with {_listed(alike)}." if alike else "")
+    parts.append(effect.at_bound)
+    said = " ".join(part for part in parts if part) or "The catalogue does not describe it."
+    return f"{_capital(figures.spaced(effect.name))}. {said}"
+
+
+def _left(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
+    """The residual, in words and pictures: of the calibrated twin and, if there is one, the corrected."""
+    twins = {
+        name: (diagnosis.comparisons[name], diagnosis.findings[name])
+        for name in figures.stages(diagnosis)
+        if name in diagnosis.findings and name in diagnosis.comparisons
+    }
+    if not twins:
+        return None
+    told = {name: describe(found) for name, (_, found) in twins.items()}
+    parts = [
+        *(f"{_capital(name)}: {said}" for name, said in told.items()),
+        _verdict(diagnosis, told),
+    ]
+    blocks: list[Figure | None] = [figures.by_feature(twins, "residual_by_feature")]
+    if diagnosis.unexplained.is_ and len(twins) > 1:
+        last = dict([list(twins.items())[-1]])
+        blocks.append(figures.by_feature(last, "unexplained_by_feature"))
+    if any(comparison.has_markers for comparison, _ in twins.values()):
+        blocks += [figures.place_and_time(twins), drawn.get("residual_spectrum")]
+    return Section("What is left", "\n\n".join(parts), tuple(b for b in blocks if b))
+
+
+def _verdict(diagnosis: Diagnosis, told: Mapping[str, str]) -> str:
+    """Whether what is left is explained; what the descriptions say is not said again."""
+    rest = diagnosis.unexplained
+    if not rest.is_:
+        error, clean = (diagnosis.error_mm.get(n, np.nan) for n in ("corrected", "expected"))
+        known = np.isfinite(error) and np.isfinite(clean)
+        beside = f": {error:.2f} mm, where a twin that lacks nothing leaves {clean:.2f} mm"
+        return f"What is left is too little to call unexplained{beside if known else ''}."
+    share = f"Unexplained is {100 * rest.share:.0f} % of the squared error."
+    repeated = any(rest.depends_on in said for said in told.values())
+    return share if repeated else f"{share} {rest.depends_on}"
+
+
+def _loads(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
+    figure = drawn.get("load_error_by_motor")
+    if figure is None:
+        return None
+    text = (
+        "Loads are predicted from the same motor angles. At rest, gear friction may hold any load "
+        "within its bounds, so that motion tells more."
+    )
+    return Section("Loads", text, (figure,))
+
+
+def _calibration(diagnosis: Diagnosis, prior: Mapping[str, float]) -> Section | None:
+    if not diagnosis.calibration and not diagnosis.cautions:
+        return None
+    parts = ["Declared parameters, fitted to the training sessions, each from its start."]
+    if not diagnosis.calibration:
+        parts = ["No declared parameter was fitted."]
+    if diagnosis.cautions:
+        parts += ["What the data cannot tell:", *(f"• {each}" for each in diagnosis.cautions)]
+    table = tables.calibration(diagnosis.calibration, prior)
+    return Section("Calibration", "\n\n".join(parts), (table,) if table.rows else ())
+
+
+def _last_resort(diagnosis: Diagnosis) -> Section:
+    learned = diagnosis.learned
+    text = (
+        "A correction of the predicted markers, learned from motor angles, velocities and loads. It is "
+        "no physics, names no cause, and is in none of the figures above."
+    )
+    if not np.isfinite(learned.before_mm):
+        said = "It was not learned: these logs lack markers or motor readings."
+    elif not learned.on:
+        said = (
+            f"It is off: on {_sessions(diagnosis)}, it removes nothing of the "
+            f"{learned.before_mm:.2f} mm beyond chance."
+        )
+    else:
+        low, high = (100 * share for share in learned.interval)
+        said = (
+            f"It removes {100 * learned.share:.0f} % ({low:.0f} … {high:.0f} %, 95 % interval) of the "
+            f"marker distance on {_sessions(diagnosis)}: {learned.before_mm:.2f} mm without it, "
+            f"{learned.after_mm:.2f} mm with it."
+        )
+    return Section("Last resort, apart from physics", f"{text}\n\n{said}")
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,136 @@
+"""How is a trace asked for, and what does it leave behind?"""
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from serpent_twin import rigs
+from serpent_twin.claim import claimed
+from serpent_twin.errors import SerpentError
+from serpent_twin.files import write_whole
+from serpent_twin.log import Session
+from serpent_twin.provenance import file_hash, provenance
+from serpent_twin.report import write
+from serpent_twin.trace.conclude import conclude
+from serpent_twin.trace.diagnosis import Diagnosis
+from serpent_twin.trace.notebook import Notebook
+from serpent_twin.trace.page import page
+from serpent_twin.trace.steps import Tracer
+
+SETTINGS = "trace.json"
+_STEPS = 60  # of a usual trace, for the time left: a second effect adds some
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Find what the twin of a logged machine lacks, add it, and show the error before and after.
+
+    OUT gets diagnosis.json, report.html, report.md, figures, and the corrected twin (twin.json,
+    twin.xml), which collect --twin, the device's --model and replay --twin take. A run that was
+    interrupted goes on when the same command is given again.
+    """
+
+    logs: Path
+    """Folder with the session logs of one machine."""
+    out: Path
+    """Folder for results; made if it does not exist."""
+    rig: str = "arm"
+    """The kind of machine."""
+    held_out: int = 1
+    """Sessions, the last ones, that nothing is fitted to and that judge."""
+    sessions: int = 0
+    """Use only the first so many sessions; 0 for all."""
+    seed: int = 0
+    """Seed of bootstrap and permutations."""
+
+
+def trace(config: Trace) -> dict[str, Any]:
+    """Trace a folder of logs; returns what diagnosis.json holds."""
+    if config.seed < 0:
+        raise SerpentError(f"--seed is {config.seed}; give a number of at least 0.")
+    rig = rigs.find(config.rig)
+    sessions = rig.read(config.logs)[: config.sessions or None]
+    if config.held_out < 1 or len(sessions) <= config.held_out:
+        raise SerpentError(
+            f"{config.logs} has {len(sessions)} sessions, and --held-out is {config.held_out}: one at "
+            "least must judge and one at least be fitted. Record more sessions; three to fit are good."
+        )
+    with claimed(config.out, SETTINGS, _settings(config, sessions)):
+        began, before = time.perf_counter(), _spent(config.out)
+        tracer, found = _run(config, rig, sessions)
+        seconds = before + time.perf_counter() - began
+        numbers = found.numbers(seconds, tracer.case.clock.seconds)
+        return _write(config, tracer, found, numbers, sessions)
+
+
+def _settings(config: Trace, sessions: list[Session]) -> dict[str, Any]:
+    inputs = {s.name: file_hash(s.path) for s in sessions if s.path}
+    kept = {"rig": config.rig, "held_out": config.held_out, "seed": config.seed}
+    return kept | {"input_sha256": inputs}
+
+
+def _spent(out: Path) -> float:
+    """Seconds that earlier, interrupted runs spent in finished stages."""
+    stages = sorted((out / "stages").glob("*.npz"), key=lambda p: p.stat().st_mtime)
+    if not stages:
+        return 0.0
+    return stages[-1].stat().st_mtime - (out / SETTINGS).stat().st_mtime
+
+
+def _run(config: Trace, rig: rigs.Rig, sessions: list[Session]) -> tuple[Tracer, Diagnosis]:
+    training, judging = sessions[: -config.held_out], sessions[-config.held_out :]
+    with tqdm(total=_STEPS, unit="step", desc="first guesses", smoothing=0.1) as bar:
+
+        def tell(what: str) -> None:
+            bar.set_description_str(what)
+            bar.total = max(bar.total, bar.n + 8)
+            bar.update()
+
+        case = rig.open(training)
+        notes = Notebook(config.out / "stages")
+        tracer = Tracer(case, case.pieces(training), case.pieces(judging), notes, tell, config.seed)
+        search = tracer.search()
+        tell("what is left")
+        arm = str(sessions[0].metadata.get("arm", config.logs.name))
+        found = conclude(tracer, search, arm, [s.path.name if s.path else s.name for s in judging])
+        bar.total = bar.n
+        bar.refresh()
+    return tracer, found
+
+
+def _write(
+    config: Trace,
+    tracer: Tracer,
+    found: Diagnosis,
+    numbers: dict[str, Any],
+    sessions: list[Session],
+) -> dict[str, Any]:
+    origin = _settings(config, sessions) | provenance()
+    numbers = numbers | {"provenance": origin}
+    assert tracer.final is not None
+    about = {"arm": found.arm, "provenance": origin}
+    tracer.case.write(tracer.final, config.out / "twin.json", about)
+    if found.learned.on:
+        found.learned.save(config.out / "learned.npz")
+    facts = {
+        "logs": str(config.logs),
+        "seed": str(config.seed),
+        "commit": str(origin["git_commit"]),
+        "versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items()),
+    }
+    priors = {each.name: each.prior for each in tracer.case.declared}
+    report = write(page(found, facts, priors), config.out)
+    write_whole(config.out / "diagnosis.json", json.dumps(numbers, indent=1) + "\n")
+    print(found.sentence())
+    share = 100 * numbers["share_of_time_in_simulation"]
+    print(f"{numbers['seconds']:.0f} s, {share:.0f} % of it in simulation.")
+    print(f"{report}: the figures. {config.out / 'twin.json'}: the corrected twin.")
+    return numbers
+
+
+def main(config: Trace) -> None:  # noqa: D103 tyro would print it above the config's own
+    trace(config)

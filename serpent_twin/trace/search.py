@@ -1,0 +1,126 @@
+"""Which candidate effects are worth a full fit, and what do they then gain?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arm import Array
+from serpent_twin.rigs.rig import Candidate, Case
+from serpent_twin.trace.least_squares import WORTH, Fit, Tell, fit, moves_of
+
+EXCITED = 0.02
+"""An effect whose typical strength moves the residual by less than this share of its rms is not seen"""
+_WORTH_A_FIT = 0.015
+"""Share of the residual's squares that a candidate must remove in the score test"""
+_DERIVATIVES = 3
+
+
+@dataclass(frozen=True)
+class Score:
+    """What one candidate would remove at the calibrated optimum, to first order."""
+
+    name: str
+    share: float
+    """Of the residual's squares, beyond what the declared parameters take up [1]"""
+    excitation: float
+    """How far its typical strength moves the residual, as a share of the residual's rms [1]"""
+    start: Array
+    """Its parameters where a full fit should begin"""
+
+
+def score(case: Case[Any], pieces: Any, base: Fit, candidate: Candidate) -> Score:
+    """The score test of one candidate: one simulation a variant, the derivative is the base's."""
+    some = case.take(pieces, base.used)
+    residual = case.residual([base.point], some)[0]
+    points = [base.point.having(candidate.name, values) for values in _columns(candidate)]
+    changes = case.residual(points, some) - residual
+    best: Score | None = None
+    for change, point in zip(changes, points, strict=True):
+        if not np.isfinite(change).all():
+            continue
+        share, size = _projected(base, case, len(pieces) / len(some), residual, change)
+        moved = float(np.sqrt((change**2).sum() / max((residual**2).sum(), 1e-30)))
+        start = _scaled(candidate, point.effects[candidate.name], size)
+        share = share if start is not None else 0.0
+        start = point.effects[candidate.name] if start is None else start
+        if best is None or share > best.share:
+            best = Score(candidate.name, share, max(moved, best.excitation if best else 0.0), start)
+    return best or Score(candidate.name, 0.0, 0.0, candidate.variants[0])
+
+
+def _columns(candidate: Candidate) -> list[Array]:
+    """Parameter values to try: every variant; of several signed strengths, each alone."""
+    signed = [k for k, r in enumerate(candidate.ranges.values()) if r.fitted and r.low < 0]
+    if len(signed) < 2:
+        return list(candidate.variants)
+    tried = []
+    for values in candidate.variants:
+        for k in signed:
+            alone = values.copy()
+            alone[[n for n in signed if n != k]] = 0.0
+            tried.append(alone)
+    return tried
+
+
+def _projected(
+    base: Fit, case: Case[Any], grown: float, residual: Array, change: Array
+) -> tuple[float, float]:
+    """Share of the squares that the change removes beyond the declared parameters, and its size."""
+    prior = np.array([1 / case.declared[k].prior ** 2 for k in base.moves.declared])
+    n = len(prior)
+    flat = base.slope[:n].reshape(n, -1)
+    weight = grown / WORTH
+    normal = weight * (flat @ flat.T) + np.diag(prior)
+    d, r = change.ravel().astype(float), residual.ravel().astype(float)
+    free_d = d - flat.T @ np.linalg.solve(normal, weight * (flat @ d))
+    along = float(free_d @ d)
+    if along <= 0:
+        return 0.0, 0.0
+    size = -float(free_d @ r) / along
+    return size * size * along / float(r @ r), size
+
+
+def _scaled(candidate: Candidate, values: Array, size: float) -> Array | None:
+    """Values with their strengths times a size; None where that points out of the range."""
+    out = values.copy()
+    ranges = list(candidate.ranges.values())
+    strengths = [k for k, r in enumerate(ranges) if r.fitted and r.low < 0] or [0]
+    for k in strengths:
+        if ranges[k].low >= 0 and size <= 0:
+            return None
+        out[k] = np.clip(size * values[k], ranges[k].low, 0.8 * ranges[k].high)
+    return out
+
+
+def worth_fitting(scores: Sequence[Score], candidates: Any, most: int = 3) -> list[str]:
+    """Names of candidates to fit fully: the best few, and what each can be confused with."""
+    ranked = sorted(scores, key=lambda s: -s.share)
+    best = [s.name for s in ranked if s.share > _WORTH_A_FIT and s.excitation > EXCITED][:most]
+    there = {s.name for s in scores}
+    beside = [n for name in best[:2] for n in candidates[name].confused_with if n in there]
+    return list(dict.fromkeys([*best, *beside]))
+
+
+def full_fit(case: Case[Any], pieces: Any, base: Fit, found: Score, tell: Tell) -> Fit:
+    """A candidate fitted together with all declared parameters, from the best of a few strengths."""
+    names = [*base.point.effects, found.name]
+    starts = _starts(case.candidates[found.name], found.start)
+    points = [base.point.having(found.name, values) for values in starts]
+    some = case.take(pieces, base.used)
+    cost = np.nansum(case.residual(points, some) ** 2, axis=(1, 2))
+    start = points[int(np.argmin(np.where(cost > 0, cost, np.inf)))]
+    return fit(case, pieces, start, moves_of(case, names), _DERIVATIVES, 3, tell, known=base)
+
+
+def _starts(candidate: Candidate, values: Array) -> list[Array]:
+    """The score's guess, and smaller and larger ones."""
+    ranges = list(candidate.ranges.values())
+    out = []
+    for factor in (0.3, 1.0, 2.0):
+        scaled = values.copy()
+        for k in [k for k, r in enumerate(ranges) if r.fitted and r.low < 0] or [0]:
+            scaled[k] = np.clip(factor * values[k], ranges[k].low, ranges[k].high)
+        out.append(scaled)
+    return out

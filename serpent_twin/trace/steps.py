@@ -1,0 +1,220 @@
+"""Which missing effect explains the residual? The five steps of a trace.
+
+(1) Calibrate the declared parameters on training logs. (2) Look at what is left on held-out logs.
+(3) Screen all candidates by a score test; fit the best few fully, with what they can be confused with.
+(4) Accept the best only if its gain on held-out logs is beyond chance and worth its parameters;
+repeat with it included. (5) What is left beyond what a twin that lacks nothing leaves is unexplained.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.rigs.rig import Case, Point
+from serpent_twin.trace.held_out import Errors, Gain, errors, gain
+from serpent_twin.trace.least_squares import Fit, Moves, Tell, fit, moves_of
+from serpent_twin.trace.notebook import Notebook
+from serpent_twin.trace.search import EXCITED, Score, full_fit, score, worth_fitting
+
+WORTH_IT = 0.04
+"""Relative gain on held-out logs, markers and loads weighing alike, that an effect must bring"""
+CHANCE = 0.01
+"""Most probability of chance of an accepted effect"""
+SURE = 3.0
+"""Standard errors by which an accepted strength is not zero"""
+_MOST_EFFECTS = 4
+_EVERY = 3
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One candidate in one round."""
+
+    score: Score
+    fit: Fit | None
+    """None if it was not worth a full fit"""
+    gain: Gain | None
+    error_mm: float
+    """Held-out, with it if it was fitted, else without [mm]"""
+
+
+@dataclass(frozen=True)
+class Round:
+    """All candidates on top of what was accepted before."""
+
+    base: Fit
+    errors: Errors
+    """Of the base, held out"""
+    trials: dict[str, Trial]
+    accepted: str
+    """Name of the candidate that was accepted, or nothing"""
+
+
+@dataclass(frozen=True)
+class Search:
+    """All rounds and the twin that they lead to."""
+
+    case: Case[Any]
+    """With its last weights"""
+    start: Point
+    calibrated: Fit
+    final: Fit
+    rounds: tuple[Round, ...]
+
+
+class Tracer:
+    """Runs the steps on one machine's training and held-out segments."""
+
+    def __init__(
+        self, case: Case[Any], training: Any, held_out: Any, notes: Notebook, tell: Tell, seed: int
+    ) -> None:
+        self.case, self.training, self.held_out = case, training, held_out
+        self.notes, self.tell, self.seed = notes, tell, seed
+        self.final: Point | None = None
+
+    def search(self) -> Search:
+        """Calibrate, then add effects one by one while they are worth it."""
+        start = Point(np.zeros(len(self.case.declared)))
+        opening, calibrated = self._calibrate(start)
+        base, rounds = calibrated, []
+        while len(rounds) < _MOST_EFFECTS:
+            rounds.append(self._round(base, len(rounds) + 1, None if rounds else opening))
+            if not (name := rounds[-1].accepted):
+                break
+            found = rounds[-1].trials[name].fit
+            assert found is not None
+            base = self._polish(found, f"with_{len(rounds)}_{name}")
+        final = self._without_proxies(base, rounds)
+        self.final = final.point
+        return Search(self.case, start, calibrated, final, tuple(rounds))
+
+    def errors(self, point: Point) -> Errors:
+        """Held-out errors of a point."""
+        return errors(self.case.compare(point, self.held_out))
+
+    def _calibrate(self, start: Point) -> tuple[Fit, Fit]:
+        """Fit the declared parameters, weights renewed in between; returns the opening, a fit that has
+        not moved yet, and the calibrated twin.
+        """
+        self.case = self.case.reweighted(start, self.training)
+        moves = moves_of(self.case, ())
+        first = self._fit("calibrated_1", start, moves, 1)
+        second = self._fit("calibrated_2", first.point, moves, 1)
+        self._opening_case = self.case
+        self.case = self.case.reweighted(second.point, self.training)
+        return replace(first, point=start), self._fit("calibrated_3", second.point, moves, 2)
+
+    def _fit(self, name: str, start: Point, moves: Moves, derivatives: int) -> Fit:
+        self.tell(f"fit {name.replace('_', ' ')}")
+        return self.notes.fit(
+            name,
+            lambda: fit(self.case, self.training, start, moves, derivatives, _EVERY, self.tell),
+        )
+
+    def _polish(self, found: Fit, name: str) -> Fit:
+        """Fit an accepted effect with everything else, anew, weights renewed in between."""
+        moves, point = moves_of(self.case, list(found.point.effects)), found.point
+        for turn in ("a", "b"):
+            self.case = self.case.reweighted(point, self.training)
+            polished = self._fit(f"{name}_{turn}", point, moves, 1 if turn == "a" else 2)
+            point = polished.point
+        return polished
+
+    def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
+        """Try all candidates; those that calibration may have swallowed also from the opening."""
+        names = [
+            n
+            for n in self.case.candidates
+            if n not in base.point.effects and n not in self.case.unseen
+        ]
+        case, before = self.case, self.errors(base.point)
+        scores = self._scores(f"scores_{number}", case, base, names)
+        tries = [(name, case, base, scores[name]) for name in self._worth(scores)]
+        if opening:
+            at_start = self._scores("scores_0", self._opening_case, opening, names)
+            case = self._opening_case
+            tries += [(name, case, opening, at_start[name]) for name in self._worth(at_start)[:3]]
+            scores = {n: max(scores[n], at_start[n], key=lambda s: s.share) for n in names}
+        trials = {name: Trial(s, None, None, before.marker) for name, s in scores.items()}
+        for name, case, begun, found in tries:
+            trial = self._try(name, case, begun, found, before, number)
+            known = trials[name].gain
+            if known is None or (trial.gain and trial.gain.relative > known.relative):
+                trials[name] = trial
+        return Round(base, before, trials, _best(trials))
+
+    def _try(
+        self, name: str, case: Case[Any], begun: Fit, found: Score, before: Errors, number: int
+    ) -> Trial:
+        self.tell(f"round {number}: fitting {name}")
+        where = "start" if case is self._opening_case else "base"
+        fitted = self.notes.fit(
+            f"fit_{number}_{name}_{where}",
+            lambda: full_fit(case, self.training, begun, found, self.tell),
+        )
+        after = self.errors(fitted.point)
+        rng = np.random.default_rng([self.seed, number])
+        return Trial(found, fitted, gain(before, after, rng), after.marker)
+
+    def _worth(self, scores: dict[str, Score]) -> list[str]:
+        return worth_fitting(list(scores.values()), self.case.candidates)
+
+    def _scores(
+        self, stage: str, case: Case[Any], base: Fit, names: Sequence[str]
+    ) -> dict[str, Score]:
+        def test() -> list[Score]:
+            out = []
+            for name in names:
+                self.tell(f"score test of {name}")
+                out.append(score(case, self.training, base, case.candidates[name]))
+            return out
+
+        return {each.name: each for each in self.notes.scores(stage, test)}
+
+    def _without_proxies(self, final: Fit, rounds: Sequence[Round]) -> Fit:
+        """Drop what was accepted early and is no longer worth it beside what came later."""
+        names = list(final.point.effects)
+        for name in names[:-1]:
+            rest = {n: v for n, v in final.point.effects.items() if n != name}
+            point = Point(final.point.declared, rest)
+            moves = moves_of(self.case, list(rest))
+            less = self.notes.fit(
+                f"without_{len(rounds)}_{name}",
+                lambda p=point, m=moves, f=final: fit(
+                    self.case, self.training, p, m, 3, _EVERY, self.tell, known=f
+                ),
+            )
+            rng = np.random.default_rng([self.seed, 99])
+            lost = gain(self.errors(less.point), self.errors(final.point), rng)
+            if not _worth_it(lost):
+                self.tell(f"{name} is not worth it beside the others")
+                final = less
+        return final
+
+
+def _worth_it(found: Gain) -> bool:
+    return found.relative > WORTH_IT and found.probability_of_chance < CHANCE
+
+
+def significant(found: Fit, name: str) -> bool:
+    """Whether a parameter of an effect differs from zero by more than chance."""
+    ours = [(n, k) for n, (effect, k) in enumerate(found.moves.effects) if effect == name]
+    error = found.error[len(found.moves.declared) :]
+    return any(abs(found.point.effects[name][k]) > SURE * error[n] for n, k in ours)
+
+
+def _best(trials: dict[str, Trial]) -> str:
+    """The candidate with the greatest gain, if it is worth it and beyond chance."""
+    good = {
+        name: trial.gain.relative
+        for name, trial in trials.items()
+        if trial.fit and trial.gain and _worth_it(trial.gain) and significant(trial.fit, name)
+    }
+    return max(good, key=lambda name: good[name]) if good else ""
+
+
+def seen(trial: Trial) -> bool:
+    """Whether the logs would show this candidate at all."""
+    return trial.score.excitation > EXCITED

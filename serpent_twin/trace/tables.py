@@ -1,0 +1,115 @@
+"""Which numbers of a diagnosis stand in tables?"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from serpent_twin.report import Table
+from serpent_twin.trace.diagnosis import (
+    ACCEPTED,
+    NOT_EXCITED,
+    REJECTED,
+    Diagnosis,
+    Estimate,
+    Named,
+    Tried,
+)
+from serpent_twin.trace.figures import ranked, spaced, stages
+
+VERDICTS = (ACCEPTED, REJECTED, NOT_EXCITED)
+MOST_ROWS = 15  # of the calibrated parameters: the others hardly moved
+_NORMAL_95 = 1.96  # standard errors from the middle to the end of a 95 % interval
+
+
+def errors(diagnosis: Diagnosis) -> Table:
+    """Held-out errors of each twin, markers and loads, beside what no twin can better."""
+    names = [*stages(diagnosis), "noise_floor", "expected"]
+    said = {"noise_floor": "noise alone", "expected": "a twin that lacks nothing"}
+    kinds = (("markers mm", diagnosis.error_mm), ("loads % of stall", diagnosis.load_error_percent))
+    known = {head: by for head, by in kinds if np.isfinite(by.get("calibrated", np.nan))}
+    rows = [(said.get(n, n), *(_fixed(by.get(n)) for by in known.values())) for n in names]
+    note = "Means over held-out segments: marker distance, and root mean square of the load error."
+    return Table(("twin", *known), tuple(row for row in rows if any(row[1:])), note)
+
+
+def candidates(tried: Sequence[Tried]) -> Table:
+    """Every candidate, the best first, the accepted ones marked."""
+    order = ranked(tried)
+    rows = tuple((spaced(t.name), _fixed(t.error_mm), t.verdict, t.why) for t in order)
+    marked = frozenset(n for n, each in enumerate(order) if each.verdict == ACCEPTED)
+    note = (
+        "Held-out marker error with the candidate; where it was not worth a full fit, that of the twin "
+        "without it."
+    )
+    return Table(("candidate", "error mm", "verdict", "why"), rows, note, marked)
+
+
+def parameters(effects: Sequence[Named]) -> Table:
+    """Every number of the effects that were missing, with its interval."""
+    header = ("effect", "parameter", "value", "95 % interval", "unit", "gain mm", "gain % of stall")
+    rows = []
+    for effect in effects:
+        gains = (_fixed(effect.gain_mm), _fixed(effect.gain_load_percent))
+        told = (spaced(effect.name), *gains, _short(effect.probability_of_chance))
+        for name, e in effect.parameters.items():
+            rows.append((told[0], name, _short(e.value), interval(e), e.unit, *told[1:]))
+            told = ("",) * 4  # once for each effect
+    note = (
+        "The gain is on held-out sessions. Chance is the probability of no gain at all, by a paired "
+        "bootstrap over their segments."
+    )
+    return Table((*header, "chance"), tuple(rows), note)
+
+
+def calibration(found: Mapping[str, Estimate], prior: Mapping[str, float]) -> Table:
+    """The declared parameters that moved most from their start.
+
+    In units of the prior where one is told for each, else in standard errors.
+    """
+    told = bool(found) and all(name in prior for name in found)
+    scale = {name: prior[name] if told else _error(e) for name, e in found.items()}
+    far = {
+        name: abs(e.value) / scale[name] if scale[name] > 0 else 0.0 for name, e in found.items()
+    }
+    names = sorted(found, key=lambda name: -far[name])[:MOST_ROWS]
+    rows = tuple((name, *_from_start(found[name]), f"{far[name]:.1f}") for name in names)
+    widths = "widths of the prior" if told else "standard errors"
+    header = ("parameter", "moved by", "95 % interval", "unit", f"in {widths}")
+    note = f"The {len(rows)} of {len(found)} parameters that moved most from their start."
+    return Table(header, rows, note)
+
+
+def _from_start(e: Estimate) -> tuple[str, str, str]:
+    """Value, interval and unit; of a logarithm, the factor that it stands for."""
+    if not e.unit.startswith("log"):
+        return _short(e.value), interval(e), e.unit
+    factor = Estimate(*(float(np.exp(v)) for v in (e.value, e.low, e.high)), unit="× its start")
+    return _short(factor.value), interval(factor), factor.unit
+
+
+def _error(e: Estimate) -> float:
+    return (e.high - e.low) / 2 / _NORMAL_95
+
+
+def with_interval(e: Estimate) -> str:
+    """A value with its interval and unit, as a sentence holds it."""
+    between = interval(e)
+    return (
+        f"{_short(e.value)} {e.unit}, {between}"
+        if between
+        else f"{_short(e.value)} {e.unit}, given"
+    )
+
+
+def interval(e: Estimate) -> str:
+    """Ends of the interval; nothing where the value was not fitted."""
+    fitted = np.isfinite([e.low, e.high]).all() and e.low < e.high
+    return f"{_short(e.low)} … {_short(e.high)}" if fitted else ""
+
+
+def _fixed(value: float | None) -> str:
+    return "" if value is None or not np.isfinite(value) else f"{value:.2f}".replace("-", "−")
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}".replace("-", "−")

@@ -1,0 +1,147 @@
+"""The fit against the normal equations, on a machine whose residual is linear."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from serpent_twin.effects import Range
+from serpent_twin.rigs.rig import Candidate, Declared, Point, Stopwatch
+from serpent_twin.trace.held_out import Errors, gain
+from serpent_twin.trace.least_squares import WORTH, fit, indistinguishable, moves_of
+from serpent_twin.trace.notebook import Notebook
+from serpent_twin.trace.search import full_fit, score, worth_fitting
+
+SEGMENTS, NUMBERS = 12, 300
+GUST, NOTHING = "gust", "nothing"
+
+
+@dataclass(frozen=True)
+class LinearCase:
+    """y − X a − b g: two declared parameters, one candidate that is there and one that is not."""
+
+    X: np.ndarray
+    g: np.ndarray
+    other: np.ndarray
+    y: np.ndarray
+    declared: tuple = (
+        Declared("one", "1", 1e3, 0.1),
+        Declared("two", "1", 1e3, 0.1, simulated=False),
+    )
+    candidates: dict = field(
+        default_factory=lambda: {
+            name: Candidate(name, {"size": Range("m", 0.0, 10.0, 1.0)}, (np.array([1.0]),))
+            for name in (GUST, NOTHING)
+        }
+    )
+    unseen: dict = field(default_factory=dict)
+    clock: Stopwatch = field(default_factory=Stopwatch)
+
+    def take(self, pieces, which):
+        return [pieces[k] for k in which]
+
+    def residual(self, points, pieces):
+        out = []
+        for p in points:
+            r = self.y - self.X @ p.declared
+            r = r - self.g * p.effects.get(GUST, [0.0])[0]
+            out.append((r - self.other * p.effects.get(NOTHING, [0.0])[0])[pieces])
+        return np.array(out)
+
+    def slopes(self, point, pieces):
+        return -self.X[pieces][None, ..., 1]
+
+
+def case(strength: float, seed: int = 0) -> LinearCase:
+    rng = np.random.default_rng(seed)
+    X = rng.standard_normal((SEGMENTS, NUMBERS, 2))
+    g, other = rng.standard_normal((2, SEGMENTS, NUMBERS))
+    noise = 0.5 * rng.standard_normal((SEGMENTS, NUMBERS))
+    return LinearCase(X, g, other, X @ [1.0, -2.0] + strength * g + noise)
+
+
+def every() -> list[int]:
+    return list(range(SEGMENTS))
+
+
+START = Point(np.zeros(2))
+
+
+def test_a_linear_fit_solves_the_normal_equations():
+    arm = case(0.0)
+    found = fit(arm, every(), START, moves_of(arm, ()), 3, 1)
+    flat = arm.X.reshape(-1, 2)
+    exact = np.linalg.solve(
+        flat.T @ flat / WORTH + np.eye(2) * 1e-6, flat.T @ arm.y.ravel() / WORTH
+    )
+    assert found.converged
+    np.testing.assert_allclose(found.point.declared, exact, rtol=1e-5)
+
+
+def test_a_prior_pulls_towards_the_start():
+    arm = case(0.0)
+    tight = LinearCase(
+        arm.X, arm.g, arm.other, arm.y, (Declared("one", "1", 1e-4, 0.1), arm.declared[1])
+    )
+    found = fit(tight, every(), START, moves_of(tight, ()), 3, 1)
+    assert abs(found.point.declared[0]) < 0.01
+    assert found.point.declared[1] == pytest.approx(-2.0, abs=0.05)
+
+
+def test_intervals_hold_as_often_as_they_say():
+    inside = 0
+    for seed in range(60):
+        arm = case(0.7, seed)
+        base = fit(arm, every(), START, moves_of(arm, ()), 2, 1)
+        found = full_fit(arm, every(), base, score(arm, every(), base, arm.candidates[GUST]), print)
+        _, low, high = found.interval(GUST, 0)
+        inside += low <= 0.7 <= high
+    assert 52 <= inside <= 60  # 57 expected, binomial 3 standard deviations below
+
+
+def test_the_score_finds_what_is_there_and_how_strong():
+    arm = case(0.7)
+    base = fit(arm, every(), START, moves_of(arm, ()), 2, 1)
+    scores = [score(arm, every(), base, c) for c in arm.candidates.values()]
+    there, absent = scores
+    assert there.share > 0.3 > 0.01 > absent.share
+    assert there.start[0] == pytest.approx(0.7, abs=0.05)
+    assert worth_fitting(scores, arm.candidates) == [GUST]
+
+
+def test_what_cannot_be_told_apart_is_named():
+    arm = case(0.0)
+    X = np.repeat(arm.X[..., :1], 2, axis=-1)
+    twins = LinearCase(
+        X, arm.g, arm.other, arm.y, tuple(Declared(n, "1", 1.0, 0.1) for n in ("a", "b"))
+    )
+    found = fit(twins, every(), START, moves_of(twins, ()), 2, 1)
+    assert any("a and b cannot be told apart" in told for told in indistinguishable(twins, found))
+
+
+def test_a_gain_on_every_segment_is_beyond_chance_and_noise_is_not():
+    rng = np.random.default_rng(1)
+    before = Errors(1 + 0.1 * rng.standard_normal(7), np.full(7, np.nan))
+    better = gain(before, Errors(before.marker_mm - 0.2, before.load_percent), rng)
+    assert better.probability_of_chance < 1e-3
+    assert better.marker_mm == pytest.approx(0.2)
+    same = Errors(
+        before.marker_mm + 0.05 * np.array([1, -1, 1, -1, 1, -1, 0.5]), before.load_percent
+    )
+    assert gain(before, same, rng).probability_of_chance > 0.05
+
+
+def test_a_stage_that_was_finished_is_read_back(tmp_path):
+    arm, asked = case(0.7), []
+    base = fit(arm, every(), START, moves_of(arm, ()), 2, 1)
+
+    def make():
+        asked.append(1)
+        return full_fit(arm, every(), base, score(arm, every(), base, arm.candidates[GUST]), print)
+
+    first = Notebook(tmp_path / "stages").fit("gust", make)
+    again = Notebook(tmp_path / "stages").fit("gust", make)
+    assert len(asked) == 1
+    np.testing.assert_array_equal(first.slope, again.slope)
+    assert first.point.effects[GUST] == again.point.effects[GUST]
+    assert (first.moves, first.used, first.cost) == (again.moves, again.used, again.cost)

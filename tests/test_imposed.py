@@ -1,0 +1,168 @@
+"""Do imposed motors move an arm as motors do, in every stretch, at every step?"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from motion import sway, wander
+from numpy.testing import assert_allclose, assert_array_equal
+
+from serpent_twin import mjcf
+from serpent_twin.arm import markers
+from serpent_twin.design import NOMINAL_DESIGN, Design
+from serpent_twin.effects import CATALOGUE
+from serpent_twin.errors import SerpentError
+from serpent_twin.imposed import Stretches, gaps, impose
+from serpent_twin.parameters import NOMINAL
+from serpent_twin.tolerances import Tolerances
+from serpent_twin.twin import Twin
+
+STIFF = Design(replace(NOMINAL, strand_slack=0.0, joint_friction=0.0, joint_damping=0.05))
+
+
+def distance(a, b):
+    """Between markers [m]."""
+    return np.linalg.norm(a - b, axis=-1)
+
+
+def full_twin(s, timestep):
+    """The markers of the twin with motors, these set to the same angles [m], (R, 9, 3)."""
+    model = mjcf.build().compile()
+    model.opt.timestep = timestep
+    twin = Twin(model=model)
+    twin.qpos[0] = np.r_[s.motor_angle[0, 0], s.joint_angle[0, 0], 0.0]
+    twin.batch.forward()
+    rows = [twin.markers[0]]
+    for n in range(1, s.time.shape[1]):
+        start, end = s.motor_angle[0, n - 1 : n + 1]
+        steps = round((s.time[0, n] - s.time[0, n - 1]) / timestep)
+        for k in range(steps + 1):
+            twin.qpos[0, :10] = start + (end - start) * (k / steps)
+            twin.qvel[0, :10] = (end - start) / (steps * timestep)
+            if k < steps:
+                twin.batch.step()
+        twin.batch.forward()
+        rows.append(twin.markers[0])
+    return np.array(rows)
+
+
+def test_moves_as_the_twin_with_motors():
+    s = wander(20)
+    imposed = impose([NOMINAL_DESIGN], s, timestep=0.002).marker[0, 0]
+    assert distance(imposed, imposed[:1]).mean() > 0.02
+    assert distance(imposed, full_twin(s, 0.002)).max() < 1e-8
+
+
+def test_time_step_hardly_matters():
+    """Neither by distance nor as a lead or lag, which would pass for a latency of the cameras."""
+    s = sway(60)
+    coarse, fine = (impose([NOMINAL_DESIGN], s, timestep=h).marker[0, 0] for h in (0.005, 0.001))
+    assert distance(coarse, fine).mean() < 1.5e-4
+    velocity = np.diff(fine, axis=0) / 0.25
+    ahead = ((coarse - fine)[1:] * velocity).sum() / (velocity**2).sum()
+    assert abs(ahead) < 1.5e-3
+
+
+def test_stiff_cables_hold_the_joints_at_the_motors_angles():
+    """Without slack, friction and weight and at rest, kinematics alone says where the markers are."""
+    s = wander(60, pace=0.02)
+    last = np.repeat(s.motor_angle[:, -1:], 60, axis=1)
+    still = replace(s, motor_angle=last, motor_velocity=0 * last)
+    arm = replace(STIFF, arm=replace(STIFF.arm, gravity=(0.0, 0.0, 0.0)))
+    seen = impose([arm], still, timestep=0.002).marker[0, 0, -1]
+    assert distance(seen, markers(s.joint_angle[0, 0])).max() > 0.01
+    assert distance(seen, markers(s.joint_angle[0, -1])).max() < 1e-5
+
+
+def _parted(s, row):
+    return replace(s, restart=s.restart | (np.arange(len(s.restart)) == row))
+
+
+def _from(s, row):
+    parts = (x[:, row:] for x in (s.time, s.motor_angle, s.motor_velocity, s.joint_angle))
+    return Stretches(*parts, s.restart[: len(s.restart) - row])
+
+
+def test_a_restart_is_a_new_run():
+    s = wander(12)
+    both, alone = impose([NOMINAL_DESIGN], _parted(s, 6)), impose([NOMINAL_DESIGN], _from(s, 6))
+    assert_allclose(both.marker[:, :, 6:], alone.marker, atol=1e-7)
+    assert_allclose(both.marker[0, 0, 6], markers(s.joint_angle[0, 6]), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["cable_creep", "payload"])
+def test_memory_alone_outlives_a_restart(name):
+    """After a restart, an arm that remembers pulls otherwise than a fresh one."""
+    s = wander(40, pace=0.08)
+    arm = Design(effects=CATALOGUE[name].variants())
+    long, short = (impose([arm], x).tension[0, 0, -8:] for x in (_parted(s, 30), _from(s, 30)))
+    assert (np.abs(long - short).max() > 0.05) == CATALOGUE[name].remembers
+
+
+def test_stretches_and_designs_do_not_mix():
+    s = wander(8, stretches=3)
+    several = [
+        NOMINAL_DESIGN,
+        replace(NOMINAL_DESIGN, parameters=replace(NOMINAL, strand_slack=1e-3)),
+    ]
+    both = impose(several, s)
+    for d, arm in enumerate(several):
+        for b in range(3):
+            parts = (x[b : b + 1] for x in (s.time, s.motor_angle, s.motor_velocity, s.joint_angle))
+            alone = impose([arm], Stretches(*parts, s.restart))
+            assert_array_equal(both.marker[d, b], alone.marker[0, 0])
+            assert_array_equal(both.tension[d, b], alone.tension[0, 0])
+
+
+def test_uneven_rows_are_the_same_motion():
+    """A row read 80 ms late on the same path of the motors changes little at the rows after it."""
+    s = sway(20)
+    even, late, time = s.motor_angle.copy(), s.motor_angle.copy(), s.time.copy()
+    slope = (even[0, 10] - even[0, 8]) / 0.5
+    time[0, 9] += 0.08
+    even[0, 9], late[0, 9] = even[0, 8] + 0.25 * slope, even[0, 8] + 0.33 * slope
+    a, b = (
+        impose([STIFF], replace(s, motor_angle=m, time=t)).marker[0, 0]
+        for m, t in ((even, s.time), (late, time))
+    )
+    assert distance(a[9], b[9]).max() > 1e-3
+    assert distance(a[10:], b[10:]).max() < 2e-4
+
+
+def test_servo_lag_bends_the_path_and_keeps_its_ends():
+    """With a lag the motors reach the same angles, so that a stiff arm ends where it did."""
+    s = wander(30)
+    straight, bent = (
+        impose([STIFF], replace(s, servo_lag=lag)).marker[0, 0] for lag in (0.0, 0.03)
+    )
+    assert 1e-6 < distance(straight, bent).mean() < 2e-3
+
+
+def test_load_is_torque_over_stall_and_friction_against_the_motion():
+    s = wander(15)
+    arm = Design(tolerances=Tolerances(winch_radius=(0.02,) * 10))
+    did = impose([arm], s)
+    radius = np.array(arm.arm.pulley_radius) * 1.02
+    torque = radius * (did.tension[..., 0::2] - did.tension[..., 1::2])
+    fast = np.abs(s.motor_velocity[None]) > 0.3
+    friction = NOMINAL.gear_friction * np.sign(s.motor_velocity)
+    assert fast.sum() > 20
+    assert_allclose(did.load[fast], ((torque + friction) / 1.5)[fast], atol=1e-6)
+
+
+def test_an_unstable_design_is_said_and_leaves_the_others(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes MUJOCO_LOG.TXT where it runs
+    mad = Design(replace(NOMINAL, strand_stiffness=3e7))
+    did, alone = impose([NOMINAL_DESIGN, mad], wander(12)), impose([NOMINAL_DESIGN], wander(12))
+    assert did.unstable.tolist() == [False, True]
+    for name in ("marker", "load", "joint_angle", "jaw_angle", "tension"):
+        assert np.isnan(getattr(did, name)[1]).all()
+        assert_array_equal(getattr(did, name)[0], getattr(alone, name)[0])
+
+
+def test_gaps_are_rows_after_a_pause():
+    time = 0.25 * np.arange(10.0)
+    time[6:] += 0.3
+    assert np.flatnonzero(gaps(time)).tolist() == [6]
+    with pytest.raises(SerpentError, match="at least two rows"):
+        gaps(time[:1])

@@ -1,0 +1,155 @@
+"""The loop closed on the independent arm: effects inside the catalogue, outside it, and none."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from serpent_twin import design
+from serpent_twin.errors import SerpentError
+from serpent_twin.log import read_session, write_session
+from serpent_twin.trace import Trace, trace
+
+sys.path.insert(0, str(Path(__file__).parent))
+from bench_arm import NONE, Job, draw, inject, record_many
+
+SESSIONS, STEPS = 3, 660
+ARMS = {"none": 0.0, "base_tilt": 0.08, "cable_friction": 0.12, "outside_force": 0.5}
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    """A folder of sessions for each arm, by its undeclared effect."""
+    root = tmp_path_factory.mktemp("bench")
+    jobs = []
+    for number, (name, strength) in enumerate(ARMS.items()):
+        rng = np.random.default_rng([11, number])
+        arm = replace(draw(rng), marker_noise=2e-4)
+        effects = inject(name, strength, rng) if strength else NONE
+        jobs.append(Job(root / f"arm_{number}", arm, effects, 40 + number, SESSIONS, STEPS))
+    record_many(jobs)
+    return {name: job.folder for name, job in zip(ARMS, jobs, strict=True)}
+
+
+@pytest.fixture(scope="module")
+def diagnosis(logs, tmp_path_factory):
+    """Diagnoses by the name of the effect, each made once."""
+    made: dict[str, tuple[dict, Path]] = {}
+
+    def of(name: str) -> tuple[dict, Path]:
+        if name not in made:
+            out = tmp_path_factory.mktemp("trace") / name
+            made[name] = trace(Trace(logs[name], out)), out
+        return made[name]
+
+    return of
+
+
+@pytest.mark.slow
+def test_an_arm_that_lacks_nothing_is_told_so(diagnosis):
+    found, _ = diagnosis("none")
+    assert found["effects"] == []
+    assert not found["unexplained"]["is"]
+    assert found["error_mm"]["calibrated"] < 0.3 * found["error_mm"]["nominal"]
+    assert found["error_mm"]["corrected"] < 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "parameter"), [("cable_friction", "coefficient")])
+def test_an_undeclared_effect_is_named_with_its_strength(diagnosis, name, parameter):
+    found, _ = diagnosis(name)
+    assert [effect["name"] for effect in found["effects"]] == [name]
+    estimate = found["effects"][0]["parameters"][parameter]
+    assert estimate["value"] == pytest.approx(ARMS[name], rel=0.1)
+    assert found["effects"][0]["probability_of_chance"] < 0.01
+    assert not found["unexplained"]["is"]
+
+
+@pytest.mark.slow
+def test_a_tilted_base_is_named_with_its_angle(diagnosis):
+    found, out = diagnosis("base_tilt")
+    assert [effect["name"] for effect in found["effects"]] == ["base_tilt"]
+    about = [e["value"] for e in found["effects"][0]["parameters"].values()]
+    assert np.hypot(*about[:2]) == pytest.approx(ARMS["base_tilt"], rel=0.1)
+    assert found["error_mm"]["corrected"] < 0.5 * found["error_mm"]["calibrated"]
+    twin = design.read(out / "twin.json")
+    assert [type(effect).__name__ for effect in twin.effects] == ["BaseTilt"]
+    assert "<mujoco" in (out / "twin.xml").read_text()
+    assert (out / "report.html").stat().st_size > 100_000
+
+
+@pytest.mark.slow
+def test_what_the_catalogue_lacks_is_left_unexplained(diagnosis):
+    found, _ = diagnosis("outside_force")
+    assert found["unexplained"]["is"]
+    assert found["unexplained"]["depends_on"]
+
+
+@pytest.mark.slow
+def test_the_same_command_goes_on_and_gives_the_same(diagnosis, logs):
+    found, out = diagnosis("none")
+    again = trace(Trace(logs["none"], out))
+    for key in ("effects", "candidates", "error_mm", "unexplained"):
+        assert json.dumps(again[key]) == json.dumps(found[key])
+
+
+def test_one_session_is_too_few(logs, tmp_path):
+    with pytest.raises(SerpentError, match=r"has 1 sessions.*Record more"):
+        trace(Trace(logs["none"], tmp_path / "out", sessions=1))
+
+
+def test_an_unknown_rig_is_refused_with_what_there_is(logs, tmp_path):
+    with pytest.raises(SerpentError, match=r"no rig 'leg'.*arm"):
+        trace(Trace(logs["none"], tmp_path / "out", rig="leg"))
+
+
+def changed(folder: Path, to: Path, change) -> Path:
+    """A folder with every session changed."""
+    to.mkdir()
+    for path in sorted(folder.glob("*.parquet")):
+        write_session(to / path.name, change(read_session(path)))
+    return to
+
+
+def test_logs_without_markers_are_refused(logs, tmp_path):
+    blind = changed(
+        logs["none"],
+        tmp_path / "blind",
+        lambda s: replace(s, marker=np.full_like(s.marker, np.nan)),
+    )
+    with pytest.raises(SerpentError, match=r"no markers.*mocap merge"):
+        trace(Trace(blind, tmp_path / "out"))
+
+
+def test_logs_of_another_machine_are_refused(logs, tmp_path):
+    foreign = changed(logs["none"], tmp_path / "foreign", lambda s: replace(s, marker=2 * s.marker))
+    with pytest.raises(SerpentError, match="another machine"):
+        trace(Trace(foreign, tmp_path / "out"))
+
+
+def test_two_arms_in_one_folder_are_refused(logs, tmp_path):
+    def rename(session):
+        odd = session.metadata["session"] % 2
+        return replace(session, metadata={**session.metadata, "arm": f"arm_{odd}"})
+
+    mixed = changed(logs["none"], tmp_path / "mixed", rename)
+    with pytest.raises(SerpentError, match="mixes logs with different arm"):
+        trace(Trace(mixed, tmp_path / "out"))
+
+
+def test_motors_that_never_move_show_nothing(logs, tmp_path):
+    def still(session):
+        first = {
+            n: np.repeat(getattr(session, n)[:1], len(session), 0) for n in ("motor_position",)
+        }
+        return replace(session, **first, motor_velocity=np.zeros_like(session.motor_velocity))
+
+    from serpent_twin.rigs.arm import ArmRig
+
+    rig = ArmRig()
+    case = rig.open(rig.read(changed(logs["none"], tmp_path / "still", still))[:2])
+    assert set(case.unseen) == set(case.candidates)
+    assert all("no motor moves" in why for why in case.unseen.values())

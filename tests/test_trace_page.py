@@ -1,0 +1,244 @@
+"""Does the report of a trace say what the trace found, whatever it found?"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from serpent_twin import report
+from serpent_twin.residual import Comparison, analyse, marker_size
+from serpent_twin.residual.learned import Learned
+from serpent_twin.trace import figures, tables
+from serpent_twin.trace.diagnosis import Diagnosis, Estimate, Named, Tried, Unexplained
+from serpent_twin.trace.page import lead, page
+
+S, T, MARKERS, MOTORS = 6, 80, 4, 3
+NAN = float("nan")
+PAYLOAD = Named(
+    "payload",
+    {
+        "mass": Estimate(0.0342, 0.0311, 0.0373, "kg"),
+        "place": Estimate(0.09, 0.09, 0.09, "m"),
+    },
+    gain_mm=2.5,
+    gain_load_percent=1.2,
+    probability_of_chance=0.0001,
+)
+TILT = Named(
+    "base_tilt", {"about_y": Estimate(-0.03, -0.04, -0.02, "rad")}, 0.8, 0.1, 0.002, "At its bound."
+)
+TRIED = (
+    Tried("gear_backlash", 4.0, "not excited", 0.001, None, "the motors never turned back"),
+    Tried("link_flex", 3.9, "rejected", 0.2, np.linspace(-0.2, 0.4, S), "no gain beyond chance"),
+    Tried("payload", 1.5, "accepted", 0.7, np.linspace(2.3, 2.7, S), "gains 2.50 mm"),
+    Tried("cable_creep", 4.0, "rejected", 0.004, None, "not worth a fit"),
+)
+CALIBRATION = {
+    "stiffness of cable 1": Estimate(0.1, 0.08, 0.12, "log N/m"),
+    "slack of cable1_plus": Estimate(-0.3, -0.5, -0.1, "mm"),
+    "slack of cable1_minus": Estimate(0.01, -0.4, 0.42, "mm"),
+}
+
+
+@cache
+def comparison(off, markers=True, loads=True, seed=1):
+    """Markers off by about `off` [m], in proportion to motor 1's angle, and loads likewise."""
+    rng = np.random.default_rng(seed)
+    angle = 0.5 * np.sin(0.3 * np.arange(S * T) + np.pi * rng.random((MOTORS, 1)))
+    angle = angle.T.reshape(S, T, MOTORS)
+    pose = np.zeros((S, T, MARKERS, 3)) + np.arange(MARKERS)[:, None] * 0.07
+    error = rng.normal(0, 4e-4, pose.shape)
+    error[..., 1] += off * angle[..., :1] * np.arange(1, MARKERS + 1)
+    felt = rng.normal(0, 0.006, angle.shape)
+    felt[..., 0] += 20 * off * angle[..., 0]
+    return Comparison(
+        session=("session_04.parquet",) * S,
+        time=0.25 * np.arange(S * T).reshape(S, T),
+        marker_measured=pose + error if markers else None,
+        marker_predicted=pose if markers else None,
+        load_measured=felt if loads else None,
+        load_predicted=np.zeros_like(felt) if loads else None,
+        motor_angle=angle,
+        motor_velocity=np.diff(angle, axis=1, append=angle[:, -1:]) / 0.25,
+    )
+
+
+@cache
+def findings(off, markers=True, loads=True):
+    return analyse(comparison(off, markers, loads), np.random.default_rng(0), permutations=39)
+
+
+def diagnosis(markers=True, loads=True, **found):
+    off = {"nominal": 8e-3, "calibrated": 4e-3, "corrected": 1e-3 if found.get("effects") else 4e-3}
+    compared = {name: comparison(by, markers, loads) for name, by in off.items()}
+    sizes = {name: marker_size(c).mean_mm for name, c in compared.items()} if markers else {}
+    nothing = dict.fromkeys((*off, "noise_floor", "expected"), NAN)
+    percent = {"nominal": 6.0, "calibrated": 3.0, "corrected": 0.9, "noise_floor": 0.6}
+    made = Diagnosis(
+        arm="arm_x",
+        held_out=("session_04.parquet",),
+        effects=(),
+        candidates=TRIED,
+        unexplained=Unexplained(False, 0.0, ""),
+        error_mm={**sizes, "noise_floor": 0.64, "expected": 0.7} if markers else nothing,
+        load_error_percent=percent if loads else dict.fromkeys(percent, NAN),
+        cautions=("Slack of cable1_plus and stiffness of cable 1 cannot be told apart.",),
+        calibration=CALIBRATION,
+        comparisons=compared,
+        findings={n: findings(off[n], markers, loads) for n in ("calibrated", "corrected")},
+        learned=Learned((0,), 0.25, {"offset": np.zeros(12)}),
+    )
+    return replace(made, **found)
+
+
+REST = Unexplained(True, 0.37, "The markers follow motor 3's angle. Look for a hose.")
+VARIANTS = {
+    "none": {},
+    "one": {"effects": (PAYLOAD,)},
+    "two": {"effects": (PAYLOAD, TILT)},
+    "unexplained": {"unexplained": REST},
+    "one and a rest": {"effects": (PAYLOAD,), "unexplained": REST},
+    "nothing fitted": {
+        "calibration": {},
+        "cautions": (),
+        "candidates": tuple(replace(each, gain_by_segment_mm=None) for each in TRIED[::3]),
+    },
+    "nothing at all": {
+        "candidates": (), "calibration": {}, "cautions": (), "comparisons": {}, "findings": {}
+    },
+    "loads only": {"markers": False, "effects": (PAYLOAD,)},
+    "markers only": {"loads": False, "effects": (PAYLOAD,)},
+}  # fmt: skip
+
+
+def sections(of):
+    return {section.title: section for section in page(of, {"commit": "abc"}).sections}
+
+
+def drawn(of):
+    return {b.name for s in sections(of).values() for b in s.blocks if isinstance(b, report.Figure)}
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_every_outcome_becomes_a_page(variant, tmp_path):
+    made = page(diagnosis(**VARIANTS[variant]), {"commit": "abc"})
+    html = report.write(made, tmp_path).read_text()
+    text = (tmp_path / "report.md").read_text()
+    assert made.lead in text and "abc" in text
+    names = [b.name for s in made.sections for b in s.blocks if isinstance(b, report.Figure)]
+    assert len(names) == len(set(names)) == html.count("data:image/png")
+    shown = text.replace("not known", "")
+    assert "nan" not in shown.lower().split() and "None" not in shown
+
+
+def test_the_lead_names_strength_interval_and_unit():
+    said = lead(diagnosis(effects=(PAYLOAD, TILT)))
+    assert "lacked payload (mass 0.0342 kg, 0.0311 … 0.0373, place 0.09 m, given)" in said
+    assert "and base tilt (about_y −0.03 rad, −0.04 … −0.02)" in said
+    assert "session_04, to which nothing was fitted" in said and "noise alone makes 0.64 mm" in said
+    found = {name: marker_size(comparison(by)).mean_mm for name, by in
+             (("nominal", 8e-3), ("calibrated", 4e-3), ("corrected", 1e-3))}  # fmt: skip
+    for name, value in found.items():
+        assert f"{value:.2f} mm {name}" in said
+
+
+def test_nothing_missing_and_nothing_explained_are_told_apart():
+    none, unknown = lead(diagnosis()), lead(diagnosis(unexplained=REST))
+    assert none.startswith("Nothing is missing") and "corrected" not in none
+    assert unknown.startswith("Nothing in the catalogue explains")
+    assert "37 %" in unknown and unknown.endswith("Look for a hose.")
+    assert "37 %" in lead(diagnosis(effects=(PAYLOAD,), unexplained=REST))
+
+
+def test_without_markers_the_loads_lead():
+    said = lead(diagnosis(markers=False, effects=(PAYLOAD,)))
+    assert "6.00 % of stall nominal, 3.00 % of stall calibrated and 0.90 % of stall" in said
+    assert "marker" not in said
+    assert "error_by_marker" not in drawn(diagnosis(markers=False))
+    assert "load_error_by_motor" not in drawn(diagnosis(loads=False))
+
+
+def test_candidates_stand_in_the_order_of_what_they_bring():
+    table = tables.candidates(TRIED)
+    assert [row[0] for row in table.rows] == [
+        "payload",
+        "link flex",
+        "cable creep",
+        "gear backlash",
+    ]
+    assert table.rows[0] == ("payload", "1.50", "accepted", "gains 2.50 mm")
+    assert table.marked == {0}
+    text = sections(diagnosis(effects=(PAYLOAD,)))["Which candidate"].text
+    assert "4 candidates were tried: 1 accepted, 2 rejected and 1 not excited" in text
+
+
+def test_the_interval_of_a_gain_covers_the_mean_as_often_as_it_says():
+    rng = np.random.default_rng(0)
+    gains = rng.normal(0.3, 1.0, (2000, 7))
+    found = np.array([figures.mean_gain(replace(TRIED[1], gain_by_segment_mm=g)) for g in gains])
+    assert np.mean(np.abs(found[:, 0] - 0.3) < found[:, 1]) == pytest.approx(0.95, abs=0.02)
+    gaps = np.array([1.0, NAN, 3.0])
+    assert figures.mean_gain(replace(TRIED[1], gain_by_segment_mm=gaps))[0] == 2.0
+
+
+def test_effects_are_described_by_the_catalogue():
+    section = sections(diagnosis(effects=(PAYLOAD, TILT)))["What was missing"]
+    assert "A point mass in the gripper" in section.text
+    assert "It shows in the loads of all motors" in section.text
+    assert "link flex (rejected)" in section.text and "At its bound." in section.text
+    mass, place, tilt = section.blocks[0].rows
+    assert mass == ("payload", "mass", "0.0342", "0.0311 … 0.0373", "kg", "2.50", "1.20", "0.0001")
+    assert place[:5] == ("", "place", "0.09", "", "m") and tilt[2] == "−0.03"
+    other = sections(diagnosis(effects=(replace(PAYLOAD, name="worn_bearing"),)))
+    assert "Worn bearing. The catalogue does not describe it." in other["What was missing"].text
+    assert "What was missing" not in sections(diagnosis())
+
+
+def test_the_residual_is_drawn_before_and_after_where_something_was_added():
+    def panels(of):
+        blocks = {b.name: b for b in sections(of)["What is left"].blocks}
+        titled = blocks["residual_by_feature"].drawing.axes
+        return [axes.get_title(loc="left") for axes in titled], set(blocks)
+
+    both, names = panels(diagnosis(effects=(PAYLOAD,)))
+    assert both == ["calibrated", "corrected"] * 2  # markers and loads
+    assert {"place_and_time", "residual_spectrum"} <= names
+    assert panels(diagnosis())[0] == ["calibrated"] * 2
+    assert "unexplained_by_feature" in panels(diagnosis(effects=(PAYLOAD,), unexplained=REST))[1]
+    assert "unexplained_by_feature" not in names
+
+
+def test_what_is_left_is_described_and_judged():
+    left = sections(diagnosis(effects=(PAYLOAD,)))["What is left"].text
+    assert left.startswith("Calibrated: The markers are off by") and "\n\nCorrected: The" in left
+    assert left.endswith("mm, where a twin that lacks nothing leaves 0.70 mm.")
+    rest = sections(diagnosis(unexplained=REST))["What is left"].text
+    assert "Unexplained is 37 %" in rest and "a hose" in rest
+
+
+def test_calibrated_parameters_are_ranked_by_how_far_they_moved():
+    rows = tables.calibration(CALIBRATION, {}).rows
+    assert [row[0] for row in rows] == list(CALIBRATION)  # 9.8, 2.9 and 0.05 standard errors
+    assert rows[0][1:] == ("1.11", "1.08 … 1.13", "× its start", "9.8")
+    prior = dict(zip(CALIBRATION, (0.5, 0.1, 0.1), strict=True))
+    table = tables.calibration(CALIBRATION, prior)
+    assert table.header[-1] == "in widths of the prior"
+    assert table.rows[0] == ("slack of cable1_plus", "−0.3", "−0.5 … −0.1", "mm", "3.0")
+    text = sections(diagnosis())["Calibration"].text
+    assert "• Slack of cable1_plus and stiffness of cable 1 cannot be told apart." in text
+    assert "Calibration" not in sections(diagnosis(calibration={}, cautions=()))
+
+
+def test_the_last_resort_stands_apart():
+    untried = diagnosis()
+    on = replace(
+        untried.learned, on=True, before_mm=2.0, after_mm=1.5, share=0.25, interval=(0.2, 0.3)
+    )
+    off = replace(on, on=False, after_mm=2.0, share=0.0, interval=(0.0, 0.0))
+    title = "Last resort, apart from physics"
+    said = sections(replace(untried, learned=on))[title].text
+    assert "25 % (20 … 30 %" in said and "2.00 mm without it, 1.50 mm with it" in said
+    assert "It is off" in sections(replace(untried, learned=off))[title].text
+    assert "It was not learned" in sections(untried)[title].text
+    assert list(sections(untried))[-1] == title

@@ -1,0 +1,150 @@
+"""Is the arm of a twin.json the same arm in a collected run, on the bus, and behind a port?"""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from serpent_twin import arm_file, design, mjcf
+from serpent_twin.bus.device import running
+from serpent_twin.bus.dynamixel.setup import ArmSetup, write_setup
+from serpent_twin.bus.simulated import SimulatedBus
+from serpent_twin.bus.xl430 import VELOCITY_UNIT
+from serpent_twin.collect import Collect, Real, collect
+from serpent_twin.design import Design
+from serpent_twin.effects import CATALOGUE
+from serpent_twin.errors import SerpentError
+from serpent_twin.log import FIELDS, read_session
+from serpent_twin.parameters import NOMINAL
+from serpent_twin.tolerances import Tolerances
+from serpent_twin.twin import Twin
+
+QUIET = replace(NOMINAL, load_noise=0.0, marker_noise=0.0)
+EFFECTS = (
+    CATALOGUE["gear_backlash"](0.05),
+    CATALOGUE["cable_creep"](0.5, time=10.0),
+    CATALOGUE["link_flex"](0.05),
+    CATALOGUE["mocap_latency"](0.05),
+)
+ARM = Design(QUIET, Tolerances(strand_stiffness=tuple(np.linspace(-0.2, 0.2, 20))), EFFECTS)
+SHORT = {"sessions": 1, "steps": 24, "workers": 1}
+
+
+def written(folder, arm=ARM, name="twin.json"):
+    folder.mkdir(parents=True, exist_ok=True)
+    design.write(folder / name, arm, {"arm": "made for a test"})
+    return folder / name
+
+
+def command(*arguments):
+    run = [sys.executable, "-m", "serpent_twin.collect", *map(str, arguments)]
+    return subprocess.run(run, capture_output=True, text=True)
+
+
+def same(a, b):
+    return all(np.array_equal(getattr(a, n), getattr(b, n), equal_nan=True) for n in FIELDS)
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    """A folder with a twin.json, and the session that the command collects of it."""
+    folder = tmp_path_factory.mktemp("made")
+    twin = written(folder)
+    done = command("--out", folder / "logs", "--twin", twin, "--sessions", 1, "--steps", 24)
+    assert done.returncode == 0, done.stderr
+    return folder, read_session(folder / "logs" / "session_01.parquet")
+
+
+def test_a_run_is_of_the_file_s_arm_and_comes_out_the_same_again(logs, tmp_path):
+    folder, session = logs
+    (again,) = collect(Collect(tmp_path / "again", twin=folder / "twin.json", **SHORT))
+    (nominal,) = collect(Collect(tmp_path / "nominal", parameters=QUIET, **SHORT))
+    assert same(session, read_session(again))
+    assert np.array_equal(session.joint_target, read_session(nominal).joint_target)
+    off = np.linalg.norm(session.marker - read_session(nominal).marker, axis=-1)
+    assert off[8:].mean() > 2e-3
+
+
+def test_a_log_says_which_arm_it_is_of(logs):
+    folder, session = logs
+    about = session.metadata
+    assert about["config"]["model_sha256"] == ARM.fingerprint()
+    assert about["config"]["parameters"]["load_noise"] == 0.0
+    assert about["twin"]["path"] == str(folder / "twin.json") and len(about["twin"]["sha256"]) == 64
+
+
+def test_another_arm_does_not_mix_with_a_run(logs, tmp_path):
+    folder, _ = logs
+    other = written(tmp_path, ARM.with_effect(CATALOGUE["gear_backlash"](0.06)))
+    with pytest.raises(SerpentError, match=r"model_sha256 was .* another --out"):
+        collect(Collect(folder / "logs", twin=other, **SHORT))
+
+
+def test_the_bus_moves_the_design_s_twin():
+    twin, bus = Twin(ARM), SimulatedBus(Twin(ARM), np.random.default_rng(0))
+    with bus:
+        bus.enable_torque()
+        for goal in np.random.default_rng(1).integers(-20, 21, (8, 10)):
+            bus.write_goal_velocity(goal)
+            bus.wait(0.25)
+            twin.advance(goal * VELOCITY_UNIT, 0.25)
+            for name in ("motor_angle", "motor_torque", "joint_angle", "markers", "tension"):
+                assert np.array_equal(getattr(bus.twin, name), getattr(twin, name)), name
+
+
+def test_over_the_wire_a_session_has_the_rows_of_the_file_s_arm(logs, tmp_path):
+    """Behind a port and in process, in float64; the device has no cameras in lockstep."""
+    folder, session = logs
+    with running("--lockstep", "--model", str(folder / "twin.json")) as device:
+        setup = tmp_path / "arm.toml"
+        write_setup(ArmSetup(device.port, zero=(0,) * 10, path=setup))
+        real = Real(setup=setup)
+        (wire,) = collect(Collect(tmp_path / "real", backend="real", real=real, **SHORT))
+    there = read_session(wire)
+    for name in ("motor_position", "motor_velocity", "motor_load", "motor_velocity_command"):
+        assert np.array_equal(getattr(session, name), getattr(there, name)), name
+
+
+def test_mjcf_is_the_arm_without_what_mjcf_cannot_say(logs, tmp_path):
+    """The file's numbers have six digits; what acts in Python is left out, and said."""
+    folder, _ = logs
+    done = command("--out", tmp_path / "xml", "--twin", folder / "twin.xml", "--sessions", 1,
+                   "--steps", 24, "--load-noise", 0, "--marker-noise", 0)  # fmt: skip
+    assert "lacks the effects that only twin.json can hold" in done.stdout
+    static = replace(ARM, effects=tuple(e for e in EFFECTS if not e.acts()))
+    (json,) = collect(Collect(tmp_path / "json", twin=written(tmp_path, static), **SHORT))
+    a, b = read_session(tmp_path / "xml" / "session_01.parquet"), read_session(json)
+    assert np.linalg.norm(a.marker - b.marker, axis=-1).mean() < 2e-4
+    assert a.metadata["config"]["model_sha256"] != b.metadata["config"]["model_sha256"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"parameters": replace(NOMINAL, load_noise=0.1)}, "leave out --load-noise"),
+        ({"backend": "real"}, "leave it out with --backend real"),
+    ],
+)
+def test_what_excludes_the_file_is_said(logs, tmp_path, change, message):
+    config = Collect(tmp_path / "logs", twin=logs[0] / "twin.json", **SHORT)
+    with pytest.raises(SerpentError, match=message):
+        collect(replace(config, **change))
+    assert not (tmp_path / "logs").exists()
+
+
+def test_a_file_that_is_no_arm_is_refused(tmp_path):
+    (tmp_path / "twin.json").write_text("{}")
+    (tmp_path / "one.xml").write_text("<mujoco/>")
+    text = mjcf.build().to_xml()
+    (tmp_path / "slide.xml").write_text(text.replace('name="joint1"', 'name="joint1" type="slide"'))
+    for name, message in (
+        ("twin.json", "it is no twin"),
+        ("gone.json", r"gone\.json cannot be read"),
+        ("gone.xml", "no model that MuJoCo can load"),
+        ("one.xml", "actuators must be motor1, motor2, .* missing or elsewhere: motor1"),
+        ("slide.xml", "joints that are no hinges"),
+    ):
+        with pytest.raises(SerpentError, match=message):
+            arm_file.read(tmp_path / name)
