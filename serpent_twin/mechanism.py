@@ -153,9 +153,9 @@ def _per_motor(designs: Sequence[Design]) -> Array:
 
 def _stacked(designs: Sequence[Design]) -> list[effects.Effect]:
     """The designs' acting effects, each as one of n rows, in the order in which they act."""
-    rows = []
-    for kind in sorted(effects.CATALOGUE.values(), key=lambda kind: kind.stage):
+    rows, kinds = [], {type(effect) for design in designs for effect in design.active}
+    for kind in sorted(kinds, key=lambda kind: (kind.stage, kind.__name__)):
         each = [next((e for e in d.active if type(e) is kind), None) for d in designs]
-        if kind.acts() and any(each):
+        if kind.acts():
             rows.append(effects.stack([e or kind() for e in each]))
     return rows

@@ -8,7 +8,7 @@ import pytest
 from serpent_twin.effects import Range
 from serpent_twin.rigs.rig import Candidate, Declared, Point, Stopwatch
 from serpent_twin.trace.held_out import Errors, gain
-from serpent_twin.trace.least_squares import WORTH, fit, indistinguishable, moves_of
+from serpent_twin.trace.least_squares import fit, indistinguishable, moves_of, worth
 from serpent_twin.trace.notebook import Notebook
 from serpent_twin.trace.search import full_fit, score, worth_fitting
 
@@ -36,6 +36,7 @@ class LinearCase:
     )
     unseen: dict = field(default_factory=dict)
     clock: Stopwatch = field(default_factory=Stopwatch)
+    channels: int = 3
 
     def take(self, pieces, which):
         return [pieces[k] for k in which]
@@ -72,7 +73,7 @@ def test_a_linear_fit_solves_the_normal_equations():
     found = fit(arm, every(), START, moves_of(arm, ()), 3, 1)
     flat = arm.X.reshape(-1, 2)
     exact = np.linalg.solve(
-        flat.T @ flat / WORTH + np.eye(2) * 1e-6, flat.T @ arm.y.ravel() / WORTH
+        flat.T @ flat / found.worth + np.eye(2) * 1e-6, flat.T @ arm.y.ravel() / found.worth
     )
     assert found.converged
     np.testing.assert_allclose(found.point.declared, exact, rtol=1e-5)
@@ -107,6 +108,19 @@ def test_the_score_finds_what_is_there_and_how_strong():
     assert there.share > 0.3 > 0.01 > absent.share
     assert there.start[0] == pytest.approx(0.7, abs=0.05)
     assert worth_fitting(scores, arm.candidates) == [GUST]
+
+
+def test_what_hangs_together_weighs_as_less():
+    rng = np.random.default_rng(3)
+    white = rng.standard_normal((20, 400, 3))
+    assert worth(white.reshape(20, -1), 3) == pytest.approx(1.0, abs=0.1)
+    alike = np.repeat(white[..., :1], 3, axis=2)
+    assert worth(alike.reshape(20, -1), 3) == pytest.approx(3.0, rel=0.05)
+    rho, slow = 0.6, white.copy()
+    for t in range(1, 400):
+        slow[:, t] = rho * slow[:, t - 1] + np.sqrt(1 - rho**2) * white[:, t]
+    exact = (1 + rho) / (1 - rho)  # of an autoregression of first order
+    assert worth(slow.reshape(20, -1), 3) == pytest.approx(exact, rel=0.15)
 
 
 def test_what_cannot_be_told_apart_is_named():

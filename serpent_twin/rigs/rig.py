@@ -104,6 +104,8 @@ class Case(Protocol[P]):
     """Candidates that these logs cannot show, and why"""
     clock: Stopwatch
     """Time spent in simulation"""
+    channels: int
+    """Numbers that a residual has for each row of a log"""
 
     def pieces(self, sessions: Sequence[Session]) -> P:
         """Cut sessions into segments."""

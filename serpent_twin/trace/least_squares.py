@@ -1,9 +1,8 @@
 """Which parameters fit the logs best, and how surely?
 
 Gauss-Newton with priors. All perturbed twins of one derivative step side by side; the derivative is
-taken on some of the segments, every step is judged on all. Residuals of one segment hang together,
-so the data weigh as the fewer independent numbers that they are worth, and the intervals come from
-how the segments disagree (the sandwich of Huber and White, clustered by segment).
+taken on some of the segments, every step is judged on all. A residual's numbers hang together, in
+time and from marker to marker, so the data weigh as the fewer independent numbers they are worth.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from serpent_twin.arm import Array
 from serpent_twin.effects import Range
@@ -21,9 +19,7 @@ _DAMPINGS = (0.0, 0.3, 3.0)
 """Levenberg's, of which the best is taken at every step"""
 _ENOUGH = 0.004
 """A step that betters the cost by less than this share is the last"""
-CONFIDENCE = 0.95
-WORTH = 10.0
-"""So many numbers of a residual, which hang together in time and along the arm, weigh as one"""
+_NORMAL = 1.96  # 95 %
 _CHORDS = 4
 Tell = Callable[[str], None]
 
@@ -49,7 +45,9 @@ class Fit:
     point: Point
     moves: Moves
     cost: float
-    """Weighted squares over all segments, divided by `WORTH`, priors included"""
+    """Weighted squares over all segments, divided by `worth`, priors included"""
+    worth: float
+    """So many of the residual's numbers weigh as one"""
     error: Array
     """Standard errors of the moves, in their coordinates, (len(moves),)"""
     correlation: Array
@@ -58,14 +56,12 @@ class Fit:
     slope: Array
     """Derivative of the residual by the moves on the segments `used`, (len(moves), S, n)"""
     used: tuple[int, ...]
-    clusters: int
-    """Segments that the errors are from"""
 
     def interval(self, name: str, index: int) -> tuple[float, float, float]:
         """An effect's parameter with its 95 % interval."""
         at = len(self.moves.declared) + self.moves.effects.index((name, index))
         value = float(self.point.effects[name][index])
-        half = float(self.error[at]) * float(stats.t.ppf((1 + CONFIDENCE) / 2, self.clusters - 1))
+        half = _NORMAL * float(self.error[at])
         return value, value - half, value + half
 
 
@@ -129,6 +125,30 @@ def _difference(allowed: Range, value: float) -> float:
     return -step if value + step > allowed.high else step
 
 
+def worth(residual: Array, channels: int) -> float:
+    """How many numbers of a residual, (S, T · channels), weigh as one independent number.
+
+    In time: 1 + 2 Σ ρ_k, the autocorrelations to the first that is not positive (Geyer). From channel
+    to channel: how unevenly the covariance's eigenvalues share the variance, C tr(Σ²) / tr(Σ)².
+    """
+    rows = residual.reshape(len(residual), -1, channels).astype(float)
+    rows = rows - rows.mean(axis=1, keepdims=True)
+    flat = rows.reshape(-1, channels)
+    covariance = flat.T @ flat / len(flat)
+    total = np.trace(covariance)
+    if total <= 0:
+        return 1.0
+    used = np.count_nonzero(np.diag(covariance))
+    together = used * (covariance**2).sum() / total**2
+    lasting = 1.0
+    for k in range(1, rows.shape[1] // 4):
+        rho = (rows[:, :-k] * rows[:, k:]).sum() / (rows**2).sum()
+        if rho <= 0:
+            break
+        lasting += 2 * rho
+    return float(max(1.0, together * lasting))
+
+
 def fit(
     case: Case[Any],
     pieces: Any,
@@ -142,23 +162,27 @@ def fit(
     """Fit with at most so many derivatives, each on every `every`th segment, another set each time.
 
     A derivative serves several steps (the chord method), each judged on all segments. A fit that is
-    `known` lends its derivative by the declared parameters, so that only the effects' are simulated.
+    `known` lends its derivative by the declared parameters, so that only the effects' are simulated;
+    its steps are judged on its segments alone, which is quick.
     """
     prior, point, cost, converged = _priors(case, moves), start, np.inf, False
-    slope, used = np.zeros((len(moves), 0, 0)), ()
+    slope, used, each = np.zeros((len(moves), 0, 0)), (), 1.0
     for n in range(derivatives):
         used = known.used if known else tuple(range(n % every, len(pieces), every))
         some = case.take(pieces, used)
         residual, slope = _slopes(case, point, moves, some, known)
-        grown = len(pieces) / len(used) / WORTH
+        if n == 0:
+            each = known.worth if known else worth(residual, case.channels)
+        grown = len(pieces) / len(used) / each
         flat = slope.reshape(len(moves), -1)
         normal = grown * (flat @ flat.T) + np.diag(prior)
-        cost = before = _costs(case, pieces, [point], moves, prior)[0] if n == 0 else cost
+        judged, times = (some, grown) if known else (pieces, 1 / each)
+        cost = before = _costs(case, judged, times, [point], moves, prior)[0] if n == 0 else cost
         for chord in range(_CHORDS):
             residual = residual if chord == 0 else case.residual([point], some)[0]
             pull = -grown * (flat @ residual.ravel()) - prior * _at(point, moves)
             points = _tried(case, point, moves, normal, pull)
-            costs = _costs(case, pieces, points, moves, prior)
+            costs = _costs(case, judged, times, points, moves, prior)
             best = int(np.argmin(costs))
             if costs[best] >= cost:
                 break
@@ -170,8 +194,8 @@ def fit(
         if (before - cost) / before < 2 * _ENOUGH:
             converged = True
             break
-    error, correlation = _errors(slope, case, point, pieces, used, moves, prior)
-    return Fit(point, moves, cost, error, correlation, converged, slope, used, len(pieces))
+    error, correlation = _errors(slope, len(pieces) / len(used) / each, prior)
+    return Fit(point, moves, cost, each, error, correlation, converged, slope, used)
 
 
 def _slopes(
@@ -204,32 +228,18 @@ def _priors(case: Case[Any], moves: Moves) -> Array:
 
 
 def _costs(
-    case: Case[Any], pieces: Any, points: Sequence[Point], moves: Moves, prior: Array
+    case: Case[Any], pieces: Any, times: float, points: Sequence[Point], moves: Moves, prior: Array
 ) -> Array:
-    squares = (case.residual(points, pieces).astype(float) ** 2).sum(axis=(1, 2)) / WORTH
+    squares = (case.residual(points, pieces).astype(float) ** 2).sum(axis=(1, 2)) * times
     cost = squares + np.array([(prior * _at(point, moves) ** 2).sum() for point in points])
     return np.where(np.isfinite(cost), cost, np.inf)
 
 
-def _errors(
-    slope: Array,
-    case: Case[Any],
-    point: Point,
-    pieces: Any,
-    used: Sequence[int],
-    moves: Moves,
-    prior: Array,
-) -> tuple[Array, Array]:
-    """Standard errors and correlations: the sandwich over segments, with the priors' own spread."""
-    residual = case.residual([point], case.take(pieces, used))[0]
-    grown, n = len(pieces) / len(used) / WORTH, len(used)
-    flat = slope.reshape(len(moves), -1)
-    bread = np.linalg.inv(grown * (flat @ flat.T) + np.diag(prior))
-    scores = np.einsum("psn,sn->ps", slope, residual) * grown
-    scores -= scores.mean(axis=1, keepdims=True)
-    meat = scores @ scores.T * n / max(1, n - 1) * n / len(pieces)
-    covariance = bread @ (meat + np.diag(prior)) @ bread
-    error = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
+def _errors(slope: Array, times: float, prior: Array) -> tuple[Array, Array]:
+    """Standard errors and correlations of the moves, their priors included."""
+    flat = slope.reshape(len(slope), -1)
+    covariance = np.linalg.inv(times * (flat @ flat.T) + np.diag(prior))
+    error = np.sqrt(np.diag(covariance))
     return error, covariance / np.outer(error, error)
 
 
@@ -241,6 +251,8 @@ def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[
     ]
     told = []
     for a, b in zip(*np.where(np.triu(np.abs(found.correlation), 1) > above), strict=True):
+        if names[a].endswith("of all joints"):  # the single joints' deviations are from it
+            continue
         told.append(f"{names[a]} and {names[b]} cannot be told apart.")
     prior = np.array([case.declared[k].prior for k in found.moves.declared])
     blind = np.flatnonzero(found.error[: len(prior)] > 0.9 * prior)

@@ -62,7 +62,7 @@ def _fit_arrays(fit: Fit) -> dict[str, Any]:
         "cost": fit.cost,
         "converged": fit.converged,
         "used": list(fit.used),
-        "clusters": fit.clusters,
+        "worth": fit.worth,
     }
     return {
         "about": np.array(json.dumps(about)),
@@ -87,5 +87,5 @@ def _read_fit(path: Path) -> Fit:
             converged=about["converged"],
             slope=stored["slope"],
             used=tuple(about["used"]),
-            clusters=about["clusters"],
+            worth=about["worth"],
         )

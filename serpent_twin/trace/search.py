@@ -1,6 +1,6 @@
 """Which candidate effects are worth a full fit, and what do they then gain?"""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,13 +8,15 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.rigs.rig import Candidate, Case
-from serpent_twin.trace.least_squares import WORTH, Fit, Tell, fit, moves_of
+from serpent_twin.trace.least_squares import Fit, Tell, fit, moves_of
 
 EXCITED = 0.02
 """An effect whose typical strength moves the residual by less than this share of its rms is not seen"""
 _WORTH_A_FIT = 0.015
 """Share of the residual's squares that a candidate must remove in the score test"""
-_DERIVATIVES = 3
+_BESIDE_THE_BEST = 0.1
+"""And of what the best candidate removes"""
+_DERIVATIVES = 2
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def _projected(
     prior = np.array([1 / case.declared[k].prior ** 2 for k in base.moves.declared])
     n = len(prior)
     flat = base.slope[:n].reshape(n, -1)
-    weight = grown / WORTH
+    weight = grown / base.worth
     normal = weight * (flat @ flat.T) + np.diag(prior)
     d, r = change.ravel().astype(float), residual.ravel().astype(float)
     free_d = d - flat.T @ np.linalg.solve(normal, weight * (flat @ d))
@@ -94,12 +96,15 @@ def _scaled(candidate: Candidate, values: Array, size: float) -> Array | None:
     return out
 
 
-def worth_fitting(scores: Sequence[Score], candidates: Any, most: int = 3) -> list[str]:
-    """Names of candidates to fit fully: the best few, and what each can be confused with."""
+def worth_fitting(
+    scores: Sequence[Score], candidates: Mapping[str, Candidate], most: int = 3
+) -> list[str]:
+    """Names of candidates to fit fully: the best few, and what the best can be confused with."""
     ranked = sorted(scores, key=lambda s: -s.share)
-    best = [s.name for s in ranked if s.share > _WORTH_A_FIT and s.excitation > EXCITED][:most]
-    there = {s.name for s in scores}
-    beside = [n for name in best[:2] for n in candidates[name].confused_with if n in there]
+    least = max(_WORTH_A_FIT, _BESIDE_THE_BEST * ranked[0].share) if ranked else 0.0
+    best = [s.name for s in ranked if s.share > least and s.excitation > EXCITED][:most]
+    excited = {s.name for s in scores if s.excitation > EXCITED}
+    beside = [n for name in best[:1] for n in candidates[name].confused_with if n in excited]
     return list(dict.fromkeys([*best, *beside]))
 
 
@@ -111,7 +116,7 @@ def full_fit(case: Case[Any], pieces: Any, base: Fit, found: Score, tell: Tell) 
     some = case.take(pieces, base.used)
     cost = np.nansum(case.residual(points, some) ** 2, axis=(1, 2))
     start = points[int(np.argmin(np.where(cost > 0, cost, np.inf)))]
-    return fit(case, pieces, start, moves_of(case, names), _DERIVATIVES, 3, tell, known=base)
+    return fit(case, pieces, start, moves_of(case, names), _DERIVATIVES, 1, tell, known=base)
 
 
 def _starts(candidate: Candidate, values: Array) -> list[Array]:

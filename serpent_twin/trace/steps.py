@@ -25,7 +25,7 @@ CHANCE = 0.01
 SURE = 3.0
 """Standard errors by which an accepted strength is not zero"""
 _MOST_EFFECTS = 4
-_EVERY = 3
+_EVERY = 4
 
 
 @dataclass(frozen=True)
@@ -86,9 +86,18 @@ class Tracer:
             found = rounds[-1].trials[name].fit
             assert found is not None
             base = self._polish(found, f"with_{len(rounds)}_{name}")
+            rounds[-1] = self._judged_again(rounds[-1], base)
         final = self._without_proxies(base, rounds)
         self.final = final.point
         return Search(self.case, start, calibrated, final, tuple(rounds))
+
+    def _judged_again(self, done: Round, polished: Fit) -> Round:
+        """A round whose accepted candidate has been polished."""
+        after = self.errors(polished.point)
+        better = gain(done.errors, after, np.random.default_rng([self.seed, 5]))
+        before = done.trials[done.accepted]
+        trial = replace(before, fit=polished, gain=better, error_mm=after.marker)
+        return replace(done, trials={**done.trials, done.accepted: trial})
 
     def errors(self, point: Point) -> Errors:
         """Held-out errors of a point."""

@@ -12,26 +12,33 @@ from scipy.optimize import least_squares
 from serpent_twin.arm import ARM, N_MOTORS, Arm, Array
 from serpent_twin.imposed import STANDING
 
-_TYPICAL = np.array([4.0, 0.6, 0.6, 0.0, 0.05])
-_LOW, _HIGH = np.array([0.2, -1.5, -1.5, -0.05, 0.0]), np.array([60.0, 5.0, 5.0, 0.05, 0.5])
+_TYPICAL = np.array([4.0, 4.0, 0.6, 0.6, 0.0, 0.05])  # N/mm, N/mm, mm, mm, 1, N m
+_LOW = np.array([0.2, 0.2, -1.5, -1.5, -0.05, 0.0])
+_HIGH = np.array([60.0, 60.0, 5.0, 5.0, 0.05, 0.5])
+_SPREAD = (0.25, 0.1)  # [log] of cables' stiffnesses in one arm, of a cable's two strands
 _LOAD_NOISE = 0.005  # of the stall torque; sets how the data weigh against the prior
 _FEWEST = 50
+_WORTH = 4.0  # so many rows of a load, whose errors hang together, weigh as one
 
 
 @dataclass(frozen=True)
 class CableLaw:
-    """One cable's law, with standard errors: stiffness, slacks, winch ratio, gear friction."""
+    """One cable's law, with standard errors: stiffnesses, slacks, winch ratio, gear friction."""
 
-    stiffness: float
-    """Of both strands [N/m]"""
+    stiffness: tuple[float, float]
+    """Of the + and the − strand [N/m]"""
     slack: tuple[float, float]
     """Of the + and the − strand [m]"""
     winch: float
     """Winch radius over pulley radius, minus one [1]"""
     gear_friction: float
     """[N m]"""
-    error: tuple[float, float, float, float, float]
-    """Standard errors: of the stiffness's logarithm, both slacks [m], winch [1], gear friction [N m]"""
+    stiffness_error: tuple[float, float]
+    """Standard errors of the stiffnesses' logarithms [1]"""
+    slack_error: tuple[float, float]
+    """[m]"""
+    winch_error: float
+    """[1]"""
     rms: float
     """What the law leaves of the load, as a share of the stall torque [1]"""
     rows: int
@@ -57,7 +64,7 @@ def cable_laws(
             middle = np.median([law.stiffness for law in laws]) / 1e3
             slack = np.median([law.slack for law in laws]) * 1e3
             friction = np.median([law.gear_friction for law in laws])
-            typical = np.array([middle, slack, slack, 0.0, friction])
+            typical = np.array([middle, middle, slack, slack, 0.0, friction])
     return found
 
 
@@ -73,28 +80,40 @@ def _fit(
     turning = np.tanh(velocity[use] / (STANDING / 3))
 
     def law(p: Array) -> Array:
-        x = 1e3 * radius * (angle * (1 + p[3]) - wound)
-        return radius * p[0] * (np.maximum(x - p[1], 0) - np.maximum(-x - p[2], 0)) + p[4] * turning
+        x = 1e3 * radius * (angle * (1 + p[4]) - wound)
+        pull = p[0] * np.maximum(x - p[2], 0) - p[1] * np.maximum(-x - p[3], 0)
+        return radius * pull + p[5] * turning
 
     def residual(p: Array) -> Array:
-        prior = np.array(
-            [np.log(p[0] / typical[0]) / 0.25, *(p[1:3] - typical[1:3]) / 0.3, p[3] / 0.01]
-        )
-        return np.r_[(law(p) - torque) / (_LOAD_NOISE * stall), prior * np.sqrt(use.sum() / 200)]
+        alike = np.log(p[0] * p[1] / (typical[0] * typical[1])) / (2 * _SPREAD[0])
+        prior = [
+            alike,
+            np.log(p[0] / p[1]) / _SPREAD[1],
+            *(p[2:4] - typical[2:4]) / 0.3,
+            p[4] / 0.01,
+        ]
+        return np.r_[(law(p) - torque) / noise, np.array(prior) * np.sqrt(_WORTH)]
 
+    noise = _LOAD_NOISE * stall
     fit = least_squares(
-        residual, typical, bounds=(_LOW, _HIGH), loss="soft_l1", x_scale=[1, 0.1, 0.1, 0.01, 0.01]
+        residual,
+        typical,
+        bounds=(_LOW, _HIGH),
+        loss="soft_l1",
+        x_scale=[1, 1, 0.1, 0.1, 0.01, 0.01],
     )
     left = law(fit.x) - torque
-    spread = max(1.0, float(np.sqrt(np.mean(left**2))) / (_LOAD_NOISE * stall))
+    spread = np.sqrt(_WORTH) * max(1.0, float(np.sqrt(np.mean(left**2))) / noise)
     error = spread * np.sqrt(np.diag(np.linalg.pinv(fit.jac.T @ fit.jac)))
-    k, plus, minus, winch, friction = fit.x
+    p = fit.x
     return CableLaw(
-        stiffness=1e3 * k,
-        slack=(1e-3 * plus, 1e-3 * minus),
-        winch=winch,
-        gear_friction=friction,
-        error=(error[0] / k, 1e-3 * error[1], 1e-3 * error[2], error[3], error[4]),
+        stiffness=(1e3 * p[0], 1e3 * p[1]),
+        slack=(1e-3 * p[2], 1e-3 * p[3]),
+        winch=p[4],
+        gear_friction=p[5],
+        stiffness_error=(error[0] / p[0], error[1] / p[1]),
+        slack_error=(1e-3 * error[2], 1e-3 * error[3]),
+        winch_error=error[4],
         rms=float(np.std(left)) / stall,
         rows=int(use.sum()),
     )

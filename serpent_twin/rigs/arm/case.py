@@ -40,6 +40,8 @@ class ArmCase:
     """[s]"""
     clock: Stopwatch = field(default_factory=Stopwatch)
     """Time spent in simulation"""
+    channels: int = 3 * N_JOINTS + N_MOTORS
+    """Numbers that a residual has for each row of a log"""
 
     @property
     def declared(self) -> Sequence[Declared]:

@@ -18,12 +18,9 @@ from serpent_twin.tolerances import Tolerances
 _TRUST = (
     2.0  # prior widths are this many standard errors of the cable laws, for these ignore mismatch
 )
-_STIFFNESS, _SLACK, _FRICTION = (
-    0.02,
-    0.02,
-    0.3,
-)  # [log], [mm], [log] at least; hinges differ by the last
-_UNKNOWN_STIFFNESS, _UNKNOWN_SLACK = 0.25, 0.3  # [log], [mm] of a cable whose law no log shows
+_STIFFNESS, _SLACK, _WINCH = 0.02, 0.02, 0.1  # [log], [mm], [%] at least
+_FRICTION = 0.3  # [log] hinges differ
+_UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable that no log shows
 
 
 @dataclass(frozen=True)
@@ -33,14 +30,15 @@ class Vector:
     start: Design
     """The design at all coordinates zero"""
     declared: tuple[Declared, ...]
-    """stiffness 10, slack 20, friction 1 + 9, damping 1 + 9, gear friction 10, marker 27"""
+    """stiffness 20, slack 20, winch 10, friction 1 + 9, damping 1 + 9, gear friction 10, marker 27"""
 
     @cached_property
     def blocks(self) -> dict[str, slice]:
         """Where each kind of parameter lies."""
         sizes = {
-            "stiffness": N_MOTORS,
+            "stiffness": 2 * N_MOTORS,
             "slack": 2 * N_MOTORS,
+            "winch": N_MOTORS,
             "friction": 1 + N_JOINTS,
             "damping": 1 + N_JOINTS,
             "gear": N_MOTORS,
@@ -55,8 +53,9 @@ class Vector:
         t = self.start.tolerances
         tolerances = replace(
             t,
-            strand_stiffness=_plus(t.strand_stiffness, np.repeat(x["stiffness"], 2)),
+            strand_stiffness=_plus(t.strand_stiffness, x["stiffness"]),
             strand_slack=_plus(t.strand_slack, 1e-3 * x["slack"]),
+            winch_radius=_plus(t.winch_radius, 1e-2 * x["winch"]),
             joint_friction=_plus(t.joint_friction, x["friction"][0] + x["friction"][1:]),
             joint_damping=_plus(t.joint_damping, x["damping"][0] + x["damping"][1:]),
             gear_friction=_plus(t.gear_friction, x["gear"]),
@@ -132,7 +131,9 @@ def vector(
     )
     tolerances = Tolerances(
         strand_stiffness=tuple(
-            float(np.log(law.stiffness / stiffness)) if law else 0.0 for law in each for _ in "+-"
+            float(np.log(law.stiffness[side] / stiffness)) if law else 0.0
+            for law in each
+            for side in (0, 1)
         ),
         strand_slack=tuple(
             float(law.slack[side] - slack) if law else 0.0 for law in each for side in (0, 1)
@@ -148,13 +149,17 @@ def vector(
 
 def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Declared, ...]:
     rows = []
-    for j, law in enumerate(laws, 1):
-        width = max(_STIFFNESS, _TRUST * law.error[0]) if law else _UNKNOWN_STIFFNESS
-        rows.append(Declared(f"stiffness of cable {j}", "log N/m", min(width, 0.3), 0.03))
     for n, name in enumerate(mjcf.STRANDS):
         law = laws[n // 2]
-        width = max(_SLACK, _TRUST * 1e3 * law.error[1 + n % 2]) if law else _UNKNOWN_SLACK
+        width = max(_STIFFNESS, _TRUST * law.stiffness_error[n % 2]) if law else _UNKNOWN_STIFFNESS
+        rows.append(Declared(f"stiffness of {name}", "log N/m", min(width, 0.3), 0.03))
+    for n, name in enumerate(mjcf.STRANDS):
+        law = laws[n // 2]
+        width = max(_SLACK, _TRUST * 1e3 * law.slack_error[n % 2]) if law else _UNKNOWN_SLACK
         rows.append(Declared(f"slack of {name}", "mm", min(width, 0.4), 0.02))
+    for j, law in enumerate(laws, 1):
+        width = max(_WINCH, _TRUST * 1e2 * law.winch_error) if law else _UNKNOWN_WINCH
+        rows.append(Declared(f"winch of motor {j}", "% of radius", min(width, 1.0), 0.2))
     for what, unit, together in (("friction", "log N m", 1.0), ("damping", "log N m s/rad", 1.5)):
         rows.append(Declared(f"{what} of all joints", unit, together, 0.1))
         rows += [

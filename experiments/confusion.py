@@ -1,0 +1,237 @@
+"""Does the trace name what is wrong with an arm, how small a fault does it notice, and when is it wrong?
+
+Every effect of the catalogue at several strengths, pairs, effects outside the catalogue, and none, in
+arms whose other numbers and noises are drawn anew for each. A trial is one arm: recorded, traced, and
+one line of results.jsonl. One takes minutes; the order of trials keeps the table balanced whenever it
+ends, and the same command goes on.
+"""
+
+import contextlib
+import json
+import multiprocessing as mp
+import shutil
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from confusion_arms import SOURCES, Length
+from confusion_page import page
+from confusion_plan import Trial, chosen, plan
+from confusion_score import called, quantity, right, scores
+from tqdm import tqdm
+
+from serpent_twin import cli
+from serpent_twin.claim import claimed
+from serpent_twin.errors import SerpentError
+from serpent_twin.files import write_whole
+from serpent_twin.provenance import provenance
+from serpent_twin.report import write
+from serpent_twin.trace import Trace, trace
+
+SETTINGS = "confusion.json"
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """Inject faults into arms, trace them, and count what is named."""
+
+    out: Path = Path("confusion")
+    """Folder for results; the same command goes on where it stopped."""
+    source: Literal["twin", "bench"] = "twin"
+    """Who writes the logs: the twin itself, which flatters it, or the independent arm of the tests."""
+    rounds: int = 10
+    """Rounds of the plan: each effect once, two clean arms, a pair, the effects outside the catalogue."""
+    trials: int = 0
+    """At most so many of the plan's trials, those done before included; 0 for all."""
+    only: tuple[str, ...] = ()
+    """Only trials with these effects or of these kinds: clean, known, pair, outside."""
+    sessions: int = 4
+    """Sessions of each arm; the last one is held out."""
+    steps: int = 1200
+    """Control steps of each session."""
+    workers: int = 1
+    """Trials side by side; a trace uses all cores by itself, so more helps little."""
+    budget_minutes: float = 0.0
+    """Begin no trial after so long; 0 for no limit."""
+    seed: int = 0
+    """Of all that is drawn."""
+    keep: bool = False
+    """Keep every trial's logs and fits: tens of megabytes each."""
+
+
+def main(config: Confusion) -> None:  # noqa: D103 tyro would print it above the config's own
+    _check(config)
+    trials = _trials(config)
+    settings = {name: getattr(config, name) for name in ("source", "sessions", "steps", "seed")}
+    with claimed(config.out, SETTINGS, settings):
+        results = Results(config.out / "results.jsonl")
+        _run(config, trials, results)
+        _publish(config, trials, results, settings)
+
+
+def _check(config: Confusion) -> None:
+    least = {"rounds": 1, "trials": 0, "sessions": 2, "steps": 2, "workers": 1, "seed": 0}
+    for name, low in least.items():
+        if getattr(config, name) < low:
+            raise SerpentError(
+                f"--{name} is {getattr(config, name)}; give a number of at least {low}."
+            )
+
+
+def _trials(config: Confusion) -> list[Trial]:
+    source = SOURCES[config.source]()
+    every = plan(source.known, source.outside, config.rounds, config.seed)
+    words = {n for t in every for n, _ in t.effects} | {t.kind for t in every}
+    if unknown := sorted(set(config.only) - words):
+        raise SerpentError(
+            f"--only {' '.join(unknown)}: there is no such thing. There are {', '.join(sorted(words))}."
+        )
+    return chosen(every, config.only, config.trials)
+
+
+class Results:
+    """The rows of results.jsonl by trial; the file is replaced whole after every trial."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        lines = path.read_text().splitlines() if path.exists() else []
+        self.rows: dict[str, dict[str, Any]] = {row["id"]: row for row in map(json.loads, lines)}
+
+    @property
+    def scored(self) -> list[dict[str, Any]]:
+        """Rows of arms that were traced to the end."""
+        return [row for row in self.rows.values() if "failed" not in row]
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Why others were not; they are tried again."""
+        return {n: row["failed"] for n, row in self.rows.items() if "failed" in row}
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Keep a row."""
+        self.rows[row["id"]] = row
+        write_whole(self.path, "".join(json.dumps(r) + "\n" for r in self.rows.values()))
+
+
+def _run(config: Confusion, trials: Sequence[Trial], results: Results) -> None:
+    traced = {row["id"] for row in results.scored}
+    missing = [trial for trial in trials if trial.id not in traced]
+    done = len(trials) - len(missing)
+    with tqdm(total=len(trials), initial=done, unit="arm", smoothing=0.1) as bar:
+        bar.set_description("arms traced")
+        for row in _rows(config, missing):
+            results.add(row)
+            bar.write(_line(row))
+            bar.update()
+
+
+def _rows(config: Confusion, trials: Sequence[Trial]) -> Iterator[dict[str, Any]]:
+    """Trials as they end; none begins after the budget."""
+    ends = time.monotonic() + 60 * (config.budget_minutes or 1e9)
+    if config.workers == 1:
+        for trial in trials:
+            if time.monotonic() > ends:
+                return
+            yield run_trial(config, trial)
+        return
+    waiting, running = list(trials), set[Future[dict[str, Any]]]()
+    with ProcessPoolExecutor(config.workers, mp.get_context("spawn")) as pool:
+        while running or (waiting and time.monotonic() < ends):
+            while waiting and len(running) < config.workers and time.monotonic() < ends:
+                running.add(pool.submit(run_trial, config, waiting.pop(0)))
+            ended, running = wait(running, return_when=FIRST_COMPLETED)
+            yield from (job.result() for job in ended)
+
+
+def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
+    """Record an arm, trace it, and say what was there and what was found."""
+    folder = config.out / "trials" / trial.id
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        truth, found, recorded = _record_and_trace(config, trial, folder)
+    except SerpentError as error:
+        return {"id": trial.id, "kind": trial.kind, "name": trial.name, "failed": str(error)}
+    if not config.keep:
+        shutil.rmtree(folder / "logs", ignore_errors=True)
+        shutil.rmtree(folder / "trace" / "stages", ignore_errors=True)
+    return {
+        "id": trial.id,
+        "kind": trial.kind,
+        "name": trial.name,
+        "truth": truth,
+        "named": found["effects"],
+        "unexplained": bool(found["unexplained"]["is"]),
+        "depends_on": found["unexplained"]["depends_on"],
+        "error_mm": found["error_mm"],
+        "load_error_percent": found["load_error_percent"],
+        "seconds": found["seconds"],
+        "recording_seconds": recorded,
+    }
+
+
+def _record_and_trace(
+    config: Confusion, trial: Trial, folder: Path
+) -> tuple[dict[str, Any], dict[str, Any], float]:
+    """The truth, what diagnosis.json holds, and how long the recording took [s]."""
+    began, length = time.perf_counter(), Length(config.sessions, config.steps)
+    truth = SOURCES[config.source]().write(trial, folder / "logs", length, config.seed)
+    recorded = time.perf_counter() - began
+    with (folder / "trace.log").open("a") as said, _quiet(said):
+        found = trace(Trace(folder / "logs", folder / "trace", seed=config.seed))
+    return truth, found, recorded
+
+
+@contextlib.contextmanager
+def _quiet(said: Any) -> Iterator[None]:
+    """Let the trace talk to a file: many talk over each other on a screen."""
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        yield
+
+
+def _line(row: dict[str, Any]) -> str:
+    if "failed" in row:
+        return f"FAILED {row['id']}: {row['failed']}"
+    verdict = "right" if right(row) else "WRONG"
+    strengths = ", ".join(quantity(e["strength"], e["unit"]) for e in row["truth"]["effects"])
+    error = row["error_mm"]
+    course = f"{error['nominal']:.1f} → {error['calibrated']:.2f} → {error['corrected']:.2f} mm"
+    what = " + ".join(e["name"] for e in row["named"]) or called(row)
+    return (
+        f"{verdict}  {row['name']:36} {strengths:22} → {what:36} {course}, {row['seconds']:.0f} s"
+    )
+
+
+def _publish(
+    config: Confusion, trials: Sequence[Trial], results: Results, settings: dict[str, Any]
+) -> None:
+    """Write results.json and the report over all rows, and say what was not run."""
+    rows, failed = results.scored, results.failed
+    missing = [trial.id for trial in trials if trial.id not in results.rows]
+    print(
+        f"{len(rows)} arms traced; {len(missing)} of the {len(trials)} asked for are left, "
+        f"{len(failed)} failed."
+    )
+    if missing:
+        print("Not run: " + ", ".join(missing))
+    if not rows:
+        return
+    figures = (
+        scores(rows) | {"not_run": missing, "failed": failed, "settings": settings} | provenance()
+    )
+    write_whole(config.out / "results.json", json.dumps(figures, indent=1) + "\n")
+    facts = {name: str(value) for name, value in settings.items()}
+    facts |= {
+        "commit": str(figures["git_commit"]),
+        "not run": str(len(missing)),
+        "failed": str(len(failed)),
+    }
+    report = page(rows, figures, facts)
+    print(report.lead)
+    print(f"{write(report, config.out)}: the table and the figures.")
+
+
+if __name__ == "__main__":
+    cli.run(main)
