@@ -1,7 +1,7 @@
 """Which parameters fit the logs best, and how surely?
 
-Gauss-Newton with priors. All perturbed twins of one derivative step side by side; the derivative is
-taken on some of the segments, every step is judged on all. A residual's numbers hang together, in
+Gauss-Newton with priors on some of the segments; all perturbed twins of one derivative step side by
+side. A residual's numbers hang together, in
 time and from marker to marker, so the data weigh as the fewer independent numbers they are worth.
 """
 
@@ -16,11 +16,11 @@ from serpent_twin.effects import Range
 from serpent_twin.rigs.rig import Case, Point
 
 _DAMPINGS = (0.0, 0.3, 3.0)
-"""Levenberg's, of which the best is taken at every step"""
-_ENOUGH = 0.004
-"""A step that betters the cost by less than this share is the last"""
+"""Levenberg's, tried in turn"""
+_SETTLED = 0.5
+"""A step that betters the cost by less, about half a standard error, is the last"""
 _NORMAL = 1.96  # 95 %
-_CHORDS = 4
+_STEPS = 10
 Tell = Callable[[str], None]
 
 
@@ -45,7 +45,7 @@ class Fit:
     point: Point
     moves: Moves
     cost: float
-    """Weighted squares over all segments, divided by `worth`, priors included"""
+    """Weighted squares over the segments `used`, divided by `worth`, priors included"""
     worth: float
     """So many of the residual's numbers weigh as one"""
     error: Array
@@ -158,44 +158,92 @@ def fit(
     every: int,
     tell: Tell = _silent,
     known: Fit | None = None,
+    steps: int = _STEPS,
 ) -> Fit:
-    """Fit with at most so many derivatives, each on every `every`th segment, another set each time.
+    """Fit to every `every`th segment, with at most so many derivatives.
 
-    A derivative serves several steps (the chord method), each judged on all segments. A fit that is
-    `known` lends its derivative by the declared parameters, so that only the effects' are simulated;
-    its steps are judged on its segments alone, which is quick.
+    A derivative serves several steps, bettered after each by Broyden's rank-one update. A fit that is
+    `known` lends its segments, and its derivative by the declared parameters, so that only the
+    effects' are simulated. The fit has settled when a fresh derivative leads nowhere; with no steps it
+    is the derivative at the start.
     """
-    prior, point, cost, converged = _priors(case, moves), start, np.inf, False
-    slope, used, each = np.zeros((len(moves), 0, 0)), (), 1.0
+    used = known.used if known else tuple(range(every // 2, len(pieces), every)) or (0,)
+    some = case.take(pieces, used)
+    prior, point, each, settled = _priors(case, moves), start, 1.0, False
+    cost, slope = np.inf, np.zeros((len(moves), 0, 0))
     for n in range(derivatives):
-        used = known.used if known else tuple(range(n % every, len(pieces), every))
-        some = case.take(pieces, used)
         residual, slope = _slopes(case, point, moves, some, known)
         if n == 0:
             each = known.worth if known else worth(residual, case.channels)
-        grown = len(pieces) / len(used) / each
-        flat = slope.reshape(len(moves), -1)
-        normal = grown * (flat @ flat.T) + np.diag(prior)
-        judged, times = (some, grown) if known else (pieces, 1 / each)
-        cost = before = _costs(case, judged, times, [point], moves, prior)[0] if n == 0 else cost
-        for chord in range(_CHORDS):
-            residual = residual if chord == 0 else case.residual([point], some)[0]
-            pull = -grown * (flat @ residual.ravel()) - prior * _at(point, moves)
-            points = _tried(case, point, moves, normal, pull)
-            costs = _costs(case, judged, times, points, moves, prior)
-            best = int(np.argmin(costs))
-            if costs[best] >= cost:
+            cost = _cost(residual, point, moves, prior, each)
+        before = cost
+        for _ in range(steps):
+            taken = _step(case, some, point, residual, slope, moves, prior, each, cost)
+            if taken is None:
                 break
-            gained = 1 - costs[best] / cost
-            point, cost = points[best], float(costs[best])
-            if gained < _ENOUGH:
+            gained, step = cost - taken.cost, _between(point, taken.point, moves)
+            slope = _bettered(slope, taken.residual - residual, step, each)
+            point, residual, cost = taken.point, taken.residual, taken.cost
+            if gained < _SETTLED:
                 break
         tell(f"derivative {n + 1} of {derivatives}: cost {before:.0f} → {cost:.0f}")
-        if (before - cost) / before < 2 * _ENOUGH:
-            converged = True
+        settled = steps > 0 and before - cost < 2 * _SETTLED
+        if settled:
             break
-    error, correlation = _errors(slope, len(pieces) / len(used) / each, prior)
-    return Fit(point, moves, cost, each, error, correlation, converged, slope, used)
+    error, correlation = _errors(slope, 1 / each, prior)
+    return Fit(point, moves, cost, each, error, correlation, settled, slope, used)
+
+
+@dataclass(frozen=True)
+class _Taken:
+    """A step that betters the cost."""
+
+    point: Point
+    residual: Array
+    cost: float
+
+
+def _step(
+    case: Case[Any],
+    some: Any,
+    point: Point,
+    residual: Array,
+    slope: Array,
+    moves: Moves,
+    prior: Array,
+    each: float,
+    cost: float,
+) -> _Taken | None:
+    """Gauss-Newton's step, or with Levenberg's damping if that leads nowhere, or nothing."""
+    flat = slope.reshape(len(moves), -1)
+    normal = flat @ flat.T / each + np.diag(prior)
+    pull = -(flat @ residual.ravel()) / each - prior * _at(point, moves)
+    for damp in _DAMPINGS:
+        step = np.linalg.solve(normal + damp * np.diag(np.diag(normal)), pull)
+        there = moved(case, point, moves, step)
+        found = case.residual([there], some)[0]
+        new = _cost(found, there, moves, prior, each)
+        if new < cost:
+            return _Taken(there, found, new)
+    return None
+
+
+def _between(before: Point, after: Point, moves: Moves) -> Array:
+    """The step that was really taken, bounds considered."""
+    declared = (after.declared - before.declared)[list(moves.declared)]
+    return np.r_[declared, [after.effects[n][k] - before.effects[n][k] for n, k in moves.effects]]
+
+
+def _bettered(slope: Array, change: Array, step: Array, each: float) -> Array:
+    """The derivative that explains the change along the step; else as it was (Broyden 1965)."""
+    flat = slope.reshape(len(slope), -1)
+    metric = (flat**2).sum(axis=1) / each
+    length = float(step @ (metric * step))
+    if length < 1.0:  # of about a standard error: noise of sticking hinges is larger
+        return slope
+    missed = change - np.tensordot(step, slope, 1)
+    along = (metric * step / length).astype(np.float32)
+    return slope + along[:, None, None] * missed.astype(np.float32)
 
 
 def _slopes(
@@ -205,15 +253,6 @@ def _slopes(
         return slopes(case, point, moves, some)
     residual, by_effects = slopes(case, point, Moves((), moves.effects), some)
     return residual, np.concatenate([known.slope[: len(moves.declared)], by_effects])
-
-
-def _tried(case: Case[Any], point: Point, moves: Moves, normal: Array, pull: Array) -> list[Point]:
-    """Where Levenberg-Marquardt's steps lead; an effect at its bound that is pushed out stays there."""
-    out = []
-    for damp in _DAMPINGS:
-        step = np.linalg.solve(normal + damp * np.diag(np.diag(normal)), pull)
-        out.append(moved(case, point, moves, step))
-    return out
 
 
 def _at(point: Point, moves: Moves) -> Array:
@@ -227,12 +266,10 @@ def _priors(case: Case[Any], moves: Moves) -> Array:
     return np.array([*declared, *((allowed.high - allowed.low) ** -2 for allowed in wide)])
 
 
-def _costs(
-    case: Case[Any], pieces: Any, times: float, points: Sequence[Point], moves: Moves, prior: Array
-) -> Array:
-    squares = (case.residual(points, pieces).astype(float) ** 2).sum(axis=(1, 2)) * times
-    cost = squares + np.array([(prior * _at(point, moves) ** 2).sum() for point in points])
-    return np.where(np.isfinite(cost), cost, np.inf)
+def _cost(residual: Array, point: Point, moves: Moves, prior: Array, each: float) -> float:
+    squares = float((residual.astype(float) ** 2).sum()) / each
+    cost = squares + float((prior * _at(point, moves) ** 2).sum())
+    return cost if np.isfinite(cost) else np.inf
 
 
 def _errors(slope: Array, times: float, prior: Array) -> tuple[Array, Array]:

@@ -42,7 +42,7 @@ def score(case: Case[Any], pieces: Any, base: Fit, candidate: Candidate) -> Scor
     for change, point in zip(changes, points, strict=True):
         if not np.isfinite(change).all():
             continue
-        share, size = _projected(base, case, len(pieces) / len(some), residual, change)
+        share, size = _projected(base, case, residual, change)
         moved = float(np.sqrt((change**2).sum() / max((residual**2).sum(), 1e-30)))
         start = _scaled(candidate, point.effects[candidate.name], size)
         share = share if start is not None else 0.0
@@ -66,14 +66,12 @@ def _columns(candidate: Candidate) -> list[Array]:
     return tried
 
 
-def _projected(
-    base: Fit, case: Case[Any], grown: float, residual: Array, change: Array
-) -> tuple[float, float]:
+def _projected(base: Fit, case: Case[Any], residual: Array, change: Array) -> tuple[float, float]:
     """Share of the squares that the change removes beyond the declared parameters, and its size."""
     prior = np.array([1 / case.declared[k].prior ** 2 for k in base.moves.declared])
     n = len(prior)
     flat = base.slope[:n].reshape(n, -1)
-    weight = grown / base.worth
+    weight = 1 / base.worth
     normal = weight * (flat @ flat.T) + np.diag(prior)
     d, r = change.ravel().astype(float), residual.ravel().astype(float)
     free_d = d - flat.T @ np.linalg.solve(normal, weight * (flat @ d))

@@ -25,7 +25,7 @@ CHANCE = 0.01
 SURE = 3.0
 """Standard errors by which an accepted strength is not zero"""
 _MOST_EFFECTS = 4
-_EVERY = 4
+_EVERY = 3
 
 
 @dataclass(frozen=True)
@@ -109,17 +109,27 @@ class Tracer:
         """
         self.case = self.case.reweighted(start, self.training)
         moves = moves_of(self.case, ())
-        first = self._fit("calibrated_1", start, moves, 1)
-        second = self._fit("calibrated_2", first.point, moves, 1)
+        self.tell("opening")
+        opening = self.notes.fit(
+            "opening",
+            lambda: fit(self.case, self.training, start, moves, 1, _EVERY, self.tell, steps=0),
+        )
+        first = self._fit("calibrated_1", start, moves, 1, opening)
         self._opening_case = self.case
+        self.case = self.case.reweighted(first.point, self.training)
+        second = self._fit("calibrated_2", first.point, moves, 1)
         self.case = self.case.reweighted(second.point, self.training)
-        return replace(first, point=start), self._fit("calibrated_3", second.point, moves, 2)
+        return opening, self._fit("calibrated_3", second.point, moves, 3)
 
-    def _fit(self, name: str, start: Point, moves: Moves, derivatives: int) -> Fit:
+    def _fit(
+        self, name: str, start: Point, moves: Moves, derivatives: int, known: Fit | None = None
+    ) -> Fit:
         self.tell(f"fit {name.replace('_', ' ')}")
         return self.notes.fit(
             name,
-            lambda: fit(self.case, self.training, start, moves, derivatives, _EVERY, self.tell),
+            lambda: fit(
+                self.case, self.training, start, moves, derivatives, _EVERY, self.tell, known
+            ),
         )
 
     def _polish(self, found: Fit, name: str) -> Fit:
@@ -127,7 +137,7 @@ class Tracer:
         moves, point = moves_of(self.case, list(found.point.effects)), found.point
         for turn in ("a", "b"):
             self.case = self.case.reweighted(point, self.training)
-            polished = self._fit(f"{name}_{turn}", point, moves, 1 if turn == "a" else 2)
+            polished = self._fit(f"{name}_{turn}", point, moves, 2 if turn == "a" else 4)
             point = polished.point
         return polished
 
