@@ -1,4 +1,4 @@
-"""The loop closed on the independent arm: effects inside the catalogue, outside it, and none."""
+"""The loop closed on the independent arm that lacks nothing, and on logs that cannot be traced."""
 
 import json
 import sys
@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from serpent_twin import design
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import read_session, write_session
 from serpent_twin.trace import Trace, trace
@@ -17,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from bench_arm import NONE, Job, draw, inject, record_many
 
 SESSIONS, STEPS = 3, 660
-ARMS = {"none": 0.0, "base_tilt": 0.08, "cable_friction": 0.12, "outside_force": 0.5}
+ARMS = {"none": 0.0}
 
 
 @pytest.fixture(scope="module")
@@ -55,37 +54,6 @@ def test_an_arm_that_lacks_nothing_is_told_so(diagnosis):
     assert not found["unexplained"]["is"]
     assert found["error_mm"]["calibrated"] < 0.3 * found["error_mm"]["nominal"]
     assert found["error_mm"]["corrected"] < 1.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "parameter"), [("cable_friction", "coefficient")])
-def test_an_undeclared_effect_is_named_with_its_strength(diagnosis, name, parameter):
-    found, _ = diagnosis(name)
-    assert [effect["name"] for effect in found["effects"]] == [name]
-    estimate = found["effects"][0]["parameters"][parameter]
-    assert estimate["value"] == pytest.approx(ARMS[name], rel=0.1)
-    assert found["effects"][0]["probability_of_chance"] < 0.01
-    assert not found["unexplained"]["is"]
-
-
-@pytest.mark.slow
-def test_a_tilted_base_is_named_with_its_angle(diagnosis):
-    found, out = diagnosis("base_tilt")
-    assert [effect["name"] for effect in found["effects"]] == ["base_tilt"]
-    about = [e["value"] for e in found["effects"][0]["parameters"].values()]
-    assert np.hypot(*about[:2]) == pytest.approx(ARMS["base_tilt"], rel=0.1)
-    assert found["error_mm"]["corrected"] < 0.5 * found["error_mm"]["calibrated"]
-    twin = design.read(out / "twin.json")
-    assert [type(effect).__name__ for effect in twin.effects] == ["BaseTilt"]
-    assert "<mujoco" in (out / "twin.xml").read_text()
-    assert (out / "report.html").stat().st_size > 100_000
-
-
-@pytest.mark.slow
-def test_what_the_catalogue_lacks_is_left_unexplained(diagnosis):
-    found, _ = diagnosis("outside_force")
-    assert found["unexplained"]["is"]
-    assert found["unexplained"]["depends_on"]
 
 
 @pytest.mark.slow
