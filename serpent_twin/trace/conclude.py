@@ -111,19 +111,18 @@ def _at_bound(fit: Fit, name: str, parameter: str, case: Case) -> bool:
 
 
 def _tried(case: Case, search: Search) -> tuple[Tried, ...]:
-    """Every candidate's verdict: from the round that accepted it, else from the last."""
+    """Every candidate's verdict: of the last round in which it was fitted, else of the last."""
     out = {
         name: Tried(name, float("nan"), NOT_EXCITED, 0.0, None, why)
         for name, why in case.unseen.items()
     }
     for each in search.rounds:
         for name, trial in each.trials.items():
+            if trial.gain is None and name in out and out[name].gain_by_segment_mm is not None:
+                continue
             verdict, why = _verdict(name, each, search, case)
             by_segment = trial.gain.marker_by_segment_mm if trial.gain else None
             out[name] = Tried(name, trial.error_mm, verdict, trial.score.share, by_segment, why)
-        for name in search.final.point.effects:
-            if name == each.accepted:
-                break
     ordered = sorted(out.values(), key=lambda t: (t.verdict != ACCEPTED, -t.score))
     return tuple(ordered)
 

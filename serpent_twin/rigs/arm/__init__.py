@@ -35,14 +35,6 @@ class ArmRig:
         """The sessions of a folder, checked."""
         sessions = read_folder(folder)
         refuse_damaged(sessions)
-        _require_one(sessions, "arm", folder)
-        _require_one(sessions, "rate_hz", folder)
-        for session in sessions:
-            if np.isnan(session.marker).all():
-                raise SerpentError(
-                    f"{session.path} has no markers, so nobody knows where the arm was. Merge the "
-                    "cameras' take into it first: python -m serpent_twin.mocap merge --help."
-                )
         return sessions
 
     def open(self, training: Sequence[Session]) -> ArmCase:
@@ -69,16 +61,6 @@ class ArmRig:
         known = candidates()
         case = ArmCase(about, known, _unseen(velocity, known), *noise, servo_lag(training))
         return _with_friction(case, training)
-
-
-def _require_one(sessions: Sequence[Session], key: str, folder: Path) -> None:
-    """All sessions of a folder say the same of themselves."""
-    said = {str(session.metadata.get(key, "")) for session in sessions}
-    if len(said) > 1:
-        raise SerpentError(
-            f"{folder} mixes logs with different {key}: {', '.join(sorted(said))}. Trace one arm, "
-            "recorded at one rate, at a time: give each its own folder."
-        )
 
 
 def moving(velocity: Array) -> Array:
