@@ -19,7 +19,7 @@ from serpent_twin.rigs.rig import Candidate, Point
 
 _FRICTIONS = (0.0015, 0.004, 0.01)  # [N m] of each hinge, tried with
 _DAMPINGS = (0.001, 0.004, 0.015)  # [N m s/rad]
-_FOREIGN = 5e-3  # [m] rms of what no pose explains: cameras see to tenths of a millimetre
+_FOREIGN = 2e-3  # [m] rms of what no pose explains: cameras see to tenths of a millimetre
 _MOVES = 0.02  # share of rows in which a motor must turn to tell of its cable and gear
 _ROWS = 600  # rows enough to find where markers sit
 _TRIED = 4  # segments to find the hinges' friction
