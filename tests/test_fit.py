@@ -8,7 +8,8 @@ import pytest
 from serpent_twin.effects import Range
 from serpent_twin.rigs.rig import Candidate, Declared, Point, Stopwatch
 from serpent_twin.trace.held_out import Errors, gain
-from serpent_twin.trace.least_squares import fit, indistinguishable, moves_of, worth
+from serpent_twin.trace.least_squares import fit, indistinguishable, worth
+from serpent_twin.trace.moves import moves_of
 from serpent_twin.trace.notebook import Notebook
 from serpent_twin.trace.search import full_fit, score, worth_fitting
 
@@ -41,7 +42,7 @@ class LinearCase:
     def take(self, pieces, which):
         return [pieces[k] for k in which]
 
-    def residual(self, points, pieces):
+    def residual(self, points, pieces, rough=False):
         out = []
         for p in points:
             r = self.y - self.X @ p.declared
@@ -70,7 +71,7 @@ START = Point(np.zeros(2))
 
 def test_a_linear_fit_solves_the_normal_equations():
     arm = case(0.0)
-    found = fit(arm, every(), START, moves_of(arm, ()), 3, 1)
+    found = fit(arm, every(), START, moves_of(arm, ()), 3, 99)
     flat = arm.X.reshape(-1, 2)
     exact = np.linalg.solve(
         flat.T @ flat / found.worth + np.eye(2) * 1e-6, flat.T @ arm.y.ravel() / found.worth
@@ -84,7 +85,7 @@ def test_a_prior_pulls_towards_the_start():
     tight = LinearCase(
         arm.X, arm.g, arm.other, arm.y, (Declared("one", "1", 1e-4, 0.1), arm.declared[1])
     )
-    found = fit(tight, every(), START, moves_of(tight, ()), 3, 1)
+    found = fit(tight, every(), START, moves_of(tight, ()), 3, 99)
     assert abs(found.point.declared[0]) < 0.01
     assert found.point.declared[1] == pytest.approx(-2.0, abs=0.05)
 
@@ -93,7 +94,7 @@ def test_intervals_hold_as_often_as_they_say():
     inside = 0
     for seed in range(60):
         arm = case(0.7, seed)
-        base = fit(arm, every(), START, moves_of(arm, ()), 2, 1)
+        base = fit(arm, every(), START, moves_of(arm, ()), 2, 99)
         found = full_fit(arm, every(), base, score(arm, every(), base, arm.candidates[GUST]), print)
         _, low, high = found.interval(GUST, 0)
         inside += low <= 0.7 <= high
@@ -102,7 +103,7 @@ def test_intervals_hold_as_often_as_they_say():
 
 def test_the_score_finds_what_is_there_and_how_strong():
     arm = case(0.7)
-    base = fit(arm, every(), START, moves_of(arm, ()), 2, 1)
+    base = fit(arm, every(), START, moves_of(arm, ()), 2, 99)
     scores = [score(arm, every(), base, c) for c in arm.candidates.values()]
     there, absent = scores
     assert there.share > 0.3 > 0.01 > absent.share
@@ -129,7 +130,7 @@ def test_what_cannot_be_told_apart_is_named():
     twins = LinearCase(
         X, arm.g, arm.other, arm.y, tuple(Declared(n, "1", 1.0, 0.1) for n in ("a", "b"))
     )
-    found = fit(twins, every(), START, moves_of(twins, ()), 2, 1)
+    found = fit(twins, every(), START, moves_of(twins, ()), 2, 99)
     assert any("a and b cannot be told apart" in told for told in indistinguishable(twins, found))
 
 
@@ -147,7 +148,7 @@ def test_a_gain_on_every_segment_is_beyond_chance_and_noise_is_not():
 
 def test_a_stage_that_was_finished_is_read_back(tmp_path):
     arm, asked = case(0.7), []
-    base = fit(arm, every(), START, moves_of(arm, ()), 2, 1)
+    base = fit(arm, every(), START, moves_of(arm, ()), 2, 99)
 
     def make():
         asked.append(1)

@@ -25,9 +25,7 @@ PAYLOAD = Named(
     gain_load_percent=1.2,
     probability_of_chance=0.0001,
 )
-TILT = Named(
-    "base_tilt", {"about_y": Estimate(-0.03, -0.04, -0.02, "rad")}, 0.8, 0.1, 0.002, "At its bound."
-)
+TILT = Named("base_tilt", {"about_y": Estimate(-0.03, -0.04, -0.02, "rad")}, 0.8, 0.1, 0.002)
 TRIED = (
     Tried("gear_backlash", 4.0, "not excited", 0.001, None, "the motors never turned back"),
     Tried("link_flex", 3.9, "rejected", 0.2, np.linspace(-0.2, 0.4, S), "no gain beyond chance"),

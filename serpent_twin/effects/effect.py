@@ -25,6 +25,11 @@ class Range:
     fitted: bool = True
     """Whether logs can tell it; else it is given, or tried at the few values of `variants`"""
 
+    @property
+    def least(self) -> float:
+        """Its lowest value while fitted: just off a low of zero, where an effect leaves the model."""
+        return 1e-6 * self.typical if self.fitted and self.low == 0 else self.low
+
 
 WINDING, CABLE, LOSS = range(3)
 """Order in a time step: what winds the cables, then what cables are, then what rubs by their tension."""

@@ -58,10 +58,6 @@ class Point:
     effects: Mapping[str, Array] = field(default_factory=dict)
     """All parameters of each effect that is there, by name, in the order of its ranges"""
 
-    def moved(self, step: Array) -> "Point":
-        """With declared parameters changed by a step, (P,)."""
-        return replace(self, declared=self.declared + step)
-
     def having(self, name: str, values: Array) -> "Point":
         """With one effect's parameters set."""
         return replace(self, effects={**self.effects, name: np.asarray(values, float)})
@@ -115,9 +111,10 @@ class Case(Protocol[P]):
         """Some of the segments."""
         ...
 
-    def residual(self, points: Sequence[Point], pieces: P) -> Array:
-        """Measured minus predicted, divided by `noise`: (points, segments, numbers); 0 where nothing
+    def residual(self, points: Sequence[Point], pieces: P, rough: bool = False) -> Array:
+        """Measured minus predicted, divided by its noise: (points, segments, numbers); 0 where nothing
         was measured, NaN for a twin whose simulation gave up. All points have the same effects.
+        `rough` may be less exact where it is faster: good enough for differences between points.
         """
         ...
 
@@ -133,9 +130,11 @@ class Case(Protocol[P]):
         """Measured beside what the twin at a point predicts; without a point, the nominal twin."""
         ...
 
-    def expected(self, fit: Point, error: Array, pieces: P, rng: np.random.Generator) -> float:
+    def expected(
+        self, fit: Point, drawn: Sequence[Point], pieces: P, rng: np.random.Generator
+    ) -> float:
         """Mean marker error [mm] of a twin that lacks nothing: whose start is as uncertain as the
-        measurement, and whose parameters as uncertain as their fit; `error` (P,).
+        measurement, and which is one of those drawn as the fit is uncertain.
         """
         ...
 

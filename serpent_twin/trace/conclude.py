@@ -19,7 +19,8 @@ from serpent_twin.trace.diagnosis import (
     Unexplained,
 )
 from serpent_twin.trace.held_out import errors
-from serpent_twin.trace.least_squares import Fit, indistinguishable
+from serpent_twin.trace.least_squares import NORMAL_95, Fit, drawn, indistinguishable
+from serpent_twin.trace.search import at_bound, too_strong
 from serpent_twin.trace.steps import Round, Search, Tracer, seen
 
 Case = AnyCase[Any]
@@ -31,6 +32,7 @@ FOLLOWS = 0.15
 """Share of what is above the noise that must follow something"""
 LOAD_BEYOND = 1.15
 """Times the loads' noise"""
+_DRAWS = 4  # of twins that the data do not tell apart
 
 
 def conclude(tracer: Tracer, search: Search, arm: str, files: Sequence[str]) -> Diagnosis:
@@ -41,8 +43,7 @@ def conclude(tracer: Tracer, search: Search, arm: str, files: Sequence[str]) -> 
     compared = {name: case.compare(point, held_out) for name, point in points.items()}
     found = {name: analyse(compared[name], rng) for name in ("calibrated", "corrected")}
     error = {name: errors(each) for name, each in compared.items()}
-    spread = final.error[: len(case.declared)]
-    expected = case.expected(final.point, spread, held_out, rng)
+    expected = case.expected(final.point, drawn(case, final, rng, _DRAWS), held_out, rng)
     noise = found["corrected"].noise
     error_mm = {name: each.marker for name, each in error.items()}
     load = {name: each.load for name, each in error.items()}
@@ -71,11 +72,6 @@ def _named(case: Case, search: Search) -> tuple[Named, ...]:
     for name in search.final.point.effects:
         gained = accepted[name].gain
         assert gained is not None
-        bounds = [
-            n
-            for n, r in case.candidates[name].ranges.items()
-            if _at_bound(search.final, name, n, case)
-        ]
         named.append(
             Named(
                 name=name,
@@ -83,9 +79,6 @@ def _named(case: Case, search: Search) -> tuple[Named, ...]:
                 gain_mm=gained.marker_mm,
                 gain_load_percent=gained.load_percent,
                 probability_of_chance=gained.probability_of_chance,
-                at_bound=f"{name}'s {', '.join(bounds)} lies at the end of its range."
-                if bounds
-                else "",
             )
         )
     return tuple(named)
@@ -102,12 +95,6 @@ def _estimates(case: Case, fit: Fit, name: str) -> dict[str, Estimate]:
             value, max(low, allowed.low), min(high, allowed.high), allowed.unit
         )
     return out
-
-
-def _at_bound(fit: Fit, name: str, parameter: str, case: Case) -> bool:
-    ranges = case.candidates[name].ranges
-    allowed, value = ranges[parameter], fit.point.effects[name][list(ranges).index(parameter)]
-    return allowed.fitted and (value >= allowed.high or (allowed.low < 0 and value <= allowed.low))
 
 
 def _tried(case: Case, search: Search) -> tuple[Tried, ...]:
@@ -141,6 +128,8 @@ def _verdict(name: str, each: Round, search: Search, case: Case) -> tuple[str, s
             f"to first order it would remove {100 * trial.score.share:.1f} % of the residual",
         )
     better = f"{100 * trial.gain.relative:.1f} % better on held-out logs"
+    if trial.fit and (ends := too_strong(case.candidates[name], trial.fit.point.effects[name])):
+        return REJECTED, f"{better}, but its {', '.join(ends)} runs to the end of the range"
     if each.accepted:
         return REJECTED, f"{better}, less than {each.accepted}"
     return REJECTED, f"{better}: not worth its parameters, or within chance"
@@ -169,9 +158,9 @@ def _cautions(case: Case, search: Search) -> tuple[str, ...]:
     if not search.final.converged:
         told.append("The last fit had not settled; its intervals are too narrow.")
     told += [f"{name}: {why}." for name, why in case.unseen.items()]
-    for name, at in ((n, p) for n in search.final.point.effects for p in case.candidates[n].ranges):
-        if _at_bound(search.final, name, at, case):
-            told.append(f"{name}'s {at} lies at the end of its range: doubt it.")
+    for name, values in search.final.point.effects.items():
+        for parameter in at_bound(case.candidates[name], values):
+            told.append(f"{name}'s {parameter} lies at the end of its range: doubt it.")
     return tuple(told)
 
 
@@ -181,7 +170,7 @@ def _calibration(case: Case, fit: Fit) -> dict[str, Estimate]:
         about, value, half = (
             case.declared[k],
             float(fit.point.declared[k]),
-            1.96 * float(fit.error[n]),
+            NORMAL_95 * float(fit.error[n]),
         )
         out[about.name] = Estimate(value, value - half, value + half, about.unit)
     return out

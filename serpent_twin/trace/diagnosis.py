@@ -33,8 +33,6 @@ class Named:
     """By how much it betters the held-out load error [% of stall]"""
     probability_of_chance: float
     """Of no gain at all, by paired bootstrap over held-out segments [1]"""
-    at_bound: str = ""
-    """A sentence, where a parameter lies at the end of its range"""
 
 
 @dataclass(frozen=True)

@@ -1,41 +1,34 @@
 """Which parameters fit the logs best, and how surely?
 
 Gauss-Newton with priors on some of the segments; all perturbed twins of one derivative step side by
-side. A residual's numbers hang together, in
-time and from marker to marker, so the data weigh as the fewer independent numbers they are worth.
+side. A residual's numbers hang together, in time and from marker to marker, so the data weigh as the
+fewer independent numbers they are worth.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import t as student
 
 from serpent_twin.arm import Array
-from serpent_twin.effects import Range
 from serpent_twin.rigs.rig import Case, Point
+from serpent_twin.trace.moves import Moves, between, moved, slopes
 
 _DAMPINGS = (0.0, 0.3, 3.0)
 """Levenberg's, tried in turn"""
 _SETTLED = 0.5
 """A step that betters the cost by less, about half a standard error, is the last"""
-_NORMAL = 1.96  # 95 %
+_SETTLED_SHARE = 2e-3
+"""And a derivative that betters it by less than this share"""
+NORMAL_95 = 1.96
+"""Standard errors from the middle to the end of a 95 % interval"""
 _STEPS = 10
 Tell = Callable[[str], None]
 
 
 def _silent(_: str) -> None: ...
-
-
-@dataclass(frozen=True)
-class Moves:
-    """Which coordinates a fit moves: declared ones by index, and effects' parameters by name and index."""
-
-    declared: tuple[int, ...]
-    effects: tuple[tuple[str, int], ...]
-
-    def __len__(self) -> int:
-        return len(self.declared) + len(self.effects)
 
 
 @dataclass(frozen=True)
@@ -61,68 +54,8 @@ class Fit:
         """An effect's parameter with its 95 % interval."""
         at = len(self.moves.declared) + self.moves.effects.index((name, index))
         value = float(self.point.effects[name][index])
-        half = _NORMAL * float(self.error[at])
+        half = NORMAL_95 * float(self.error[at])
         return value, value - half, value + half
-
-
-def moves_of(case: Case[Any], names: Sequence[str], declared: bool = True) -> Moves:
-    """All declared parameters, and the fitted ones of the named effects."""
-    chosen = [
-        (name, k)
-        for name in names
-        for k, allowed in enumerate(case.candidates[name].ranges.values())
-        if allowed.fitted
-    ]
-    return Moves(tuple(range(len(case.declared))) if declared else (), tuple(chosen))
-
-
-def moved(case: Case[Any], point: Point, moves: Moves, step: Array) -> Point:
-    """A point after a step, its effects kept within their ranges."""
-    declared = point.declared.copy()
-    declared[list(moves.declared)] += step[: len(moves.declared)]
-    effects = {name: values.copy() for name, values in point.effects.items()}
-    for (name, k), by in zip(moves.effects, step[len(moves.declared) :], strict=True):
-        allowed = list(case.candidates[name].ranges.values())[k]
-        effects[name][k] = np.clip(effects[name][k] + by, *_bounds(allowed))
-    return Point(declared, effects)
-
-
-def _bounds(allowed: Range) -> tuple[float, float]:
-    """A one-sided range stays just off zero, where an effect would drop out of the structure."""
-    tiny = 1e-6 * allowed.typical
-    return (max(allowed.low, tiny) if allowed.low == 0 else allowed.low), allowed.high
-
-
-def slopes(case: Case[Any], point: Point, moves: Moves, pieces: Any) -> tuple[Array, Array]:
-    """The residual, (S, n), and its derivative by every move, (len(moves), S, n)."""
-    simulated, steps, answered = [], [], []
-    for n, k in enumerate(moves.declared):
-        if case.declared[k].simulated:
-            simulated.append(n)
-            steps.append(case.declared[k].step)
-        else:
-            answered.append(n)
-    for n, (name, k) in enumerate(moves.effects, len(moves.declared)):
-        allowed = list(case.candidates[name].ranges.values())[k]
-        simulated.append(n)
-        steps.append(_difference(allowed, point.effects[name][k]))
-    points = [point]
-    for n, by in zip(simulated, steps, strict=True):
-        points.append(moved(case, point, moves, by * (np.arange(len(moves)) == n)))
-    all_of = case.residual(points, pieces)
-    out = np.zeros((len(moves), *all_of.shape[1:]), np.float32)
-    out[simulated] = (all_of[1:] - all_of[0]) / np.array(steps, np.float32)[:, None, None]
-    if answered:
-        first = next(n for n, d in enumerate(case.declared) if not d.simulated)
-        every = case.slopes(point, pieces)
-        out[answered] = every[[moves.declared[n] - first for n in answered]]
-    return all_of[0], np.nan_to_num(out)
-
-
-def _difference(allowed: Range, value: float) -> float:
-    """A finite difference of an effect's parameter, away from its nearer bound."""
-    step = 0.2 * max(abs(value), allowed.typical)
-    return -step if value + step > allowed.high else step
 
 
 def worth(residual: Array, channels: int) -> float:
@@ -155,83 +88,108 @@ def fit(
     start: Point,
     moves: Moves,
     derivatives: int,
-    every: int,
+    most: int,
     tell: Tell = _silent,
     known: Fit | None = None,
     steps: int = _STEPS,
 ) -> Fit:
-    """Fit to every `every`th segment, with at most so many derivatives.
+    """Fit to at most so many segments, spread evenly, with at most so many derivatives.
 
     A derivative serves several steps, bettered after each by Broyden's rank-one update. A fit that is
     `known` lends its segments, and its derivative by the declared parameters, so that only the
     effects' are simulated. The fit has settled when a fresh derivative leads nowhere; with no steps it
     is the derivative at the start.
     """
-    used = known.used if known else tuple(range(every // 2, len(pieces), every)) or (0,)
-    some = case.take(pieces, used)
-    prior, point, each, settled = _priors(case, moves), start, 1.0, False
-    cost, slope = np.inf, np.zeros((len(moves), 0, 0))
+    used = known.used if known else _spread(len(pieces), most)
+    problem = _Problem(case, case.take(pieces, used), moves, known)
+    at, slope = problem.begin(start)
+    settled = False
     for n in range(derivatives):
-        residual, slope = _slopes(case, point, moves, some, known)
-        if n == 0:
-            each = known.worth if known else worth(residual, case.channels)
-            cost = _cost(residual, point, moves, prior, each)
-        before = cost
+        if n:
+            slope = problem.slope(at.point)
+        before = at.cost
         for _ in range(steps):
-            taken = _step(case, some, point, residual, slope, moves, prior, each, cost)
+            taken = problem.step(at, slope)
             if taken is None:
                 break
-            gained, step = cost - taken.cost, _between(point, taken.point, moves)
-            slope = _bettered(slope, taken.residual - residual, step, each)
-            point, residual, cost = taken.point, taken.residual, taken.cost
+            gained, step = at.cost - taken.cost, between(at.point, taken.point, moves)
+            slope = _bettered(slope, taken.residual - at.residual, step, problem.worth)
+            at = taken
             if gained < _SETTLED:
                 break
-        tell(f"derivative {n + 1} of {derivatives}: cost {before:.0f} → {cost:.0f}")
-        settled = steps > 0 and before - cost < 2 * _SETTLED
+        tell(f"derivative {n + 1} of {derivatives}: cost {before:.0f} → {at.cost:.0f}")
+        settled = steps > 0 and before - at.cost < max(2 * _SETTLED, _SETTLED_SHARE * at.cost)
         if settled:
             break
-    error, correlation = _errors(slope, 1 / each, prior)
-    return Fit(point, moves, cost, each, error, correlation, settled, slope, used)
+    error, correlation = _errors(slope, at.residual, problem.worth, problem.prior)
+    return Fit(at.point, moves, at.cost, problem.worth, error, correlation, settled, slope, used)
+
+
+def _spread(segments: int, most: int) -> tuple[int, ...]:
+    """Which segments a fit uses: the middles of so many equal parts."""
+    n = min(segments, most)
+    return tuple(int((k + 0.5) * segments / n) for k in range(n))
 
 
 @dataclass(frozen=True)
-class _Taken:
-    """A step that betters the cost."""
+class _At:
+    """A point with what it leaves."""
 
     point: Point
     residual: Array
     cost: float
 
 
-def _step(
-    case: Case[Any],
-    some: Any,
-    point: Point,
-    residual: Array,
-    slope: Array,
-    moves: Moves,
-    prior: Array,
-    each: float,
-    cost: float,
-) -> _Taken | None:
-    """Gauss-Newton's step, or with Levenberg's damping if that leads nowhere, or nothing."""
-    flat = slope.reshape(len(moves), -1)
-    normal = flat @ flat.T / each + np.diag(prior)
-    pull = -(flat @ residual.ravel()) / each - prior * _at(point, moves)
-    for damp in _DAMPINGS:
-        step = np.linalg.solve(normal + damp * np.diag(np.diag(normal)), pull)
-        there = moved(case, point, moves, step)
-        found = case.residual([there], some)[0]
-        new = _cost(found, there, moves, prior, each)
-        if new < cost:
-            return _Taken(there, found, new)
-    return None
+class _Problem:
+    """What a fit betters: a case's residual on some segments, and the priors."""
 
+    def __init__(self, case: Case[Any], some: Any, moves: Moves, known: Fit | None) -> None:
+        self.case, self.some, self.moves, self.known = case, some, moves, known
+        declared = [1 / case.declared[k].prior ** 2 for k in moves.declared]
+        wide = [list(case.candidates[name].ranges.values())[k] for name, k in moves.effects]
+        effects = [(allowed.high - allowed.low) ** -2 for allowed in wide]
+        self.prior = np.array([*declared, *effects])
+        self.worth = 1.0
 
-def _between(before: Point, after: Point, moves: Moves) -> Array:
-    """The step that was really taken, bounds considered."""
-    declared = (after.declared - before.declared)[list(moves.declared)]
-    return np.r_[declared, [after.effects[n][k] - before.effects[n][k] for n, k in moves.effects]]
+    def begin(self, start: Point) -> tuple[_At, Array]:
+        """The start and the derivative there; from here on the data weigh as what they are worth."""
+        residual, slope = self._slopes(start)
+        self.worth = self.known.worth if self.known else worth(residual, self.case.channels)
+        return _At(start, residual, self._cost(residual, start)), slope
+
+    def slope(self, point: Point) -> Array:
+        """A fresh derivative."""
+        return self._slopes(point)[1]
+
+    def step(self, at: _At, slope: Array) -> _At | None:
+        """Gauss-Newton's step, or with Levenberg's damping if that leads nowhere, or nothing."""
+        flat = slope.reshape(len(self.moves), -1)
+        normal = flat @ flat.T / self.worth + np.diag(self.prior)
+        pull = -(flat @ at.residual.ravel()) / self.worth - self.prior * self._lean(at.point)
+        for damp in _DAMPINGS:
+            step = np.linalg.solve(normal + damp * np.diag(np.diag(normal)), pull)
+            there = moved(self.case, at.point, self.moves, step)
+            found = self.case.residual([there], self.some)[0]
+            if (cost := self._cost(found, there)) < at.cost:
+                return _At(there, found, cost)
+        return None
+
+    def _slopes(self, point: Point) -> tuple[Array, Array]:
+        if self.known is None:
+            return slopes(self.case, point, self.moves, self.some)
+        residual, by_effects = slopes(self.case, point, Moves((), self.moves.effects), self.some)
+        by_declared = self.known.slope[: len(self.moves.declared)]
+        return residual, np.concatenate([by_declared, by_effects])
+
+    def _lean(self, point: Point) -> Array:
+        """Where the moves stand against their priors; effects have none to lean on."""
+        declared = point.declared[list(self.moves.declared)]
+        return np.r_[declared, np.zeros(len(self.moves.effects))]
+
+    def _cost(self, residual: Array, point: Point) -> float:
+        squares = float((residual.astype(float) ** 2).sum()) / self.worth
+        cost = squares + float((self.prior * self._lean(point) ** 2).sum())
+        return cost if np.isfinite(cost) else np.inf
 
 
 def _bettered(slope: Array, change: Array, step: Array, each: float) -> Array:
@@ -246,38 +204,32 @@ def _bettered(slope: Array, change: Array, step: Array, each: float) -> Array:
     return slope + along[:, None, None] * missed.astype(np.float32)
 
 
-def _slopes(
-    case: Case[Any], point: Point, moves: Moves, some: Any, known: Fit | None
-) -> tuple[Array, Array]:
-    if known is None:
-        return slopes(case, point, moves, some)
-    residual, by_effects = slopes(case, point, Moves((), moves.effects), some)
-    return residual, np.concatenate([known.slope[: len(moves.declared)], by_effects])
+def _errors(slope: Array, residual: Array, each: float, prior: Array) -> tuple[Array, Array]:
+    """Standard errors and correlations of the moves.
 
-
-def _at(point: Point, moves: Moves) -> Array:
-    """Where the moves stand against their priors; effects have none to lean on."""
-    return np.r_[point.declared[list(moves.declared)], np.zeros(len(moves.effects))]
-
-
-def _priors(case: Case[Any], moves: Moves) -> Array:
-    declared = [1 / case.declared[k].prior ** 2 for k in moves.declared]
-    wide = [list(case.candidates[name].ranges.values())[k] for name, k in moves.effects]
-    return np.array([*declared, *((allowed.high - allowed.low) ** -2 for allowed in wide)])
-
-
-def _cost(residual: Array, point: Point, moves: Moves, prior: Array, each: float) -> float:
-    squares = float((residual.astype(float) ** 2).sum()) / each
-    cost = squares + float((prior * _at(point, moves) ** 2).sum())
-    return cost if np.isfinite(cost) else np.inf
-
-
-def _errors(slope: Array, times: float, prior: Array) -> tuple[Array, Array]:
-    """Standard errors and correlations of the moves, their priors included."""
+    The greater of two: what the numbers' scatter and the priors leave, and what segments disagree by,
+    each taken as one independent draw (Liang and Zeger 1986). For no twin is exact, and what it does
+    wrong within a segment hangs together.
+    """
     flat = slope.reshape(len(slope), -1)
-    covariance = np.linalg.inv(times * (flat @ flat.T) + np.diag(prior))
+    covariance = np.linalg.inv(flat @ flat.T / each + np.diag(prior))
     error = np.sqrt(np.diag(covariance))
-    return error, covariance / np.outer(error, error)
+    correlation = covariance / np.outer(error, error)
+    segments = residual.shape[0]
+    if segments < 3:
+        return error, correlation
+    pull = np.einsum("msn,sn->ms", slope, residual, dtype=float) / each
+    apart = covariance @ (pull - pull.mean(axis=1, keepdims=True))
+    between = np.sqrt(segments / (segments - 1) * (apart**2).sum(axis=1))
+    few = float(student.ppf(0.975, segments - 1)) / NORMAL_95
+    return np.maximum(error, np.minimum(few * between, prior**-0.5)), correlation
+
+
+def drawn(case: Case[Any], found: Fit, rng: np.random.Generator, n: int) -> list[Point]:
+    """Twins that the data do not tell from the fitted one."""
+    half = np.linalg.cholesky(found.correlation + 1e-9 * np.eye(len(found.error)))
+    steps = (half @ rng.standard_normal((len(found.error), n))).T * found.error
+    return [moved(case, found.point, found.moves, step) for step in steps]
 
 
 def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[str]:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.rigs.rig import Point
-from serpent_twin.trace.least_squares import Fit, Moves
+from serpent_twin.trace.least_squares import Fit
+from serpent_twin.trace.moves import Moves
 from serpent_twin.trace.search import Score
 
 

@@ -147,7 +147,6 @@ def _about(effect: Named, verdicts: Mapping[str, str]) -> str:
             for n in kind.confused_with
         ]
         parts.append(f"It can be confused with {_listed(alike)}." if alike else "")
-    parts.append(effect.at_bound)
     said = " ".join(part for part in parts if part) or "The catalogue does not describe it."
     return f"{_capital(figures.spaced(effect.name))}. {said}"
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.rigs.rig import Candidate, Case
-from serpent_twin.trace.least_squares import Fit, Tell, fit, moves_of
+from serpent_twin.trace.least_squares import Fit, Tell, fit
+from serpent_twin.trace.moves import moves_of
 
 EXCITED = 0.02
 """An effect whose typical strength moves the residual by less than this share of its rms is not seen"""
@@ -37,7 +38,8 @@ def score(case: Case[Any], pieces: Any, base: Fit, candidate: Candidate) -> Scor
     some = case.take(pieces, base.used)
     residual = case.residual([base.point], some)[0]
     points = [base.point.having(candidate.name, values) for values in _columns(candidate)]
-    changes = case.residual(points, some) - residual
+    without = case.residual([base.point], some, rough=True)
+    changes = case.residual(points, some, rough=True) - without
     best: Score | None = None
     for change, point in zip(changes, points, strict=True):
         if not np.isfinite(change).all():
@@ -54,16 +56,20 @@ def score(case: Case[Any], pieces: Any, base: Fit, candidate: Candidate) -> Scor
 
 def _columns(candidate: Candidate) -> list[Array]:
     """Parameter values to try: every variant; of several signed strengths, each alone."""
-    signed = [k for k, r in enumerate(candidate.ranges.values()) if r.fitted and r.low < 0]
-    if len(signed) < 2:
-        return list(candidate.variants)
+    strengths = _strengths(candidate)
     tried = []
     for values in candidate.variants:
-        for k in signed:
+        for k in strengths:
             alone = values.copy()
-            alone[[n for n in signed if n != k]] = 0.0
+            alone[[n for n in strengths if n != k]] = 0.0
             tried.append(alone)
     return tried
+
+
+def _strengths(candidate: Candidate) -> list[int]:
+    """Which parameters say how strong it is: those of both signs, else the first."""
+    ranges = enumerate(candidate.ranges.values())
+    return [k for k, r in ranges if r.fitted and r.low < 0] or [0]
 
 
 def _projected(base: Fit, case: Case[Any], residual: Array, change: Array) -> tuple[float, float]:
@@ -86,12 +92,26 @@ def _scaled(candidate: Candidate, values: Array, size: float) -> Array | None:
     """Values with their strengths times a size; None where that points out of the range."""
     out = values.copy()
     ranges = list(candidate.ranges.values())
-    strengths = [k for k, r in enumerate(ranges) if r.fitted and r.low < 0] or [0]
-    for k in strengths:
+    for k in _strengths(candidate):
         if ranges[k].low >= 0 and size <= 0:
             return None
         out[k] = np.clip(size * values[k], ranges[k].low, 0.8 * ranges[k].high)
     return out
+
+
+def at_bound(candidate: Candidate, values: Array) -> list[str]:
+    """Names of fitted parameters that lie at an end of their range other than absence."""
+    return [
+        name
+        for (name, allowed), value in zip(candidate.ranges.items(), values, strict=True)
+        if allowed.fitted and (value >= allowed.high or (allowed.low < 0 and value <= allowed.low))
+    ]
+
+
+def too_strong(candidate: Candidate, values: Array) -> list[str]:
+    """Names of strengths that run to the end of their range: it stands for something else."""
+    strengths = [list(candidate.ranges)[k] for k in _strengths(candidate)]
+    return [name for name in at_bound(candidate, values) if name in strengths]
 
 
 def worth_fitting(
@@ -123,7 +143,7 @@ def _starts(candidate: Candidate, values: Array) -> list[Array]:
     out = []
     for factor in (0.3, 1.0, 2.0):
         scaled = values.copy()
-        for k in [k for k, r in enumerate(ranges) if r.fitted and r.low < 0] or [0]:
+        for k in _strengths(candidate):
             scaled[k] = np.clip(factor * values[k], ranges[k].low, ranges[k].high)
         out.append(scaled)
     return out

@@ -6,17 +6,18 @@
 repeat with it included. (5) What is left beyond what a twin that lacks nothing leaves is unexplained.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from serpent_twin.rigs.rig import Case, Point
+from serpent_twin.rigs.rig import Candidate, Case, Point
 from serpent_twin.trace.held_out import Errors, Gain, errors, gain
-from serpent_twin.trace.least_squares import Fit, Moves, Tell, fit, moves_of
+from serpent_twin.trace.least_squares import Fit, Tell, fit
+from serpent_twin.trace.moves import Moves, moves_of
 from serpent_twin.trace.notebook import Notebook
-from serpent_twin.trace.search import EXCITED, Score, full_fit, score, worth_fitting
+from serpent_twin.trace.search import EXCITED, Score, full_fit, score, too_strong, worth_fitting
 
 WORTH_IT = 0.04
 """Relative gain on held-out logs, markers and loads weighing alike, that an effect must bring"""
@@ -25,7 +26,8 @@ CHANCE = 0.01
 SURE = 3.0
 """Standard errors by which an accepted strength is not zero"""
 _MOST_EFFECTS = 4
-_EVERY = 3
+_SEGMENTS = 7  # that a fit uses while it searches: enough to tell effects apart
+_LAST = 14  # that the last fit uses
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ class Tracer:
             assert found is not None
             base = self._polish(found, f"with_{len(rounds)}_{name}")
             rounds[-1] = self._judged_again(rounds[-1], base)
-        final = self._without_proxies(base, rounds)
+        final = self._sharpened(self._without_proxies(base, rounds))
         self.final = final.point
         return Search(self.case, start, calibrated, final, tuple(rounds))
 
@@ -112,7 +114,7 @@ class Tracer:
         self.tell("opening")
         opening = self.notes.fit(
             "opening",
-            lambda: fit(self.case, self.training, start, moves, 1, _EVERY, self.tell, steps=0),
+            lambda: fit(self.case, self.training, start, moves, 1, _SEGMENTS, self.tell, steps=0),
         )
         first = self._fit("calibrated_1", start, moves, 1, opening)
         self._opening_case = self.case
@@ -122,24 +124,33 @@ class Tracer:
         return opening, self._fit("calibrated_3", second.point, moves, 3)
 
     def _fit(
-        self, name: str, start: Point, moves: Moves, derivatives: int, known: Fit | None = None
+        self,
+        name: str,
+        start: Point,
+        moves: Moves,
+        derivatives: int,
+        known: Fit | None = None,
+        segments: int = _SEGMENTS,
     ) -> Fit:
         self.tell(f"fit {name.replace('_', ' ')}")
         return self.notes.fit(
             name,
             lambda: fit(
-                self.case, self.training, start, moves, derivatives, _EVERY, self.tell, known
+                self.case, self.training, start, moves, derivatives, segments, self.tell, known
             ),
         )
 
     def _polish(self, found: Fit, name: str) -> Fit:
-        """Fit an accepted effect with everything else, anew, weights renewed in between."""
-        moves, point = moves_of(self.case, list(found.point.effects)), found.point
-        for turn in ("a", "b"):
-            self.case = self.case.reweighted(point, self.training)
-            polished = self._fit(f"{name}_{turn}", point, moves, 2 if turn == "a" else 4)
-            point = polished.point
-        return polished
+        """Fit an accepted effect with everything else, anew, with the weights that it brings."""
+        self.case = self.case.reweighted(found.point, self.training)
+        return self._fit(name, found.point, moves_of(self.case, list(found.point.effects)), 3)
+
+    def _sharpened(self, found: Fit) -> Fit:
+        """The last fit, on more segments: what is reported of the accepted effects."""
+        if not found.point.effects:
+            return found
+        self.case = self.case.reweighted(found.point, self.training)
+        return self._fit("last", found.point, found.moves, 2, segments=_LAST)
 
     def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
         """Try all candidates; those that calibration may have swallowed also from the opening."""
@@ -162,7 +173,7 @@ class Tracer:
             known = trials[name].gain
             if known is None or (trial.gain and trial.gain.relative > known.relative):
                 trials[name] = trial
-        return Round(base, before, trials, _best(trials))
+        return Round(base, before, trials, _best(trials, self.case.candidates))
 
     def _try(
         self, name: str, case: Case[Any], begun: Fit, found: Score, before: Errors, number: int
@@ -202,7 +213,7 @@ class Tracer:
             less = self.notes.fit(
                 f"without_{len(rounds)}_{name}",
                 lambda p=point, m=moves, f=final: fit(
-                    self.case, self.training, p, m, 3, _EVERY, self.tell, known=f
+                    self.case, self.training, p, m, 3, _SEGMENTS, self.tell, known=f
                 ),
             )
             rng = np.random.default_rng([self.seed, 99])
@@ -224,12 +235,16 @@ def significant(found: Fit, name: str) -> bool:
     return any(abs(found.point.effects[name][k]) > SURE * error[n] for n, k in ours)
 
 
-def _best(trials: dict[str, Trial]) -> str:
-    """The candidate with the greatest gain, if it is worth it and beyond chance."""
+def _best(trials: dict[str, Trial], candidates: Mapping[str, Candidate]) -> str:
+    """The candidate with the greatest gain, if it is worth it, beyond chance and within its range."""
     good = {
         name: trial.gain.relative
         for name, trial in trials.items()
-        if trial.fit and trial.gain and _worth_it(trial.gain) and significant(trial.fit, name)
+        if trial.fit
+        and trial.gain
+        and _worth_it(trial.gain)
+        and significant(trial.fit, name)
+        and not too_strong(candidates[name], trial.fit.point.effects[name])
     }
     return max(good, key=lambda name: good[name]) if good else ""
 

@@ -15,10 +15,10 @@ from serpent_twin.trace.diagnosis import (
     Tried,
 )
 from serpent_twin.trace.figures import ranked, spaced, stages
+from serpent_twin.trace.least_squares import NORMAL_95
 
 VERDICTS = (ACCEPTED, REJECTED, NOT_EXCITED)
 MOST_ROWS = 15  # of the calibrated parameters: the others hardly moved
-_NORMAL_95 = 1.96  # standard errors from the middle to the end of a 95 % interval
 
 
 def errors(diagnosis: Diagnosis) -> Table:
@@ -88,7 +88,7 @@ def _from_start(e: Estimate) -> tuple[str, str, str]:
 
 
 def _error(e: Estimate) -> float:
-    return (e.high - e.low) / 2 / _NORMAL_95
+    return (e.high - e.low) / 2 / NORMAL_95
 
 
 def with_interval(e: Estimate) -> str:

@@ -18,7 +18,7 @@ from serpent_twin.rigs.arm.pieces import Pieces, camera_noise, cut, past
 from serpent_twin.rigs.arm.vector import Vector
 from serpent_twin.rigs.rig import Candidate, Declared, Point, Stopwatch
 
-_DRAWS = 3
+_SOFT = 7e3  # [N/m] strands so soft bear twice the time step
 _AT_ONCE = 3.0e6  # numbers that one call keeps in memory: designs × rows × (markers and loads)
 
 
@@ -60,16 +60,28 @@ class ArmCase:
         }
         return replace(pieces, session=tuple(pieces.session[k] for k in n), **arrays)
 
-    def residual(self, points: Sequence[Point], pieces: Pieces) -> Array:
+    def residual(self, points: Sequence[Point], pieces: Pieces, rough: bool = False) -> Array:
         """Measured minus predicted over noise, (points, S, T · 37): markers, then loads."""
         at_once = max(1, int(_AT_ONCE / (pieces.time.size * 37)))
+        timestep = self.timestep
+        if rough and self._stiffest(points) < _SOFT:
+            timestep *= 2
         parts = [
-            self._residual(points[n : n + at_once], pieces) for n in range(0, len(points), at_once)
+            self._residual(points[n : n + at_once], pieces, timestep)
+            for n in range(0, len(points), at_once)
         ]
         return np.concatenate(parts)
 
-    def _residual(self, points: Sequence[Point], pieces: Pieces) -> Array:
-        did = self.respond(points, pieces)
+    def _stiffest(self, points: Sequence[Point]) -> float:
+        """The stiffest strand of all these twins [N/m]."""
+        designs = [self.vector.design(point) for point in points]
+        return max(
+            d.parameters.strand_stiffness * np.exp(max(d.tolerances.strand_stiffness))
+            for d in designs
+        )
+
+    def _residual(self, points: Sequence[Point], pieces: Pieces, timestep: float) -> Array:
+        did = self.respond(points, pieces, timestep)
         return self._weigh(pieces.marker - did.marker, pieces.load - did.load, pieces)
 
     def _weigh(self, marker: Array, load: Array, pieces: Pieces) -> Array:
@@ -82,7 +94,9 @@ class ArmCase:
             np.concatenate([flat, load], axis=-1).reshape(*marker.shape[:2], -1).astype(np.float32)
         )
 
-    def respond(self, points: Sequence[Point], pieces: Pieces) -> Response:
+    def respond(
+        self, points: Sequence[Point], pieces: Pieces, timestep: float | None = None
+    ) -> Response:
         """What the twins at these points do in the segments."""
         designs = [self.vector.design(point) for point in points]
         with self.clock:
@@ -99,7 +113,7 @@ class ArmCase:
                 pieces.earlier,
                 past(pieces) if remember else None,
             )
-            return impose(designs, s, self.timestep)
+            return impose(designs, s, timestep or self.timestep)
 
     def slopes(self, point: Point, pieces: Pieces) -> Array:
         """How gear friction and marker places move the residual, (10 + 27, S, T · 37)."""
@@ -157,11 +171,13 @@ class ArmCase:
         nominal = replace(self, vector=replace(self.vector, start=NOMINAL_DESIGN))
         return nominal.respond([Point(np.zeros(len(self.declared)))], pieces)
 
-    def expected(self, fit: Point, error: Array, pieces: Pieces, rng: np.random.Generator) -> float:
-        """Mean marker error [mm] of a twin that lacks nothing, from a few draws of what is uncertain."""
+    def expected(
+        self, fit: Point, drawn: Sequence[Point], pieces: Pieces, rng: np.random.Generator
+    ) -> float:
+        """Mean marker error [mm] of twins drawn as a fit is uncertain, from starts drawn as cameras are."""
         noise = camera_noise(pieces)
         truth, errors = self.respond([fit], pieces).marker[0], []
-        for _ in range(_DRAWS):
+        for point in drawn:
             seen = pieces.marker + noise * rng.standard_normal(pieces.marker.shape)
             start = joints_from_markers(
                 seen[:, 0],
@@ -170,8 +186,7 @@ class ArmCase:
             )
             joint = pieces.joint_angle.copy()
             joint[:, 0] = start
-            drawn = fit.moved(error * rng.standard_normal(len(error)))
-            moved = self.respond([drawn], replace(pieces, joint_angle=joint)).marker[0]
+            moved = self.respond([point], replace(pieces, joint_angle=joint)).marker[0]
             moved = moved + noise * rng.standard_normal(moved.shape)
             errors.append(np.nanmean(np.linalg.norm(moved - truth, axis=-1)))
         return 1e3 * float(np.mean(errors))

@@ -15,9 +15,7 @@ from serpent_twin.rigs.arm.cable_law import CableLaw
 from serpent_twin.rigs.rig import Candidate, Declared, Point
 from serpent_twin.tolerances import Tolerances
 
-_TRUST = (
-    2.0  # prior widths are this many standard errors of the cable laws, for these ignore mismatch
-)
+_TRUST = 2.0  # prior widths are so many standard errors of the cable laws, which ignore mismatch
 _STIFFNESS, _SLACK, _WINCH = 0.02, 0.02, 0.1  # [log], [mm], [%] at least
 _FRICTION = 0.3  # [log] hinges differ
 _UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable that no log shows
@@ -75,11 +73,8 @@ def effect_at(name: str, values: Array) -> Effect:
     """
     kind = effects.by_name(name)
     each = {}
-    for n, ((parameter, r), value) in enumerate(
-        zip(effects.ranges(kind).items(), values, strict=True)
-    ):
-        low = 1e-6 * r.typical if n == 0 and r.low == 0 else r.low
-        each[parameter] = float(np.clip(value, low, r.high))
+    for (parameter, r), value in zip(effects.ranges(kind).items(), values, strict=True):
+        each[parameter] = float(np.clip(value, r.least, r.high))
     return kind(**each)
 
 
