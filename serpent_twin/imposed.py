@@ -8,6 +8,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
@@ -18,6 +19,8 @@ from serpent_twin.mechanism import JOINT_NAMES, Mechanism, addresses, side_by_si
 
 TIMESTEP = 0.005
 """[s]; a step of 1 ms moves the markers by about 0.1 mm, and by about 1 ms in time at most (tests)."""
+_SWEEPS = 20
+_SOFT = 7e3  # [N/m]
 STANDING = 0.05
 """[rad/s] slower than this, a motor's load lies anywhere within its gear friction."""
 
@@ -81,10 +84,21 @@ class Response:
 
 
 def impose(
-    designs: Sequence[Design], stretches: Stretches, timestep: float = TIMESTEP, nthread: int = 0
+    designs: Sequence[Design],
+    stretches: Stretches,
+    timestep: float = TIMESTEP,
+    nthread: int = 0,
+    rough: bool = False,
 ) -> Response:
-    """Drive designs, all with effects of the same kinds, by measured motor angles."""
-    run = _Run(designs, stretches, timestep, nthread or os.cpu_count() or 1)
+    """Drive designs, all with effects of the same kinds, by measured motor angles.
+
+    `rough` is half as costly and good for differences between designs: markers are off by about
+    0.1 mm, and by the same for all of them.
+    """
+    models = [design.spec(motors=False).compile() for design in designs]
+    if rough:
+        timestep *= _roughened(models)
+    run = _Run(designs, models, stretches, timestep, nthread or os.cpu_count() or 1)
     for row in range(stretches.time.shape[1]):
         if stretches.restart[row]:
             run.restart(row)
@@ -94,15 +108,28 @@ def impose(
     return run.response()
 
 
+def _roughened(models: Sequence[mujoco.MjModel]) -> int:
+    """Let models do with less: a few sweeps of the quicker solver, and twice the time step if all
+    strands are soft enough to bear it. Returns how many times the step.
+    """
+    for model in models:
+        model.opt.solver, model.opt.iterations = mujoco.mjtSolver.mjSOL_PGS, _SWEEPS
+    return 2 if max(float(model.tendon_stiffness.max()) for model in models) < _SOFT else 1
+
+
 class _Run:
     """Runs of all designs (D) in all stretches (B), D slow, B fast, from row to row."""
 
     def __init__(
-        self, designs: Sequence[Design], stretches: Stretches, timestep: float, nthread: int
+        self,
+        designs: Sequence[Design],
+        models: Sequence[mujoco.MjModel],
+        stretches: Stretches,
+        timestep: float,
+        nthread: int,
     ) -> None:
         self.s, (self.B, self.R), self.D = stretches, stretches.time.shape, len(designs)
         self.timestep = timestep
-        models = [design.spec(motors=False).compile() for design in designs]
         for model in models:
             model.opt.timestep = timestep
         rows = [n for n in range(self.D) for _ in range(self.B)]

@@ -41,7 +41,11 @@ def describe(findings: Findings) -> str:
         pairs = [p for p in _pairs(findings) if (p[0].kind == "load") == of_loads]
         if change is not None and change.steady:  # says when and how much, which is more
             pairs = [p for p in pairs if p[0].feature.kind != "time"]
-        told += [*_dependences(pairs), *_changes(change, what)]
+        swing = change.line.share if change and change.swings and change.line else 0.0
+        both = [_dependences(pairs), _changes(change, what)]
+        if pairs and swing > pairs[0][0].share_above_noise:  # the greater first
+            both.reverse()
+        told += [*both[0], *both[1]]
     if not told and _is_above_noise(findings):
         told = [_unknown(findings)]
     return " ".join([*parts, *told])

@@ -25,6 +25,7 @@ _SETTLED_SHARE = 2e-3
 NORMAL_95 = 1.96
 """Standard errors from the middle to the end of a 95 % interval"""
 _STEPS = 10
+_LISTED = 6
 Tell = Callable[[str], None]
 
 
@@ -246,5 +247,7 @@ def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[
     prior = np.array([case.declared[k].prior for k in found.moves.declared])
     blind = np.flatnonzero(found.error[: len(prior)] > 0.9 * prior)
     if blind.size:
-        told.append(f"The logs say nothing of {', '.join(names[n] for n in blind)}.")
+        named = ", ".join(names[n] for n in blind[:_LISTED])
+        more = f" and {blind.size - _LISTED} more parameters" if blind.size > _LISTED else ""
+        told.append(f"The logs say nothing of {named}{more}.")
     return told

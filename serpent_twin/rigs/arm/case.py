@@ -18,7 +18,6 @@ from serpent_twin.rigs.arm.pieces import Pieces, camera_noise, cut, past
 from serpent_twin.rigs.arm.vector import Vector
 from serpent_twin.rigs.rig import Candidate, Declared, Point, Stopwatch
 
-_SOFT = 7e3  # [N/m] strands so soft bear twice the time step
 _AT_ONCE = 3.0e6  # numbers that one call keeps in memory: designs × rows × (markers and loads)
 
 
@@ -36,8 +35,6 @@ class ArmCase:
     """Weighs each motor's load [fraction of stall], (10,)"""
     servo_lag: float = 0.0
     """Time constant with which the motors take up a new velocity [s]"""
-    timestep: float = 0.005
-    """[s]"""
     clock: Stopwatch = field(default_factory=Stopwatch)
     """Time spent in simulation"""
     channels: int = 3 * N_JOINTS + N_MOTORS
@@ -63,25 +60,14 @@ class ArmCase:
     def residual(self, points: Sequence[Point], pieces: Pieces, rough: bool = False) -> Array:
         """Measured minus predicted over noise, (points, S, T · 37): markers, then loads."""
         at_once = max(1, int(_AT_ONCE / (pieces.time.size * 37)))
-        timestep = self.timestep
-        if rough and self._stiffest(points) < _SOFT:
-            timestep *= 2
         parts = [
-            self._residual(points[n : n + at_once], pieces, timestep)
+            self._residual(points[n : n + at_once], pieces, rough)
             for n in range(0, len(points), at_once)
         ]
         return np.concatenate(parts)
 
-    def _stiffest(self, points: Sequence[Point]) -> float:
-        """The stiffest strand of all these twins [N/m]."""
-        designs = [self.vector.design(point) for point in points]
-        return max(
-            d.parameters.strand_stiffness * np.exp(max(d.tolerances.strand_stiffness))
-            for d in designs
-        )
-
-    def _residual(self, points: Sequence[Point], pieces: Pieces, timestep: float) -> Array:
-        did = self.respond(points, pieces, timestep)
+    def _residual(self, points: Sequence[Point], pieces: Pieces, rough: bool) -> Array:
+        did = self.respond(points, pieces, rough)
         return self._weigh(pieces.marker - did.marker, pieces.load - did.load, pieces)
 
     def _weigh(self, marker: Array, load: Array, pieces: Pieces) -> Array:
@@ -94,9 +80,7 @@ class ArmCase:
             np.concatenate([flat, load], axis=-1).reshape(*marker.shape[:2], -1).astype(np.float32)
         )
 
-    def respond(
-        self, points: Sequence[Point], pieces: Pieces, timestep: float | None = None
-    ) -> Response:
+    def respond(self, points: Sequence[Point], pieces: Pieces, rough: bool = False) -> Response:
         """What the twins at these points do in the segments."""
         designs = [self.vector.design(point) for point in points]
         with self.clock:
@@ -113,7 +97,7 @@ class ArmCase:
                 pieces.earlier,
                 past(pieces) if remember else None,
             )
-            return impose(designs, s, timestep or self.timestep)
+            return impose(designs, s, rough=rough)
 
     def slopes(self, point: Point, pieces: Pieces) -> Array:
         """How gear friction and marker places move the residual, (10 + 27, S, T · 37)."""
