@@ -1,4 +1,6 @@
-"""The loop closed on the independent arm that lacks nothing, and on logs that cannot be traced."""
+"""The loop closed on the independent arm: an effect inside the catalogue, one outside it, none; on
+committed logs of an arm that is not the twin; and on logs that cannot be traced.
+"""
 
 import json
 import sys
@@ -8,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from serpent_twin import design
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import read_session, write_session
 from serpent_twin.trace import Trace, trace
@@ -15,8 +18,9 @@ from serpent_twin.trace import Trace, trace
 sys.path.insert(0, str(Path(__file__).parent))
 from bench_arm import NONE, Job, draw, inject, record_many
 
-SESSIONS, STEPS = 3, 660
-ARMS = {"none": 0.0}
+SESSIONS, STEPS = 3, 500
+ARMS = {"none": 0.0, "base_tilt": 0.08, "outside_force": 0.5}
+DATA = Path(__file__).resolve().parent.parent / "data"
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +58,35 @@ def test_an_arm_that_lacks_nothing_is_told_so(diagnosis):
     assert not found["unexplained"]["is"]
     assert found["error_mm"]["calibrated"] < 0.3 * found["error_mm"]["nominal"]
     assert found["error_mm"]["corrected"] < 1.0
+
+
+@pytest.mark.slow
+def test_a_tilted_base_is_named_with_its_angle(diagnosis):
+    found, out = diagnosis("base_tilt")
+    assert [effect["name"] for effect in found["effects"]] == ["base_tilt"]
+    tilt = found["effects"][0]
+    about = [each["value"] for each in tilt["parameters"].values()]
+    assert np.hypot(*about[:2]) == pytest.approx(ARMS["base_tilt"], rel=0.1)
+    assert tilt["probability_of_chance"] < 0.01
+    assert found["error_mm"]["corrected"] < 0.5 * found["error_mm"]["calibrated"]
+    twin = design.read(out / "twin.json")
+    assert [type(effect).__name__ for effect in twin.effects] == ["BaseTilt"]
+    assert "<mujoco" in (out / "twin.xml").read_text()
+    assert (out / "report.html").stat().st_size > 100_000
+
+
+@pytest.mark.slow
+def test_what_the_catalogue_lacks_is_left_unexplained(diagnosis):
+    found, _ = diagnosis("outside_force")
+    assert found["unexplained"]["is"]
+    assert found["unexplained"]["depends_on"]
+
+
+@pytest.mark.slow
+def test_committed_logs_of_an_arm_that_is_not_the_twin_name_cable_friction(tmp_path):
+    found = trace(Trace(DATA / "arm_a", tmp_path / "out", sessions=2))
+    assert [effect["name"] for effect in found["effects"]] == ["cable_friction"]
+    assert found["error_mm"]["corrected"] < 0.6 * found["error_mm"]["calibrated"]
 
 
 @pytest.mark.slow

@@ -6,11 +6,11 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
-from serpent_twin.arm import ARM, N_JOINTS, Arm, Array, joint_from_motor, markers
+from serpent_twin.arm import ARM, N_JOINTS, Arm, Array, joint_from_motor
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Session, refuse_damaged
+from serpent_twin.pose import joints_from_markers
 
 STATE, COMMAND = 2 * N_JOINTS, N_JOINTS
 
@@ -142,22 +142,8 @@ def find_start(session: Session, arm: Arm = ARM) -> Start:
         )
     row = int(np.argmax(seen))
     motor = session.motor_position[row, :N_JOINTS]
-    angle = fit_joint_angles(session.marker[row], joint_from_motor(motor), arm)
+    angle = joints_from_markers(session.marker[row], joint_from_motor(motor), arm=arm)
     return Start(angle, motor)
-
-
-def fit_joint_angles(marker: Array, guess: Array, arm: Arm = ARM) -> Array:
-    """Joint angles [rad], (9,), whose markers lie nearest, in least squares, to those seen, (9, 3).
-
-    What a lost marker, NaN, leaves open stays near the guess: 1 rad weighs as much as 1 mm.
-    """
-    seen = np.isfinite(marker)
-
-    def misses(q: Array) -> Array:
-        miss = (markers(q, arm) - marker)[seen]
-        return miss if seen.all() else np.concatenate([miss, 1e-3 * (q - guess)])
-
-    return least_squares(misses, guess, method="lm").x
 
 
 def _where(session: Session) -> str:

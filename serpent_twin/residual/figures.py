@@ -9,7 +9,7 @@ from serpent_twin.report import Figure
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.curves import curve, marker_curve
 from serpent_twin.residual.findings import Findings
-from serpent_twin.residual.size import load_size, marker_size
+from serpent_twin.residual.size import MOVING, load_size, marker_size
 from serpent_twin.residual.spectrum import spectrum
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ GAP_S = 20.0  # drawn between sessions
 
 
 def figures(
-    comparisons: Mapping[str, Comparison], findings: Findings, moving_above: float = 0.05
+    comparisons: Mapping[str, Comparison], findings: Findings, moving_above: float = MOVING
 ) -> tuple[Figure, ...]:
     """Figures for named comparisons of the same rows; findings are those of the last one."""
     last = list(comparisons.values())[-1]

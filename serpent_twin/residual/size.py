@@ -7,6 +7,9 @@ import numpy as np
 
 from serpent_twin.residual.comparison import Array, Comparison
 
+MOVING = 0.1
+"""[rad/s] above which a motor moves: below, gear friction may hold any load"""
+
 
 @dataclass(frozen=True, eq=False)
 class MarkerSize:
@@ -61,7 +64,7 @@ def marker_size(comparison: Comparison) -> MarkerSize:
         )
 
 
-def load_size(comparison: Comparison, moving_above: float = 0.05) -> LoadSize:
+def load_size(comparison: Comparison, moving_above: float = MOVING) -> LoadSize:
     """Size of the load error; a motor moves where its speed is above a threshold [rad/s]."""
     residual = 100 * comparison.load_residual
     moving = is_moving(comparison, moving_above)

@@ -6,10 +6,9 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.residual import Comparison
+from serpent_twin.residual.size import MOVING, is_moving, marker_size
 
 _DRAWS = 10_000
-MOVING = 0.1
-"""[rad/s] above which a motor's load is compared: below, gear friction may hold anything"""
 
 
 @dataclass(frozen=True)
@@ -38,19 +37,12 @@ def _mean(values: Array) -> float:
 
 def errors(comparison: Comparison) -> Errors:
     """The errors of a comparison, segment by segment."""
-    segments = len(comparison.time)
-    marker, load = np.full(segments, np.nan), np.full(segments, np.nan)
-    if comparison.marker_measured is not None and comparison.marker_predicted is not None:
-        apart = comparison.marker_predicted - comparison.marker_measured
-        marker = 1e3 * np.nanmean(np.linalg.norm(apart, axis=-1), axis=(1, 2))
-    if comparison.load_measured is not None and comparison.load_predicted is not None:
-        apart = comparison.load_predicted - comparison.load_measured
-        if comparison.motor_velocity is not None:
-            apart = np.where(np.abs(comparison.motor_velocity) > MOVING, apart, np.nan)
-        for n, each in enumerate(apart):
-            if np.isfinite(each).any():
-                load[n] = 100 * np.sqrt(np.nanmean(each**2))
-    return Errors(marker, load)
+    moving = is_moving(comparison, MOVING)
+    load = np.where(moving, comparison.load_residual, np.nan)
+    some = np.isfinite(load).any(axis=(1, 2))
+    rms = np.full(len(load), np.nan)
+    rms[some] = 100 * np.sqrt(np.nanmean(load[some] ** 2, axis=(1, 2)))
+    return Errors(marker_size(comparison).by_segment_mm, rms)
 
 
 @dataclass(frozen=True)
