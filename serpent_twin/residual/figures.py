@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 COLOURS = ("#a3a7ad", "#3d7ea6", "#d1603d", "#588157", "#7d5ba6", "#c9a227")
 INK, SOFT, LINE = "#1d2129", "#5c6470", "#e4e6e9"
 GAP_S = 20.0  # drawn between sessions
+_FAR_APART = 8.0  # times
 
 
 def figures(
@@ -48,12 +49,24 @@ def _by_marker(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
         axes.plot(at, mean, "o-", color=colour, lw=2, ms=5, label=name)
     floor = 1e3 * 2 * np.sqrt(2 / np.pi) * findings.noise.marker
     axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
-    axes.set(ylabel="mean distance [mm]", ylim=(0, None))
+    axes.set_ylabel("mean distance [mm]")
+    _millimetres(axes, comparisons, findings)
     _label(axes, at, names, "marker")
     axes.margins(x=0.02)
     _finish(drawing, axes)
     caption = "Mean distance between measured and predicted markers, from the base to the tip."
     return Figure("error_by_marker", drawing, caption)
+
+
+def _millimetres(axes: "Axes", comparisons: Mapping[str, Comparison], findings: Findings) -> None:
+    """A scale on which every twin's error can be read: logarithmic where they are far apart."""
+    means = [marker_size(comparison).mean_mm for comparison in comparisons.values()]
+    if min(means) <= 0 or max(means) < _FAR_APART * min(means):
+        axes.set_ylim(0, None)
+        return
+    axes.set_yscale("log")
+    axes.set_ylim(0.5 * min(findings.noise.floor_mm or min(means), *means), None)
+    axes.yaxis.set_major_formatter("{x:g}")
 
 
 def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Figure:
@@ -72,7 +85,8 @@ def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     for name in zero if len(zero) > 1 else ():
         begin = min(t[0] for t, s in zip(clock, first.session, strict=True) if s == name)
         axes.annotate(name, (begin, 1), xycoords=("data", "axes fraction"), color=SOFT, fontsize=9)
-    axes.set(xlabel="time [s]", ylabel="distance, mean of markers over 3 s [mm]", ylim=(0, None))
+    axes.set(xlabel="time [s]", ylabel="distance, mean of markers over 3 s [mm]")
+    _millimetres(axes, comparisons, findings)
     axes.margins(x=0)
     _finish(drawing, axes)
     caption = "Distance averaged over markers in the course of the sessions."
@@ -83,21 +97,26 @@ def _by_motor(
     comparisons: Mapping[str, Comparison], findings: Findings, moving_above: float
 ) -> Figure:
     """Load error of each motor, in motion and at rest."""
-    drawing, panels = _sheet(9, 3.7, columns=2, sharey=True)
+    sizes = {name: load_size(each, moving_above) for name, each in comparisons.items()}
+    states = {"in motion": "moving_percent", "at rest": "resting_percent"}
+    if not any(np.isfinite(size.resting_percent).any() for size in sizes.values()):
+        del states["at rest"]
+    drawing, panels = _sheet(9, 3.7, columns=len(states), sharey=True)
+    panels = np.atleast_1d(panels)
     names = next(iter(comparisons.values())).motor_names
     at = np.arange(len(names))
-    for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
-        size = load_size(comparison, moving_above)
-        for axes, values in zip(panels, (size.moving_percent, size.resting_percent), strict=True):
-            axes.plot(at, values, "o-", color=colour, lw=2, ms=5, label=name)
-    for axes, title in zip(panels, ("in motion", "at rest"), strict=True):
+    for (name, size), colour in zip(sizes.items(), _colours(comparisons), strict=True):
+        for axes, state in zip(panels, states.values(), strict=True):
+            axes.plot(at, getattr(size, state), "o-", color=colour, lw=2, ms=5, label=name)
+    for axes, title in zip(panels, states, strict=True):
         floor = 100 * findings.noise.load
         axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
         axes.set_title(title, loc="left", fontsize=10, color=SOFT)
         axes.set_ylim(0, None)
         _label(axes, at, names, "motor")
     panels[0].set_ylabel("load error, rms [% of stall]")
-    _finish(drawing, panels[1], legend=False)
+    for axes in panels[1:]:
+        _finish(drawing, axes, legend=False)
     _finish(drawing, panels[0])
     caption = f"Load error by motor; in motion is above {moving_above:g} rad/s."
     return Figure("load_error_by_motor", drawing, caption)

@@ -140,7 +140,7 @@ class ArmCase:
             time=pieces.time,
             marker_measured=pieces.marker,
             marker_predicted=did.marker[0],
-            load_measured=pieces.load,
+            load_measured=np.where(pieces.moving, pieces.load, np.nan),
             load_predicted=did.load[0],
             motor_angle=pieces.motor_angle,
             motor_velocity=pieces.motor_velocity,
