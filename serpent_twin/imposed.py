@@ -61,6 +61,8 @@ class Stretches:
     """Time constant with which a motor takes up a new velocity after each row [s]"""
     earlier: Array | float = 0.0
     """How long the arm's sessions before each one ran in all [s], or (B,)"""
+    joint_velocity: Array | float = 0.0
+    """[rad/s], or (B, R, 9); used at restarts only"""
     past: Past | None = None
     """What effects with a long memory felt before; without, they begin with the first row"""
 
@@ -140,7 +142,7 @@ class _Run:
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         self.sensors = self.batch.bind("sensordata")
         self.history = History(self.batch)
-        self.joints, _ = addresses(models[0], JOINT_NAMES)
+        self.joints, self.joint_speeds = addresses(models[0], JOINT_NAMES)
         self.jaw = addresses(models[0], ("jaw",))[0]
         period = np.median(np.diff(stretches.time, axis=1)) if self.R > 1 else timestep
         self.substeps = max(1, int(np.ceil(period / timestep - 1e-9)))
@@ -155,11 +157,13 @@ class _Run:
         return np.tile(of_stretches, (self.D,) + (1,) * (of_stretches.ndim - 1))
 
     def restart(self, row: int) -> None:
-        """Put the joints where the markers saw them, at rest; effects with a long memory keep it."""
+        """Put the joints where the markers saw them; effects with a long memory keep it."""
         s = self.s
         if row == 0:
             self._remember(s.past)
         self._pose(s.motor_angle[:, row], s.joint_angle[:, row])
+        velocity = np.broadcast_to(s.joint_velocity, s.joint_angle.shape)[:, row]
+        self.qvel[:, self.joint_speeds] = self._rows(velocity)
         if row == 0 and not s.past:
             self._start(s.time[:, 0], s.motor_angle[:, 0], s.motor_velocity[:, 0])
         self._wind(row)

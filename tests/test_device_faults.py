@@ -7,9 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dynamixel_sdk import (
-    COMM_SUCCESS,
-)
+from dynamixel_sdk import COMM_SUCCESS
 from sdk_client import (
     ACCESS,
     ALERT,

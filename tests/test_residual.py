@@ -1,17 +1,15 @@
-"""Is what was put into a made-up residual found again, and nothing where nothing was put in?"""
+"""Is a residual told from noise and put right, and nothing found where nothing was put in?"""
 
 import io
 import json
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
+from residual_cases import CASES, LOAD_NOISE, NOISE, case, fading, found, made, only
 
-from serpent_twin.arm import joint_axis, link_frames, markers, motor_from_joint
 from serpent_twin.errors import SerpentError
 from serpent_twin.residual import (
-    Comparison,
     analyse,
     depends_on,
     describe,
@@ -20,114 +18,9 @@ from serpent_twin.residual import (
     load_size,
     marker_size,
     measurement_noise,
-    place,
 )
 from serpent_twin.residual import learned as last_resort
-from serpent_twin.residual.drift import drift
 from serpent_twin.residual.figures import figures
-from serpent_twin.residual.place import joint_jacobian
-from serpent_twin.residual.spectrum import spectrum
-
-PERIOD = 0.25
-NOISE, LOAD_NOISE = 0.4e-3, 0.007
-
-
-def motion(rng, S, T):
-    """Joint angles and velocities under P control to random targets, new every five rows."""
-    low = np.where(np.arange(9) % 2 == 0, -np.pi / 8, 0.0)
-    target = np.repeat(rng.uniform(low, np.pi / 8, (T // 5 + 5, S, 9)), 5, axis=0)
-    q, rows = np.zeros((S, 9)), []
-    for goal in target[: T + 20]:
-        dq = 1.6 * (goal - q)
-        rows.append((q, dq))
-        q = q + PERIOD * dq
-    return (np.stack(column[20:], axis=1) for column in zip(*rows, strict=True))
-
-
-def predicted_loads(q, dm):
-    gravity = 0.03 * np.cumsum(np.sin(q[..., ::-1]), axis=-1)[..., ::-1]
-    return np.concatenate([gravity, 0.1 * gravity[..., :1]], axis=-1) + 0.03 * np.tanh(dm / 0.05)
-
-
-def made(seed, S=10, T=160, sessions=1, noise=NOISE, turn=None, load=None, shift=None):
-    """A comparison whose twin lacks rotations [rad], loads or shifts [m] given as functions.
-
-    Each is a function of joint angles, joint velocities, motor angles, predicted loads and time.
-    """
-    rng = np.random.default_rng(seed)
-    q, dq = motion(rng, S, T)
-    m, dm = (np.concatenate([v, v[..., -1:]], -1) for v in map(motor_from_joint, (q, dq)))
-    time = ((np.arange(S) % (S // sessions)) * T)[:, None] * PERIOD + PERIOD * np.arange(T)
-    loads = predicted_loads(q, dm)
-    state = (q, dq, m, loads, time)
-    origin, rotation = link_frames(q)
-    measured = markers(q + (turn(*state) if turn else 0)) + (shift(*state) if shift else 0)
-    measured = measured + rng.normal(0, noise, measured.shape)
-    measured[rng.random(measured.shape[:3]) < 0.002] = np.nan
-    felt = loads + (load(*state) if load else 0) + rng.normal(0, LOAD_NOISE, loads.shape)
-    return Comparison(
-        session=tuple(f"session_{s * sessions // S + 1:02d}" for s in range(S)),
-        time=time,
-        marker_measured=measured,
-        marker_predicted=markers(q),
-        load_measured=felt,
-        load_predicted=loads,
-        motor_angle=m,
-        motor_velocity=dm,
-        motor_command=dm,
-        joint_angle=q,
-        tension=50 * np.concatenate([np.maximum(loads, 0), np.maximum(-loads, 0)], axis=-1),
-        joint_anchor=origin,
-        joint_axis=np.stack([rotation[..., i, :, :] @ joint_axis(i) for i in range(9)], axis=-2),
-    )
-
-
-def only(index, values, count=9):
-    """The values for one joint or motor, nought for the others."""
-    return values[..., None] * (np.arange(count) == index)
-
-
-def fading(values, seconds):
-    """Exponentially fading mean over rows, by its definition."""
-    keep, out = np.exp(-PERIOD / seconds), [values[:, 0]]
-    for row in values.T[1:]:
-        out.append(keep * out[-1] + (1 - keep) * row)
-    return np.stack(out, axis=1)
-
-
-def held_back(q, dq, *_):
-    inside = (q[..., 3] > 0.14) & (q[..., 3] < 0.26)
-    return only(3, -0.03 * np.sign(dq[..., 3]) * inside)
-
-
-SWAY = np.linspace(0, 1, 9)[:, None] * np.array([0, 1e-3, 0])
-CASES = {
-    "nothing": {},
-    "force": {"turn": lambda q, *_: only(3, 0.02 * (q[..., 3] > 0.21))},
-    "sticks": {"turn": held_back},
-    "ripple": {"load": lambda q, dq, m, *_: only(2, 0.012 * np.sin(6 * m[..., 2]), 10)},
-    "sway": {"shift": lambda *s: np.sin(2 * np.pi * 0.7 * s[-1])[..., None, None] * SWAY},
-    "drift": {"turn": lambda *s: only(5, 0.02 * s[-1] / 400)},
-    "jump": {"turn": lambda *s: only(6, 0.015 * (s[-1] > 213))},
-    "play": {"turn": lambda q, dq, *_: only(4, -0.01 * np.tanh(dq[..., 4] / 0.02))},
-    "creep": {"turn": lambda *s: only(2, 0.5 * fading(s[3][..., 2], 10.0))},
-    "delay": {"turn": lambda q, dq, *_: -0.02 * dq},
-}
-
-
-@cache
-def case(name):
-    return made(1, **CASES[name])
-
-
-@cache
-def found(name):
-    return analyse(case(name), np.random.default_rng(0), permutations=99)
-
-
-def first(name, kind):
-    return next(d for d in found(name).depends_on if (d.kind == "load") == (kind == "load"))
-
 
 # Size and noise
 
@@ -200,133 +93,6 @@ def test_a_slow_error_that_follows_nothing_is_called_so():
         c = made(seed, S=7, turn=lambda *_, own=own: own)
         wrong += bool([d for d in depends_on(c, rng, permutations=79) if d.kind != "load"])
     assert wrong <= 1
-
-
-# On what, and where
-
-
-def test_a_force_beyond_a_joint_angle():
-    d = first("force", "markers")
-    assert (d.kind, d.index, d.feature.name, d.shape.kind) == (
-        "joint",
-        3,
-        "joint 4's angle",
-        "step",
-    )
-    assert d.shape.edges[0] == pytest.approx(0.21, abs=0.01)
-    assert d.share_above_noise > 0.75
-    assert "joint 4" in found("force").where[0].text
-    assert "above 0.21 rad (12°)" in describe(found("force"))
-
-
-def test_a_joint_that_sticks_in_a_window():
-    d = first("sticks", "markers")
-    assert (d.kind, d.index) == ("joint", 3)
-    assert d.feature.name == "joint 4's angle, against its motion" and d.shape.kind == "window"
-    np.testing.assert_allclose(d.shape.edges, [0.14, 0.26], atol=0.015)
-    assert "between 0.14 and 0.26 rad (8° and 15°)" in describe(found("sticks"))
-
-
-def test_a_ripple_in_one_motors_load():
-    d = first("ripple", "load")
-    assert (d.index, d.feature.name, d.shape.per_turn) == (2, "motor 3's angle", 6)
-    assert "6 times per turn (every 60°)" in describe(found("ripple"))
-    assert [x for x in found("ripple").depends_on if x.kind != "load"] == []
-
-
-def test_a_sway_in_time():
-    change = found("sway").marker_change
-    assert change.swings and change.line.frequency_hz == pytest.approx(0.7, abs=0.01)
-    swing = np.sum(SWAY**2) / 2
-    assert change.line.share == pytest.approx(swing / (swing + 27 * NOISE**2), rel=0.1)
-    assert "swings at 0.70 Hz" in describe(found("sway"))
-    assert not found("nothing").marker_change.swings and not found("delay").marker_change.swings
-
-
-def test_a_slow_drift():
-    change = found("drift").marker_change
-    assert change.steady == "drift"
-    at = change.drift.strongest
-    assert change.channels[at] == "the rotation at joint 6"
-    rate, half = (
-        change.in_unit[at] * v[at] for v in (change.drift.per_minute, change.drift.interval)
-    )
-    assert abs(rate - np.degrees(0.02 / 400 * 60)) < half < 0.2 * rate
-    assert "drifts, most in the rotation at joint 6 (+0.17° ±" in describe(found("drift"))
-
-
-def test_a_jump_at_one_time():
-    change = found("jump").marker_change
-    assert change.steady == "jump" and change.jump.time_s == pytest.approx(213, abs=1.0)
-    np.testing.assert_allclose(
-        change.in_unit * change.jump.size, only(6, np.array(np.degrees(0.015))), atol=0.1
-    )
-    assert "jumps at 213 s of session_01, most in the rotation at joint 7" in describe(
-        found("jump")
-    )
-
-
-def test_play_follows_the_direction_of_motion():
-    d = first("play", "markers")
-    assert (d.kind, d.index) == ("joint", 4)
-    assert d.feature.name.startswith("joint 5's") and d.feature.kind in ("velocity", "direction")
-
-
-def test_creep_follows_the_past():
-    d = first("creep", "markers")
-    assert (d.kind, d.index, d.feature.kind) == ("joint", 2, "past")
-    assert "in the last 10 s" in d.feature.name and "creep" in describe(found("creep"))
-
-
-def test_a_delay_follows_all_velocities():
-    assert first("delay", "markers").feature.name == "all joints' velocities"
-
-
-def test_what_moves_a_marker_agrees_with_finite_differences():
-    q = np.random.default_rng(3).uniform(-0.4, 0.4, (1, 8, 9))
-    origin, rotation = link_frames(q)
-    axis = np.stack([rotation[..., i, :, :] @ joint_axis(i) for i in range(9)], axis=-2)
-    c = Comparison(
-        ("s",),
-        np.arange(8.0)[None],
-        *[markers(q)] * 2,
-        joint_anchor=origin,
-        joint_axis=axis,
-    )
-    step = 1e-6 * np.eye(9)
-    slopes = [(markers(q + d) - markers(q - d)) / 2e-6 for d in step]
-    np.testing.assert_allclose(joint_jacobian(c), np.stack(slopes, axis=-1), atol=1e-9)
-
-
-def test_the_joint_at_which_an_error_arises():
-    wave = 0.02 * np.sin(np.linspace(0, 40, 160))
-    c = made(5, turn=lambda q, *_: only(6, np.broadcast_to(wave, q.shape[:2])))
-    result = place(c, NOISE)
-    assert result.share.argmax() == 6 and result.share[6] > 0.85 * (1 - result.remainder)
-    error = result.rotation[..., 6] - wave
-    assert np.std(error) < NOISE / 0.05  # less than one marker a link away would give
-    assert np.abs(np.delete(result.rotation, 6, axis=-1)).max() < 0.015
-
-
-def test_the_spectrum_keeps_the_power_and_names_the_swing():
-    t = PERIOD * np.arange(640)
-    wave = np.sin(2 * np.pi * 0.5 * t)[None, :, None] * np.array([3.0, 4.0])
-    s = spectrum(wave, PERIOD)
-    assert s.dominant_hz == pytest.approx(0.5, abs=0.04) and s.dominant_share > 0.95
-    assert np.sum(s.power) * s.frequency[1] == pytest.approx(25 / 2, rel=0.05)
-    memory = spectrum(
-        fading(np.random.default_rng(0).normal(size=(20, 400)), 3.0)[..., None], PERIOD
-    )
-    assert memory.autocorrelation_s == pytest.approx(3.0, rel=0.25)
-
-
-def test_drift_intervals_hold_on_wandering_noise():
-    rng, time = np.random.default_rng(2), PERIOD * np.arange(1120).reshape(7, 160)
-    seen = [
-        drift(fading(rng.normal(size=(1, 1120)), 1.5).reshape(7, 160, 1), time, ("s",) * 7).seen
-        for _ in range(40)
-    ]
-    assert sum(seen) <= 3  # one in 100 is expected
 
 
 # Rigs that lack something

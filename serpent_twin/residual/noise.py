@@ -30,6 +30,11 @@ class Noise:
     """Of one coordinate of each marker [m], (M,)"""
     load: Array
     """Of each motor's load [fraction of the stall torque], (N,)"""
+    jitter: Array
+    """Of one coordinate of each marker [m], (M,): noise, and what moves from row to row like it, such as
+    a machine that sticks and slips a little otherwise every time"""
+    load_jitter: Array
+    """Of each motor's load, from one row to the next [fraction of the stall torque], (N,)"""
 
     @property
     def floor_mm(self) -> float:
@@ -37,9 +42,23 @@ class Noise:
         return float(1e3 * np.mean(expected_distance(self.marker))) if self.marker.size else 0.0
 
     @property
+    def jitter_mm(self) -> float:
+        """Mean marker distance [mm] of a twin that is right about all but what looks like noise."""
+        return float(1e3 * np.mean(expected_distance(self.jitter))) if self.jitter.size else 0.0
+
+    @property
+    def load_jitter_percent(self) -> float:
+        """The same for loads, root mean square [% of the stall torque]."""
+        return _rms_percent(self.load_jitter)
+
+    @property
     def load_floor_percent(self) -> float:
         """Root mean square load error [% of the stall torque] of a perfect twin."""
-        return float(100 * np.sqrt(np.mean(self.load**2))) if self.load.size else 0.0
+        return _rms_percent(self.load)
+
+
+def _rms_percent(std: Array) -> float:
+    return float(100 * np.sqrt(np.mean(std**2))) if std.size else 0.0
 
 
 def expected_distance(std: Array | float) -> Array:
@@ -55,12 +74,20 @@ def measurement_noise(comparison: Comparison) -> Noise:
     def each(values: Array) -> Array:
         return np.array([noise_std(values[:, :, i], rough, motion) for i in range(values.shape[2])])
 
-    of_markers = each(markers)
+    jitter = of_markers = each(markers)
     if comparison.has_markers and comparison.joint_anchor is not None:
         # Both ways take what is left of the twin's error for noise, so the lesser is nearer.
         beside = each(_beside_joints(comparison))
         of_markers = np.where(beside > 0, np.minimum(of_markers, beside), of_markers)
-    return Noise(of_markers, each(loads[..., None]))
+    return Noise(of_markers, each(loads[..., None]), jitter, _from_row_to_row(loads))
+
+
+def _from_row_to_row(values: Array) -> Array:
+    """Standard deviation of channels (S, T, N) by their first differences; 0 where unknown, (N,)."""
+    squares = np.diff(values, axis=1) ** 2
+    known = np.isfinite(squares)
+    total, count = np.where(known, squares, 0.0).sum(axis=(0, 1)), known.sum(axis=(0, 1))
+    return np.sqrt(np.divide(total, 2 * count, out=np.zeros(total.shape), where=count > 0))
 
 
 def noise_std(values: Array, roughness: Array, motion: Array, bins: int = 10) -> float:

@@ -43,8 +43,9 @@ def conclude(tracer: Tracer, search: Search, arm: str, files: Sequence[str]) -> 
     compared = {name: case.compare(point, held_out) for name, point in points.items()}
     found = {name: analyse(compared[name], rng) for name in ("calibrated", "corrected")}
     error = {name: errors(each) for name, each in compared.items()}
-    expected = case.expected(final.point, drawn(case, final, rng, _DRAWS), held_out, rng)
     noise = found["corrected"].noise
+    expected = case.expected(final.point, drawn(case, final, rng, _DRAWS), held_out, rng)
+    expected = float(np.fmax(expected, noise.jitter_mm))
     error_mm = {name: each.marker for name, each in error.items()}
     load = {name: each.load for name, each in error.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
@@ -145,7 +146,7 @@ def _unexplained(
     swings = found.marker_change is not None and found.marker_change.swings
     follows = swings or max(markers, default=0.0) > FOLLOWS
     in_markers = error > BEYOND * expected or (follows and error > SUSPECT * expected)
-    floor = found.noise.load_floor_percent
+    floor = found.noise.load_jitter_percent
     in_loads = load["corrected"] > LOAD_BEYOND * floor and max(loads, default=0.0) > FOLLOWS
     if in_loads and not in_markers:
         share = max(0.0, 1 - (floor / load["corrected"]) ** 2)

@@ -22,6 +22,8 @@ _SETTLED = 0.5
 """A step that betters the cost by less, about half a standard error, is the last"""
 _SETTLED_SHARE = 2e-3
 """And a derivative that betters it by less than this share"""
+_NEARLY = 1e-2
+"""A fit whose last derivative still bettered the cost by more has not settled"""
 NORMAL_95 = 1.96
 """Standard errors from the middle to the end of a 95 % interval"""
 _STEPS = 10
@@ -119,8 +121,9 @@ def fit(
             if gained < _SETTLED:
                 break
         tell(f"derivative {n + 1} of {derivatives}: cost {before:.0f} → {at.cost:.0f}")
-        settled = steps > 0 and before - at.cost < max(2 * _SETTLED, _SETTLED_SHARE * at.cost)
-        if settled:
+        bettered = before - at.cost
+        settled = steps > 0 and bettered < max(2 * _SETTLED, _NEARLY * at.cost)
+        if steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost):
             break
     error, correlation = _errors(slope, at.residual, problem.worth, problem.prior)
     return Fit(at.point, moves, at.cost, problem.worth, error, correlation, settled, slope, used)

@@ -143,14 +143,14 @@ class Tracer:
     def _polish(self, found: Fit, name: str) -> Fit:
         """Fit an accepted effect with everything else, anew, with the weights that it brings."""
         self.case = self.case.reweighted(found.point, self.training)
-        return self._fit(name, found.point, moves_of(self.case, list(found.point.effects)), 3)
+        return self._fit(name, found.point, moves_of(self.case, list(found.point.effects)), 2)
 
     def _sharpened(self, found: Fit) -> Fit:
         """The last fit, on more segments: what is reported of the accepted effects."""
         if not found.point.effects:
             return found
         self.case = self.case.reweighted(found.point, self.training)
-        return self._fit("last", found.point, found.moves, 2, segments=_LAST)
+        return self._fit("last", found.point, found.moves, 1, segments=_LAST)
 
     def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
         """Try all candidates; those that calibration may have swallowed also from the opening."""
@@ -165,7 +165,7 @@ class Tracer:
         if opening:
             at_start = self._scores("scores_0", self._opening_case, opening, names)
             case = self._opening_case
-            tries += [(name, case, opening, at_start[name]) for name in self._worth(at_start)[:3]]
+            tries += [(name, case, opening, at_start[name]) for name in self._worth(at_start)[:2]]
             scores = {n: max(scores[n], at_start[n], key=lambda s: s.share) for n in names}
         trials = {name: Trial(s, None, None, before.marker) for name, s in scores.items()}
         for name, case, begun, found in tries:

@@ -95,7 +95,8 @@ class ArmCase:
                 restart,
                 self.servo_lag,
                 pieces.earlier,
-                past(pieces) if remember else None,
+                joint_velocity=pieces.joint_velocity,
+                past=past(pieces) if remember else None,
             )
             return impose(designs, s, rough=rough)
 

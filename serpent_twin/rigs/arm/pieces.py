@@ -26,6 +26,16 @@ class Run:
     motor_velocity: Array
     joint_angle: Array
 
+    @property
+    def joint_velocity(self) -> Array:
+        """From the rows before and after; 0 at the ends and beside gaps [rad/s], (T, 9)."""
+        velocity = np.zeros_like(self.joint_angle)
+        span = (self.time[2:] - self.time[:-2])[:, None]
+        velocity[1:-1] = (self.joint_angle[2:] - self.joint_angle[:-2]) / span
+        broken = np.flatnonzero(gaps(self.time))
+        velocity[broken], velocity[broken - 1] = 0.0, 0.0
+        return velocity
+
 
 @dataclass(frozen=True)
 class Pieces:
@@ -49,6 +59,8 @@ class Pieces:
     """[m], (S, T, 9, 3); NaN where lost"""
     joint_angle: Array
     """From the markers [rad], (S, T, 9)"""
+    joint_velocity: Array
+    """From the markers of the rows before and after [rad/s]; 0 where a log begins, (S, T, 9)"""
     earlier: Array
     """How long the sessions before ran [s], (S,)"""
     run: Mapping[str, Run]
@@ -88,6 +100,7 @@ def cut(sessions: Sequence[Session], offset: Array) -> Pieces:
         load=of("motor_load"),
         marker=of("marker"),
         joint_angle=np.array([runs[s.name].joint_angle[at : at + rows] for s, at in parts]),
+        joint_velocity=np.array([runs[s.name].joint_velocity[at : at + rows] for s, at in parts]),
         earlier=np.array([earlier[s.name] for s, _ in parts]),
         run=runs,
     )
