@@ -26,8 +26,10 @@ CHANCE = 0.01
 SURE = 3.0
 """Standard errors by which an accepted strength is not zero"""
 _MOST_EFFECTS = 4
+_PLAIN = 0.4
+"""Relative gain of a candidate so plain that none need be sought that calibration had swallowed"""
 _SEGMENTS = 7  # that a fit uses while it searches: enough to tell effects apart
-_LAST = 14  # that the last fit uses
+_LAST = 12  # that the last fit uses
 
 
 @dataclass(frozen=True)
@@ -159,37 +161,36 @@ class Tracer:
             for n in self.case.candidates
             if n not in base.point.effects and n not in self.case.unseen
         ]
-        case, before = self.case, self.errors(base.point)
-        scores = self._scores(f"scores_{number}", case, base, names)
-        tries = [(name, case, base, scores[name]) for name in self._worth(scores)]
-        if opening:
-            at_start = self._scores("scores_0", self._opening_case, opening, names)
-            case = self._opening_case
-            tries += [(name, case, opening, at_start[name]) for name in self._worth(at_start)[:2]]
-            scores = {n: max(scores[n], at_start[n], key=lambda s: s.share) for n in names}
-        trials = {name: Trial(s, None, None, before.marker) for name, s in scores.items()}
-        for name, case, begun, found in tries:
-            trial = self._try(name, case, begun, found, before, number)
-            known = trials[name].gain
-            if known is None or (trial.gain and trial.gain.relative > known.relative):
-                trials[name] = trial
+        before = self.errors(base.point)
+        trials = self._trials(names, self.case, base, before, f"{number}_base")
+        plain = any(trial.gain and trial.gain.relative > _PLAIN for trial in trials.values())
+        if opening and not plain:
+            again = self._trials(names, self._opening_case, opening, before, f"{number}_start", 2)
+            trials = {name: _better(trials[name], again[name]) for name in names}
         return Round(base, before, trials, _best(trials, self.case.candidates))
 
-    def _try(
-        self, name: str, case: Case[Any], begun: Fit, found: Score, before: Errors, number: int
-    ) -> Trial:
-        self.tell(f"round {number}: fitting {name}")
-        where = "start" if case is self._opening_case else "base"
-        fitted = self.notes.fit(
-            f"fit_{number}_{name}_{where}",
-            lambda: full_fit(case, self.training, begun, found, self.tell),
-        )
-        after = self.errors(fitted.point)
-        rng = np.random.default_rng([self.seed, number])
-        return Trial(found, fitted, gain(before, after, rng), after.marker)
-
-    def _worth(self, scores: dict[str, Score]) -> list[str]:
-        return worth_fitting(list(scores.values()), self.case.candidates)
+    def _trials(
+        self,
+        names: Sequence[str],
+        case: Case[Any],
+        begun: Fit,
+        before: Errors,
+        stage: str,
+        most: int | None = None,
+    ) -> dict[str, Trial]:
+        """Score tests of candidates on top of a fit, and full fits of those that are worth it."""
+        scores = self._scores(f"scores_{stage}", case, begun, names)
+        trials = {name: Trial(s, None, None, before.marker) for name, s in scores.items()}
+        for name in worth_fitting(list(scores.values()), case.candidates)[:most]:
+            self.tell(f"{stage.replace('_', ', from the ')}: fitting {name}")
+            fitted = self.notes.fit(
+                f"fit_{stage}_{name}",
+                lambda found=scores[name]: full_fit(case, self.training, begun, found, self.tell),
+            )
+            after = self.errors(fitted.point)
+            better = gain(before, after, np.random.default_rng([self.seed, 1]))
+            trials[name] = Trial(scores[name], fitted, better, after.marker)
+        return trials
 
     def _scores(
         self, stage: str, case: Case[Any], base: Fit, names: Sequence[str]
@@ -222,6 +223,13 @@ class Tracer:
                 self.tell(f"{name} is not worth it beside the others")
                 final = less
         return final
+
+
+def _better(one: Trial, other: Trial) -> Trial:
+    """The trial that gains more, with the greater of both scores."""
+    gains = [t.gain.relative if t.gain else -np.inf for t in (one, other)]
+    score = max(one.score, other.score, key=lambda s: s.share)
+    return replace(one if gains[0] >= gains[1] else other, score=score)
 
 
 def _worth_it(found: Gain) -> bool:
