@@ -2,7 +2,7 @@ PYTHON ?= python3.11
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: setup demo test test-fast lint bench faults model lock clean
+.PHONY: setup demo test test-fast lint bench faults loop model lock clean
 
 help:           ## Say what can be made
 	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  .*##' $(MAKEFILE_LIST) | sed 's/:.*##/ —/'
@@ -34,6 +34,9 @@ bench: setup  ## Speed and memory, as ratios against bare MuJoCo
 
 faults: setup  ## Every fault of the bus through the collect loop: some five minutes
 	$(BIN)/python experiments/fault_matrix.py --out fault_matrix
+
+loop: setup  ## Find what the twin lacks of the arm in data/: some ten minutes
+	$(BIN)/python experiments/close_the_loop.py --logs data --out close_the_loop
 
 model: setup  ## Write model/ anew after a change of numbers or shapes
 	$(BIN)/python -m serpent_twin.mjcf

@@ -111,6 +111,7 @@ def draw(rng: np.random.Generator) -> Design:
         "strand_stiffness": 0.08,
         "strand_slack": 0.1 * parameters.strand_slack,
         "joint_friction": 0.08,
+        "jaw_friction": 0.08,
         "joint_damping": 0.08,
         "winch_radius": 0.003,
         "gear_friction": 0.08,

@@ -90,16 +90,18 @@ def impose(
     stretches: Stretches,
     timestep: float = TIMESTEP,
     nthread: int = 0,
-    rough: bool = False,
+    rough: int = 0,
 ) -> Response:
     """Drive designs, all with effects of the same kinds, by measured motor angles.
 
-    `rough` is half as costly and good for differences between designs: markers are off by about
-    0.1 mm, and by the same for all of them.
+    `rough`, so many times the time step with a few sweeps of a quicker solver, is about half as costly
+    and good for differences between designs: markers are off by about 0.1 mm, by the same for all.
     """
     models = [design.spec(motors=False).compile() for design in designs]
     if rough:
-        timestep *= _roughened(models)
+        timestep *= rough
+        for model in models:
+            model.opt.solver, model.opt.iterations = mujoco.mjtSolver.mjSOL_PGS, _SWEEPS
     run = _Run(designs, models, stretches, timestep, nthread or os.cpu_count() or 1)
     for row in range(stretches.time.shape[1]):
         if stretches.restart[row]:
@@ -110,13 +112,12 @@ def impose(
     return run.response()
 
 
-def _roughened(models: Sequence[mujoco.MjModel]) -> int:
-    """Let models do with less: a few sweeps of the quicker solver, and twice the time step if all
-    strands are soft enough to bear it. Returns how many times the step.
-    """
-    for model in models:
-        model.opt.solver, model.opt.iterations = mujoco.mjtSolver.mjSOL_PGS, _SWEEPS
-    return 2 if max(float(model.tendon_stiffness.max()) for model in models) < _SOFT else 1
+def bearable(designs: Sequence[Design]) -> int:
+    """How many times the time step these designs bear where a rough answer does: soft strands bear two."""
+    stiffest = max(
+        d.parameters.strand_stiffness * np.exp(max(d.tolerances.strand_stiffness)) for d in designs
+    )
+    return 2 if stiffest < _SOFT else 1
 
 
 class _Run:
@@ -171,11 +172,12 @@ class _Run:
         self.history.fill()
 
     def _pose(self, motor_angle: Array, joint_angle: Array) -> None:
-        """Hold joints [rad], (B, 9), at rest; the jaw hangs on its cable."""
+        """Hold joints [rad], (B, 9), and the jaw, at rest."""
         self.qpos[...], self.qvel[...] = 0.0, 0.0
         self.qpos[:, self.joints] = self._rows(joint_angle)
-        jaw = motor_angle[:, -1:] - joint_angle.sum(axis=1, keepdims=True)
-        self.qpos[:, self.jaw] = self._rows(jaw)
+        passed = self._rows(joint_angle.sum(axis=1, keepdims=True))
+        wound = self.arms.winch_ratio[:, -1:] * self._rows(motor_angle[:, -1:]) - passed
+        self.qpos[:, self.jaw] = self.arms.jaw_at_rest(wound)
 
     def _start(self, time: Array, motor_angle: Array, motor_velocity: Array) -> None:
         now = (self._rows(x) for x in (time[:, None], motor_angle, motor_velocity))

@@ -74,6 +74,7 @@ class Mechanism:
         self._friction = batch.expand("dof_frictionloss")
         self._bend = batch.expand("tendon_stiffnesspoly")  # T = k x + bend x²
         self._applied = batch.bind("qfrc_applied")
+        self._jaw_friction = self._friction[:, addresses(model, ("jaw",))[1]].copy()
         self.slack, self.stiffness = self._rest[:, :, 1].copy(), self._stiffness.copy()
         bend, stiff = self._bend[:, :, 0], self.stiffness
         self.stiffening = np.divide(bend, stiff, out=np.zeros_like(bend), where=stiff > 0)
@@ -134,6 +135,15 @@ class Mechanism:
             self._friction[:, self._motor_v] = moment.gear_friction
             self._applied[:, self._motor_v] = moment.motor_torque
         return moment
+
+    def jaw_at_rest(self, wound: Array) -> Array:
+        """Where the jaw stands [rad], (n, 1): as near to its zero as its friction holds it against its
+        cable, wound by motor and joints by so much [rad], (n, 1).
+        """
+        radius = self.arm.pulley_radius[-1]
+        stretch = self.slack[:, -2:] + self._jaw_friction / (radius * self.stiffness[:, -2:])
+        high, low = stretch[:, :1] / radius, -stretch[:, 1:] / radius
+        return wound - np.clip(wound, np.minimum(low, high), np.maximum(low, high))
 
     def wind(self, slack: Array, winch_angle: Array, motor_angle: Array) -> None:
         """Shift the strands' rest lengths by what the winches wind and the model does not know."""

@@ -195,7 +195,8 @@ def _add_bodies(
         resist |= _off(parameters.joint_damping, tolerances.joint_damping[i], "damping")
         offset = tolerances.marker[3 * i : 3 * i + 3]
         link = bodies[f"link{i + 1}"] = _add_link(link, i, arm, resist, np.array(offset))
-    bodies["jaw"] = _add_jaw(link, arm)
+    resist = _off(parameters.joint_friction, tolerances.jaw_friction[0], "frictionloss")
+    bodies["jaw"] = _add_jaw(link, arm, resist)
     return bodies
 
 
@@ -245,11 +246,11 @@ def _without_jaw(arm: Arm) -> tuple[float, float, Array]:
     return rest, centre, arm.link_inertia(-1) - inertia - steiner * np.array([0.0, 1.0, 1.0])
 
 
-def _add_jaw(link: ET.Element, arm: Arm) -> ET.Element:
+def _add_jaw(link: ET.Element, arm: Arm, resist: dict[str, Any]) -> ET.Element:
     m, size, inertia = _jaw(arm)
     jaw = _add(link, "body", name="jaw", pos=(arm.jaw_joint, 0, 0))
     _add_inertial(jaw, m, size / 2, inertia)
-    _add(jaw, "joint", class_="jaw", name="jaw")
+    _add(jaw, "joint", class_="jaw", name="jaw", **resist)
     return jaw
 
 

@@ -23,6 +23,9 @@ class Tolerances:
     """Added to the slack of each strand [m]; below zero in sum, the strand is pre-tensioned"""
     joint_friction: Each = (0.0,) * N_JOINTS
     """Logarithm of each hinge's Coulomb friction over the nominal one [1]"""
+    jaw_friction: Each = (0.0,)
+    """Logarithm of the jaw's Coulomb friction over the hinges' nominal one [1]; a jaw that is held has
+    much, and its cable then pulls at the arm"""
     joint_damping: Each = (0.0,) * N_JOINTS
     """Logarithm of each hinge's viscous damping over the nominal one [1]"""
     winch_radius: Each = (0.0,) * N_MOTORS

@@ -13,6 +13,7 @@ import pytest
 from serpent_twin import design
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import read_session, write_session
+from serpent_twin.rigs.arm import ArmRig
 from serpent_twin.trace import Trace, trace
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -125,6 +126,15 @@ def test_logs_without_markers_are_refused(logs, tmp_path):
         trace(Trace(blind, tmp_path / "out"))
 
 
+def test_logs_that_say_they_have_no_markers_are_refused(logs, tmp_path):
+    def blind(session):
+        metadata = {**session.metadata, "markers": "none"}
+        return replace(session, marker=np.full_like(session.marker, np.nan), metadata=metadata)
+
+    with pytest.raises(SerpentError, match=r"no markers|No marker"):
+        trace(Trace(changed(logs["none"], tmp_path / "blind", blind), tmp_path / "out"))
+
+
 def test_logs_of_another_machine_are_refused(logs, tmp_path):
     foreign = changed(
         logs["none"], tmp_path / "foreign", lambda s: replace(s, marker=1.2 * s.marker)
@@ -143,14 +153,21 @@ def test_two_arms_in_one_folder_are_refused(logs, tmp_path):
         trace(Trace(mixed, tmp_path / "out"))
 
 
+def test_the_gripper_s_cable_pulls_where_its_jaw_is_held_and_only_there(logs):
+    rig = ArmRig()
+    held = rig.open(rig.read(DATA / "arm_a")[:1]).vector.start
+    free = rig.open(rig.read(logs["none"])[:1]).vector.start  # this arm has no tenth cable
+    assert held.tolerances.jaw_friction[0] > 1 and free.tolerances.jaw_friction == (0.0,)
+    stiffness = np.exp(held.tolerances.strand_stiffness)
+    assert stiffness[-2:] == pytest.approx(np.median(stiffness), rel=0.3)
+
+
 def test_motors_that_never_move_show_nothing(logs, tmp_path):
     def still(session):
         first = {
             n: np.repeat(getattr(session, n)[:1], len(session), 0) for n in ("motor_position",)
         }
         return replace(session, **first, motor_velocity=np.zeros_like(session.motor_velocity))
-
-    from serpent_twin.rigs.arm import ArmRig
 
     rig = ArmRig()
     case = rig.open(rig.read(changed(logs["none"], tmp_path / "still", still))[:2])

@@ -32,6 +32,8 @@ class Comparison:
     """Measured motor loads [fraction of the stall torque], (S, T, N)"""
     load_predicted: Array | None = None
     """The twin's [fraction of the stall torque], (S, T, N)"""
+    load_counts: NDArray[np.bool_] | None = None
+    """Where a load can be compared at all, (S, T, N); everywhere unless told"""
     motor_angle: Array | None = None
     """Measured motor angles, multi-turn [rad], (S, T, N)"""
     motor_velocity: Array | None = None
@@ -119,7 +121,10 @@ class Comparison:
         """Measured − predicted loads [fraction of the stall torque], (S, T, N)."""
         if self.load_measured is None or self.load_predicted is None:
             return np.zeros((*self.time.shape, 0))
-        return self.load_measured - self.load_predicted
+        residual = self.load_measured - self.load_predicted
+        return (
+            residual if self.load_counts is None else np.where(self.load_counts, residual, np.nan)
+        )
 
     @cached_property
     def distance(self) -> Array:
@@ -145,6 +150,7 @@ _ROWS = (
     "marker_predicted",
     "load_measured",
     "load_predicted",
+    "load_counts",
     "motor_angle",
     "motor_velocity",
     "motor_command",

@@ -162,6 +162,8 @@ def _ridge_path(
 ) -> Iterator[tuple[float, Array, Array]]:
     """Cross-validated share left, weights and offsets of y (S, T, K) by x (S, T, P) for each ridge."""
     known = np.isfinite(y).all(axis=-1) & np.isfinite(x).all(axis=-1)
+    if not known.any():
+        return
     fold = np.broadcast_to((np.arange(len(x)) * FOLDS // len(x))[:, None], known.shape)[known]
     x, y = x[known], y[known]
     middle, offset = x.mean(axis=0), y.mean(axis=0)

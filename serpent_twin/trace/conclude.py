@@ -20,8 +20,8 @@ from serpent_twin.trace.diagnosis import (
 )
 from serpent_twin.trace.held_out import errors
 from serpent_twin.trace.least_squares import NORMAL_95, Fit, drawn, indistinguishable
-from serpent_twin.trace.search import at_bound, too_strong
-from serpent_twin.trace.steps import Round, Search, Tracer, seen
+from serpent_twin.trace.search import at_bound
+from serpent_twin.trace.steps import Round, Search, Tracer, seen, why_not
 
 Case = AnyCase[Any]
 BEYOND = 2.0
@@ -121,19 +121,13 @@ def _verdict(name: str, each: Round, search: Search, case: Case) -> tuple[str, s
         if name in search.final.point.effects:
             return ACCEPTED, "it betters logs that nothing was fitted to, beyond chance"
         return REJECTED, "beside the effects found later it is not worth its parameters"
-    if not seen(trial):
+    if trial.gain is None and not seen(trial):
         return NOT_EXCITED, "a typical strength would move these logs by less than can be seen"
-    if trial.gain is None:
-        return (
-            REJECTED,
-            f"to first order it would remove {100 * trial.score.share:.1f} % of the residual",
-        )
+    if why := why_not(name, trial, case.candidates[name]):
+        return REJECTED, why
+    assert trial.gain is not None
     better = f"{100 * trial.gain.relative:.1f} % better on held-out logs"
-    if trial.fit and (ends := too_strong(case.candidates[name], trial.fit.point.effects[name])):
-        return REJECTED, f"{better}, but its {', '.join(ends)} runs to the end of the range"
-    if each.accepted:
-        return REJECTED, f"{better}, less than {each.accepted}"
-    return REJECTED, f"{better}: not worth its parameters, or within chance"
+    return REJECTED, f"{better}, less than {each.accepted}"
 
 
 def _unexplained(

@@ -3,8 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import t as student
 
 from serpent_twin.arm import Array
+from serpent_twin.errors import SerpentError
 from serpent_twin.residual import Comparison
 from serpent_twin.residual.size import MOVING, is_moving, marker_size
 
@@ -50,7 +52,7 @@ class Gain:
     """What one twin gains over another, on the same segments."""
 
     by_segment: Array
-    """Relative gain, markers and loads weighing alike, (S,) [1]"""
+    """Relative gain of segments that show any, markers and loads weighing alike, (≤ S,) [1]"""
     marker_by_segment_mm: Array
     """Gain of the mean marker distance, (S,) [mm]"""
     marker_mm: float
@@ -58,12 +60,25 @@ class Gain:
     load_percent: float
     """[% of stall]"""
     probability_of_chance: float
-    """That the mean gain is not above zero, by paired bootstrap over segments"""
+    """That the mean gain is not above zero, by paired bootstrap over segments and Student's t"""
 
     @property
     def relative(self) -> float:
         """Mean relative gain [1]."""
         return float(self.by_segment.mean())
+
+
+def _chance(gains: Array, rng: np.random.Generator) -> float:
+    """Probability that the mean gain is not above zero: by bootstrap, and no less than Student's t says,
+    for a few segments resampled look surer than they are.
+    """
+    n = len(gains)
+    if n < 2:
+        return 1.0
+    draws = rng.integers(0, n, (_DRAWS, n))
+    drawn = (1 + np.count_nonzero(gains[draws].mean(axis=1) <= 0)) / (1 + _DRAWS)
+    spread = max(float(gains.std(ddof=1)), 1e-12) / np.sqrt(n)
+    return float(max(drawn, student.sf(gains.mean() / spread, n - 1)))
 
 
 def gain(before: Errors, after: Errors, rng: np.random.Generator) -> Gain:
@@ -76,8 +91,13 @@ def gain(before: Errors, after: Errors, rng: np.random.Generator) -> Gain:
         )
         if np.isfinite(a).any()
     ]
-    each = np.nan_to_num(np.mean(parts, axis=0))
-    draws = rng.integers(0, len(each), (_DRAWS, len(each)))
-    chance = (1 + np.count_nonzero(each[draws].mean(axis=1) <= 0)) / (1 + _DRAWS)
+    known = np.isfinite(parts).any(axis=0) if parts else np.zeros(len(before.marker_mm), bool)
+    if not known.any():
+        raise SerpentError(
+            "no held-out segment has markers or moving motors, so nothing can be judged. Hold out "
+            "other sessions: --held-out."
+        )
+    each = np.nanmean(np.array(parts)[:, known], axis=0)
+    chance = _chance(each, rng)
     apart = before.marker_mm - after.marker_mm
-    return Gain(each, apart, before.marker - after.marker, before.load - after.load, float(chance))
+    return Gain(each, apart, before.marker - after.marker, before.load - after.load, chance)

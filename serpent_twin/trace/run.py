@@ -1,7 +1,9 @@
 """How is a trace asked for, and what does it leave behind?"""
 
 import json
+import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -52,6 +54,8 @@ def trace(config: Trace) -> dict[str, Any]:
     """Trace a folder of logs; returns what diagnosis.json holds."""
     if config.seed < 0:
         raise SerpentError(f"--seed is {config.seed}; give a number of at least 0.")
+    if config.sessions < 0:
+        raise SerpentError(f"--sessions is {config.sessions}; give how many to use, or 0 for all.")
     rig = rigs.find(config.rig)
     sessions = rig.read(config.logs)[: config.sessions or None]
     if config.held_out < 1 or len(sessions) <= config.held_out:
@@ -124,12 +128,23 @@ def _write(
     }
     priors = {each.name: each.prior for each in tracer.case.declared}
     report = write(page(found, facts, priors), config.out)
-    write_whole(config.out / "diagnosis.json", json.dumps(numbers, indent=1) + "\n")
+    numbers = _finite(numbers)
+    text = json.dumps(numbers, indent=1, allow_nan=False)
+    write_whole(config.out / "diagnosis.json", text + "\n")
     print(found.sentence())
     share = 100 * numbers["share_of_time_in_simulation"]
     print(f"{numbers['seconds']:.0f} s, {share:.0f} % of it in simulation.")
     print(f"{report}: the figures. {config.out / 'twin.json'}: the corrected twin.")
     return numbers
+
+
+def _finite(numbers: Any) -> Any:
+    """The same with nothing in place of what is not a number, which JSON does not know."""
+    if isinstance(numbers, Mapping):
+        return {key: _finite(value) for key, value in numbers.items()}
+    if isinstance(numbers, list | tuple):
+        return [_finite(value) for value in numbers]
+    return None if isinstance(numbers, float) and not math.isfinite(numbers) else numbers
 
 
 def main(config: Trace) -> None:  # noqa: D103 tyro would print it above the config's own

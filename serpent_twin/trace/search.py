@@ -1,7 +1,7 @@
 """Which candidate effects are worth a full fit, and what do they then gain?"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,18 +40,18 @@ def score(case: Case[Any], pieces: Any, base: Fit, candidate: Candidate) -> Scor
     points = [base.point.having(candidate.name, values) for values in _columns(candidate)]
     without = case.residual([base.point], some, rough=True)
     changes = case.residual(points, some, rough=True) - without
-    best: Score | None = None
+    best, most = Score(candidate.name, 0.0, 0.0, candidate.variants[0]), 0.0
     for change, point in zip(changes, points, strict=True):
         if not np.isfinite(change).all():
             continue
         share, size = _projected(base, case, residual, change)
-        moved = float(np.sqrt((change**2).sum() / max((residual**2).sum(), 1e-30)))
+        most = max(most, float(np.sqrt((change**2).sum() / max((residual**2).sum(), 1e-30))))
         start = _scaled(candidate, point.effects[candidate.name], size)
         share = share if start is not None else 0.0
         start = point.effects[candidate.name] if start is None else start
-        if best is None or share > best.share:
-            best = Score(candidate.name, share, max(moved, best.excitation if best else 0.0), start)
-    return best or Score(candidate.name, 0.0, 0.0, candidate.variants[0])
+        if share > best.share:
+            best = Score(candidate.name, share, 0.0, start)
+    return replace(best, excitation=most)
 
 
 def _columns(candidate: Candidate) -> list[Array]:
@@ -84,7 +84,8 @@ def _projected(base: Fit, case: Case[Any], residual: Array, change: Array) -> tu
     along = float(free_d @ d)
     if along <= 0:
         return 0.0, 0.0
-    size = -float(free_d @ r) / along
+    lean = prior * base.point.declared[list(base.moves.declared)]
+    size = -float(free_d @ r - (flat @ d) @ np.linalg.solve(normal, lean)) / along
     return size * size * along / float(r @ r), size
 
 

@@ -89,19 +89,25 @@ class Tracer:
                 break
             found = rounds[-1].trials[name].fit
             assert found is not None
-            base = self._polish(found, f"with_{len(rounds)}_{name}")
-            rounds[-1] = self._judged_again(rounds[-1], base)
+            weighed = self.case
+            polished = self._polish(found, f"with_{len(rounds)}_{name}")
+            rounds[-1] = self._judged_again(rounds[-1], polished)
+            if not rounds[-1].accepted:
+                self.case = weighed
+                break
+            base = polished
         final = self._sharpened(self._without_proxies(base, rounds))
         self.final = final.point
         return Search(self.case, start, calibrated, final, tuple(rounds))
 
     def _judged_again(self, done: Round, polished: Fit) -> Round:
-        """A round whose accepted candidate has been polished."""
+        """A round whose accepted candidate has been polished, and may not stand that."""
         after = self.errors(polished.point)
         better = gain(done.errors, after, np.random.default_rng([self.seed, 5]))
         before = done.trials[done.accepted]
         trial = replace(before, fit=polished, gain=better, error_mm=after.marker)
-        return replace(done, trials={**done.trials, done.accepted: trial})
+        stands = _best({done.accepted: trial}, self.case.candidates)
+        return replace(done, trials={**done.trials, done.accepted: trial}, accepted=stands)
 
     def errors(self, point: Point) -> Errors:
         """Held-out errors of a point."""
@@ -226,10 +232,9 @@ class Tracer:
 
 
 def _better(one: Trial, other: Trial) -> Trial:
-    """The trial that gains more, with the greater of both scores."""
+    """The trial that gains more, with the score of the one."""
     gains = [t.gain.relative if t.gain else -np.inf for t in (one, other)]
-    score = max(one.score, other.score, key=lambda s: s.share)
-    return replace(one if gains[0] >= gains[1] else other, score=score)
+    return replace(one if gains[0] >= gains[1] else other, score=one.score)
 
 
 def _worth_it(found: Gain) -> bool:
@@ -243,16 +248,26 @@ def significant(found: Fit, name: str) -> bool:
     return any(abs(found.point.effects[name][k]) > SURE * error[n] for n, k in ours)
 
 
+def why_not(name: str, trial: Trial, candidate: Candidate) -> str:
+    """Why a candidate is not accepted, or nothing."""
+    if not trial.fit or not trial.gain:
+        return f"to first order it would remove {100 * trial.score.share:.1f} % of the residual"
+    better = f"{100 * trial.gain.relative:.1f} % better on held-out logs"
+    if ends := too_strong(candidate, trial.fit.point.effects[name]):
+        return f"{better}, but its {', '.join(ends)} runs to the end of the range"
+    if trial.gain.relative <= WORTH_IT:
+        return f"{better}: not worth its parameters"
+    if trial.gain.probability_of_chance >= CHANCE:
+        return f"{better}, which may be chance"
+    return "" if significant(trial.fit, name) else f"{better}, but its strength may be zero"
+
+
 def _best(trials: dict[str, Trial], candidates: Mapping[str, Candidate]) -> str:
     """The candidate with the greatest gain, if it is worth it, beyond chance and within its range."""
     good = {
         name: trial.gain.relative
         for name, trial in trials.items()
-        if trial.fit
-        and trial.gain
-        and _worth_it(trial.gain)
-        and significant(trial.fit, name)
-        and not too_strong(candidates[name], trial.fit.point.effects[name])
+        if trial.gain and not why_not(name, trial, candidates[name])
     }
     return max(good, key=lambda name: good[name]) if good else ""
 

@@ -18,6 +18,7 @@ _HIGH = np.array([60.0, 60.0, 5.0, 5.0, 0.05, 0.5])
 _SPREAD = (0.25, 0.1)  # [log] of cables' stiffnesses in one arm, of a cable's two strands
 _LOAD_NOISE = 0.005  # of the stall torque; sets how the data weigh against the prior
 _FEWEST = 50
+_HELD = 0.1  # share of its load that the gripper's cable must explain to pull at a held jaw
 _WORTH = 4.0  # so many rows of a load, whose errors hang together, weigh as one
 
 
@@ -39,26 +40,29 @@ class CableLaw:
     """[m]"""
     winch_error: float
     """[1]"""
-    rms: float
-    """What the law leaves of the load, as a share of the stall torque [1]"""
-    rows: int
-    """Rows in which the motor moved"""
+    explains: float
+    """Share of the load's variance beyond gear friction that the strands' pull explains [1]"""
 
 
 def cable_laws(
     joint_angle: Array, motor_angle: Array, motor_velocity: Array, load: Array, arm: Arm = ARM
 ) -> list[CableLaw | None]:
-    """The law of every cable but the gripper's, from rows (N, 9), (N, 10), (N, 10), (N, 10).
+    """The law of every cable, from rows (N, 9), (N, 10), (N, 10), (N, 10).
 
-    None where a motor hardly moved. Stiffnesses that data tell little of lean on the others' median.
+    None where a motor hardly moved, and for the gripper's unless its motor feels the arm move: then the
+    jaw is held, and its zero is in the slacks. Stiffnesses that data tell little of lean on the others'
+    median.
     """
     wound = np.cumsum(joint_angle, axis=-1)
+    wound = np.concatenate([wound, wound[:, -1:]], axis=-1)
     typical, found = _TYPICAL, []
     for _ in range(2):  # the second time with what the first found of the arm as a whole
         found = [
             _fit(wound[:, j], motor_angle[:, j], motor_velocity[:, j], load[:, j], j, typical, arm)
-            for j in range(N_MOTORS - 1)
+            for j in range(N_MOTORS)
         ]
+        if found[-1] and found[-1].explains < _HELD:
+            found[-1] = None
         laws = [law for law in found if law]
         if laws:
             middle = np.median([law.stiffness for law in laws]) / 1e3
@@ -114,6 +118,5 @@ def _fit(
         stiffness_error=(error[0] / p[0], error[1] / p[1]),
         slack_error=(1e-3 * error[2], 1e-3 * error[3]),
         winch_error=error[4],
-        rms=float(np.std(left)) / stall,
-        rows=int(use.sum()),
+        explains=1 - float(np.var(left) / np.var(torque - p[5] * turning)),
     )

@@ -10,7 +10,7 @@ import numpy as np
 from serpent_twin import design
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array, joint_axis, link_frames
 from serpent_twin.design import NOMINAL_DESIGN
-from serpent_twin.imposed import STANDING, Response, Stretches, impose
+from serpent_twin.imposed import STANDING, Response, Stretches, bearable, impose
 from serpent_twin.log import Session
 from serpent_twin.pose import joints_from_markers
 from serpent_twin.residual import Comparison
@@ -60,13 +60,14 @@ class ArmCase:
     def residual(self, points: Sequence[Point], pieces: Pieces, rough: bool = False) -> Array:
         """Measured minus predicted over noise, (points, S, T · 37): markers, then loads."""
         at_once = max(1, int(_AT_ONCE / (pieces.time.size * 37)))
+        times = bearable([self.vector.design(point) for point in points]) if rough else 0
         parts = [
-            self._residual(points[n : n + at_once], pieces, rough)
+            self._residual(points[n : n + at_once], pieces, times)
             for n in range(0, len(points), at_once)
         ]
         return np.concatenate(parts)
 
-    def _residual(self, points: Sequence[Point], pieces: Pieces, rough: bool) -> Array:
+    def _residual(self, points: Sequence[Point], pieces: Pieces, rough: int) -> Array:
         did = self.respond(points, pieces, rough)
         return self._weigh(pieces.marker - did.marker, pieces.load - did.load, pieces)
 
@@ -80,7 +81,7 @@ class ArmCase:
             np.concatenate([flat, load], axis=-1).reshape(*marker.shape[:2], -1).astype(np.float32)
         )
 
-    def respond(self, points: Sequence[Point], pieces: Pieces, rough: bool = False) -> Response:
+    def respond(self, points: Sequence[Point], pieces: Pieces, rough: int = 0) -> Response:
         """What the twins at these points do in the segments."""
         designs = [self.vector.design(point) for point in points]
         with self.clock:
@@ -141,8 +142,9 @@ class ArmCase:
             time=pieces.time,
             marker_measured=pieces.marker,
             marker_predicted=did.marker[0],
-            load_measured=np.where(pieces.moving, pieces.load, np.nan),
+            load_measured=pieces.load,
             load_predicted=did.load[0],
+            load_counts=pieces.moving,
             motor_angle=pieces.motor_angle,
             motor_velocity=pieces.motor_velocity,
             motor_command=pieces.motor_command,

@@ -18,6 +18,7 @@ from serpent_twin.tolerances import Tolerances
 _TRUST = 2.0  # prior widths are so many standard errors of the cable laws, which ignore mismatch
 _STIFFNESS, _SLACK, _WINCH = 0.02, 0.02, 0.1  # [log], [mm], [%] at least
 _FRICTION = 0.3  # [log] hinges differ
+_HELD = 0.1  # [N m] more than the gripper's cable pulls: friction of a jaw that is held
 _UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable that no log shows
 
 
@@ -28,7 +29,7 @@ class Vector:
     start: Design
     """The design at all coordinates zero"""
     declared: tuple[Declared, ...]
-    """stiffness 20, slack 20, winch 10, friction 1 + 9, damping 1 + 9, gear friction 10, marker 27"""
+    """stiffness 20, slack 20, winch 10, friction 1 + 9, jaw 1, damping 1 + 9, gear friction 10, marker 27"""
 
     @cached_property
     def blocks(self) -> dict[str, slice]:
@@ -38,6 +39,7 @@ class Vector:
             "slack": 2 * N_MOTORS,
             "winch": N_MOTORS,
             "friction": 1 + N_JOINTS,
+            "jaw": 1,
             "damping": 1 + N_JOINTS,
             "gear": N_MOTORS,
             "marker": 3 * N_JOINTS,
@@ -55,6 +57,7 @@ class Vector:
             strand_slack=_plus(t.strand_slack, 1e-3 * x["slack"]),
             winch_radius=_plus(t.winch_radius, 1e-2 * x["winch"]),
             joint_friction=_plus(t.joint_friction, x["friction"][0] + x["friction"][1:]),
+            jaw_friction=_plus(t.jaw_friction, x["jaw"]),
             joint_damping=_plus(t.joint_damping, x["damping"][0] + x["damping"][1:]),
             gear_friction=_plus(t.gear_friction, x["gear"]),
             marker=_plus(t.marker, 1e-3 * x["marker"]),
@@ -103,7 +106,7 @@ def vector(
     friction: float,
     damping: float,
 ) -> Vector:
-    """Coordinates around first guesses: cable laws (9), marker offsets [m] with errors, (9, 3), and
+    """Coordinates around first guesses: cable laws (10), marker offsets [m] with errors, (9, 3), and
     the hinges' friction [N m] and damping [N m s/rad].
     """
     known = [law for law in laws if law]
@@ -115,7 +118,7 @@ def vector(
         float(np.median([law.gear_friction for law in known])) if known else NOMINAL.gear_friction
     )
     gear = max(gear, 1e-4)
-    each = [*laws, None]  # the gripper's cable shows in no marker
+    held = laws[-1] is not None
     parameters = replace(
         NOMINAL,
         strand_stiffness=stiffness,
@@ -127,19 +130,20 @@ def vector(
     tolerances = Tolerances(
         strand_stiffness=tuple(
             float(np.log(law.stiffness[side] / stiffness)) if law else 0.0
-            for law in each
+            for law in laws
             for side in (0, 1)
         ),
         strand_slack=tuple(
-            float(law.slack[side] - slack) if law else 0.0 for law in each for side in (0, 1)
+            float(law.slack[side] - slack) if law else 0.0 for law in laws for side in (0, 1)
         ),
-        winch_radius=tuple(law.winch if law else 0.0 for law in each),
+        jaw_friction=(float(np.log(_HELD / friction)) if held else 0.0,),
+        winch_radius=tuple(law.winch if law else 0.0 for law in laws),
         gear_friction=tuple(
-            float(np.log(max(law.gear_friction, 1e-4) / gear)) if law else 0.0 for law in each
+            float(np.log(max(law.gear_friction, 1e-4) / gear)) if law else 0.0 for law in laws
         ),
         marker=tuple(map(float, offset.ravel())),
     )
-    return Vector(Design(parameters, tolerances), _declare(each, 1e3 * offset_error))
+    return Vector(Design(parameters, tolerances), _declare(laws, 1e3 * offset_error))
 
 
 def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Declared, ...]:
@@ -160,6 +164,8 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
         rows += [
             Declared(f"{what} of joint {i}", unit, _FRICTION, 0.1) for i in range(1, N_JOINTS + 1)
         ]
+        if what == "friction":
+            rows.append(Declared("friction of the jaw", unit, 1.0, 0.3))
     rows += [
         Declared(f"gear friction of motor {j}", "log N m", 0.3, 0.1, simulated=False)
         for j in range(1, N_MOTORS + 1)
