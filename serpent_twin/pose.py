@@ -29,16 +29,17 @@ def joints_from_markers(
 ) -> Array:
     """Joint angles [rad], (..., 9), that put the markers nearest to measured ones [m], (..., 9, 3).
 
-    NaN markers do not count. Gauss-Newton from `start`, such as A⁻¹ of the motor angles, (..., 9).
+    NaN markers do not count; what they leave open stays near `start`. Gauss-Newton from `start`, such as A⁻¹ of the motor angles, (..., 9).
     """
     q, offset = start.copy(), np.zeros((N_JOINTS, 3)) if offset is None else offset
     seen = np.isfinite(marker).reshape(*q.shape[:-1], -1)
+    lean = np.where(seen.all(axis=-1), 0.0, _LEAN)[..., None]
     for _ in range(iterations):
         at, slope, _ = marker_jacobian(q, offset, arm)
         error = np.where(seen, (marker - at).reshape(seen.shape), 0.0)
         slope = slope * seen[..., None]
-        normal = np.swapaxes(slope, -1, -2) @ slope + _LEAN * np.eye(N_JOINTS)
-        pull = (np.swapaxes(slope, -1, -2) @ error[..., None])[..., 0] - _LEAN * (q - start)
+        normal = np.swapaxes(slope, -1, -2) @ slope + lean[..., None] * np.eye(N_JOINTS)
+        pull = (np.swapaxes(slope, -1, -2) @ error[..., None])[..., 0] - lean * (q - start)
         step = np.linalg.solve(normal, pull[..., None])[..., 0]
         q = q + np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
     return q
@@ -58,7 +59,8 @@ def marker_offsets(
     Least squares over offsets and all poses, the poses eliminated row by row. An offset that acts
     as a turn of its joint cannot be told from the pose; `prior` [m] settles those.
     """
-    offset, q, n = np.zeros((N_JOINTS, 3)), start.copy(), len(start)
+    offset, n = np.zeros((N_JOINTS, 3)), len(start)
+    q = joints_from_markers(marker, start, offset, arm)  # from afar both at once may run away
     seen = np.isfinite(marker).reshape(n, -1)
     for _ in range(iterations):
         at, slope, rotation = marker_jacobian(q, offset, arm)

@@ -133,6 +133,13 @@ class Diagnosis:
             "share_of_time_in_simulation": simulated / seconds if seconds else 0.0,
         }
 
+    @property
+    def blind(self) -> bool:
+        """Whether the logs show no candidate at all."""
+        return bool(self.candidates) and all(
+            each.verdict == NOT_EXCITED for each in self.candidates
+        )
+
     def sentence(self) -> str:
         """The diagnosis in a line or two."""
         error = self.error_mm
@@ -141,9 +148,11 @@ class Diagnosis:
             f"{error['corrected']:.2f} corrected (cameras alone: {error['noise_floor']:.2f})"
         )
         if not self.effects:
-            what = (
-                "nothing is missing" if not self.unexplained.is_ else "no known effect explains it"
-            )
+            what = "nothing is missing"
+            if self.unexplained.is_:
+                what = "no known effect explains it"
+            elif self.blind:
+                what = "these logs cannot show whether anything is missing"
         else:
             what = "it lacked " + " and ".join(map(_told, self.effects))
         rest = f" Unexplained: {self.unexplained.depends_on}" if self.unexplained.is_ else ""

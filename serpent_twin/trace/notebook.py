@@ -1,51 +1,64 @@
 """How does an interrupted trace go on where it stopped?"""
 
 import json
+import time
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from serpent_twin.rigs.rig import Point
+from serpent_twin.rigs.rig import Point, Stopwatch
 from serpent_twin.trace.least_squares import Fit
 from serpent_twin.trace.moves import Moves
 from serpent_twin.trace.search import Score
 
+T = TypeVar("T")
+
 
 class Notebook:
-    """Finished stages of one trace, each a file in a folder; without a folder nothing is kept."""
+    """Finished stages of one trace, each a file in a folder, with what it took."""
 
-    def __init__(self, folder: Path | None) -> None:
-        self._folder = folder
-        if folder:
-            folder.mkdir(parents=True, exist_ok=True)
+    def __init__(self, folder: Path, clock: Stopwatch) -> None:
+        self._folder, self._clock = folder, clock
+        self.seconds, self.simulated = 0.0, 0.0
+        """What the stages took that were read back, and how much of it simulation did [s]"""
+        folder.mkdir(parents=True, exist_ok=True)
 
     def fit(self, name: str, make: Callable[[], Fit]) -> Fit:
         """The fit of a stage, made now or read back."""
-        if not self._folder:
-            return make()
         path = self._folder / f"{name}.npz"
         if path.exists():
+            self._add_time(path)
             return _read_fit(path)
-        made = make()
-        _save(path, _fit_arrays(made))
+        made, took = self._timed(make)
+        _save(path, _fit_arrays(made) | took)
         return made
 
     def scores(self, name: str, make: Callable[[], list[Score]]) -> list[Score]:
         """The score tests of a stage, made now or read back."""
-        if not self._folder:
-            return make()
         path = self._folder / f"{name}.npz"
         if path.exists():
+            self._add_time(path)
             with np.load(path) as stored:
                 rows = json.loads(str(stored["scores"]))
             return [Score(**{**row, "start": np.array(row["start"])}) for row in rows]
-        made = make()
+        made, took = self._timed(make)
         rows = [{**asdict(each), "start": each.start.tolist()} for each in made]
-        _save(path, {"scores": np.array(json.dumps(rows))})
+        _save(path, {"scores": np.array(json.dumps(rows))} | took)
         return made
+
+    def _timed(self, make: Callable[[], T]) -> tuple[T, dict[str, Any]]:
+        began, simulated = time.perf_counter(), self._clock.seconds
+        made = make()
+        took = time.perf_counter() - began, self._clock.seconds - simulated
+        return made, {"took": np.array(took)}
+
+    def _add_time(self, path: Path) -> None:
+        with np.load(path) as stored:
+            seconds, simulated = stored["took"]
+        self.seconds, self.simulated = self.seconds + seconds, self.simulated + simulated
 
 
 def _save(path: Path, arrays: dict[str, Any]) -> None:

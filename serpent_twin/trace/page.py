@@ -47,6 +47,8 @@ def _found(diagnosis: Diagnosis) -> str:
         return f"The twin lacked {told}; ranges are 95 % intervals."
     if diagnosis.unexplained.is_:
         return "Nothing in the catalogue explains what is left of the error."
+    if diagnosis.blind:
+        return "These logs cannot show whether anything is missing: they excite no effect of the catalogue."
     return (
         "Nothing is missing: no effect of the catalogue betters the calibrated twin beyond chance and by "
         "enough to be worth its parameters."

@@ -64,10 +64,10 @@ def trace(config: Trace) -> dict[str, Any]:
             "least must judge and one at least be fitted. Record more sessions; three to fit are good."
         )
     with claimed(config.out, SETTINGS, _settings(config, sessions)):
-        began, before = time.perf_counter(), _spent(config.out)
+        began = time.perf_counter()
         tracer, found = _run(config, rig, sessions)
-        seconds = before + time.perf_counter() - began
-        numbers = found.numbers(seconds, tracer.case.clock.seconds)
+        seconds = tracer.notes.seconds + time.perf_counter() - began
+        numbers = found.numbers(seconds, tracer.notes.simulated + tracer.case.clock.seconds)
         return _write(config, tracer, found, numbers, sessions)
 
 
@@ -75,14 +75,6 @@ def _settings(config: Trace, sessions: list[Session]) -> dict[str, Any]:
     inputs = {s.name: file_hash(s.path) for s in sessions if s.path}
     kept = {"rig": config.rig, "held_out": config.held_out, "seed": config.seed}
     return kept | {"input_sha256": inputs}
-
-
-def _spent(out: Path) -> float:
-    """Seconds that earlier, interrupted runs spent in finished stages."""
-    stages = sorted((out / "stages").glob("*.npz"), key=lambda p: p.stat().st_mtime)
-    if not stages:
-        return 0.0
-    return stages[-1].stat().st_mtime - (out / SETTINGS).stat().st_mtime
 
 
 def _run(config: Trace, rig: rigs.Rig, sessions: list[Session]) -> tuple[Tracer, Diagnosis]:
@@ -95,7 +87,7 @@ def _run(config: Trace, rig: rigs.Rig, sessions: list[Session]) -> tuple[Tracer,
             bar.update()
 
         case = rig.open(training)
-        notes = Notebook(config.out / "stages")
+        notes = Notebook(config.out / "stages", case.clock)
         tracer = Tracer(case, case.pieces(training), case.pieces(judging), notes, tell, config.seed)
         search = tracer.search()
         tell("what is left")
