@@ -29,7 +29,8 @@ def joints_from_markers(
 ) -> Array:
     """Joint angles [rad], (..., 9), that put the markers nearest to measured ones [m], (..., 9, 3).
 
-    NaN markers do not count; what they leave open stays near `start`. Gauss-Newton from `start`, such as A⁻¹ of the motor angles, (..., 9).
+    NaN markers do not count; what they leave open stays near `start`, such as A⁻¹ of the motor angles,
+    (..., 9), from which Gauss-Newton begins.
     """
     q, offset = start.copy(), np.zeros((N_JOINTS, 3)) if offset is None else offset
     seen = np.isfinite(marker).reshape(*q.shape[:-1], -1)
