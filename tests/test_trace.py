@@ -87,7 +87,7 @@ def test_what_the_catalogue_lacks_is_left_unexplained(diagnosis):
 def test_committed_logs_of_an_arm_that_is_not_the_twin_name_cable_friction(tmp_path):
     found = trace(Trace(DATA / "arm_a", tmp_path / "out", sessions=2))
     assert [effect["name"] for effect in found["effects"]] == ["cable_friction"]
-    assert found["error_mm"]["corrected"] < 0.6 * found["error_mm"]["calibrated"]
+    assert found["error_mm"]["corrected"] < 0.75 * found["error_mm"]["calibrated"]
 
 
 @pytest.mark.slow
