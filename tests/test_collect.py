@@ -151,7 +151,7 @@ def test_the_real_backend_never_falls_back(tmp_path):
 def kill_when_logged(out, rows, how):
     """Start a collection, kill it once some rows are logged; its whole group or the parent alone."""
     process = subprocess.Popen(
-        command(out, "--sessions", 2, "--steps", 400, "--workers", 2),
+        command(out, "--sessions", 2, "--steps", 2000, "--workers", 2),
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
@@ -188,7 +188,7 @@ def require_no_process_left(out):
     ids=["kill -9 of all", "kill -9 of the parent", "Ctrl-C"],
 )
 def test_a_killed_run_loses_no_row_and_goes_on(how, tmp_path):
-    config = Collect(tmp_path / "logs", sessions=2, steps=400)
+    config = Collect(tmp_path / "logs", sessions=2, steps=2000)
     kill_when_logged(config.out, 40, how)
     require_no_process_left(config.out)
     (tmp_path / "copy").mkdir()
@@ -196,9 +196,9 @@ def test_a_killed_run_loses_no_row_and_goes_on(how, tmp_path):
     journal.write_bytes((config.out / journal.name).read_bytes())
     kept = read_session(recover(journal)[0])
     assert len(kept) >= 40 and kept.metadata["complete"] is False
-    subprocess.run(command(config.out, "--sessions", 2, "--steps", 400), check=True)
+    subprocess.run(command(config.out, "--sessions", 2, "--steps", 2000), check=True)
     whole = read_folder(config.out)
-    assert [len(session) for session in whole] == [400, 400]
+    assert [len(session) for session in whole] == [2000, 2000]
     assert identical(kept, whole[0][: len(kept)])
     left = sorted(path.name for path in config.out.iterdir())
     assert left == ["collect.json", "session_01.parquet", "session_02.parquet"]
