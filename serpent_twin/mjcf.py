@@ -195,8 +195,8 @@ def _add_bodies(
         resist |= _off(parameters.joint_damping, tolerances.joint_damping[i], "damping")
         offset = tolerances.marker[3 * i : 3 * i + 3]
         link = bodies[f"link{i + 1}"] = _add_link(link, i, arm, resist, np.array(offset))
-    resist = _off(parameters.joint_friction, tolerances.jaw_friction[0], "frictionloss")
-    bodies["jaw"] = _add_jaw(link, arm, resist)
+    held = _off(parameters.joint_friction, tolerances.jaw_friction[0], "frictionloss")
+    bodies["jaw"] = _add_jaw(link, arm, held)
     return bodies
 
 

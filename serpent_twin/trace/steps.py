@@ -62,7 +62,6 @@ class Search:
 
     case: Case[Any]
     """With its last weights"""
-    start: Point
     calibrated: Fit
     final: Fit
     rounds: tuple[Round, ...]
@@ -98,7 +97,7 @@ class Tracer:
             base = polished
         final = self._sharpened(self._without_proxies(base, rounds))
         self.final = final.point
-        return Search(self.case, start, calibrated, final, tuple(rounds))
+        return Search(self.case, calibrated, final, tuple(rounds))
 
     def _judged_again(self, done: Round, polished: Fit) -> Round:
         """A round whose accepted candidate has been polished, and may not stand that."""
