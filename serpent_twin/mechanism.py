@@ -65,7 +65,7 @@ class Mechanism:
         self.batch, self.arm, self._motors = batch, designs[0].arm, motors
         self._joint_q, self._joint_v = addresses(model, JOINT_NAMES)
         self._motor_v = addresses(model, MOTOR_NAMES)[1] if motors else None
-        self._jaw_q = addresses(model, ("jaw",))[0]
+        self._jaw_q, jaw_v = addresses(model, ("jaw",))
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._effects = _stacked(designs)
         self.acting = bool(self._effects)
@@ -74,7 +74,7 @@ class Mechanism:
         self._friction = batch.expand("dof_frictionloss")
         self._bend = batch.expand("tendon_stiffnesspoly")  # T = k x + bend x²
         self._applied = batch.bind("qfrc_applied")
-        self._jaw_friction = self._friction[:, addresses(model, ("jaw",))[1]].copy()
+        self._jaw_friction = self._friction[:, jaw_v].copy()
         self.slack, self.stiffness = self._rest[:, :, 1].copy(), self._stiffness.copy()
         bend, stiff = self._bend[:, :, 0], self.stiffness
         self.stiffening = np.divide(bend, stiff, out=np.zeros_like(bend), where=stiff > 0)

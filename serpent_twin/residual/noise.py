@@ -39,12 +39,12 @@ class Noise:
     @property
     def floor_mm(self) -> float:
         """Mean marker distance [mm] of a perfect twin."""
-        return float(1e3 * np.mean(expected_distance(self.marker))) if self.marker.size else 0.0
+        return _mean_distance_mm(self.marker)
 
     @property
     def jitter_mm(self) -> float:
         """Mean marker distance [mm] of a twin that is right about all but what looks like noise."""
-        return float(1e3 * np.mean(expected_distance(self.jitter))) if self.jitter.size else 0.0
+        return _mean_distance_mm(self.jitter)
 
     @property
     def load_jitter_percent(self) -> float:
@@ -55,6 +55,10 @@ class Noise:
     def load_floor_percent(self) -> float:
         """Root mean square load error [% of the stall torque] of a perfect twin."""
         return _rms_percent(self.load)
+
+
+def _mean_distance_mm(std: Array) -> float:
+    return float(1e3 * np.mean(expected_distance(std))) if std.size else 0.0
 
 
 def _rms_percent(std: Array) -> float:

@@ -224,7 +224,7 @@ class Tracer:
             )
             rng = np.random.default_rng([self.seed, 99])
             lost = gain(self.errors(less.point), self.errors(final.point), rng)
-            if not _worth_it(lost):
+            if _weakness(lost):
                 self.tell(f"{name} is not worth it beside the others")
                 final = less
         return final
@@ -236,8 +236,11 @@ def _better(one: Trial, other: Trial) -> Trial:
     return replace(one if gains[0] >= gains[1] else other, score=one.score)
 
 
-def _worth_it(found: Gain) -> bool:
-    return found.relative > WORTH_IT and found.probability_of_chance < CHANCE
+def _weakness(found: Gain) -> str:
+    """Why a gain does not count, or nothing."""
+    if found.relative <= WORTH_IT:
+        return ": not worth its parameters"
+    return ", which may be chance" if found.probability_of_chance >= CHANCE else ""
 
 
 def significant(found: Fit, name: str) -> bool:
@@ -254,10 +257,8 @@ def why_not(name: str, trial: Trial, candidate: Candidate) -> str:
     better = f"{100 * trial.gain.relative:.1f} % better on held-out logs"
     if ends := too_strong(candidate, trial.fit.point.effects[name]):
         return f"{better}, but its {', '.join(ends)} runs to the end of the range"
-    if trial.gain.relative <= WORTH_IT:
-        return f"{better}: not worth its parameters"
-    if trial.gain.probability_of_chance >= CHANCE:
-        return f"{better}, which may be chance"
+    if weakness := _weakness(trial.gain):
+        return f"{better}{weakness}"
     return "" if significant(trial.fit, name) else f"{better}, but its strength may be zero"
 
 

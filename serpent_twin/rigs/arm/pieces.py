@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ class Run:
     motor_velocity: Array
     joint_angle: Array
 
-    @property
+    @cached_property
     def joint_velocity(self) -> Array:
         """From the rows before and after; 0 at the ends and beside gaps [rad/s], (T, 9)."""
         velocity = np.zeros_like(self.joint_angle)
