@@ -43,6 +43,8 @@ class Candidate:
     """Its parameters, the strength first"""
     variants: tuple[Array, ...]
     """Values of all parameters that it may well have: where fits start"""
+    about: str = ""
+    """What it is, in a sentence"""
     shows_in: str = ""
     """What in a log betrays it"""
     confused_with: tuple[str, ...] = ()

@@ -18,7 +18,7 @@ from serpent_twin.trace.diagnosis import (
     Tried,
     Unexplained,
 )
-from serpent_twin.trace.held_out import Gain, errors, gain
+from serpent_twin.trace.held_out import Errors, errors, gain
 from serpent_twin.trace.least_squares import NORMAL_95, Fit, drawn, indistinguishable
 from serpent_twin.trace.search import at_bound
 from serpent_twin.trace.steps import Round, Search, Tracer, seen, why_not
@@ -52,7 +52,7 @@ def conclude(tracer: Tracer, search: Search, arm: str, files: Sequence[str]) -> 
     return Diagnosis(
         arm=arm,
         held_out=tuple(files),
-        effects=_named(case, search, gain(error["calibrated"], error["corrected"], rng)),
+        effects=_named(case, search, error["calibrated"], error["corrected"], rng),
         candidates=_tried(case, search),
         unexplained=_unexplained(found["corrected"], error_mm, load, expected),
         error_mm=error_mm | {"noise_floor": noise.floor_mm, "expected": expected},
@@ -65,14 +65,16 @@ def conclude(tracer: Tracer, search: Search, arm: str, files: Sequence[str]) -> 
     )
 
 
-def _named(case: Case, search: Search, in_all: Gain) -> tuple[Named, ...]:
+def _named(
+    case: Case, search: Search, before: Errors, after: Errors, rng: np.random.Generator
+) -> tuple[Named, ...]:
     """The effects found; one that is alone has brought all that was gained."""
-    accepted = {
-        each.accepted: each.trials[each.accepted] for each in search.rounds if each.accepted
-    }
+    accepted = {each.accepted: each for each in search.rounds if each.accepted}
+    alone = len(search.final.point.effects) == 1
     named = []
     for name in search.final.point.effects:
-        gained = in_all if len(search.final.point.effects) == 1 else accepted[name].gain
+        found = accepted[name]
+        gained = gain(before, after, rng, found.fitted) if alone else found.trials[name].gain
         assert gained is not None
         named.append(
             Named(

@@ -60,7 +60,9 @@ class Gain:
     load_percent: float
     """[% of stall]"""
     probability_of_chance: float
-    """That the mean gain is not above zero, by paired bootstrap over segments and Student's t"""
+    """That the mean gain is not above zero, by paired bootstrap over segments and Student's t; for the
+    best of several that were tried, times their number (Bonferroni)
+    """
 
     @property
     def relative(self) -> float:
@@ -81,8 +83,8 @@ def _chance(gains: Array, rng: np.random.Generator) -> float:
     return float(max(drawn, student.sf(gains.mean() / spread, n - 1)))
 
 
-def gain(before: Errors, after: Errors, rng: np.random.Generator) -> Gain:
-    """Paired gain of `after` over `before`."""
+def gain(before: Errors, after: Errors, rng: np.random.Generator, among: int = 1) -> Gain:
+    """Paired gain of `after` over `before`, `after` being one of so many that were tried."""
     parts = [
         (a - b) / np.nanmean(a)
         for a, b in (
@@ -98,6 +100,6 @@ def gain(before: Errors, after: Errors, rng: np.random.Generator) -> Gain:
             "other sessions: --held-out."
         )
     each = np.nanmean(np.array(parts)[:, known], axis=0)
-    chance = _chance(each, rng)
+    chance = min(1.0, among * _chance(each, rng))
     apart = before.marker_mm - after.marker_mm
     return Gain(each, apart, before.marker - after.marker, before.load - after.load, chance)

@@ -252,5 +252,7 @@ def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[
     if blind.size:
         named = ", ".join(names[n] for n in blind[:_LISTED])
         more = f" and {blind.size - _LISTED} more parameters" if blind.size > _LISTED else ""
-        told.append(f"The logs say nothing of {named}{more}.")
+        told.append(
+            f"The logs do not tell {named}{more}: they say nothing of it, or each segment another value."
+        )
     return told

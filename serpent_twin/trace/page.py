@@ -4,27 +4,31 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from serpent_twin import effects
 from serpent_twin.report import Figure, Report, Section
 from serpent_twin.residual import describe
 from serpent_twin.residual import figures as residual_figures
+from serpent_twin.rigs.rig import Candidate
 from serpent_twin.trace import figures, tables
 from serpent_twin.trace.diagnosis import Diagnosis, Named
 
 
 def page(
-    diagnosis: Diagnosis, facts: Mapping[str, str], prior: Mapping[str, float] | None = None
+    diagnosis: Diagnosis,
+    facts: Mapping[str, str],
+    known: Mapping[str, Candidate],
+    prior: Mapping[str, float] | None = None,
 ) -> Report:
     """The report: what was missing, how that was found, and what is left.
 
-    `prior` holds the width within which each calibrated parameter was expected, in its unit; without
-    it, a parameter's way from its start is told in standard errors.
+    `known` tells of the machine's candidates. `prior` holds the width within which each calibrated
+    parameter was expected, in its unit; without it, a parameter's way from its start is told in
+    standard errors.
     """
     drawn = _residual_figures(diagnosis)
     sections = (
         _before_and_after(diagnosis, drawn),
         _ranking(diagnosis),
-        _missing(diagnosis),
+        _missing(diagnosis, known),
         _left(diagnosis, drawn),
         _loads(diagnosis, drawn),
         _calibration(diagnosis, prior or {}),
@@ -130,27 +134,27 @@ def _ranking(diagnosis: Diagnosis) -> Section | None:
     return Section("Which candidate", text, (figure, tables.candidates(diagnosis.candidates)))
 
 
-def _missing(diagnosis: Diagnosis) -> Section | None:
+def _missing(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> Section | None:
     if not diagnosis.effects:
         return None
     verdicts = {each.name: each.verdict for each in diagnosis.candidates}
-    text = "\n\n".join(_about(effect, verdicts) for effect in diagnosis.effects)
+    text = "\n\n".join(_about(effect, known, verdicts) for effect in diagnosis.effects)
     return Section("What was missing", text, (tables.parameters(diagnosis.effects),))
 
 
-def _about(effect: Named, verdicts: Mapping[str, str]) -> str:
+def _about(effect: Named, known: Mapping[str, Candidate], verdicts: Mapping[str, str]) -> str:
     """What an effect is, in which logs it shows, and what became of what looks like it."""
-    parts = []
-    if kind := effects.CATALOGUE.get(effect.name):
-        parts.append((kind.__doc__ or "").split("\n")[0].strip())
-        parts.append(f"It shows in {kind.shows_in}." if kind.shows_in else "")
-        alike = [
-            f"{figures.spaced(n)} ({verdicts[n]})" if n in verdicts else figures.spaced(n)
-            for n in kind.confused_with
-        ]
-        parts.append(f"It can be confused with {_listed(alike)}." if alike else "")
-    said = " ".join(part for part in parts if part) or "The catalogue does not describe it."
-    return f"{_capital(figures.spaced(effect.name))}. {said}"
+    candidate = known[effect.name]
+    alike = [
+        f"{figures.spaced(n)} ({verdicts[n]})" if n in verdicts else figures.spaced(n)
+        for n in candidate.confused_with
+    ]
+    said = (
+        f"{_capital(figures.spaced(effect.name))}. {candidate.about}",
+        f"It shows in {candidate.shows_in}." if candidate.shows_in else "",
+        f"It can be confused with {_listed(alike)}." if alike else "",
+    )
+    return " ".join(part for part in said if part)
 
 
 def _left(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:

@@ -74,7 +74,7 @@ def trace(config: Trace) -> dict[str, Any]:
 def _settings(config: Trace, sessions: list[Session]) -> dict[str, Any]:
     inputs = {s.name: file_hash(s.path) for s in sessions if s.path}
     kept = {"rig": config.rig, "held_out": config.held_out, "seed": config.seed}
-    return kept | {"input_sha256": inputs}
+    return kept | {"input_sha256": inputs, "versions": provenance()["versions"]}
 
 
 def _run(config: Trace, rig: rigs.Rig, sessions: list[Session]) -> tuple[Tracer, Diagnosis]:
@@ -119,7 +119,7 @@ def _write(
         "versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items()),
     }
     priors = {each.name: each.prior for each in tracer.case.declared}
-    report = write(page(found, facts, priors), config.out)
+    report = write(page(found, facts, tracer.case.candidates, priors), config.out)
     numbers = _finite(numbers)
     text = json.dumps(numbers, indent=1, allow_nan=False)
     write_whole(config.out / "diagnosis.json", text + "\n")

@@ -55,6 +55,11 @@ class Round:
     accepted: str
     """Name of the candidate that was accepted, or nothing"""
 
+    @property
+    def fitted(self) -> int:
+        """How many candidates were fitted fully, so that the best was chosen among them."""
+        return sum(trial.fit is not None for trial in self.trials.values())
+
 
 @dataclass(frozen=True)
 class Search:
@@ -102,7 +107,7 @@ class Tracer:
     def _judged_again(self, done: Round, polished: Fit) -> Round:
         """A round whose accepted candidate has been polished, and may not stand that."""
         after = self.errors(polished.point)
-        better = gain(done.errors, after, np.random.default_rng([self.seed, 5]))
+        better = gain(done.errors, after, np.random.default_rng([self.seed, 5]), done.fitted)
         before = done.trials[done.accepted]
         trial = replace(before, fit=polished, gain=better, error_mm=after.marker)
         stands = _best({done.accepted: trial}, self.case.candidates)
@@ -186,14 +191,16 @@ class Tracer:
         """Score tests of candidates on top of a fit, and full fits of those that are worth it."""
         scores = self._scores(f"scores_{stage}", case, begun, names)
         trials = {name: Trial(s, None, None, before.marker) for name, s in scores.items()}
-        for name in worth_fitting(list(scores.values()), case.candidates)[:most]:
+        chosen = worth_fitting(list(scores.values()), case.candidates)[:most]
+        for name in chosen:
             self.tell(f"{stage.replace('_', ', from the ')}: fitting {name}")
             fitted = self.notes.fit(
                 f"fit_{stage}_{name}",
                 lambda found=scores[name]: full_fit(case, self.training, begun, found, self.tell),
             )
             after = self.errors(fitted.point)
-            better = gain(before, after, np.random.default_rng([self.seed, 1]))
+            rng = np.random.default_rng([self.seed, 1])
+            better = gain(before, after, rng, among=len(chosen))
             trials[name] = Trial(scores[name], fitted, better, after.marker)
         return trials
 

@@ -92,6 +92,7 @@ def candidates() -> dict[str, Candidate]:
             name,
             effects.ranges(kind),
             tuple(_values(variant) for variant in kind.variants()),
+            (kind.__doc__ or "").split("\n")[0].strip(),
             kind.shows_in,
             kind.confused_with,
         )
