@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 
-from serpent_twin import effects, files, mjcf
-from serpent_twin.arm import ARM, Arm
+from serpent_twin import effects, files, friction, mjcf
+from serpent_twin.arm import ARM, Arm, Array
 from serpent_twin.effects import Effect, Several
 from serpent_twin.errors import SerpentError
 from serpent_twin.parameters import NOMINAL, Parameters
@@ -39,11 +40,17 @@ class Design:
         """The effects that are there."""
         return tuple(effect for effect in self.effects if not effect.absent)
 
+    @property
+    def transition_velocity(self) -> Array:
+        """Below which each hinge's friction creeps [rad/s], (9,)."""
+        return self.parameters.transition_velocity * np.exp(self.tolerances.transition_velocity)
+
     def spec(self, motors: bool = True, drawn: bool = False) -> mujoco.MjSpec:
         """The arm with all that MJCF can express of its effects."""
         spec = mjcf.build(self.arm, self.parameters, self.tolerances, drawn, motors)
         for effect in self.active:
             effect.edit(spec, self.arm)
+        friction.soften(spec, dict(zip(mjcf.JOINTS, self.transition_velocity, strict=True)))
         return spec
 
     def with_effect(self, effect: Effect) -> "Design":

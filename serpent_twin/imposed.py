@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from serpent_twin import mjcf
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
 from serpent_twin.design import Design
 from serpent_twin.errors import SerpentError
 from serpent_twin.history import History
-from serpent_twin.mechanism import JOINT_NAMES, Mechanism, addresses, side_by_side
+from serpent_twin.mechanism import Mechanism, addresses, side_by_side
 
 TIMESTEP = 0.005
 """[s]; a step of 1 ms moves the markers by about 0.1 mm, and by about 1 ms in time at most (tests)."""
@@ -143,7 +144,7 @@ class _Run:
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         self.sensors = self.batch.bind("sensordata")
         self.history = History(self.batch)
-        self.joints, self.joint_speeds = addresses(models[0], JOINT_NAMES)
+        self.joints, self.joint_speeds = addresses(models[0], mjcf.JOINTS)
         self.jaw = addresses(models[0], ("jaw",))[0]
         period = np.median(np.diff(stretches.time, axis=1)) if self.R > 1 else timestep
         self.substeps = max(1, int(np.ceil(period / timestep - 1e-9)))

@@ -8,14 +8,13 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from serpent_twin import effects
+from serpent_twin import effects, mjcf
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
 from serpent_twin.design import Design
 from serpent_twin.effects import Moment
 from serpent_twin.errors import SerpentError
+from serpent_twin.friction import softness
 
-MOTOR_NAMES = tuple(f"motor{j}" for j in range(1, N_MOTORS + 1))
-JOINT_NAMES = tuple(f"joint{i}" for i in range(1, N_JOINTS + 1))
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _UNEQUAL = (
@@ -63,8 +62,8 @@ class Mechanism:
     def __init__(self, batch: Batch, designs: Sequence[Design], motors: bool) -> None:
         model = batch.model
         self.batch, self.arm, self._motors = batch, designs[0].arm, motors
-        self._joint_q, self._joint_v = addresses(model, JOINT_NAMES)
-        self._motor_v = addresses(model, MOTOR_NAMES)[1] if motors else None
+        self._joint_q, self._joint_v = addresses(model, mjcf.JOINTS)
+        self._motor_v = addresses(model, mjcf.MOTORS)[1] if motors else None
         self._jaw_q, jaw_v = addresses(model, ("jaw",))
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._effects = _stacked(designs)
@@ -75,6 +74,8 @@ class Mechanism:
         self._bend = batch.expand("tendon_stiffnesspoly")  # T = k x + bend x²
         self._applied = batch.bind("qfrc_applied")
         self._jaw_friction = self._friction[:, jaw_v].copy()
+        self._transition = np.array([d.transition_velocity for d in designs])
+        self._soft = tuple(batch.expand(f"dof_{of}") for of in ("solref", "solimp", "invweight0"))
         self.slack, self.stiffness = self._rest[:, :, 1].copy(), self._stiffness.copy()
         bend, stiff = self._bend[:, :, 0], self.stiffness
         self.stiffening = np.divide(bend, stiff, out=np.zeros_like(bend), where=stiff > 0)
@@ -129,12 +130,22 @@ class Mechanism:
         self.wind(moment.slack, moment.winch_angle, motor_angle)
         self._stiffness[...] = moment.stiffness
         self._bend[:, :, 0] = moment.stiffness * self.stiffening
-        self._friction[:, self._joint_v] = moment.joint_friction
+        self._rub(moment.joint_friction)
         self._applied[:, self._joint_v] = moment.joint_torque
         if self._motor_v is not None:
             self._friction[:, self._motor_v] = moment.gear_friction
             self._applied[:, self._motor_v] = moment.motor_torque
         return moment
+
+    def _rub(self, friction: Array) -> None:
+        """Give the hinges so much Coulomb friction [N m], (n, 9)."""
+        self._friction[:, self._joint_v] = friction
+        if not self._transition.any():
+            return
+        reference, impedance, inverse_inertia = self._soft
+        soft = softness(friction, inverse_inertia[:, self._joint_v], self._transition)
+        reference[:, self._joint_v, 0] = soft[0]
+        impedance[:, self._joint_v, :2] = soft[1][..., None]
 
     def jaw_at_rest(self, wound: Array) -> Array:
         """Where the jaw stands [rad], (n, 1): as near to its zero as its friction holds it against its

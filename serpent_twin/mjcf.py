@@ -7,7 +7,6 @@ is nowhere on the tendons, because MuJoCo's tendon damping acts on a slack tendo
 The base frame's +x points down in the world; the sensors speak in the base frame.
 """
 
-import hashlib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,7 @@ import numpy as np
 
 from serpent_twin import cli
 from serpent_twin.arm import ARM, N_JOINTS, N_MOTORS, Arm, Array
+from serpent_twin.friction import STICKS
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.tolerances import EXACT, Tolerances
 
@@ -27,11 +27,10 @@ MODEL = Path(__file__).resolve().parent.parent / "model"
 TIMESTEP = 0.002  # [s] a quarter of it moves the markers by less than 0.2 mm (tests)
 STRANDS = tuple(f"cable{j}_{side}" for j in range(1, N_MOTORS + 1) for side in ("plus", "minus"))
 """Names of the 20 strands: cable 1's + and −, cable 2's + and −, …"""
+MOTORS = tuple(f"motor{j}" for j in range(1, N_MOTORS + 1))
+JOINTS = tuple(f"joint{i}" for i in range(1, N_JOINTS + 1))
 
 _NEVER = -10.0  # [m] lower end of a strand's dead band, out of reach: a strand does not push
-_STICK = (0.999, 0.999)
-"""solimp of the friction constraints: with MuJoCo's default 0.9 a loaded link creeps through
-its friction at about 1°/s, and the arm would forget where its friction holds it."""
 _HEADER = """ The cable-driven serpentine arm. `python -m serpent_twin.mjcf` writes this file.
   Units: m, kg, s, rad, N. Where each number is from: model/README.md.
   The base frame's +x points down, so the arm hangs; marker sensors speak in the base frame.
@@ -81,11 +80,6 @@ def write(folder: Path = MODEL, arm: Arm = ARM, parameters: Parameters = NOMINAL
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content.encode() if isinstance(content, str) else content)
     return [folder / name for name in files]
-
-
-def fingerprint(arm: Arm = ARM, parameters: Parameters = NOMINAL) -> str:
-    """SHA-256 of the arm's physics as MJCF: two twins with the same one are the same arm."""
-    return hashlib.sha256(_text(_document(arm, parameters)).encode()).hexdigest()
 
 
 def world_from_base() -> Array:
@@ -145,7 +139,7 @@ def _document(
 def _add_defaults(root: ET.Element, arm: Arm, parameters: Parameters) -> None:
     p, servo = parameters, arm.servo
     default = _add(root, "default")
-    _add(default, "joint", type="hinge", solimpfriction=_STICK)
+    _add(default, "joint", type="hinge", solimpfriction=(STICKS, STICKS))
     _add(default, "site", size=0.004, group="3")
     motor = _add(default, "default", class_="motor")
     _add(motor, "joint", axis=(0, 0, 1), armature=servo.armature, frictionloss=p.gear_friction)

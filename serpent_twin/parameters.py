@@ -21,6 +21,9 @@ class Parameters:
     """Coulomb friction of each arm hinge and of the jaw [N m]"""
     joint_damping: float = 0.000996
     """Viscous damping of each arm hinge and of the jaw [N m s/rad]"""
+    transition_velocity: float = 0.0
+    """Speed below which an arm hinge's Coulomb friction is in proportion to its speed, so that a loaded
+    hinge creeps [rad/s]; at zero it sticks"""
     gear_friction: float = 0.0269
     """Coulomb friction of each servo's gearbox, at the horn [N m]"""
     controller_gain: float = 2.29

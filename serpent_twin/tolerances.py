@@ -26,6 +26,8 @@ class Tolerances:
     jaw_friction: Each = (0.0,)
     """Logarithm of the jaw's Coulomb friction over the hinges' nominal one [1]; a jaw that is held has
     much, and its cable then pulls at the arm"""
+    transition_velocity: Each = (0.0,) * N_JOINTS
+    """Logarithm of each hinge's transition velocity over the nominal one [1]"""
     joint_damping: Each = (0.0,) * N_JOINTS
     """Logarithm of each hinge's viscous damping over the nominal one [1]"""
     winch_radius: Each = (0.0,) * N_MOTORS

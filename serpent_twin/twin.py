@@ -13,7 +13,7 @@ from serpent_twin.design import NOMINAL_DESIGN, Design
 from serpent_twin.errors import SerpentError
 from serpent_twin.history import History
 from serpent_twin.imposed import Stretches, impose
-from serpent_twin.mechanism import JOINT_NAMES, MOTOR_NAMES, Mechanism, addresses
+from serpent_twin.mechanism import Mechanism, addresses
 
 _TORQUE = slice(2 * N_MOTORS, 3 * N_MOTORS)  # in the sensor vector, as mjcf.py orders it
 _MARKERS = slice(3 * N_MOTORS, 3 * N_MOTORS + 3 * N_JOINTS)
@@ -48,8 +48,8 @@ class Twin:
         self.design, self.arm = design, design.arm
         self.batch = Batch(self.model, nsim, nthread)
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
-        self._motor_q, self._motor_v = addresses(self.model, MOTOR_NAMES)
-        self._joint_q, _ = addresses(self.model, JOINT_NAMES)
+        self._motor_q, self._motor_v = addresses(self.model, mjcf.MOTORS)
+        self._joint_q, _ = addresses(self.model, mjcf.JOINTS)
         self._jaw_q = addresses(self.model, ("jaw",))[0][0]
         self._time, self._ctrl = self.batch.bind("time"), self.batch.bind("ctrl")
         self._force = self.batch.bind("actuator_force")

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from serpent_twin import arm_file, mjcf, run_folder
+from serpent_twin import arm_file, run_folder
 from serpent_twin.arm_file import ArmFile
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
@@ -126,12 +126,10 @@ def settings(config: Collect) -> dict[str, Any]:
 
         return common | settings_of_arm(config)
     arm = config.simulated()
-    parameters = arm.design.parameters
-    same = arm.fingerprint if arm.path else mjcf.fingerprint(parameters=parameters)
     return common | {
         "marker_loss": config.marker_loss,
-        "parameters": asdict(parameters),
-        "model_sha256": same,
+        "parameters": asdict(arm.design.parameters),
+        "model_sha256": arm.fingerprint,
     }
 
 

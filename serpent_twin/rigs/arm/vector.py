@@ -17,8 +17,9 @@ from serpent_twin.tolerances import Tolerances
 
 _TRUST = 2.0  # prior widths are so many standard errors of the cable laws, which ignore mismatch
 _STIFFNESS, _SLACK, _WINCH = 0.02, 0.02, 0.1  # [log], [mm], [%] at least
-_FRICTION = 0.3  # [log] hinges differ
+_APART = 0.3  # [log] hinges differ
 _HELD = 0.1  # [N m] more than the gripper's cable pulls: friction of a jaw that is held
+_TRANSITION = 0.02  # [rad/s]
 _UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable that no log shows
 
 
@@ -29,7 +30,8 @@ class Vector:
     start: Design
     """The design at all coordinates zero"""
     declared: tuple[Declared, ...]
-    """stiffness 20, slack 20, winch 10, friction 1 + 9, jaw 1, damping 1 + 9, gear friction 10, marker 27"""
+    """stiffness 20, slack 20, winch 10, friction 1 + 9, jaw 1, transition velocity 1 + 9, damping
+    1 + 9, gear friction 10, marker 27"""
 
     @cached_property
     def blocks(self) -> dict[str, slice]:
@@ -40,6 +42,7 @@ class Vector:
             "winch": N_MOTORS,
             "friction": 1 + N_JOINTS,
             "jaw": 1,
+            "transition": 1 + N_JOINTS,
             "damping": 1 + N_JOINTS,
             "gear": N_MOTORS,
             "marker": 3 * N_JOINTS,
@@ -58,6 +61,9 @@ class Vector:
             winch_radius=_plus(t.winch_radius, 1e-2 * x["winch"]),
             joint_friction=_plus(t.joint_friction, x["friction"][0] + x["friction"][1:]),
             jaw_friction=_plus(t.jaw_friction, x["jaw"]),
+            transition_velocity=_plus(
+                t.transition_velocity, x["transition"][0] + x["transition"][1:]
+            ),
             joint_damping=_plus(t.joint_damping, x["damping"][0] + x["damping"][1:]),
             gear_friction=_plus(t.gear_friction, x["gear"]),
             marker=_plus(t.marker, 1e-3 * x["marker"]),
@@ -126,6 +132,7 @@ def vector(
         strand_slack=slack,
         gear_friction=gear,
         joint_friction=friction,
+        transition_velocity=_TRANSITION,
         joint_damping=damping,
     )
     tolerances = Tolerances(
@@ -160,13 +167,10 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
     for j, law in enumerate(laws, 1):
         width = max(_WINCH, _TRUST * 1e2 * law.winch_error) if law else _UNKNOWN_WINCH
         rows.append(Declared(f"winch of motor {j}", "% of radius", min(width, 1.0), 0.2))
-    for what, unit, together in (("friction", "log N m", 1.0), ("damping", "log N m s/rad", 1.5)):
-        rows.append(Declared(f"{what} of all joints", unit, together, 0.1))
-        rows += [
-            Declared(f"{what} of joint {i}", unit, _FRICTION, 0.1) for i in range(1, N_JOINTS + 1)
-        ]
-        if what == "friction":
-            rows.append(Declared("friction of the jaw", unit, 1.0, 0.3))
+    rows += _of_joints("friction", "log N m", 1.0, 0.1)
+    rows.append(Declared("friction of the jaw", "log N m", 1.0, 0.3))
+    rows += _of_joints("transition velocity", "log rad/s", 1.0, 0.3)
+    rows += _of_joints("damping", "log N m s/rad", 1.5, 0.1)
     rows += [
         Declared(f"gear friction of motor {j}", "log N m", 0.3, 0.1, simulated=False)
         for j in range(1, N_MOTORS + 1)
@@ -178,3 +182,10 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
         for k, width in enumerate(np.maximum(0.02, _TRUST * offset_error.ravel()))
     ]
     return tuple(rows)
+
+
+def _of_joints(what: str, unit: str, together: float, step: float) -> list[Declared]:
+    """What all hinges have in common, and by how much each differs."""
+    return [Declared(f"{what} of all joints", unit, together, step)] + [
+        Declared(f"{what} of joint {i}", unit, _APART, step) for i in range(1, N_JOINTS + 1)
+    ]
