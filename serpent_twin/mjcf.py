@@ -31,6 +31,9 @@ MOTORS = tuple(f"motor{j}" for j in range(1, N_MOTORS + 1))
 JOINTS = tuple(f"joint{i}" for i in range(1, N_JOINTS + 1))
 
 _NEVER = -10.0  # [m] lower end of a strand's dead band, out of reach: a strand does not push
+_HELD = 1.0
+"""Friction [N m] and inertia [kg m²] of a jaw that is held: no motor overcomes them, and through a friction
+constraint of a light jaw, which is soft, the cable would creep."""
 _HEADER = """ The cable-driven serpentine arm. `python -m serpent_twin.mjcf` writes this file.
   Units: m, kg, s, rad, N. Where each number is from: model/README.md.
   The base frame's +x points down, so the arm hangs; marker sensors speak in the base frame.
@@ -189,7 +192,7 @@ def _add_bodies(
         resist |= _off(parameters.joint_damping, tolerances.joint_damping[i], "damping")
         offset = tolerances.marker[3 * i : 3 * i + 3]
         link = bodies[f"link{i + 1}"] = _add_link(link, i, arm, resist, np.array(offset))
-    held = _off(parameters.joint_friction, tolerances.jaw_friction[0], "frictionloss")
+    held = {"frictionloss": _HELD, "armature": _HELD} if tolerances.jaw_held[0] else {}
     bodies["jaw"] = _add_jaw(link, arm, held)
     return bodies
 

@@ -23,9 +23,8 @@ class Tolerances:
     """Added to the slack of each strand [m]; below zero in sum, the strand is pre-tensioned"""
     joint_friction: Each = (0.0,) * N_JOINTS
     """Logarithm of each hinge's Coulomb friction over the nominal one [1]"""
-    jaw_friction: Each = (0.0,)
-    """Logarithm of the jaw's Coulomb friction over the hinges' nominal one [1]; a jaw that is held has
-    much, and its cable then pulls at the arm"""
+    jaw_held: Each = (0.0,)
+    """1: the jaw is held still, so that its cable pulls at the arm as the others do; 0: it turns"""
     transition_velocity: Each = (0.0,) * N_JOINTS
     """Logarithm of each hinge's transition velocity over the nominal one [1]"""
     joint_damping: Each = (0.0,) * N_JOINTS

@@ -166,3 +166,21 @@ def test_gaps_are_rows_after_a_pause():
     assert np.flatnonzero(gaps(time)).tolist() == [6]
     with pytest.raises(SerpentError, match="at least two rows"):
         gaps(time[:1])
+
+
+@pytest.mark.parametrize("held", [1.0, 0.0])
+def test_the_cable_of_a_held_jaw_bends_the_arm(held):
+    rows = 160
+    angle = np.zeros((1, rows, 10))
+    angle[..., 9] = 0.3
+    still = np.zeros_like(angle)
+    s = Stretches(0.25 * np.arange(rows)[None], angle, still, angle[..., :9], np.arange(rows) == 0)
+    soft = replace(NOMINAL, strand_stiffness=4e3)
+    did = impose([Design(soft, Tolerances(jaw_held=(held,)))], s)
+    bent, tension = did.joint_angle[0, 0].sum(axis=1), did.tension[0, 0, :, 18]
+    if not held:
+        assert abs(bent[-1]) < 0.02 and abs(did.jaw_angle[0, 0, -1]) > 0.15
+        return
+    assert bent[-1] > 0.1
+    assert tension[-1] > 1.0
+    assert did.jaw_angle[0, 0] == pytest.approx(0.0, abs=1e-3)

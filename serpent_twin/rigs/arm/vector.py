@@ -18,7 +18,6 @@ from serpent_twin.tolerances import Tolerances
 _TRUST = 2.0  # prior widths are so many standard errors of the cable laws, which ignore mismatch
 _STIFFNESS, _SLACK, _WINCH = 0.02, 0.02, 0.1  # [log], [mm], [%] at least
 _APART = 0.3  # [log] hinges differ
-_HELD = 0.1  # [N m] more than the gripper's cable pulls: friction of a jaw that is held
 _TRANSITION = 0.02  # [rad/s]
 _UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable that no log shows
 
@@ -30,8 +29,9 @@ class Vector:
     start: Design
     """The design at all coordinates zero"""
     declared: tuple[Declared, ...]
-    """stiffness 20, slack 20, winch 10, friction 1 + 9, jaw 1, transition velocity 1 + 9, damping
-    1 + 9, gear friction 10, marker 27"""
+    """stiffness 20, slack 20, winch 10; friction, transition velocity and damping 1 + 9 each; gear
+    friction 10, marker 27
+    """
 
     @cached_property
     def blocks(self) -> dict[str, slice]:
@@ -41,7 +41,6 @@ class Vector:
             "slack": 2 * N_MOTORS,
             "winch": N_MOTORS,
             "friction": 1 + N_JOINTS,
-            "jaw": 1,
             "transition": 1 + N_JOINTS,
             "damping": 1 + N_JOINTS,
             "gear": N_MOTORS,
@@ -60,7 +59,6 @@ class Vector:
             strand_slack=_plus(t.strand_slack, 1e-3 * x["slack"]),
             winch_radius=_plus(t.winch_radius, 1e-2 * x["winch"]),
             joint_friction=_plus(t.joint_friction, x["friction"][0] + x["friction"][1:]),
-            jaw_friction=_plus(t.jaw_friction, x["jaw"]),
             transition_velocity=_plus(
                 t.transition_velocity, x["transition"][0] + x["transition"][1:]
             ),
@@ -125,7 +123,6 @@ def vector(
         float(np.median([law.gear_friction for law in known])) if known else NOMINAL.gear_friction
     )
     gear = max(gear, 1e-4)
-    held = laws[-1] is not None
     parameters = replace(
         NOMINAL,
         strand_stiffness=stiffness,
@@ -144,7 +141,7 @@ def vector(
         strand_slack=tuple(
             float(law.slack[side] - slack) if law else 0.0 for law in laws for side in (0, 1)
         ),
-        jaw_friction=(float(np.log(_HELD / friction)) if held else 0.0,),
+        jaw_held=(0.0 if laws[-1] is None else 1.0,),
         winch_radius=tuple(law.winch if law else 0.0 for law in laws),
         gear_friction=tuple(
             float(np.log(max(law.gear_friction, 1e-4) / gear)) if law else 0.0 for law in laws
@@ -168,7 +165,6 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
         width = max(_WINCH, _TRUST * 1e2 * law.winch_error) if law else _UNKNOWN_WINCH
         rows.append(Declared(f"winch of motor {j}", "% of radius", min(width, 1.0), 0.2))
     rows += _of_joints("friction", "log N m", 1.0, 0.1)
-    rows.append(Declared("friction of the jaw", "log N m", 1.0, 0.3))
     rows += _of_joints("transition velocity", "log rad/s", 1.0, 0.3)
     rows += _of_joints("damping", "log N m s/rad", 1.5, 0.1)
     rows += [
