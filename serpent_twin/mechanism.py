@@ -74,7 +74,7 @@ class Mechanism:
         self._bend = batch.expand("tendon_stiffnesspoly")  # T = k x + bend x²
         self._applied = batch.bind("qfrc_applied")
         self._jaw_friction = self._friction[:, jaw_v].copy()
-        self._transition = np.array([d.transition_velocity for d in designs])
+        self.transition_velocity = np.array([d.transition_velocity for d in designs])
         self._soft = tuple(batch.expand(f"dof_{of}") for of in ("solref", "solimp", "invweight0"))
         self.slack, self.stiffness = self._rest[:, :, 1].copy(), self._stiffness.copy()
         bend, stiff = self._bend[:, :, 0], self.stiffness
@@ -114,6 +114,7 @@ class Mechanism:
             joint_torque=np.zeros((len(motor_angle), N_JOINTS)),
             motor_torque=np.zeros((len(motor_angle), N_MOTORS)),
             joint_friction=self.joint_friction.copy(),
+            transition_velocity=self.transition_velocity.copy(),
             gear_friction=self.gear_friction.copy(),
             winch_ratio=self.winch_ratio,
             stiffening=self.stiffening,
@@ -130,22 +131,21 @@ class Mechanism:
         self.wind(moment.slack, moment.winch_angle, motor_angle)
         self._stiffness[...] = moment.stiffness
         self._bend[:, :, 0] = moment.stiffness * self.stiffening
-        self._rub(moment.joint_friction)
+        self._rub(moment)
         self._applied[:, self._joint_v] = moment.joint_torque
         if self._motor_v is not None:
             self._friction[:, self._motor_v] = moment.gear_friction
             self._applied[:, self._motor_v] = moment.motor_torque
         return moment
 
-    def _rub(self, friction: Array) -> None:
-        """Give the hinges so much Coulomb friction [N m], (n, 9)."""
-        self._friction[:, self._joint_v] = friction
-        if not self._transition.any():
-            return
+    def _rub(self, moment: Moment) -> None:
+        """Let the hinges rub as this moment has them."""
         reference, impedance, inverse_inertia = self._soft
-        soft = softness(friction, inverse_inertia[:, self._joint_v], self._transition)
-        reference[:, self._joint_v, 0] = soft[0]
-        impedance[:, self._joint_v, :2] = soft[1][..., None]
+        friction, v = moment.joint_friction, self._joint_v
+        soft = softness(friction, inverse_inertia[:, v], moment.transition_velocity)
+        self._friction[:, v] = friction
+        reference[:, v, 0] = soft[0]
+        impedance[:, v, :2] = soft[1][..., None]
 
     def jaw_at_rest(self, wound: Array) -> Array:
         """Where the jaw stands [rad], (n, 1): as near to its zero as its friction holds it against its

@@ -32,6 +32,7 @@ def moment(rows=1, seed=0, **known):
         "joint_torque": np.zeros((rows, 9)),
         "motor_torque": np.zeros((rows, 10)),
         "joint_friction": np.full((rows, 9), 0.005),
+        "transition_velocity": np.zeros((rows, 9)),
         "gear_friction": np.full((rows, 10), 0.03),
     } | known
     drawn.setdefault("winch_angle", drawn["motor_angle"].copy())
@@ -107,6 +108,17 @@ def test_cable_friction_by_hand():
     capstan = np.exp(c * abs(m.joint_angle[0, 0])) - 1
     sum_rt = sum(RADIUS[j] * (tension[2 * j] + tension[2 * j + 1]) for j in range(10))
     assert m.joint_friction[0, 0] == pytest.approx(0.005 + capstan * sum_rt)
+
+
+def test_frictions_side_by_side_creep_as_dashpots_do():
+    rubbing = moment(transition_velocity=np.full((1, 9), 0.01))
+    rubbing.add_joint_friction(np.full((1, 9), 0.015), 0.06)
+    assert rubbing.joint_friction == pytest.approx(0.02)
+    slope = 0.005 / 0.01 + 0.015 / 0.06
+    assert rubbing.transition_velocity == pytest.approx(0.02 / slope)
+    stuck = moment()
+    stuck.add_joint_friction(np.full((1, 9), 0.015), 0.06)
+    assert (stuck.transition_velocity < 1e-6).all()
 
 
 def test_cable_friction_widens_the_loop():

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from serpent_twin.effects.effect import LOSS, Effect, Several, parameter
+from serpent_twin.effects.effect import LOSS, Effect, Several, parameter, ranges
 from serpent_twin.effects.moment import Moment, at_joints, loops
 
 
@@ -22,6 +22,8 @@ class CableFriction(Effect):
 
     coefficient: float = parameter("1", high=2.0, typical=0.1)
     """c [1]"""
+    transition_velocity: float = parameter("rad/s", high=0.5, typical=0.03)
+    """Speed of a hinge below which this friction is in proportion to the speed; at zero it sticks"""
     by_bend: float = parameter("1", high=1.0, typical=0.0, fitted=False)
     """0: the same at every angle; 1: by the hinge's angle"""
 
@@ -32,11 +34,12 @@ class CableFriction(Effect):
     @classmethod
     def variants(cls) -> Several:
         """By the tension alone, and by the bend."""
-        return (cls(0.1), cls(0.4, by_bend=1.0))
+        creeps = ranges(cls)["transition_velocity"].typical
+        return (cls(0.1, creeps), cls(0.4, creeps, by_bend=1.0))
 
     def act(self, moment: Moment, memory: None) -> None:
         """Raise the hinges' friction by what their cables' tensions make."""
         pressed = at_joints(np.array(moment.arm.pulley_radius) * loops(moment.tension))
         bent = np.expm1(self.coefficient * np.abs(moment.joint_angle))
         share = np.where(np.equal(self.by_bend, 1.0), bent, self.coefficient)
-        moment.joint_friction = moment.joint_friction + share * pressed
+        moment.add_joint_friction(share * pressed, self.transition_velocity)

@@ -7,6 +7,7 @@ import numpy as np
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Arm, Array
 
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
+_STICKS = 1e-9  # [rad/s] as good as at rest
 
 
 @dataclass
@@ -45,6 +46,8 @@ class Moment:
     """Added to the motors' horns [N m]"""
     joint_friction: Array
     """Coulomb friction of the hinges [N m]"""
+    transition_velocity: Array
+    """Speed below which that friction is in proportion to the speed [rad/s]; at zero hinges stick"""
     gear_friction: Array
     """Coulomb friction of the gearboxes [N m]"""
     winch_ratio: Array | float = 1.0
@@ -53,6 +56,15 @@ class Moment:
     """How long earlier sessions ran in all [s], or (n, 1)"""
     stiffening: Array | float = 0.0
     """b in T = k x (1 + b x) [1/m]; the model's, not to be changed here"""
+
+    def add_joint_friction(self, torque: Array, transition_velocity: Array | float) -> None:
+        """Let the hinges rub by so much more [N m], below a velocity of its own [rad/s]: near rest, the
+        slopes of both frictions add.
+        """
+        before = self.joint_friction / np.maximum(self.transition_velocity, _STICKS)
+        slope = before + torque / np.maximum(transition_velocity, _STICKS)
+        self.joint_friction = self.joint_friction + torque
+        self.transition_velocity = self.joint_friction / np.maximum(slope, _STICKS)
 
     @property
     def stretch(self) -> Array:

@@ -56,17 +56,17 @@ def score(case: Case[Any], pieces: Any, base: Fit, candidate: Candidate) -> Scor
 
 def _columns(candidate: Candidate) -> list[Array]:
     """Parameter values to try: every variant; of several signed strengths, each alone."""
-    strengths = _strengths(candidate)
+    strong = strengths(candidate)
     tried = []
     for values in candidate.variants:
-        for k in strengths:
+        for k in strong:
             alone = values.copy()
-            alone[[n for n in strengths if n != k]] = 0.0
+            alone[[n for n in strong if n != k]] = 0.0
             tried.append(alone)
     return tried
 
 
-def _strengths(candidate: Candidate) -> list[int]:
+def strengths(candidate: Candidate) -> list[int]:
     """Which parameters say how strong it is: those of both signs, else the first."""
     ranges = enumerate(candidate.ranges.values())
     return [k for k, r in ranges if r.fitted and r.low < 0] or [0]
@@ -93,7 +93,7 @@ def _scaled(candidate: Candidate, values: Array, size: float) -> Array | None:
     """Values with their strengths times a size; None where that points out of the range."""
     out = values.copy()
     ranges = list(candidate.ranges.values())
-    for k in _strengths(candidate):
+    for k in strengths(candidate):
         if ranges[k].low >= 0 and size <= 0:
             return None
         out[k] = np.clip(size * values[k], ranges[k].low, 0.8 * ranges[k].high)
@@ -111,8 +111,8 @@ def at_bound(candidate: Candidate, values: Array) -> list[str]:
 
 def too_strong(candidate: Candidate, values: Array) -> list[str]:
     """Names of strengths that run to the end of their range: it stands for something else."""
-    strengths = [list(candidate.ranges)[k] for k in _strengths(candidate)]
-    return [name for name in at_bound(candidate, values) if name in strengths]
+    strong = [list(candidate.ranges)[k] for k in strengths(candidate)]
+    return [name for name in at_bound(candidate, values) if name in strong]
 
 
 def worth_fitting(
@@ -144,7 +144,7 @@ def _starts(candidate: Candidate, values: Array) -> list[Array]:
     out = []
     for factor in (0.3, 1.0, 2.0):
         scaled = values.copy()
-        for k in _strengths(candidate):
+        for k in strengths(candidate):
             scaled[k] = np.clip(factor * values[k], ranges[k].low, ranges[k].high)
         out.append(scaled)
     return out

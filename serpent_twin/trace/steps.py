@@ -17,7 +17,15 @@ from serpent_twin.trace.held_out import Errors, Gain, errors, gain
 from serpent_twin.trace.least_squares import Fit, Tell, fit
 from serpent_twin.trace.moves import Moves, moves_of
 from serpent_twin.trace.notebook import Notebook
-from serpent_twin.trace.search import EXCITED, Score, full_fit, score, too_strong, worth_fitting
+from serpent_twin.trace.search import (
+    EXCITED,
+    Score,
+    full_fit,
+    score,
+    strengths,
+    too_strong,
+    worth_fitting,
+)
 
 WORTH_IT = 0.04
 """Relative gain on held-out logs, markers and loads weighing alike, that an effect must bring"""
@@ -250,9 +258,10 @@ def _weakness(found: Gain) -> str:
     return ", which may be chance" if found.probability_of_chance >= CHANCE else ""
 
 
-def significant(found: Fit, name: str) -> bool:
-    """Whether a parameter of an effect differs from zero by more than chance."""
-    ours = [(n, k) for n, (effect, k) in enumerate(found.moves.effects) if effect == name]
+def significant(found: Fit, name: str, candidate: Candidate) -> bool:
+    """Whether a strength of an effect differs from zero by more than chance."""
+    strong = strengths(candidate)
+    ours = [(n, k) for n, (e, k) in enumerate(found.moves.effects) if e == name and k in strong]
     error = found.error[len(found.moves.declared) :]
     return any(abs(found.point.effects[name][k]) > SURE * error[n] for n, k in ours)
 
@@ -266,7 +275,9 @@ def why_not(name: str, trial: Trial, candidate: Candidate) -> str:
         return f"{better}, but its {', '.join(ends)} runs to the end of the range"
     if weakness := _weakness(trial.gain):
         return f"{better}{weakness}"
-    return "" if significant(trial.fit, name) else f"{better}, but its strength may be zero"
+    return (
+        "" if significant(trial.fit, name, candidate) else f"{better}, but its strength may be zero"
+    )
 
 
 def _best(trials: dict[str, Trial], candidates: Mapping[str, Candidate]) -> str:
