@@ -28,7 +28,7 @@ BEYOND = 2.0
 """Times the error of a twin that lacks nothing, above which an error is unexplained in any case"""
 SUSPECT = 1.25
 """And above which it is, if it follows something"""
-FOLLOWS = 0.15
+FOLLOWS = 0.25
 """Share of what is above the noise that must follow something"""
 LOAD_BEYOND = 1.15
 """Times the loads' noise"""
