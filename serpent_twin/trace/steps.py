@@ -34,7 +34,7 @@ CHANCE = 0.01
 SURE = 3.0
 """Standard errors by which an accepted strength is not zero"""
 _MOST_EFFECTS = 4
-_PLAIN = 0.4
+_PLAIN = 0.3
 """Relative gain of a candidate so plain that none need be sought that calibration had swallowed"""
 _SEGMENTS = 7  # that a fit uses while it searches: enough to tell effects apart
 _LAST = 12  # that the last fit uses
