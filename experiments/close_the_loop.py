@@ -22,6 +22,7 @@ from serpent_twin.log import session_files
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.report import Report, Section, Table, text_table, write
 from serpent_twin.trace import Trace, trace
+from serpent_twin.trace.diagnosis import Estimate
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARED, OWN = ROOT.parent / "shared" / "logs", ROOT / "data"
@@ -126,10 +127,7 @@ def _row(name: str, found: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _lacked(effect: Mapping[str, Any]) -> str:
-    told = ", ".join(
-        f"{name} {e['value']:.3g} {e['unit']} ({e['low']:.3g} … {e['high']:.3g})"
-        for name, e in effect["parameters"].items()
-    )
+    told = ", ".join(f"{name} {Estimate(**e)}" for name, e in effect["parameters"].items())
     return f"{effect['name'].replace('_', ' ')}: {told}"
 
 

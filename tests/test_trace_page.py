@@ -135,8 +135,8 @@ def test_every_outcome_becomes_a_page(variant, tmp_path):
 
 def test_the_lead_names_strength_interval_and_unit():
     said = lead(diagnosis(effects=(PAYLOAD, TILT)))
-    assert "lacked payload (mass 0.0342 kg, 0.0311 … 0.0373, place 0.09 m, given)" in said
-    assert "and base tilt (about_y −0.03 rad, −0.04 … −0.02)" in said
+    assert "lacked payload (mass 0.0342 kg [0.0311 … 0.0373], place 0.09 m [given])" in said
+    assert "and base tilt (about_y −0.03 rad [−0.04 … −0.02])" in said
     assert "session_04, to which nothing was fitted" in said and "noise alone makes 0.64 mm" in said
     found = {name: marker_size(comparison(by)).mean_mm for name, by in
              (("nominal", 8e-3), ("calibrated", 4e-3), ("corrected", 1e-3))}  # fmt: skip

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 from serpent_twin.arm import Array
@@ -19,6 +20,18 @@ class Estimate:
     low: float
     high: float
     unit: str
+    """`1` for a pure number"""
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the logs told it; else it was given."""
+        return bool(isfinite(self.low) and isfinite(self.high) and self.low < self.high)
+
+    def __str__(self) -> str:
+        """As a sentence holds it."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        ends = f"[{self.low:.3g} … {self.high:.3g}]" if self.fitted else "[given]"
+        return f"{self.value:.3g}{unit} {ends}".replace("-", "−")
 
 
 @dataclass(frozen=True)
@@ -160,8 +173,5 @@ class Diagnosis:
 
 
 def _told(effect: Named) -> str:
-    values = ", ".join(
-        f"{name} {e.value:.3g} {e.unit} ({e.low:.3g} … {e.high:.3g})"
-        for name, e in effect.parameters.items()
-    )
+    values = ", ".join(f"{name} {each}" for name, each in effect.parameters.items())
     return f"{effect.name} ({values})"

@@ -60,7 +60,7 @@ def _found(diagnosis: Diagnosis) -> str:
 
 
 def _with_strength(effect: Named) -> str:
-    told = ", ".join(f"{name} {tables.with_interval(e)}" for name, e in effect.parameters.items())
+    told = ", ".join(f"{name} {each}" for name, each in effect.parameters.items())
     return f"{figures.spaced(effect.name)} ({told})"
 
 

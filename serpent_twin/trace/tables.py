@@ -91,20 +91,9 @@ def _error(e: Estimate) -> float:
     return (e.high - e.low) / 2 / NORMAL_95
 
 
-def with_interval(e: Estimate) -> str:
-    """A value with its interval and unit, as a sentence holds it."""
-    between = interval(e)
-    return (
-        f"{_short(e.value)} {e.unit}, {between}"
-        if between
-        else f"{_short(e.value)} {e.unit}, given"
-    )
-
-
 def interval(e: Estimate) -> str:
     """Ends of the interval; nothing where the value was not fitted."""
-    fitted = np.isfinite([e.low, e.high]).all() and e.low < e.high
-    return f"{_short(e.low)} … {_short(e.high)}" if fitted else ""
+    return f"{_short(e.low)} … {_short(e.high)}" if e.fitted else ""
 
 
 def _fixed(value: float | None) -> str:
