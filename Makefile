@@ -2,7 +2,7 @@ PYTHON ?= python3.11
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: setup demo test test-fast lint bench faults loop model lock clean
+.PHONY: setup demo test test-fast lint bench faults loop sweep model lock clean
 
 help:           ## Say what can be made
 	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  .*##' $(MAKEFILE_LIST) | sed 's/:.*##/ —/'
@@ -38,6 +38,9 @@ faults: setup  ## Every fault of the bus through the collect loop: some five min
 
 loop: setup  ## Find what the twin lacks of the arm in data/: some ten minutes
 	$(BIN)/python experiments/close_the_loop.py --logs data --out close_the_loop
+
+sweep: setup  ## What stiffness does, in a few short points: some two minutes
+	$(BIN)/python experiments/stiffness_sweep.py --quick --logs data --out out/stiffness_sweep
 
 model: setup  ## Write model/ anew after a change of numbers or shapes
 	$(BIN)/python -m serpent_twin.mjcf
