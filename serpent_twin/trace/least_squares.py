@@ -24,6 +24,8 @@ _SETTLED_SHARE = 2e-3
 """And a derivative that betters it by less than this share"""
 _NEARLY = 1e-2
 """A fit whose last derivative still bettered the cost by more has not settled"""
+_STILL = 0.5
+"""But one that moved its effects by fewer standard errors has"""
 NORMAL_95 = 1.96
 """Standard errors from the middle to the end of a 95 % interval"""
 _STEPS = 10
@@ -110,7 +112,7 @@ def fit(
     for n in range(derivatives):
         if n:
             slope = problem.slope(at.point)
-        before = at.cost
+        before, begun = at.cost, at.point
         for _ in range(steps):
             taken = problem.step(at, slope)
             if taken is None:
@@ -126,6 +128,9 @@ def fit(
         if steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost):
             break
     error, correlation = _errors(slope, at.residual, problem.worth, problem.prior)
+    if steps > 0 and moves.effects:
+        late = np.abs(between(begun, at.point, moves) / error)[len(moves.declared) :]
+        settled = settled or bool((late < _STILL).all())
     return Fit(at.point, moves, at.cost, problem.worth, error, correlation, settled, slope, used)
 
 

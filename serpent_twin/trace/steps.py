@@ -170,7 +170,7 @@ class Tracer:
         if not found.point.effects:
             return found
         self.case = self.case.reweighted(found.point, self.training)
-        return self._fit("last", found.point, found.moves, 2, segments=_LAST)
+        return self._fit("last", found.point, found.moves, 1, segments=_LAST)
 
     def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
         """Try all candidates; those that calibration may have swallowed also from the opening."""
