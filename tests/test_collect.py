@@ -148,12 +148,18 @@ def test_the_real_backend_never_falls_back(tmp_path):
     assert not (tmp_path / "real").exists()
 
 
+def heed_interrupts():
+    """What runs in the background of a shell, and all that it starts, would ignore Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def kill_when_logged(out, rows, how):
     """Start a collection, kill it once some rows are logged; its whole group or the parent alone."""
     process = subprocess.Popen(
         command(out, "--sessions", 2, "--steps", 2000, "--workers", 2),
         stderr=subprocess.DEVNULL,
         start_new_session=True,
+        preexec_fn=heed_interrupts,
     )
     journal, row_bytes = out / "session_01.journal", 900  # a row takes about 850
     deadline = time.monotonic() + 60
