@@ -19,7 +19,7 @@ from serpent_twin.trace import Trace, trace
 sys.path.insert(0, str(Path(__file__).parent))
 from bench_arm import NONE, Job, draw, inject, record_many
 
-SESSIONS, STEPS = 3, 500
+SESSIONS, STEPS = 2, 560
 ARMS = {"none": 0.0, "base_tilt": 0.08, "outside_force": 0.5}
 DATA = Path(__file__).resolve().parent.parent / "data"
 
@@ -46,8 +46,7 @@ def diagnosis(logs, tmp_path_factory):
     def of(name: str) -> tuple[dict, Path]:
         if name not in made:
             out = tmp_path_factory.mktemp("trace") / name
-            used = 2 if name == "outside_force" else SESSIONS  # plain enough for less
-            made[name] = trace(Trace(logs[name], out, sessions=used)), out
+            made[name] = trace(Trace(logs[name], out)), out
         return made[name]
 
     return of
@@ -103,7 +102,7 @@ def test_committed_logs_of_an_arm_that_is_not_the_twin_name_cable_friction(tmp_p
 @pytest.mark.slow
 def test_the_same_command_goes_on_and_gives_the_same(diagnosis, logs):
     found, out = diagnosis("none")
-    again = trace(Trace(logs["none"], out, sessions=SESSIONS))
+    again = trace(Trace(logs["none"], out))
     for key in ("effects", "candidates", "error_mm", "unexplained"):
         assert json.dumps(again[key]) == json.dumps(found[key])
 

@@ -1,0 +1,172 @@
+"""What does the stiffness of its cables do to an arm's memory, its computation, and the sense of its pose?
+
+Sweeps twins over stiffness and slack, and, in less detail, over commands, damping and gravity; answers
+what was expected of them with numbers; and places logged arms on the chart.
+"""
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from close_the_loop import CloseTheLoop, arm_folders
+from stiffness_sweep_answers import answers
+from stiffness_sweep_arms import place, placed
+from stiffness_sweep_engine import engine_ratio, seconds_per_point
+from stiffness_sweep_page import page, reasons
+from stiffness_sweep_plan import GRID, Plan, full, quick
+from stiffness_sweep_rows import Rows, known, rows_of
+from stiffness_sweep_transfer import matrix
+from tqdm import tqdm
+
+from serpent_twin import cli, rigs
+from serpent_twin.claim import claimed
+from serpent_twin.files import write_whole
+from serpent_twin.log import Session, session_files
+from serpent_twin.parameters import NOMINAL
+from serpent_twin.provenance import file_hash, provenance
+from serpent_twin.report import write
+from serpent_twin.sweep.run import Sweep, sweep
+
+ROOT = Path(__file__).resolve().parent.parent
+SHARED, OWN = ROOT.parent / "shared" / "logs", ROOT / "data"
+LOGS = Path(os.path.relpath(SHARED if SHARED.is_dir() else OWN))
+SETTINGS = "stiffness_sweep.json"
+
+
+@dataclass(frozen=True)
+class StiffnessSweep:
+    """Sweep the cables' stiffness, answer what was expected, and place logged arms on the chart."""
+
+    out: Path = Path("stiffness_sweep")
+    """Folder for results; the same command goes on where it stopped."""
+    quick: bool = False
+    """A few short points: a minute or two, to see that everything works; tells little."""
+    rate: float = 2.0
+    """Commands per second [Hz]; slower ones go further, and take longer. --quick has the published 4."""
+    logs: Path | None = LOGS
+    """Folder of folders, one per arm, or one arm's folder of session logs; None for no arm."""
+    arms: tuple[str, ...] = ()
+    """Which arms, by the names of their folders; all without."""
+    sessions: int = 0
+    """Use only the first so many sessions of each arm; 0 for all."""
+    twins: Path | None = None
+    """Folder with ARM/twin.json of traced arms; without, stiffness is a first guess from the logs."""
+    transfer: bool = True
+    """Test readouts trained on one arm on every other."""
+    workers: int = 0
+    """Processes side by side; 0 for one a core."""
+
+
+def main(config: StiffnessSweep) -> None:  # noqa: D103 tyro would print it above the config's own
+    plan = quick() if config.quick else full(config.rate)
+    folders = arm_folders(CloseTheLoop(config.logs, arms=config.arms)) if config.logs else {}
+    twins = {name: twin for name in folders if (twin := _twin(config, name))}
+    about = settings(config, plan, folders, twins)
+    with claimed(config.out, SETTINGS, about):
+        rows, costs = measured(config, plan)
+        ratio = _kept(config.out / "engine.json", lambda: engine(plan))["ratio"]
+        logs = {name: read(config, plan, folder) for name, folder in folders.items()}
+        arms = {name: arm(config, plan, name, of, twins.get(name)) for name, of in logs.items()}
+        crossed = None
+        if config.transfer:
+            crossed = _kept(config.out / "transfer.json", lambda: matrix(plan, logs))
+        origin = provenance() | {"settings": about}
+        found = answers(rows)
+        results = {
+            "points": len(costs),
+            "seconds_per_point": seconds_per_point(costs),
+            "engine_ratio": ratio,
+            "table": [row.numbers() for row in rows[GRID]],
+            "besides": {
+                k: [r.crossed_numbers() for r in of] for k, of in rows.items() if k != GRID
+            },
+            "answers": [answer.stored() for answer in found],
+            "arms": arms,
+            "transfer": crossed,
+            "provenance": origin,
+        }
+        write_whole(config.out / "results.json", json.dumps(known(results), indent=1) + "\n")
+        report = page(rows, found, arms, crossed, _facts(results))
+        path = write(report, config.out)
+    print(reasons(found))
+    print(f"{path}: the figures. {report.lead}")
+
+
+def measured(config: StiffnessSweep, plan: Plan) -> tuple[Rows, list[dict[str, Any]]]:
+    """All points of a plan, and what each took; what is there is not measured again."""
+    named = plan.points()
+    points = list(dict.fromkeys(point for of in named.values() for point in of))
+    asked = Sweep(
+        config.out / "sweep", steps=plan.steps, workers=config.workers, measuring=plan.measuring
+    )
+    table = sweep(asked, points)["points"]
+    about = [config.out / "sweep" / "provenance" / each["file"] for each in table]
+    costs = [json.loads(path.read_text()) for path in about]
+    return rows_of(named, table, plan.measuring), costs
+
+
+def engine(plan: Plan) -> dict[str, float]:
+    """The sweep's simulation against MuJoCo alone, on a short point of the nominal stiffness."""
+    return {"ratio": engine_ratio(plan.point(NOMINAL.strand_stiffness))}
+
+
+def read(config: StiffnessSweep, plan: Plan, folder: Path) -> list[Session]:
+    """The sessions of an arm that are to be used."""
+    sessions = rigs.find("arm").read(folder)[: config.sessions or None]
+    return [session.rows(slice(0, plan.log_rows)) for session in sessions]
+
+
+def arm(
+    config: StiffnessSweep, plan: Plan, name: str, sessions: Sequence[Session], twin: Path | None
+) -> dict[str, Any]:
+    """What is found of a logged arm."""
+    folder = config.out / "arms"
+    folder.mkdir(exist_ok=True)
+    tqdm.write(f"{name}: its place, and the twin there")
+    return _kept(
+        folder / f"{name}.json", lambda: placed(sessions, place(sessions, twin), plan.measuring)
+    )
+
+
+def settings(
+    config: StiffnessSweep, plan: Plan, folders: Mapping[str, Path], twins: Mapping[str, Path]
+) -> dict[str, Any]:
+    """What the results depend on."""
+    used = {name: session_files(path)[: config.sessions or None] for name, path in folders.items()}
+    return {
+        "plan": asdict(plan),
+        "input_sha256": {name: {p.name: file_hash(p) for p in of} for name, of in used.items()},
+        "twins_sha256": {name: file_hash(path) for name, path in twins.items()},
+        "transfer": config.transfer,
+    }
+
+
+def _twin(config: StiffnessSweep, name: str) -> Path | None:
+    path = config.twins / name / "twin.json" if config.twins else None
+    return path if path and path.exists() else None
+
+
+def _kept(path: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """What a file holds, made first if it is not there."""
+    if not path.exists():
+        write_whole(path, json.dumps(known(make()), indent=1) + "\n")
+    return json.loads(path.read_text())
+
+
+def _facts(results: Mapping[str, Any]) -> dict[str, str]:
+    origin = results["provenance"]
+    plan = origin["settings"]["plan"]
+    return {
+        "points": f"{results['points']}, {results['seconds_per_point']:.1f} s each on one core",
+        "steps of each": f"{plan['steps']:,}",
+        "speed": f"{results['engine_ratio']:.2f} × a bare multi-threaded MuJoCo rollout in the same run",
+        "commit": str(origin["git_commit"]),
+        "versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items()),
+    }
+
+
+if __name__ == "__main__":
+    cli.run(main)

@@ -1,0 +1,160 @@
+"""What is one point of a sweep, and how is it measured?"""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from serpent_twin.arm import N_JOINTS
+from serpent_twin.design import Design
+from serpent_twin.errors import SerpentError
+from serpent_twin.parameters import NOMINAL, Parameters
+from serpent_twin.readout import find
+from serpent_twin.reservoir.basis import fine_cut
+from serpent_twin.reservoir.targets import search
+from serpent_twin.sweep import channels, drive
+
+FORMAT = 1
+"""Of a point's file; raised when what is measured changes otherwise than by settings"""
+WINDOW, DROP = 4, 100
+"""Rows that a readout sees, and first rows of a session that are not estimated. P"""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One arm, commanded in one way."""
+
+    stiffness: float | None
+    """Of each strand [N/m]; None: rigid cables"""
+    slack: float
+    """Of each strand [m]"""
+    damping: float
+    """Viscous, of each hinge [N m s/rad]"""
+    rate: float
+    """Command periods per second [Hz]"""
+    amplitude: float
+    """Joint targets lie within ± this [rad]"""
+    seed: int
+    """Of inputs and noise: points of one seed have the same inputs"""
+    steps: int
+    """Command periods measured"""
+
+    @property
+    def parameters(self) -> Parameters:
+        """Of the arm; on rigid cables only the noise counts."""
+        if self.stiffness is None:
+            return NOMINAL
+        return replace(
+            NOMINAL,
+            strand_stiffness=self.stiffness,
+            strand_slack=self.slack,
+            joint_damping=self.damping,
+        )
+
+    @property
+    def design(self) -> Design:
+        """The arm."""
+        return Design(self.parameters)
+
+    @property
+    def arm(self) -> dict[str, float]:
+        """All numbers of the arm that the point depends on."""
+        numbers = {name: float(value) for name, value in asdict(self.parameters).items()}
+        return numbers if self.stiffness is not None else {"load_noise": numbers["load_noise"]}
+
+    def described(self) -> dict[str, Any]:
+        """By names that carry units."""
+        return {
+            "strand_stiffness_n_per_m": None if self.stiffness is None else float(self.stiffness),
+            "strand_slack_m": float(self.slack),
+            "hinge_damping_n_m_s_per_rad": float(self.damping),
+            "command_rate_hz": float(self.rate),
+            "amplitude_rad": float(self.amplitude),
+            "seed": self.seed,
+            "steps": self.steps,
+        }
+
+    def check(self) -> None:
+        """Raise SerpentError on what cannot be commanded or simulated."""
+        drive.check(self.rate, self.amplitude)
+        if self.stiffness is not None and not self.stiffness > 0:
+            raise SerpentError(f"The stiffness is {self.stiffness:g} N/m; give one above 0.")
+        if self.seed < 0 or self.steps < 1:
+            raise SerpentError(
+                f"The seed is {self.seed} and the steps are {self.steps}: give a seed of at least 0 and "
+                "at least one step."
+            )
+        _ = self.parameters  # which refuse numbers below zero
+
+
+@dataclass(frozen=True)
+class Measuring:
+    """How points are measured, all of a folder alike."""
+
+    delays: tuple[int, ...] = (8, 3, 1)
+    """Greatest delay of the products of inputs of each total degree from 1, in command periods."""
+    memory_delay: int = 16
+    """Greatest delay of the linear memory, in command periods."""
+    taps: int = 4
+    """Last commands that a readout knows anyway, H; streams for the generalisation rank share as many."""
+    stretches: int = 40
+    """Runs side by side that share the steps."""
+    washout: int = 24
+    """Command periods at the beginning of each stretch that are not measured."""
+    repeated: int = 500
+    """Command periods that a replica repeats from another initial pose."""
+    stream: int = 12
+    """Command periods of each stream for the ranks."""
+    coarsest: float = 0.1
+    """Refuse so few steps that chance reaches capacities above this."""
+    sessions: int = 5
+    """Sessions of the published protocol, for the pose error; the last one tests."""
+    session_steps: int = 600
+    """Control steps of each session."""
+    session_rate: float | None = None
+    """Control steps per second [Hz]; by default as many as a point's command periods."""
+    readouts: tuple[str, ...] = ("analytical", "linear", "residual")
+    """Readouts to train and score; others: mlp, lstm, decoder, ensemble, … take minutes a point."""
+    epochs: int | None = None
+    """Passes of a network over the training windows; by default its own."""
+
+    def rows(self, steps: int) -> int:
+        """Command periods of each stretch that are measured."""
+        return -(-steps // self.stretches)
+
+    def check(self, steps: int) -> None:
+        """Raise SerpentError on settings that measure nothing."""
+        least = {"stretches": 1, "taps": 1, "memory_delay": 0, "repeated": 2, "sessions": 3}
+        for name, low in (least | {"session_steps": DROP + 1, "epochs": 1}).items():
+            value = getattr(self, name)
+            if value is not None and value < low:
+                flag = name.replace("_", "-")
+                raise SerpentError(f"--{flag} is {value}; give a number of at least {low}.")
+        search(N_JOINTS, len(self.delays), self.delays)  # which refuses too many products
+        longest = max(*self.delays, self.memory_delay, self.taps)
+        if self.session_rate is not None and not 0 < self.session_rate <= 100:
+            raise SerpentError(
+                f"--session-rate is {self.session_rate:g} Hz; give one above 0 and up to 100."
+            )
+        if self.washout < longest:
+            raise SerpentError(
+                f"--washout is {self.washout} command periods, and a delay or the taps reach {longest} back: "
+                "give at least as many, so that all measures use the same rows."
+            )
+        if self.stream <= self.taps:
+            raise SerpentError(f"--stream is {self.stream}; give more than the {self.taps} taps.")
+        for name in self.readouts:
+            find(name)
+        rows = self.stretches * self.rows(steps)
+        fine_cut(rows, channels.COUNT + self.taps * N_JOINTS, self.coarsest)
+
+
+def key(point: Point, measuring: Measuring) -> str:
+    """Name of a point's file: a hash of all that its content depends on."""
+    about = {
+        "format": FORMAT,
+        "point": point.described(),
+        "arm": point.arm,
+        "measuring": asdict(measuring),
+    }
+    return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:16]

@@ -1,0 +1,180 @@
+"""How is a sweep asked for, and what does it leave behind?"""
+
+import itertools
+import json
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from serpent_twin.claim import claimed
+from serpent_twin.errors import SerpentError
+from serpent_twin.files import write_whole
+from serpent_twin.parameters import NOMINAL
+from serpent_twin.provenance import provenance
+from serpent_twin.sweep.cluster import cluster
+from serpent_twin.sweep.execute import Pool, execute
+from serpent_twin.sweep.outcome import Outcome, measured
+from serpent_twin.sweep.point import Measuring, Point, key
+from serpent_twin.sweep.processes import processes
+
+SETTINGS = "sweep.json"
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Measure how memory, computation and pose error change with an arm's cables and its commands.
+
+    Each point of the grid becomes OUT/points/HASH.json, where it came from and how long it took
+    OUT/provenance/HASH.json, and the asked grid OUT/table.json. A second run measures only what is
+    missing; other grids may share the folder. The damping constant is given, not the damping ratio.
+    """
+
+    out: Path
+    """Folder for results; made if it does not exist."""
+    stiffness: tuple[float, ...] = (NOMINAL.strand_stiffness,)
+    """Stiffness of each strand [N/m]."""
+    slack: tuple[float, ...] = (NOMINAL.strand_slack,)
+    """Slack of each strand [m]."""
+    damping: tuple[float, ...] = (NOMINAL.joint_damping,)
+    """Viscous damping of each hinge [N m s/rad]."""
+    rate: tuple[float, ...] = (4.0,)
+    """Commands per second [Hz]."""
+    amplitude: tuple[float, ...] = (0.07,)
+    """Joint targets lie within ± this [rad]; the servos' speed limits it, at 4 Hz to 0.0706."""
+    seeds: tuple[int, ...] = (0,)
+    """Seeds of inputs and noise; points of one seed have the same inputs."""
+    steps: int = 20_000
+    """Commands that each point is measured over; a capacity needs about 20,000."""
+    rigid: bool = False
+    """Also measure an arm on rigid cables, for each rate, amplitude and seed, as a control."""
+    workers: int = 0
+    """Processes side by side; 0 for one a core. The points do not depend on it."""
+    cluster: str = ""
+    """Address of a Dask scheduler, tcp://HOST:PORT, whose workers measure instead."""
+    measuring: Measuring = field(default_factory=Measuring)
+    """How points are measured; the same for all points of a folder."""
+
+
+def sweep(config: Sweep, points: Sequence[Point] | None = None) -> dict[str, Any]:
+    """Measure what is missing of a grid, or of other points; returns what table.json holds."""
+    points = grid(config) if points is None else points
+    _check(config, points)
+    with claimed(config.out, SETTINGS, settings(config)):
+        for folder in ("points", "provenance"):
+            (config.out / folder).mkdir(exist_ok=True)
+        missing = [point for point in points if not _path(config, point).exists()]
+        given_up = _measure(config, missing, len(points)) if missing else []
+        table = _gather(config, points)
+    if given_up:
+        names = ", ".join(key(point, config.measuring) for point in given_up)
+        raise SerpentError(
+            f"{len(given_up)} of {len(points)} points were given up, because every worker that tried them "
+            f"died, perhaps for want of memory: {names}. The same command tries them again."
+        )
+    return table
+
+
+def grid(config: Sweep) -> list[Point]:
+    """All points of a grid, each once."""
+    arms: list[tuple[float | None, float, float]] = [
+        *itertools.product(config.stiffness, config.slack, config.damping)
+    ]
+    if config.rigid:
+        arms.append((None, 0.0, 0.0))
+    points = [
+        Point(*arm, rate=rate, amplitude=amplitude, seed=seed, steps=config.steps)
+        for arm, rate, amplitude, seed in itertools.product(
+            arms, config.rate, config.amplitude, config.seeds
+        )
+    ]
+    return list(dict.fromkeys(points))
+
+
+def settings(config: Sweep) -> dict[str, Any]:
+    """What all points of a folder share."""
+    return {"measuring": asdict(config.measuring), "versions": provenance()["versions"]}
+
+
+def _check(config: Sweep, points: Sequence[Point]) -> None:
+    if config.workers < 0:
+        raise SerpentError(f"--workers is {config.workers}; give a number, or 0 for one a core.")
+    if not points:
+        raise SerpentError("The grid has no points: give at least one value of each kind.")
+    config.measuring.check(config.steps)
+    for point in points:
+        point.check()
+
+
+def _path(config: Sweep, point: Point, folder: str = "points") -> Path:
+    return config.out / folder / f"{key(point, config.measuring)}.json"
+
+
+def _measure(config: Sweep, missing: Sequence[Point], asked: int) -> list[Point]:
+    """Measure points, keeping each as soon as it is there; returns those that were given up."""
+    with _pool(config, len(missing)) as pool, _bar(asked, asked - len(missing)) as bar:
+
+        def keep(point: Point, outcome: Outcome) -> None:
+            _keep(config, point, outcome)
+            bar.update()
+
+        work = partial(measured, measuring=config.measuring)
+        watched = sys.stderr.isatty()
+        return execute(missing, work, pool, keep, bar.refresh if watched else lambda: None)
+
+
+def _pool(config: Sweep, jobs: int) -> AbstractContextManager[Pool]:
+    if config.cluster:
+        return cluster(config.cluster)
+    return processes(min(config.workers or os.cpu_count() or 1, jobs))
+
+
+def _bar(total: int, done: int) -> tqdm:
+    return tqdm(total=total, initial=done, unit="point", smoothing=0.1)
+
+
+def _keep(config: Sweep, point: Point, outcome: Outcome) -> None:
+    """Write a point's files, its own last: it makes it done."""
+    own = provenance()["versions"]
+    if outcome.versions != own:
+        raise SerpentError(
+            f"A worker on {outcome.host} computes with {outcome.versions}, this machine with {own}; the "
+            "points of a table must be of one kind: install the same versions there."
+        )
+    about = {name: value for name, value in asdict(outcome).items() if name != "text"}
+    write_whole(_path(config, point, "provenance"), json.dumps(about, indent=1) + "\n")
+    write_whole(_path(config, point), outcome.text)
+
+
+def _gather(config: Sweep, points: Sequence[Point]) -> dict[str, Any]:
+    """Write table.json of the asked points that are there; returns what it holds."""
+    paths = [path for path in (_path(config, point) for point in points) if path.exists()]
+    table = {
+        "points": [{"file": path.name} | _read(path) for path in paths],
+        "provenance": settings(config) | provenance(),
+    }
+    text = json.dumps(table, indent=1, ensure_ascii=False)
+    write_whole(config.out / "table.json", text + "\n")
+    return json.loads(text)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return json.loads(path.read_text())
+    except ValueError as error:
+        raise SerpentError(
+            f"{path} is damaged ({error}): delete it, and the same command measures it anew."
+        ) from error
+
+
+def main(config: Sweep) -> None:  # noqa: D103 tyro would print it above the config's own
+    points = sweep(config)["points"]
+    failed = sum(1 for point in points if point["failed"])
+    note = f", {failed} of them in part, as their files say" if failed else ""
+    print(f"{len(points)} points{note}. {config.out / 'table.json'}: the table.")
