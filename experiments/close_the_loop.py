@@ -6,7 +6,7 @@ arm, nominal twin and corrected twin at a held-out moment.
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,7 +48,7 @@ class CloseTheLoop:
 
 
 def main(config: CloseTheLoop) -> None:  # noqa: D103 tyro would print it above the config's own
-    folders = arm_folders(config)
+    folders = arm_folders(config.logs, config.arms)
     with claimed(config.out, SETTINGS, _settings(config, folders)):
         found = {}
         for name, folder in tqdm(folders.items(), unit="arm", desc="arms", position=0):
@@ -62,20 +62,20 @@ def main(config: CloseTheLoop) -> None:  # noqa: D103 tyro would print it above 
         print(f"{write(report, config.out)}: before and after. {report.lead}")
 
 
-def arm_folders(config: CloseTheLoop) -> dict[str, Path]:
-    """The folders of the arms that were asked for, by name."""
-    if not config.logs.is_dir():
-        raise SerpentError(f"--logs {config.logs} is no folder. Give one with the arms' logs.")
-    if session_files(config.logs):
-        found = {config.logs.resolve().name: config.logs}
+def arm_folders(logs: Path, arms: Sequence[str]) -> dict[str, Path]:
+    """The folders of the arms that were asked for, by name; of all where none is."""
+    if not logs.is_dir():
+        raise SerpentError(f"--logs {logs} is no folder. Give one with the arms' logs.")
+    if session_files(logs):
+        found = {logs.resolve().name: logs}
     else:
-        inside = sorted(path for path in config.logs.iterdir() if path.is_dir())
+        inside = sorted(path for path in logs.iterdir() if path.is_dir())
         found = {path.name: path for path in inside if session_files(path)}
     if not found:
-        raise SerpentError(f"{config.logs} holds no session_NN.parquet, nor does a folder in it.")
-    if unknown := sorted(set(config.arms) - set(found)):
+        raise SerpentError(f"{logs} holds no session_NN.parquet, nor does a folder in it.")
+    if unknown := sorted(set(arms) - set(found)):
         raise SerpentError(f"no arms {', '.join(unknown)}; there are: {', '.join(found)}.")
-    return {name: path for name, path in found.items() if not config.arms or name in config.arms}
+    return {name: path for name, path in found.items() if not arms or name in arms}
 
 
 def diagnose(config: CloseTheLoop, name: str, folder: Path) -> dict[str, Any]:
@@ -88,9 +88,14 @@ def diagnose(config: CloseTheLoop, name: str, folder: Path) -> dict[str, Any]:
 
 
 def _settings(config: CloseTheLoop, folders: Mapping[str, Path]) -> dict[str, Any]:
-    used = {name: session_files(path)[: config.sessions or None] for name, path in folders.items()}
-    hashes = {name: {p.name: file_hash(p) for p in paths} for name, paths in used.items()}
+    hashes = session_hashes(folders, config.sessions)
     return {"sessions": config.sessions, "seed": config.seed, "input_sha256": hashes}
+
+
+def session_hashes(folders: Mapping[str, Path], sessions: int) -> dict[str, dict[str, str]]:
+    """SHA-256 of the first so many sessions of each arm, all for 0, by arm and file."""
+    used = {name: session_files(path)[: sessions or None] for name, path in folders.items()}
+    return {name: {p.name: file_hash(p) for p in paths} for name, paths in used.items()}
 
 
 def table(found: Mapping[str, dict[str, Any]]) -> Table:

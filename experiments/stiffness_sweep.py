@@ -5,13 +5,12 @@ what was expected of them with numbers; and places logged arms on the chart.
 """
 
 import json
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from close_the_loop import CloseTheLoop, arm_folders
+from close_the_loop import LOGS, arm_folders, session_hashes
 from stiffness_sweep_answers import answers
 from stiffness_sweep_arms import place, placed
 from stiffness_sweep_engine import engine_ratio, seconds_per_point
@@ -24,15 +23,12 @@ from tqdm import tqdm
 from serpent_twin import cli, rigs
 from serpent_twin.claim import claimed
 from serpent_twin.files import write_whole
-from serpent_twin.log import Session, session_files
+from serpent_twin.log import Session
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.report import write
 from serpent_twin.sweep.run import Sweep, sweep
 
-ROOT = Path(__file__).resolve().parent.parent
-SHARED, OWN = ROOT.parent / "shared" / "logs", ROOT / "data"
-LOGS = Path(os.path.relpath(SHARED if SHARED.is_dir() else OWN))
 SETTINGS = "stiffness_sweep.json"
 
 
@@ -62,7 +58,7 @@ class StiffnessSweep:
 
 def main(config: StiffnessSweep) -> None:  # noqa: D103 tyro would print it above the config's own
     plan = quick() if config.quick else full(config.rate)
-    folders = arm_folders(CloseTheLoop(config.logs, arms=config.arms)) if config.logs else {}
+    folders = arm_folders(config.logs, config.arms) if config.logs else {}
     twins = {name: twin for name in folders if (twin := _twin(config, name))}
     about = settings(config, plan, folders, twins)
     with claimed(config.out, SETTINGS, about):
@@ -135,10 +131,9 @@ def settings(
     config: StiffnessSweep, plan: Plan, folders: Mapping[str, Path], twins: Mapping[str, Path]
 ) -> dict[str, Any]:
     """What the results depend on."""
-    used = {name: session_files(path)[: config.sessions or None] for name, path in folders.items()}
     return {
         "plan": asdict(plan),
-        "input_sha256": {name: {p.name: file_hash(p) for p in of} for name, of in used.items()},
+        "input_sha256": session_hashes(folders, config.sessions),
         "twins_sha256": {name: file_hash(path) for name, path in twins.items()},
         "transfer": config.transfer,
     }

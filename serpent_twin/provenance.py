@@ -4,18 +4,25 @@ import hashlib
 import importlib.metadata
 import platform
 import subprocess
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import serpent_twin
 
 _REPORTED = ("mujoco", "numpy", "scipy", "torch", "pyarrow", "dm-control")
 
 
-def provenance() -> dict[str, object]:
+def provenance() -> dict[str, Any]:
     """Versions of what computes, and the commit of this project."""
-    versions = {"python": platform.python_version(), "serpent-twin": serpent_twin.__version__}
-    versions |= {name: importlib.metadata.version(name) for name in _REPORTED}
-    return {"versions": versions, "git_commit": git_commit()}
+    return {"versions": versions(), "git_commit": git_commit()}
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Of Python, this project and what computes."""
+    own = {"python": platform.python_version(), "serpent-twin": serpent_twin.__version__}
+    return own | {name: importlib.metadata.version(name) for name in _REPORTED}
 
 
 def git_commit() -> str:

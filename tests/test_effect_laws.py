@@ -5,38 +5,18 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from moments import moment
 from motion import wander
 from numpy.testing import assert_allclose, assert_array_equal
 
 from serpent_twin.arm import ARM, joint_axis, link_frames
 from serpent_twin.design import NOMINAL_DESIGN, Design
-from serpent_twin.effects import CATALOGUE, Moment
+from serpent_twin.effects import CATALOGUE
 from serpent_twin.imposed import Stretches, impose
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.tolerances import Tolerances
 
 RADIUS = np.array(ARM.pulley_radius)
-
-
-def moment(rows=1, seed=0, **known):
-    """An instant of random runs; what is given is as given."""
-    rng = np.random.default_rng(seed)
-    drawn = {
-        "motor_angle": rng.normal(0, 0.2, (rows, 10)),
-        "motor_velocity": rng.normal(0, 0.5, (rows, 10)),
-        "joint_angle": rng.normal(0, 0.1, (rows, 9)),
-        "joint_velocity": np.zeros((rows, 9)),
-        "jaw_angle": np.zeros((rows, 1)),
-        "slack": np.full((rows, 20), 4e-4),
-        "stiffness": np.full((rows, 20), 1.9e4),
-        "joint_torque": np.zeros((rows, 9)),
-        "motor_torque": np.zeros((rows, 10)),
-        "joint_friction": np.full((rows, 9), 0.005),
-        "transition_velocity": np.zeros((rows, 9)),
-        "gear_friction": np.full((rows, 10), 0.03),
-    } | known
-    drawn.setdefault("winch_angle", drawn["motor_angle"].copy())
-    return Moment(arm=ARM, dt=known.pop("dt", 0.005), time=np.zeros((rows, 1)), **drawn)
 
 
 def held(stretch):
@@ -108,17 +88,6 @@ def test_cable_friction_by_hand():
     capstan = np.exp(c * abs(m.joint_angle[0, 0])) - 1
     sum_rt = sum(RADIUS[j] * (tension[2 * j] + tension[2 * j + 1]) for j in range(10))
     assert m.joint_friction[0, 0] == pytest.approx(0.005 + capstan * sum_rt)
-
-
-def test_frictions_side_by_side_creep_as_dashpots_do():
-    rubbing = moment(transition_velocity=np.full((1, 9), 0.01))
-    rubbing.add_joint_friction(np.full((1, 9), 0.015), 0.06)
-    assert rubbing.joint_friction == pytest.approx(0.02)
-    slope = 0.005 / 0.01 + 0.015 / 0.06
-    assert rubbing.transition_velocity == pytest.approx(0.02 / slope)
-    stuck = moment()
-    stuck.add_joint_friction(np.full((1, 9), 0.015), 0.06)
-    assert (stuck.transition_velocity < 1e-6).all()
 
 
 def test_cable_friction_widens_the_loop():

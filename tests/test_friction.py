@@ -5,6 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from moments import moment
 
 from serpent_twin import mjcf
 from serpent_twin.bus.simulated import SimulatedBus
@@ -72,3 +73,14 @@ def test_friction_that_grows_with_tension_creeps_alike():
             bus.wait(2.0)
             angles.append(twin.joint_angle[0].copy())
     assert angles[1] == pytest.approx(angles[0], abs=1e-9)
+
+
+def test_frictions_side_by_side_creep_as_dashpots_do():
+    rubbing = moment(transition_velocity=np.full((1, 9), 0.01))
+    rubbing.add_joint_friction(np.full((1, 9), 0.015), 0.06)
+    assert rubbing.joint_friction == pytest.approx(0.02)
+    slope = 0.005 / 0.01 + 0.015 / 0.06
+    assert rubbing.transition_velocity == pytest.approx(0.02 / slope)
+    stuck = moment()
+    stuck.add_joint_friction(np.full((1, 9), 0.015), 0.06)
+    assert (stuck.transition_velocity < 1e-6).all()

@@ -17,7 +17,7 @@ from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.parameters import NOMINAL
-from serpent_twin.provenance import provenance
+from serpent_twin.provenance import provenance, versions
 from serpent_twin.sweep.cluster import cluster
 from serpent_twin.sweep.execute import Pool, execute
 from serpent_twin.sweep.outcome import Outcome, measured
@@ -99,7 +99,7 @@ def grid(config: Sweep) -> list[Point]:
 
 def settings(config: Sweep) -> dict[str, Any]:
     """What all points of a folder share."""
-    return {"measuring": asdict(config.measuring), "versions": provenance()["versions"]}
+    return {"measuring": asdict(config.measuring), "versions": versions()}
 
 
 def _check(config: Sweep, points: Sequence[Point]) -> None:
@@ -141,7 +141,7 @@ def _bar(total: int, done: int) -> tqdm:
 
 def _keep(config: Sweep, point: Point, outcome: Outcome) -> None:
     """Write a point's files, its own last: it makes it done."""
-    own = provenance()["versions"]
+    own = versions()
     if outcome.versions != own:
         raise SerpentError(
             f"A worker on {outcome.host} computes with {outcome.versions}, this machine with {own}; the "

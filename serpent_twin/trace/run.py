@@ -15,7 +15,7 @@ from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.log import Session
-from serpent_twin.provenance import file_hash, provenance
+from serpent_twin.provenance import file_hash, provenance, versions
 from serpent_twin.report import write
 from serpent_twin.trace.conclude import conclude
 from serpent_twin.trace.diagnosis import Diagnosis
@@ -74,7 +74,7 @@ def trace(config: Trace) -> dict[str, Any]:
 def _settings(config: Trace, sessions: list[Session]) -> dict[str, Any]:
     inputs = {s.name: file_hash(s.path) for s in sessions if s.path}
     kept = {"rig": config.rig, "held_out": config.held_out, "seed": config.seed}
-    return kept | {"input_sha256": inputs, "versions": provenance()["versions"]}
+    return kept | {"input_sha256": inputs, "versions": versions()}
 
 
 def _run(config: Trace, rig: rigs.Rig, sessions: list[Session]) -> tuple[Tracer, Diagnosis]:
