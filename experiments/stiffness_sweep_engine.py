@@ -9,7 +9,7 @@ import numpy as np
 from mujoco import rollout
 
 from serpent_twin.arm import ARM, N_JOINTS, Array
-from serpent_twin.imposed import TIMESTEP, Stretches
+from serpent_twin.imposed import TIMESTEP, substeps
 from serpent_twin.mechanism import addresses
 from serpent_twin.mjcf import JOINTS
 from serpent_twin.sweep import drive
@@ -17,6 +17,8 @@ from serpent_twin.sweep.point import Point
 from serpent_twin.sweep.processes import processes
 
 CORES = os.cpu_count() or 1
+STEP = drive.LONGER * TIMESTEP
+"""Time step that `drive` asks for strands of the nominal stiffness or less [s]"""
 _ROUNDS = 3
 Job = tuple[Point, int, int]
 """An arm, and stretches of so many command periods"""
@@ -28,7 +30,9 @@ def engine_ratio(point: Point, stretches: int = 40, periods: int = 20) -> float:
     The peer steps the same model as often, pushed by the torques that commanded strands would make.
     """
     job = point, stretches, periods
-    steps = CORES * stretches * int(substeps(drive.stretches_of(_targets(job), point.rate)).sum())
+    steps = (
+        CORES * stretches * int(substeps(drive.stretches_of(_targets(job), point.rate), STEP).sum())
+    )
     with processes(CORES) as pool:
         _seconds(pool.submit, job)  # starts them
         ours = [_seconds(pool.submit, job) for _ in range(_ROUNDS)]
@@ -56,19 +60,11 @@ def _seconds(submit, job: Job) -> float:
     return time.perf_counter() - began
 
 
-def substeps(stretches: Stretches, timestep: float | None = None) -> np.ndarray:
-    """Steps that `impose` takes between the rows of stretches, (R − 1,), as `drive` tells it to."""
-    timestep = 0.9 * TIMESTEP if timestep is None else timestep
-    period = np.diff(stretches.time[0])
-    least = np.ceil(np.median(period) / timestep - 1e-9)
-    return np.maximum(least, np.ceil(0.9 * period / timestep)).astype(int)
-
-
 def _bare(job: Job, steps: int) -> float:
     """Seconds of MuJoCo's rollout on all cores for as many steps."""
     point, stretches, _ = job
     model = point.design.spec(motors=False).compile()
-    model.opt.timestep = 0.9 * TIMESTEP
+    model.opt.timestep = STEP
     data = [mujoco.MjData(model) for _ in range(CORES)]
     count = CORES * stretches
     push = _pushes(point, model, count, steps // count)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin import mjcf
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
@@ -121,6 +122,14 @@ def bearable(designs: Sequence[Design]) -> int:
     return 2 if stiffest < _SOFT else 1
 
 
+def substeps(stretches: Stretches, timestep: float) -> NDArray[np.intp]:
+    """Time steps between the rows of stretches, (R − 1,): jitter of the rows adds none."""
+    interval = np.diff(stretches.time, axis=1)
+    usual = np.ceil(np.median(interval) / timestep - 1e-9) if interval.size else 1
+    longest = np.ceil(0.9 * interval.max(axis=0) / timestep)
+    return np.maximum(np.maximum(usual, longest), 1).astype(np.intp)
+
+
 class _Run:
     """Runs of all designs (D) in all stretches (B), D slow, B fast, from row to row."""
 
@@ -148,8 +157,7 @@ class _Run:
         self.history = History(self.batch)
         self.joints, self.joint_speeds = addresses(models[0], mjcf.JOINTS)
         self.jaw = addresses(models[0], ("jaw",))[0]
-        period = np.median(np.diff(stretches.time, axis=1)) if self.R > 1 else timestep
-        self.substeps = max(1, int(np.ceil(period / timestep - 1e-9)))
+        self.substeps = substeps(stretches, timestep)
         self.stall = designs[0].arm.servo.stall_torque
         shape = (self.D * self.B, self.R)
         self.marker = np.empty((*shape, 3 * N_JOINTS))
@@ -206,8 +214,7 @@ class _Run:
     def step_to(self, row: int) -> None:
         """Move the motors from the row before to this one."""
         s, period = self.s, self.s.time[:, row] - self.s.time[:, row - 1]
-        n = max(self.substeps, int(np.ceil(0.9 * period.max() / self.timestep)))  # jitter adds none
-        interval = self._rows(period)
+        n, interval = self.substeps[row - 1], self._rows(period)
         before, after = self._rows(s.motor_angle[:, row - 1]), self._rows(s.motor_angle[:, row])
         self.dt[...] = (interval / n).reshape(self.dt.shape)
         dt, began = (interval / n)[:, None], self._rows(s.time[:, row - 1])[:, None]

@@ -240,4 +240,7 @@ def test_steps_are_counted_as_impose_takes_them(monkeypatch):
     point = quick().point(NOMINAL.strand_stiffness)
     job = point, 2, 3
     engine.simulate(job)
-    assert len(taken) == engine.substeps(drive.stretches_of(engine._targets(job), 4.0)).sum()
+    assert (
+        len(taken)
+        == engine.substeps(drive.stretches_of(engine._targets(job), 4.0), engine.STEP).sum()
+    )

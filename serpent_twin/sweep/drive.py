@@ -23,7 +23,8 @@ MOVING = 0.8
 LEAST_TIMESTEP = 5e-4
 """[s]; strands stiffer than about 1.9e6 N/m would need less, and their simulation becomes unstable."""
 LIMITS = Limits()
-_LONGER = 0.9  # `impose` may take steps longer than it is told, by up to 1 / 0.9
+LONGER = 0.9
+"""Share of a time step to ask of `impose`, which may take steps longer than it is told, by up to 1 / 0.9"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,7 @@ def drive(design: Design, targets: Array, rate: float) -> Motion:
     """
     timestep = steady_timestep(design.parameters.strand_stiffness, TIMESTEP)
     stretches = stretches_of(targets, rate)
-    did = impose([design], stretches, _LONGER * timestep, nthread=1)
+    did = impose([design], stretches, LONGER * timestep, nthread=1)
     if did.unstable.any():
         raise SerpentError(
             f"the twin's simulation became unstable at time steps of {timestep * 1e3:.2g} ms."
