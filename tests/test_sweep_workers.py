@@ -1,6 +1,5 @@
 """Are points measured though workers die, here and on a cluster, and are workers gone afterwards?"""
 
-import importlib.util
 import json
 import os
 import signal
@@ -21,10 +20,6 @@ from serpent_twin.sweep import cluster, execute
 from serpent_twin.sweep.execute import Pool
 from serpent_twin.sweep.processes import processes
 from serpent_twin.sweep.run import Sweep, sweep
-
-needs_dask = pytest.mark.skipif(
-    importlib.util.find_spec("distributed") is None, reason="needs Dask: pip install distributed"
-)
 
 
 def test_jobs_of_a_dead_worker_are_done_again_and_deadly_ones_given_up(tmp_path):
@@ -79,7 +74,6 @@ def wait_until(true, seconds):
         time.sleep(0.05)
 
 
-@needs_dask
 def test_a_cluster_that_is_not_there_is_refused_by_a_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "PATIENCE", 1.0)
     config = Sweep(tmp_path / "out", **GRID)
@@ -100,7 +94,6 @@ def test_a_cluster_without_dask_is_refused(tmp_path, monkeypatch):
         sweep(Sweep(tmp_path / "out", cluster="tcp://127.0.0.1:9", **GRID))
 
 
-@needs_dask
 def test_a_cluster_that_loses_a_worker_writes_the_same_bytes(tmp_path):
     grid = GRID | {"seeds": (0, 1, 2, 3), "rigid": False}
     here, there = (Sweep(tmp_path / name, workers=2, **grid) for name in ("here", "there"))
