@@ -23,7 +23,8 @@ class Notebook:
     def __init__(self, folder: Path, clock: Stopwatch) -> None:
         self._folder, self._clock = folder, clock
         self.seconds, self.simulated = 0.0, 0.0
-        """What the stages took that were read back, and how much of it simulation did [s]"""
+        """What the stages took that an earlier run finished, and how much of it simulation did [s]"""
+        self._told = set[Path]()
         folder.mkdir(parents=True, exist_ok=True)
 
     def fit(self, name: str, make: Callable[[], Fit]) -> Fit:
@@ -33,6 +34,7 @@ class Notebook:
             self._add_time(path)
             return _read_fit(path)
         made, took = self._timed(make)
+        self._told.add(path)
         _save(path, _fit_arrays(made) | took)
         return made
 
@@ -45,6 +47,7 @@ class Notebook:
                 rows = json.loads(str(stored["scores"]))
             return [Score(**{**row, "start": np.array(row["start"])}) for row in rows]
         made, took = self._timed(make)
+        self._told.add(path)
         rows = [{**asdict(each), "start": each.start.tolist()} for each in made]
         _save(path, {"scores": np.array(json.dumps(rows))} | took)
         return made
@@ -56,6 +59,9 @@ class Notebook:
         return made, {"took": np.array(took)}
 
     def _add_time(self, path: Path) -> None:
+        if path in self._told:
+            return
+        self._told.add(path)
         with np.load(path) as stored:
             seconds, simulated = stored["took"]
         self.seconds, self.simulated = self.seconds + seconds, self.simulated + simulated
