@@ -6,7 +6,7 @@ what was expected of them with numbers; and places logged arms on the chart.
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,10 @@ from close_the_loop import LOGS, arm_folders, session_hashes
 from stiffness_sweep_answers import answers
 from stiffness_sweep_arms import place, placed
 from stiffness_sweep_engine import engine_ratio, seconds_per_point
+from stiffness_sweep_networks import added, networks
 from stiffness_sweep_page import page, reasons
-from stiffness_sweep_plan import GRID, Plan, full, quick
-from stiffness_sweep_rows import Rows, known, rows_of
+from stiffness_sweep_plan import GRID, POSED, Plan, full, quick
+from stiffness_sweep_rows import Row, known, rows_of
 from stiffness_sweep_transfer import matrix
 from tqdm import tqdm
 
@@ -40,8 +41,10 @@ class StiffnessSweep:
     """Folder for results; the same command goes on where it stopped."""
     quick: bool = False
     """A few short points: a minute or two, to see that everything works; tells little."""
-    rate: float = 2.0
+    rate: float = 2.5
     """Commands per second [Hz]; slower ones go further, and take longer. --quick has the published 4."""
+    lstm: bool = False
+    """Train the published LSTM, too, at one slack; it takes minutes a point."""
     logs: Path | None = LOGS
     """Folder of folders, one per arm, or one arm's folder of session logs; None for no arm."""
     arms: tuple[str, ...] = ()
@@ -57,7 +60,7 @@ class StiffnessSweep:
 
 
 def main(config: StiffnessSweep) -> None:  # noqa: D103 tyro would print it above the config's own
-    plan = quick() if config.quick else full(config.rate)
+    plan = quick() if config.quick else full(config.rate, ("lstm",) if config.lstm else ())
     folders = arm_folders(config.logs, config.arms) if config.logs else {}
     twins = {name: twin for name in folders if (twin := _twin(config, name))}
     about = settings(config, plan, folders, twins)
@@ -91,17 +94,29 @@ def main(config: StiffnessSweep) -> None:  # noqa: D103 tyro would print it abov
     print(f"{path}: the figures. {report.lead}")
 
 
-def measured(config: StiffnessSweep, plan: Plan) -> tuple[Rows, list[dict[str, Any]]]:
+def measured(
+    config: StiffnessSweep, plan: Plan
+) -> tuple[dict[str, list[Row]], list[dict[str, Any]]]:
     """All points of a plan, and what each took; what is there is not measured again."""
     named = plan.points()
-    points = list(dict.fromkeys(point for of in named.values() for point in of))
-    asked = Sweep(
-        config.out / "sweep", steps=plan.steps, workers=config.workers, measuring=plan.measuring
+    posed = list(dict.fromkeys(point for name in POSED for point in named[name]))
+    others = list(
+        dict.fromkeys(point for of in named.values() for point in of if point not in posed)
     )
-    table = sweep(asked, points)["points"]
-    about = [config.out / "sweep" / "provenance" / each["file"] for each in table]
-    costs = [json.loads(path.read_text()) for path in about]
-    return rows_of(named, table, plan.measuring), costs
+    parts = {"sweep": (posed, plan.measuring),
+             "commands": (others, replace(plan.measuring, readouts=()))}  # fmt: skip
+    found, costs = {}, []
+    for name, (points, measuring) in parts.items():
+        out = config.out / name
+        asked = Sweep(out, steps=plan.steps, workers=config.workers, measuring=measuring)
+        table = sweep(asked, points)["points"]
+        found |= dict(zip(points, table, strict=True))
+        costs += [json.loads((out / "provenance" / each["file"]).read_text()) for each in table]
+    rows = rows_of(named, found, plan.measuring)
+    rows[GRID] = added(
+        rows[GRID], named[GRID], networks(plan, config.out / "networks", config.workers)
+    )
+    return rows, costs
 
 
 def engine(plan: Plan) -> dict[str, float]:
@@ -122,9 +137,7 @@ def arm(
     folder = config.out / "arms"
     folder.mkdir(exist_ok=True)
     tqdm.write(f"{name}: its place, and the twin there")
-    return _kept(
-        folder / f"{name}.json", lambda: placed(sessions, place(sessions, twin), plan.measuring)
-    )
+    return _kept(folder / f"{name}.json", lambda: placed(sessions, place(sessions, twin), plan))
 
 
 def settings(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from stiffness_sweep_plan import GRID, RATES, RATIO, RIGID, WEIGHTLESS, natural_period
-from stiffness_sweep_rows import Row, Rows, error_of, readouts, values
+from stiffness_sweep_rows import Row, Rows, error_of, steady_readouts, values
 from stiffness_sweep_trend import (
     HELD,
     NOT,
@@ -175,7 +175,7 @@ def soft_and_consistency(rows: Rows) -> Answer:
 
 def analytical_fastest(rows: Rows) -> Answer:
     """As strands soften, the analytical error grows by a greater factor than that of any other readout."""
-    others = [name for name in readouts(rows[GRID]) if name != "analytical"]
+    others = [name for name in steady_readouts(rows[GRID]) if name != "analytical"]
     stack = {name: values(rows[GRID], error_of(name)) for name in ("analytical", *others)}
     decade = np.log10(sorted({row.stiffness for row in rows[GRID]}))
     growth = {name: _per_decade(v.mean(axis=-1), decade) for name, v in stack.items()}
@@ -206,7 +206,7 @@ def _per_decade(error: Array, decade: Array) -> Array:
 
 def pose_and_overlap(rows: Rows) -> Answer:
     """Pose error falls with what the channels hold of the markers, more than with all that they hold."""
-    name = next(name for name in _TRAINED if name in readouts(rows[GRID]))
+    name = next(name for name in _TRAINED if name in steady_readouts(rows[GRID]))
     error = values(rows[GRID], error_of(name))
     overlap = values(rows[GRID], lambda row: row.overlap)
     total = values(rows[GRID], lambda row: row.total)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from stiffness_sweep_plan import Plan
 
 from serpent_twin import design, reservoir, rigs
 from serpent_twin.arm import ARM, N_JOINTS, Array, joint_from_motor
@@ -18,7 +19,7 @@ from serpent_twin.readout.score import score
 from serpent_twin.readout.split import split
 from serpent_twin.readout.trial import Trial
 from serpent_twin.sweep import channels, pose
-from serpent_twin.sweep.point import DROP, WINDOW, Measuring, Point
+from serpent_twin.sweep.point import DROP, WINDOW, Point
 
 HOLDS = 8
 """Greatest delay of the memory of logs, in holds of one target"""
@@ -29,7 +30,8 @@ _FEW = 600  # rows that tell the cameras' noise
 class Placed(Point):
     """A twin with a logged arm's stiffness and slack, seen by cameras as good as that arm's."""
 
-    marker_noise: float
+    marker_noise: float = NOMINAL.marker_noise
+    """Of a coordinate [m]"""
 
     @property
     def parameters(self) -> Parameters:
@@ -65,15 +67,16 @@ def _median(arm: design.Design, source: str) -> Place:
     return Place(float(stiffness), float(max(0.0, slack)), source)
 
 
-def placed(sessions: Sequence[Session], at: Place, measuring: Measuring) -> dict[str, Any]:
+def placed(sessions: Sequence[Session], at: Place, plan: Plan) -> dict[str, Any]:
     """What readouts and memory say of a logged arm, and of the twin at its place, in as many rows."""
-    rows = min(map(len, sessions))
-    alike = replace(measuring, sessions=len(sessions), session_steps=rows, session_rate=None)
-    rate = sessions[0].rate_hz
-    point = Placed(at.stiffness, at.slack, NOMINAL.joint_damping, rate, 0.07, 0, 1, noise(sessions))
+    rows, rate = min(map(len, sessions)), sessions[0].rate_hz
+    alike = replace(plan.measuring, sessions=len(sessions), session_steps=rows, session_rate=None)
+    usual = vars(plan.point(at.stiffness, slack=at.slack, rate=rate))
+    point = Placed(**usual, marker_noise=noise(sessions))
+    readouts = (*plan.measuring.readouts, *plan.networks)
     twins = [pose.session(point, alike, n) for n in range(1, len(sessions) + 1)]
     logs = [session.rows(slice(0, rows)) for session in sessions]
-    mm = {who: errors(of, measuring.readouts) for who, of in (("logs", logs), ("twin", twins))}
+    mm = {who: errors(of, readouts) for who, of in (("logs", logs), ("twin", twins))}
     return {
         "place": asdict(at),
         "marker_noise_mm": 1e3 * point.marker_noise,

@@ -7,8 +7,8 @@ import numpy as np
 from stiffness_sweep_answers import control
 from stiffness_sweep_arms import disagreement
 from stiffness_sweep_figures import figures
-from stiffness_sweep_plan import CROSSED, GRID, RATIO
-from stiffness_sweep_rows import Row, Rows, error_of, readouts, values
+from stiffness_sweep_plan import CROSSED, GRID, NOISES, RATIO
+from stiffness_sweep_rows import Row, Rows, error_of, readouts, steady_readouts, values
 from stiffness_sweep_transfer import worst
 from stiffness_sweep_trend import HELD, NOT, OPEN, TREND, Answer
 
@@ -97,8 +97,8 @@ def reasons(answers: Sequence[Answer]) -> str:
 
 
 def _besides(rows: Rows) -> tuple[Table, ...]:
-    """The crossed commands at one stiffness, and what the damping ratio held gives."""
-    names = readouts(rows[GRID])
+    """The crossed commands and noises at one stiffness, and what the damping ratio held gives."""
+    names = steady_readouts(rows[GRID])
     header = ("useful capacity", "without noise", "mean delay", "consistency", *names)
     commands = Table(
         ("rate Hz", "amplitude rad", *header),
@@ -115,7 +115,12 @@ def _besides(rows: Rows) -> tuple[Table, ...]:
         ),
         "Damping ratio of the cables' modes held instead of the damping constant.",
     )
-    return commands, ratio
+    noises = Table(
+        ("load noise %", *header),
+        tuple((f"{100 * r.load_noise:g}", *_measured(r, names)) for r in rows[NOISES]),
+        f"Noise of the loads, as a share of the stall torque, at {rows[NOISES][0].stiffness / 1e3:.3g} kN/m.",
+    )
+    return commands, ratio, noises
 
 
 def _measured(row: Row, names: Sequence[str]) -> tuple[str, ...]:

@@ -15,8 +15,13 @@ from serpent_twin.sweep.pose import PUBLISHED_RATE
 SPEED = 0.28
 """Rate [Hz] times amplitude [rad], as the servos' speed lets joints go"""
 
+LOAD_NOISE = 0.004
+"""Of a load reading, as a share of the stall torque: what traces leave of the logged arms' loads. The nominal
+twin's 0.015 stands for more than the sensors."""
+
 GRID, RATES, AMPLITUDES, CROSSED = "grid", "rates", "amplitudes", "rates × amplitudes"
 RATIO, WEIGHTLESS, RIGID = "damping ratio held", "without gravity", "rigid cables"
+NOISES = "load noise"
 
 
 @dataclass(frozen=True)
@@ -51,11 +56,17 @@ class Plan:
     """Of joint targets [rad], the grid's among them; at the grid's rate"""
     weightless: tuple[float, ...]
     """Stiffness of arms without weight [N/m]"""
+    noises: tuple[float, ...]
+    """Of load readings, as shares of the stall torque, at the middle stiffness"""
     steps: int
     """Command periods of each point"""
     log_rows: int | None
     """First rows of each log that are used; all without"""
     measuring: Measuring
+    networks: tuple[str, ...]
+    """Readouts that are trained on the grid's first seed alone, for they take long"""
+    slow: tuple[str, ...] = ()
+    """Readouts that are trained on it at the grid's second slack alone"""
 
     def point(self, stiffness: float | None, **others: Any) -> Point:
         """One point as the grid has it but for what is given."""
@@ -66,6 +77,7 @@ class Plan:
             "amplitude": SPEED / self.rate,
             "seed": self.seeds[0],
             "steps": self.steps,
+            "load_noise": LOAD_NOISE,
         }
         return Point(stiffness, **(usual | others))
 
@@ -84,30 +96,38 @@ class Plan:
                 for a in self.amplitudes
                 if f * a <= SPEED * (1 + 1e-9)
             ],
-            RATIO: [self.point(k, damping=damping_at(k)) for k in K],
+            RATIO: [self.point(k, damping=damping_at(k)) for k in K[::2]],
             WEIGHTLESS: [
                 Weightless(**vars(self.point(k, seed=s)))
                 for k in self.weightless
                 for s in self.seeds
             ],
+            NOISES: [self.point(middle, load_noise=noise) for noise in self.noises],
             RIGID: [self.point(None, slack=0.0, damping=0.0, seed=s) for s in self.seeds],
         }
 
 
-def full(rate: float) -> Plan:
-    """The whole sweep at a rate [Hz]: 8 × 4 × 3 points, and some 40 others."""
-    stiffness = tuple(float(f"{k:.3g}") for k in np.geomspace(1e3, 3.2e5, 8))
+POSED = GRID, RATIO, NOISES
+"""What is measured with pose errors; other commands do not change these, as sessions have their own"""
+
+
+def full(rate: float, slow: tuple[str, ...] = ()) -> Plan:
+    """The whole sweep at a rate [Hz]: 8 × 4 × 3 points, and some 50 others."""
+    stiffness = tuple(float(f"{k:.3g}") for k in np.geomspace(600, 1.9e5, 8))
     return Plan(
         stiffness=stiffness,
         slack=(0.0, 3e-4, 1e-3, 3e-3),
         rate=rate,
         seeds=(0, 1, 2),
-        rates=(rate / 2, rate, 2 * rate),
+        rates=(rate / 1.6, rate, 1.6 * rate),
         amplitudes=tuple(SPEED / rate / part for part in (4, 2, 1)),
         weightless=stiffness[1::3],
+        noises=(0.001, LOAD_NOISE, NOMINAL.load_noise),
         steps=20_000,
         log_rows=None,
         measuring=Measuring(session_rate=PUBLISHED_RATE),
+        networks=("mlp", "ensemble"),
+        slow=slow,
     )
 
 
@@ -117,7 +137,7 @@ def quick() -> Plan:
     few = Measuring(
         delays=(4, 2, 0), memory_delay=8, taps=2, stretches=10, washout=10, repeated=40, stream=4,
         coarsest=1.0, sessions=3, session_steps=260,
-        session_rate=PUBLISHED_RATE,
+        session_rate=PUBLISHED_RATE, epochs=2,
     )  # fmt: skip
     return Plan(
         stiffness=stiffness,
@@ -127,9 +147,11 @@ def quick() -> Plan:
         rates=(PUBLISHED_RATE,),
         amplitudes=(SPEED / PUBLISHED_RATE / 2, SPEED / PUBLISHED_RATE),
         weightless=stiffness[1:2],
+        noises=(LOAD_NOISE, NOMINAL.load_noise),
         steps=600,
         log_rows=400,
         measuring=few,
+        networks=("mlp",),
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arm import Array
-from serpent_twin.sweep.point import Measuring, Point, key
+from serpent_twin.sweep.point import Measuring, Point
 
 Rows = Mapping[str, Sequence["Row"]]
 """By what the points are for"""
@@ -27,6 +27,8 @@ class Row:
     """[Hz]"""
     amplitude: float
     """[rad]"""
+    load_noise: float
+    """Share of the stall torque"""
     seed: int
     capacity: Array
     """By degree from 1, (D,); NaN in all where the simulation failed"""
@@ -92,6 +94,7 @@ class Row:
             "damping_n_m_s_per_rad": self.damping,
             "rate_hz": self.rate,
             "amplitude_rad": self.amplitude,
+            "load_noise": self.load_noise,
             "useful_by_degree": known(self.useful),
             "useful_by_degree_noiseless": known(self.noiseless),
         }
@@ -99,13 +102,13 @@ class Row:
 
 
 def rows_of(
-    points: Mapping[str, Sequence[Point]], table: Sequence[Mapping[str, Any]], measuring: Measuring
+    points: Mapping[str, Sequence[Point]],
+    found: Mapping[Point, Mapping[str, Any]],
+    measuring: Measuring,
 ) -> dict[str, list[Row]]:
-    """Rows by what they are for, out of a sweep's table."""
-    found = {each["file"]: each for each in table}
+    """Rows by what they are for, out of what was found at each point."""
     return {
-        name: [_row(point, found[f"{key(point, measuring)}.json"], measuring) for point in of]
-        for name, of in points.items()
+        name: [_row(point, found[point], measuring) for point in of] for name, of in points.items()
     }
 
 
@@ -119,6 +122,7 @@ def _row(point: Point, content: Mapping[str, Any], measuring: Measuring) -> Row:
         damping=point.damping,
         rate=point.rate,
         amplitude=point.amplitude,
+        load_noise=point.load_noise,
         seed=point.seed,
         capacity=_degrees(both["capacity"]) if both else np.full(degrees, np.nan),
         useful=_degrees(both["beyond_taps"]) if both else np.full(degrees, np.nan),
@@ -164,8 +168,14 @@ def _seed(row: Row) -> int:
 
 
 def readouts(rows: Sequence[Row]) -> list[str]:
-    """Names of the readouts that were scored."""
+    """Names of the readouts that were scored anywhere."""
     return list(dict.fromkeys(name for row in rows for name in row.pose_mm))
+
+
+def steady_readouts(rows: Sequence[Row]) -> list[str]:
+    """Names of the readouts that were scored wherever any was."""
+    scored = [row.pose_mm for row in rows if row.pose_mm]
+    return [name for name in readouts(rows) if all(name in each for each in scored)]
 
 
 def error_of(readout: str) -> Callable[[Row], float]:

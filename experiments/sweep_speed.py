@@ -51,7 +51,7 @@ def main(config: SweepSpeed) -> None:
 def swept(count: int, steps: int) -> tuple[float, float]:
     """Seconds and peak memory [MB], all processes together, of a sweep over so many seeds."""
     few = {"delays": "4 2 0", "coarsest": "1", "sessions": "3", "session-steps": "200"}
-    flags = [f"--measuring.{name} {value}" for name, value in few.items()] + [f"--steps {steps}"]
+    flags = [f"--{name} {value}" for name, value in few.items()] + [f"--steps {steps}"]
     seeds = [str(seed) for seed in range(count)]
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "serpent_twin.sweep", "--out", f"{folder}/sweep"]

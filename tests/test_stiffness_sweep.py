@@ -19,6 +19,7 @@ from stiffness_sweep_plan import (
     AMPLITUDES,
     CROSSED,
     GRID,
+    NOISES,
     RATES,
     RATIO,
     RIGID,
@@ -52,12 +53,14 @@ def ran(tmp_path_factory):
 def test_a_quick_sweep_writes_results_report_and_figures(ran):
     config, results = ran
     assert {"points", "seconds_per_point", "engine_ratio", "table", "answers"} <= set(results)
-    assert results["points"] == len(list((config.out / "sweep" / "points").iterdir()))
+    assert results["points"] == sum(
+        len(list((config.out / name / "points").iterdir())) for name in ("sweep", "commands")
+    )
     assert results["seconds_per_point"] > 0 and results["engine_ratio"] > 0
     assert len(results["table"]) == 6 and all(set(row) == ROW for row in results["table"])
     for row in results["table"]:
         assert len(row["capacity_by_degree"]) == 3 and 0 < row["consistency"] <= 1
-        assert set(row["pose_mm"]) == {"analytical", "linear", "residual"}
+        assert set(row["pose_mm"]) == {"analytical", "linear", "residual", "mlp"}
     assert results["provenance"]["versions"]["mujoco"]
     assert {path.stem for path in (config.out / "figures").iterdir()} >= FIGURES
     page = (config.out / "report.html").read_text()
@@ -77,9 +80,8 @@ def test_logged_arms_are_placed_and_what_short_logs_cannot_carry_is_said(ran):
     config, results = ran
     (found,) = results["arms"].values()
     assert 3e3 < found["place"]["stiffness"] < 6e3
-    assert (
-        set(found["pose_mm"]) == set(found["twin_pose_mm"]) == {"analytical", "linear", "residual"}
-    )
+    for mm in found["pose_mm"], found["twin_pose_mm"]:
+        assert set(mm) == {"analytical", "linear", "residual", "mlp"}
     assert found["refused"] and found["refused"] in (config.out / "report.md").read_text()
     own = results["transfer"]["mm"]["residual"]["arm_a"]["arm_a"]
     assert own == pytest.approx(found["pose_mm"]["residual"], rel=1e-6)
@@ -103,7 +105,7 @@ def made(stiffness, slack, seed, memory=-1.0, higher=1.0, gravity=0.0, peak=5.3,
     noise = 1e-3 * np.random.default_rng(seed).standard_normal()
     first, second, third = 9 - higher * slack * 1e3, gravity, higher * slack * 1e3
     return Row(
-        stiffness, slack, 1e-3, rate, 0.07, seed,
+        stiffness, slack, 1e-3, rate, 0.07, 0.004, seed,
         capacity=np.array([first, second, third]) + noise,
         useful=np.array([5 - (k - peak) ** 2 / 10, 0.0, 0.0]),
         noiseless=np.array([5 - (k - peak) ** 2 / 10, 0.0, 0.0]),
@@ -184,7 +186,7 @@ def test_a_page_shows_what_was_measured_and_what_failed():
         nothing, memory=np.full(4, np.nan), mean_delay=np.nan, consistency=np.nan, pose_mm={}
     )
     sweep[GRID][0] = replace(sweep[GRID][0], failed="simulation: it became unstable", **lost)
-    sweep[AMPLITUDES] = sweep[CROSSED] = sweep[RATES]
+    sweep[AMPLITUDES] = sweep[CROSSED] = sweep[NOISES] = sweep[RATES]
     sweep[RIGID] = [replace(row, stiffness=np.inf) for row in sweep[RATIO]]
     loads = {"profile": [9.0, 1.0], "mean_delay_holds": 0.1}
     memory = {"loads": loads, "both": {"left_out": "Too few rows."}}

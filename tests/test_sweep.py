@@ -200,6 +200,23 @@ def test_overlap_is_the_share_of_the_markers_that_states_hold():
     assert overlap(sought, capacities(both, u, 2, (3, 2))) == pytest.approx(1, abs=0.05)
 
 
+def test_pose_errors_alone_are_those_of_the_whole_point():
+    alone = json.loads(measured(POINT, replace(QUICK, body=False)).text)
+    whole = json.loads(measured(POINT, QUICK).text)
+    assert alone["body"] is None and not alone["failed"]
+    assert alone["pose"] == whole["pose"]
+
+
+def test_noise_of_the_loads_changes_what_is_read_and_nothing_else():
+    quiet, noisy = (
+        body.simulate(replace(POINT, load_noise=noise), QUICK) for noise in (0.004, 0.05)
+    )
+    assert np.array_equal(quiet.motion.load, noisy.motion.load)
+    for runs, noise in ((quiet, 0.004), (noisy, 0.05)):
+        added = runs.read[..., 10:] - runs.motion.load
+        assert added.std() == pytest.approx(noise, rel=0.05)
+
+
 def test_a_session_is_the_one_that_collect_records(tmp_path):
     point = Point(
         NOMINAL.strand_stiffness, NOMINAL.strand_slack, NOMINAL.joint_damping, 4, 0.07, 5, 1

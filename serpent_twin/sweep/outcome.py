@@ -76,7 +76,8 @@ def measured(point: Point, measuring: Measuring) -> Outcome:
 
 def _parts(point: Point, measuring: Measuring) -> _Parts:
     parts = _Parts()
-    parts.add("simulation", lambda: body.simulate(point, measuring))
+    if measuring.body:
+        parts.add("simulation", lambda: body.simulate(point, measuring))
     if runs := parts.found.get("simulation"):
         parts.add("body", lambda: measures.measure(runs, point, measuring))
     if point.stiffness is not None:  # on rigid cables the analytical pose is the pose

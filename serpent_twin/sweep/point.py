@@ -38,17 +38,20 @@ class Point:
     """Of inputs and noise: points of one seed have the same inputs"""
     steps: int
     """Command periods measured"""
+    load_noise: float = NOMINAL.load_noise
+    """Standard deviation of a load reading, as a share of the stall torque"""
 
     @property
     def parameters(self) -> Parameters:
         """Of the arm; on rigid cables only the noise counts."""
         if self.stiffness is None:
-            return NOMINAL
+            return replace(NOMINAL, load_noise=self.load_noise)
         return replace(
             NOMINAL,
             strand_stiffness=self.stiffness,
             strand_slack=self.slack,
             joint_damping=self.damping,
+            load_noise=self.load_noise,
         )
 
     @property
@@ -70,6 +73,7 @@ class Point:
             "hinge_damping_n_m_s_per_rad": float(self.damping),
             "command_rate_hz": float(self.rate),
             "amplitude_rad": float(self.amplitude),
+            "load_noise": float(self.load_noise),
             "seed": self.seed,
             "steps": self.steps,
         }
@@ -114,9 +118,11 @@ class Measuring:
     session_rate: float | None = None
     """Control steps per second [Hz]; by default as many as a point's command periods."""
     readouts: tuple[str, ...] = ("analytical", "linear", "residual")
-    """Readouts to train and score; others: mlp, lstm, decoder, ensemble, … take minutes a point."""
+    """Readouts to train and score; others: mlp, lstm, decoder, ensemble, … take longer, up to minutes."""
     epochs: int | None = None
     """Passes of a network over the training windows; by default its own."""
+    body: bool = True
+    """Measure memory and capacities; without, the pose errors alone."""
 
     def rows(self, steps: int) -> int:
         """Command periods of each stretch that are measured."""
@@ -130,12 +136,18 @@ class Measuring:
             if value is not None and value < low:
                 flag = name.replace("_", "-")
                 raise SerpentError(f"--{flag} is {value}; give a number of at least {low}.")
-        search(N_JOINTS, len(self.delays), self.delays)  # which refuses too many products
-        longest = max(*self.delays, self.memory_delay, self.taps)
+        for name in self.readouts:
+            find(name)
         if self.session_rate is not None and not 0 < self.session_rate <= 100:
             raise SerpentError(
                 f"--session-rate is {self.session_rate:g} Hz; give one above 0 and up to 100."
             )
+        if self.body:
+            self._check_body(steps)
+
+    def _check_body(self, steps: int) -> None:
+        search(N_JOINTS, len(self.delays), self.delays)  # which refuses too many products
+        longest = max(*self.delays, self.memory_delay, self.taps)
         if self.washout < longest:
             raise SerpentError(
                 f"--washout is {self.washout} command periods, and a delay or the taps reach {longest} back: "
@@ -143,8 +155,6 @@ class Measuring:
             )
         if self.stream <= self.taps:
             raise SerpentError(f"--stream is {self.stream}; give more than the {self.taps} taps.")
-        for name in self.readouts:
-            find(name)
         rows = self.stretches * self.rows(steps)
         fine_cut(rows, channels.COUNT + self.taps * N_JOINTS, self.coarsest)
 

@@ -55,7 +55,7 @@ def session(point: Point, measuring: Measuring, number: int) -> Session:
 def _twin(point: Point, rate: float) -> Twin:
     """The arm with time steps that are steady, a whole number of them to a control period."""
     model = point.design.spec().compile()
-    longest = steady_timestep(point.parameters.strand_stiffness, mjcf.TIMESTEP)
+    longest = steady_timestep(point.parameters.strand_stiffness, mjcf.TIMESTEP, mjcf.TIMESTEP)
     period = 1 / rate
     model.opt.timestep = period / np.ceil(period / longest - 1e-9)
     return Twin(point.design, model=model)

@@ -48,6 +48,8 @@ class Sweep:
     """Commands per second [Hz]."""
     amplitude: tuple[float, ...] = (0.07,)
     """Joint targets lie within ± this [rad]; the servos' speed limits it, at 4 Hz to 0.0706."""
+    load_noise: tuple[float, ...] = (NOMINAL.load_noise,)
+    """Noise of load readings, standard deviation as a share of the stall torque."""
     seeds: tuple[int, ...] = (0,)
     """Seeds of inputs and noise; points of one seed have the same inputs."""
     steps: int = 20_000
@@ -89,9 +91,9 @@ def grid(config: Sweep) -> list[Point]:
     if config.rigid:
         arms.append((None, 0.0, 0.0))
     points = [
-        Point(*arm, rate=rate, amplitude=amplitude, seed=seed, steps=config.steps)
-        for arm, rate, amplitude, seed in itertools.product(
-            arms, config.rate, config.amplitude, config.seeds
+        Point(*arm, rate, amplitude, seed, config.steps, noise)
+        for arm, noise, rate, amplitude, seed in itertools.product(
+            arms, config.load_noise, config.rate, config.amplitude, config.seeds
         )
     ]
     return list(dict.fromkeys(points))
