@@ -9,7 +9,7 @@ import numpy as np
 from mujoco import rollout
 
 from serpent_twin.arm import ARM, N_JOINTS, Array
-from serpent_twin.imposed import TIMESTEP, substeps
+from serpent_twin.imposed import TIMESTEP, hasten, substeps
 from serpent_twin.mechanism import addresses
 from serpent_twin.mjcf import JOINTS
 from serpent_twin.sweep import drive
@@ -65,6 +65,7 @@ def _bare(job: Job, steps: int) -> float:
     point, stretches, _ = job
     model = point.design.spec(motors=False).compile()
     model.opt.timestep = STEP
+    hasten(model)
     data = [mujoco.MjData(model) for _ in range(CORES)]
     count = CORES * stretches
     push = _pushes(point, model, count, steps // count)

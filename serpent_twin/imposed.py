@@ -103,7 +103,7 @@ def impose(
     if rough:
         timestep *= rough
         for model in models:
-            model.opt.solver, model.opt.iterations = mujoco.mjtSolver.mjSOL_PGS, _SWEEPS
+            hasten(model)
     run = _Run(designs, models, stretches, timestep, nthread or os.cpu_count() or 1)
     for row in range(stretches.time.shape[1]):
         if stretches.restart[row]:
@@ -112,6 +112,11 @@ def impose(
             run.step_to(row)
         run.read(row)
     return run.response()
+
+
+def hasten(model: mujoco.MjModel) -> None:
+    """Let a model's friction be found by a few sweeps of a quicker solver."""
+    model.opt.solver, model.opt.iterations = mujoco.mjtSolver.mjSOL_PGS, _SWEEPS
 
 
 def bearable(designs: Sequence[Design]) -> int:

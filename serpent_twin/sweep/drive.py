@@ -71,6 +71,7 @@ def drive(design: Design, targets: Array, rate: float) -> Motion:
     """
     timestep = steady_timestep(design.parameters.strand_stiffness, TIMESTEP, LONGEST)
     stretches = stretches_of(targets, rate)
+    # The quicker solver moves the ends of holds by less than the time step does.
     did = impose([design], stretches, LONGER * timestep, nthread=1, rough=1)
     if did.unstable.any():
         raise SerpentError(
