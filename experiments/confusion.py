@@ -8,12 +8,12 @@ ends, and the same command goes on.
 
 import contextlib
 import json
-import multiprocessing as mp
 import shutil
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -29,6 +29,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.provenance import provenance
 from serpent_twin.report import write
+from serpent_twin.sweep.processes import processes
 from serpent_twin.trace import Trace, trace
 
 SETTINGS = "confusion.json"
@@ -138,10 +139,10 @@ def _rows(config: Confusion, trials: Sequence[Trial]) -> Iterator[dict[str, Any]
             yield run_trial(config, trial)
         return
     waiting, running = list(trials), set[Future[dict[str, Any]]]()
-    with ProcessPoolExecutor(config.workers, mp.get_context("spawn")) as pool:
+    with processes(config.workers) as pool:
         while running or (waiting and time.monotonic() < ends):
             while waiting and len(running) < config.workers and time.monotonic() < ends:
-                running.add(pool.submit(run_trial, config, waiting.pop(0)))
+                running.add(pool.submit(partial(run_trial, config), waiting.pop(0)))
             ended, running = wait(running, return_when=FIRST_COMPLETED)
             yield from (job.result() for job in ended)
 

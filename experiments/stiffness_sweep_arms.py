@@ -54,7 +54,7 @@ class Place:
 def place(sessions: Sequence[Session], twin: Path | None) -> Place:
     """Out of a twin.json if there is one, else first guesses from logged poses and loads."""
     if twin:
-        return _median(design.read(twin), str(twin))
+        return _median(design.read(twin), f"its trace: {twin.parent.name}/{twin.name}")
     training = sessions[:-1]
     start = rigs.find("arm").open(training).vector.start
     return _median(start, f"first guesses from {len(training)} sessions")
