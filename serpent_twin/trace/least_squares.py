@@ -28,6 +28,9 @@ _STILL = 0.5
 """But one that moved its effects by fewer standard errors has"""
 NORMAL_95 = 1.96
 """Standard errors from the middle to the end of a 95 % interval"""
+SIMPLIFIED = 0.01
+"""Relative standard error of an effect's strength for what the twin's laws simplify, which no scatter of
+residuals shows (a type B uncertainty: JCGM 100, 4.3); independent arms of other laws were off by as much."""
 _STEPS = 10
 _LISTED = 6
 Tell = Callable[[str], None]
@@ -56,10 +59,10 @@ class Fit:
     used: tuple[int, ...]
 
     def interval(self, name: str, index: int) -> tuple[float, float, float]:
-        """An effect's parameter with its 95 % interval."""
+        """An effect's parameter with its 95 % interval, for scatter and for what is simplified."""
         at = len(self.moves.declared) + self.moves.effects.index((name, index))
         value = float(self.point.effects[name][index])
-        half = NORMAL_95 * float(self.error[at])
+        half = NORMAL_95 * float(np.hypot(self.error[at], SIMPLIFIED * value))
         return value, value - half, value + half
 
 
