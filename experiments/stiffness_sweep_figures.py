@@ -223,10 +223,12 @@ def _slack_panels(rows: Rows, logarithmic: bool = True) -> tuple[Drawing, list[A
 
 
 def _seeds(axes: Axes, rows: Rows, each: Array, colour: str, label: str) -> None:
-    """Mean over seeds of values (K, S) against stiffness, and how far they span."""
+    """Mean over seeds of values (K, S) against stiffness, where there are any, and how far they span."""
+    there = ~np.isnan(each).all(axis=1)
+    each = each[there]
     mean = np.nanmean(each, axis=1)
     span = np.abs(np.array([np.nanmin(each, axis=1), np.nanmax(each, axis=1)]) - mean)
-    at = np.array(_axis(rows, "stiffness")) / 1e3
+    at = np.array(_axis(rows, "stiffness"))[there] / 1e3
     axes.errorbar(at, mean, span, fmt="o-", color=colour, lw=1.8, ms=4, capsize=3, label=label)
 
 

@@ -69,11 +69,11 @@ def best(rows: Rows) -> str:
         at = f"{stiffness[most] / 1e3:.3g} kN/m ({useful[most]:.2f})"
         told = [f"Mean over slacks, the body adds most to its last commands at {at}"]
     for name in readouts(rows[GRID]):
-        error = np.nanmean(values(rows[GRID], error_of(name)), axis=(0, 2))
-        least = int(np.nanargmin(error))
-        told.append(
-            f"{name} errs least at {stiffness[least] / 1e3:.3g} kN/m ({error[least]:.1f} mm)"
-        )
+        every = values(rows[GRID], error_of(name))
+        there = np.flatnonzero(~np.isnan(every).all(axis=(0, 2)))
+        error = np.nanmean(every[:, there], axis=(0, 2))
+        at = stiffness[there[np.argmin(error)]]
+        told.append(f"{name} errs least at {at / 1e3:.3g} kN/m ({error.min():.1f} mm)")
     return f"{_joined(told)}."
 
 
