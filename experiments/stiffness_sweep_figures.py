@@ -136,6 +136,7 @@ def _commands(rows: Rows) -> Figure:
             if kind == RATES:
                 _meeting(axes, [row.stiffness for row in of], value, colour)
         axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("")
         axes.set_xlabel("strand stiffness [kN/m]")
         _tidy(axes)
         axes.legend(frameon=False, fontsize=8)
@@ -218,6 +219,7 @@ def _slack_panels(rows: Rows, logarithmic: bool = True) -> tuple[Drawing, list[A
         if logarithmic:
             axes.set_xscale("log")
             axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter("")
             axes.set_xlabel("strand stiffness [kN/m]")
     return drawing, panels
 
