@@ -151,7 +151,7 @@ def _places(c: Comparison) -> Iterator[Feature]:
     if c.marker_predicted is None or not c.has_markers:
         return
     tip = c.marker_predicted[:, :, -1]
-    for axis, letter in enumerate("xyz"):
+    for axis, letter in enumerate(c.marker.axes):
         name = f"{c.marker_names[-1]}'s place along {letter}"
         yield _feature(name, "m", "place", tip[..., axis], hats(tip[..., axis]))
 

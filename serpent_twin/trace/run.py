@@ -3,7 +3,7 @@
 import json
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,9 @@ from serpent_twin import rigs
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
-from serpent_twin.log import Session
 from serpent_twin.provenance import file_hash, provenance, versions
 from serpent_twin.report import write
+from serpent_twin.rigs.rig import Log
 from serpent_twin.trace.conclude import conclude
 from serpent_twin.trace.diagnosis import Diagnosis
 from serpent_twin.trace.notebook import Notebook
@@ -71,13 +71,13 @@ def trace(config: Trace) -> dict[str, Any]:
         return _write(config, tracer, found, numbers, sessions)
 
 
-def _settings(config: Trace, sessions: list[Session]) -> dict[str, Any]:
+def _settings(config: Trace, sessions: Sequence[Log]) -> dict[str, Any]:
     inputs = {s.name: file_hash(s.path) for s in sessions if s.path}
     kept = {"rig": config.rig, "held_out": config.held_out, "seed": config.seed}
     return kept | {"input_sha256": inputs, "versions": versions()}
 
 
-def _run(config: Trace, rig: rigs.Rig, sessions: list[Session]) -> tuple[Tracer, Diagnosis]:
+def _run(config: Trace, rig: rigs.Rig, sessions: Sequence[Log]) -> tuple[Tracer, Diagnosis]:
     training, judging = sessions[: -config.held_out], sessions[-config.held_out :]
     with tqdm(total=_STEPS, unit="step", desc="first guesses", smoothing=0.1) as bar:
 
@@ -103,7 +103,7 @@ def _write(
     tracer: Tracer,
     found: Diagnosis,
     numbers: dict[str, Any],
-    sessions: list[Session],
+    sessions: Sequence[Log],
 ) -> dict[str, Any]:
     origin = _settings(config, sessions) | provenance()
     numbers = numbers | {"provenance": origin}

@@ -48,7 +48,7 @@ class Trial:
     fit: Fit | None
     """None if it was not worth a full fit"""
     gain: Gain | None
-    error_mm: float
+    error: float
     """Held-out, with it if it was fitted, else without [mm]"""
 
 
@@ -117,7 +117,7 @@ class Tracer:
         after = self.errors(polished.point)
         better = gain(done.errors, after, np.random.default_rng([self.seed, 5]), done.fitted)
         before = done.trials[done.accepted]
-        trial = replace(before, fit=polished, gain=better, error_mm=after.marker)
+        trial = replace(before, fit=polished, gain=better, error=after.marker)
         stands = _best({done.accepted: trial}, self.case.candidates)
         return replace(done, trials={**done.trials, done.accepted: trial}, accepted=stands)
 
