@@ -51,6 +51,8 @@ class Machine(Protocol):
     """Of so many rows one is used"""
     block: float
     """Seconds that are judged as one"""
+    segment: float
+    """Seconds between two starts from a measured state while fitting; 0 where that is not known"""
 
     def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
         """The twin as MJCF."""
@@ -63,11 +65,13 @@ class Machine(Protocol):
 
 @dataclass(frozen=True)
 class RunCase:
-    """Runs of one machine: each is simulated from its first row to its last."""
+    """Runs of one machine."""
 
     machine: Machine
     noise: Array
     """Weighs each output, in its column's unit, (C,)"""
+    segments: tuple[int, int] = (48, 96)
+    """How many a fit uses while it searches, and the last"""
     unseen: Mapping[str, str] = field(default_factory=dict)
     clock: Stopwatch = field(default_factory=Stopwatch)
 
@@ -87,7 +91,12 @@ class RunCase:
         return len(self.machine.outputs)
 
     def pieces(self, sessions: Sequence[Recording]) -> Runs:
-        """The runs, whole."""
+        """The runs in segments, each starting from what was measured."""
+        whole = self.whole(sessions)
+        return whole.segments(self.machine.segment) if self.machine.segment else whole
+
+    def whole(self, sessions: Sequence[Recording]) -> Runs:
+        """The runs from their first rows to their last."""
         outputs = [each.column for each in self.machine.outputs]
         return cut(sessions, self.machine.columns, outputs, self.machine.every)
 
@@ -146,7 +155,7 @@ class RunCase:
             "load": rest[0].measure,
         } if rest else {}  # fmt: skip
         return Comparison(
-            session=tuple(np.repeat(np.array(pieces.session), n)[known]),
+            session=tuple(np.repeat(np.array(pieces.session), n)[known].tolist()),
             time=blocks(pieces.time)[known],
             marker_measured=blocks(pieces.measured)[known, :, :1, None],
             marker_predicted=blocks(predicted)[known, :, :1, None],

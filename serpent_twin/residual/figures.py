@@ -156,7 +156,7 @@ def _heat(comparison: Comparison, findings: Findings) -> Figure:
     """Which joint or marker is off, and when."""
     drawing, axes = _sheet(9, 3.7)
     names, values, label = marker_curve(comparison, findings.place)
-    rows = max(1, round(4 / comparison.period))
+    rows = min(max(1, round(4 / comparison.period)), values.shape[1])
     pieces = values.shape[1] // rows
     cut = values[:, : pieces * rows].reshape(len(values), pieces, rows, -1)
     order = np.lexsort((comparison.start, np.array(comparison.session)))

@@ -152,6 +152,10 @@ class Case(Protocol[P]):
     """Time spent in simulation"""
     channels: int
     """Numbers that a residual has for each row of a log"""
+    segments: tuple[int, int]
+    """How many segments a fit uses at most while it searches, enough to tell effects apart, and the last
+    fit
+    """
 
     def pieces(self, sessions: Sequence[Any]) -> P:
         """Cut sessions into segments."""

@@ -4,11 +4,12 @@ The logs are the pendulum bench of Rhoban's BAM: goal angles and P gain in, the 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
+from scipy.signal import savgol_filter
 
 from serpent_twin.arm import ARM, Array
 from serpent_twin.effects import Effect
@@ -24,8 +25,9 @@ _GRAVITY = 9.81
 # Full duty is 885 units of PWM. The manual has P gain / 128 units a count of error; the logged register
 # says / 256, as Rhoban found, too.
 _DUTY = 4096 / (2 * np.pi) / 256 / 885  # per rad of error and unit of gain
+_SMOOTH = 0.1  # [s] over which an angle is a parabola
 _ENCODER = 2 * np.pi / 4096 / np.sqrt(12)  # [rad]
-_COLUMNS = ("time", "position", "speed", "goal_position", "torque_enable")
+_COLUMNS = ("time", "position", "goal_position", "torque_enable")
 _METADATA = ("mass", "length", "kp", "vin")
 _CANDIDATES = (
     "hinge_friction",
@@ -59,12 +61,13 @@ class Xl330:
     drive: str = "goal_position"
     drive_name: str = "goal"
     hinge_name: str = "horn"
-    columns: tuple[str, ...] = ("goal_position", "torque_enable", "position", "speed")
+    columns: tuple[str, ...] = ("goal_position", "torque_enable", "position", "velocity")
     outputs: tuple[Output, ...] = (Output("position", ANGLE, _ENCODER),)
     declared: tuple[Declared, ...] = field(default_factory=_declared)
     candidates: dict[str, Candidate] = field(default_factory=_candidates)
     every: int = 1
-    block: float = 1.5
+    block: float = 0.5
+    segment: float = 0.0
 
     def spec(
         self,
@@ -111,7 +114,7 @@ class Xl330:
         supply = np.tile([m["vin"] for m in runs.metadata], D)[:, None]
         weight = _GRAVITY * np.tile([m["mass"] * m["length"] for m in runs.metadata], D)[:, None]
         per_volt, per_speed = turns.gainprm[:, :, 0].copy(), turns.biasprm[:, :, 2].copy()
-        turns.qpos[...], turns.qvel[...] = rows("position", 0) + zero, rows("speed", 0)
+        turns.qpos[...], turns.qvel[...] = rows("position", 0) + zero, rows("velocity", 0)
         angle = np.empty((D * S, T))
         for t in range(T):
             on = rows("torque_enable", t) > 0.5
@@ -154,6 +157,15 @@ def _turns(machine: Xl330, points: Sequence[Point], runs: Runs) -> _Powered:
     return _Powered(models, several, np.tile(runs.period, len(points)))
 
 
+def _with_velocity(run: Recording) -> Recording:
+    """With the angle's rate of change, where a simulation starts: the logged speed is 20 ms old."""
+    time, angle = run.columns["time"], run.columns["position"]
+    period = float(np.median(np.diff(time)))
+    rows = 2 * round(_SMOOTH / period / 2) + 1
+    velocity = savgol_filter(angle, max(rows, 5), 2, deriv=1, delta=period)
+    return replace(run, columns=run.columns | {"velocity": velocity})
+
+
 @dataclass(frozen=True)
 class Xl330Rig:
     """The bench, judged by its horn's angle."""
@@ -162,11 +174,11 @@ class Xl330Rig:
 
     def read(self, folder: Path) -> list[Recording]:
         """The runs of a folder."""
-        return read_folder(folder, _COLUMNS, _METADATA)
+        return [_with_velocity(run) for run in read_folder(folder, _COLUMNS, _METADATA)]
 
     def read_files(self, paths: Sequence[Path]) -> list[Recording]:
         """The runs of some files."""
-        return [read(path, _COLUMNS, _METADATA) for path in paths]
+        return [_with_velocity(read(path, _COLUMNS, _METADATA)) for path in paths]
 
     def open(self, training: Sequence[Recording]) -> RunCase:
         """The data sheet's numbers are the first guess."""

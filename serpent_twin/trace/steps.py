@@ -36,8 +36,6 @@ SURE = 3.0
 _MOST_EFFECTS = 4
 _PLAIN = 0.3
 """Relative gain of a candidate so plain that none need be sought that calibration had swallowed"""
-_SEGMENTS = 7  # that a fit uses while it searches: enough to tell effects apart
-_LAST = 12  # that the last fit uses
 
 
 @dataclass(frozen=True)
@@ -121,6 +119,11 @@ class Tracer:
         stands = _best({done.accepted: trial}, self.case.candidates)
         return replace(done, trials={**done.trials, done.accepted: trial}, accepted=stands)
 
+    @property
+    def _most(self) -> int:
+        """Segments that a fit uses while it searches."""
+        return self.case.segments[0]
+
     def errors(self, point: Point) -> Errors:
         """Held-out errors of a point."""
         return errors(self.case.compare(point, self.held_out))
@@ -134,7 +137,7 @@ class Tracer:
         self.tell("opening")
         opening = self.notes.fit(
             "opening",
-            lambda: fit(self.case, self.training, start, moves, 1, _SEGMENTS, self.tell, steps=0),
+            lambda: fit(self.case, self.training, start, moves, 1, self._most, self.tell, steps=0),
         )
         first = self._fit("calibrated_1", start, moves, 1, opening)
         self._opening_case = self.case
@@ -150,13 +153,13 @@ class Tracer:
         moves: Moves,
         derivatives: int,
         known: Fit | None = None,
-        segments: int = _SEGMENTS,
+        segments: int = 0,
     ) -> Fit:
         self.tell(f"fit {name.replace('_', ' ')}")
         return self.notes.fit(
             name,
             lambda: fit(
-                self.case, self.training, start, moves, derivatives, segments, self.tell, known
+                self.case, self.training, start, moves, derivatives, segments or self._most, self.tell, known
             ),
         )
 
@@ -170,7 +173,7 @@ class Tracer:
         if not found.point.effects:
             return found
         self.case = self.case.reweighted(found.point, self.training)
-        return self._fit("last", found.point, found.moves, 1, segments=_LAST)
+        return self._fit("last", found.point, found.moves, 1, segments=self.case.segments[1])
 
     def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
         """Try all candidates; those that calibration may have swallowed also from the opening."""
@@ -234,7 +237,7 @@ class Tracer:
             less = self.notes.fit(
                 f"without_{len(rounds)}_{name}",
                 lambda p=point, m=moves, f=final: fit(
-                    self.case, self.training, p, m, 3, _SEGMENTS, self.tell, known=f
+                    self.case, self.training, p, m, 3, self._most, self.tell, known=f
                 ),
             )
             rng = np.random.default_rng([self.seed, 99])
