@@ -1,4 +1,4 @@
-"""What if a cable that the twin has as rigid stretches?"""
+"""What if a cable that the twin has as rigid stretches under its load?"""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,32 +10,28 @@ from serpent_twin.effects.effect import Effect, parameter
 
 RIGID = 1e-3
 """Compliance of what stands for a rigid cable [rad/(N m)]: torques of 0.1 N m turn it by 0.006°"""
-SETTLES = 0.005
-"""Damping over stiffness [s]: keeps a light hinge on a stiff cable stable at time steps up to twice this"""
+SETTLES = 0.01
+"""Damping over stiffness [s]: keeps a light load on a stiff cable stable at time steps up to twice this"""
 
 
 @dataclass(frozen=True)
 class CableStretch(Effect):
-    """A drive's cable stretches by compliance × the torque that it carries: on its way to the hinge that
-    rubs, and from there to the load. Dry friction at the hinge makes the two torques unlike.
+    """The cable from the hinge that is driven to its load stretches by compliance × the load's torque.
 
-    Source: Hooke's law. MJCF expresses all of it, as the stiffnesses of the tendons cable1 and cable2.
-    Steel cables of 0.4 mm and half a metre on drums of some millimetres give 0.1 … 2 rad/(N m).
+    Source: Hooke's law. MJCF expresses all of it, as the stiffness of the tendon `cable`. Steel cables of
+    0.4 mm and some centimetres on drums of a few millimetres give 0.1 … 2 rad/(N m).
     """
 
-    beyond: float = parameter("rad/(N m)", high=10.0, typical=0.5)
-    """Of the cable from the hinge to the load [rad/(N m)]"""
-    before: float = parameter("rad/(N m)", high=10.0, typical=0.5)
-    """Of the cable from the drive to the hinge [rad/(N m)]"""
+    compliance: float = parameter("rad/(N m)", high=10.0, typical=0.5)
+    """[rad/(N m)]"""
 
-    shows_in: ClassVar[str] = "a load that gives way in proportion to the torques of both ends"
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "joint_elasticity")
+    shows_in: ClassVar[str] = "a load that gives way in proportion to its torque"
+    confused_with: ClassVar[tuple[str, ...]] = ("shaft_stretch",)
     of_arm: ClassVar[bool] = False
 
     def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
-        """Soften the tendons."""
-        for name, compliance in (("cable1", self.before), ("cable2", self.beyond)):
-            soften(spec.tendon(name), RIGID + compliance)
+        """Soften the tendon."""
+        soften(spec.tendon("cable"), RIGID + self.compliance)
 
 
 def soften(cable: mujoco.MjsTendon, compliance: float) -> None:

@@ -36,23 +36,60 @@ class Output:
 class Machine(Protocol):
     """What a rig with runs provides."""
 
-    name: str
-    drive: str
-    """Column of what drives the machine, an angle"""
-    drive_name: str
-    hinge_name: str
-    columns: tuple[str, ...]
-    """Columns that drive it, `drive` among them"""
-    outputs: tuple[Output, ...]
-    """The angle, then perhaps a torque"""
-    declared: tuple[Declared, ...]
-    candidates: Mapping[str, Candidate]
-    every: int
-    """Of so many rows one is used"""
-    block: float
-    """Seconds that are judged as one"""
-    segment: float
-    """Seconds between two starts from a measured state while fitting; 0 where that is not known"""
+    @property
+    def name(self) -> str:
+        """The rig's."""
+        ...
+
+    @property
+    def drive(self) -> str:
+        """Column of what drives the machine, an angle."""
+        ...
+
+    @property
+    def drive_name(self) -> str:
+        """What people call it."""
+        ...
+
+    @property
+    def hinge_name(self) -> str:
+        """What people call what turns."""
+        ...
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns that a simulation reads, `drive` among them."""
+        ...
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """The angle, then perhaps a torque."""
+        ...
+
+    @property
+    def declared(self) -> tuple[Declared, ...]:
+        """What calibration fits."""
+        ...
+
+    @property
+    def candidates(self) -> Mapping[str, Candidate]:
+        """What the machine may have."""
+        ...
+
+    @property
+    def every(self) -> int:
+        """Of so many rows, one is used."""
+        ...
+
+    @property
+    def block(self) -> float:
+        """Seconds that are judged as one: longer than errors hang together."""
+        ...
+
+    @property
+    def segments(self) -> tuple[int, int]:
+        """How many runs a fit uses at most while it searches, and the last fit."""
+        ...
 
     def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
         """The twin as MJCF."""
@@ -70,8 +107,6 @@ class RunCase:
     machine: Machine
     noise: Array
     """Weighs each output, in its column's unit, (C,)"""
-    segments: tuple[int, int] = (48, 96)
-    """How many a fit uses while it searches, and the last"""
     unseen: Mapping[str, str] = field(default_factory=dict)
     clock: Stopwatch = field(default_factory=Stopwatch)
 
@@ -86,17 +121,17 @@ class RunCase:
         return self.machine.candidates
 
     @property
+    def segments(self) -> tuple[int, int]:
+        """How many runs a fit uses while it searches, and the last."""
+        return self.machine.segments
+
+    @property
     def channels(self) -> int:
         """Numbers that a residual has for each row."""
         return len(self.machine.outputs)
 
     def pieces(self, sessions: Sequence[Recording]) -> Runs:
-        """The runs in segments, each starting from what was measured."""
-        whole = self.whole(sessions)
-        return whole.segments(self.machine.segment) if self.machine.segment else whole
-
-    def whole(self, sessions: Sequence[Recording]) -> Runs:
-        """The runs from their first rows to their last."""
+        """The runs, whole."""
         outputs = [each.column for each in self.machine.outputs]
         return cut(sessions, self.machine.columns, outputs, self.machine.every)
 
@@ -153,6 +188,7 @@ class RunCase:
             "load_measured": blocks(pieces.measured)[known, :, 1:],
             "load_predicted": blocks(predicted)[known, :, 1:],
             "load": rest[0].measure,
+            "load_counts": np.ones((int(known.sum()), rows, 1), bool),
         } if rest else {}  # fmt: skip
         return Comparison(
             session=tuple(np.repeat(np.array(pieces.session), n)[known].tolist()),

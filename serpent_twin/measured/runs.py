@@ -33,25 +33,6 @@ class Runs:
         """Time between rows of each run [s], (S,)."""
         return np.median(np.diff(self.time, axis=1), axis=1)
 
-    def segments(self, seconds: float) -> "Runs":
-        """Each run cut into segments of about so many seconds; what is left of a run is left out."""
-        T = self.time.shape[1]
-        n = max(1, round(float(np.median(self.period)) * T / seconds))
-        rows = T // n
-        each = [(s, k * rows) for s in range(len(self)) for k in range(n)]
-
-        def parts(values: Array) -> Array:
-            return np.array([values[s, at : at + rows] for s, at in each])
-
-        cut = Runs(
-            tuple(self.session[s] for s, _ in each),
-            tuple(self.metadata[s] for s, _ in each),
-            parts(self.time),
-            {name: parts(values) for name, values in self.column.items()},
-            parts(self.measured),
-        )
-        return cut.take(np.flatnonzero(np.isfinite(cut.measured).any(axis=(1, 2))).tolist())
-
     def take(self, which: Sequence[int]) -> "Runs":
         """Some of the runs."""
         n = list(which)

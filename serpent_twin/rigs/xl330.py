@@ -67,7 +67,7 @@ class Xl330:
     candidates: dict[str, Candidate] = field(default_factory=_candidates)
     every: int = 1
     block: float = 0.5
-    segment: float = 0.0
+    segments: tuple[int, int] = (24, 48)
 
     def spec(
         self,

@@ -39,7 +39,8 @@ def _mean(values: Array) -> float:
 
 def errors(comparison: Comparison) -> Errors:
     """The errors of a comparison, segment by segment."""
-    moving = is_moving(comparison, MOVING)
+    told = comparison.load_counts is not None
+    moving = True if told else is_moving(comparison, MOVING)
     load = np.where(moving, comparison.load_residual, np.nan)
     some = np.isfinite(load).any(axis=(1, 2))
     rms = np.full(len(load), np.nan)

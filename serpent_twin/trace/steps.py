@@ -119,11 +119,6 @@ class Tracer:
         stands = _best({done.accepted: trial}, self.case.candidates)
         return replace(done, trials={**done.trials, done.accepted: trial}, accepted=stands)
 
-    @property
-    def _most(self) -> int:
-        """Segments that a fit uses while it searches."""
-        return self.case.segments[0]
-
     def errors(self, point: Point) -> Errors:
         """Held-out errors of a point."""
         return errors(self.case.compare(point, self.held_out))
@@ -137,7 +132,9 @@ class Tracer:
         self.tell("opening")
         opening = self.notes.fit(
             "opening",
-            lambda: fit(self.case, self.training, start, moves, 1, self._most, self.tell, steps=0),
+            lambda: fit(
+                self.case, self.training, start, moves, 1, self.case.segments[0], self.tell, steps=0
+            ),
         )
         first = self._fit("calibrated_1", start, moves, 1, opening)
         self._opening_case = self.case
@@ -153,14 +150,13 @@ class Tracer:
         moves: Moves,
         derivatives: int,
         known: Fit | None = None,
-        segments: int = 0,
+        last: bool = False,
     ) -> Fit:
         self.tell(f"fit {name.replace('_', ' ')}")
+        case, most = self.case, self.case.segments[last]
         return self.notes.fit(
             name,
-            lambda: fit(
-                self.case, self.training, start, moves, derivatives, segments or self._most, self.tell, known
-            ),
+            lambda: fit(case, self.training, start, moves, derivatives, most, self.tell, known),
         )
 
     def _polish(self, found: Fit, name: str) -> Fit:
@@ -173,7 +169,7 @@ class Tracer:
         if not found.point.effects:
             return found
         self.case = self.case.reweighted(found.point, self.training)
-        return self._fit("last", found.point, found.moves, 1, segments=self.case.segments[1])
+        return self._fit("last", found.point, found.moves, 1, last=True)
 
     def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
         """Try all candidates; those that calibration may have swallowed also from the opening."""
@@ -237,7 +233,7 @@ class Tracer:
             less = self.notes.fit(
                 f"without_{len(rounds)}_{name}",
                 lambda p=point, m=moves, f=final: fit(
-                    self.case, self.training, p, m, 3, self._most, self.tell, known=f
+                    self.case, self.training, p, m, 3, self.case.segments[0], self.tell, known=f
                 ),
             )
             rng = np.random.default_rng([self.seed, 99])
