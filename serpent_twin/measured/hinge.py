@@ -68,8 +68,11 @@ class Turns:
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         self.ctrl, self.applied = self.batch.bind("ctrl"), self.batch.bind("qfrc_applied")
         self.sensors = self.batch.bind("sensordata")
-        at, dof = addresses(models[0], (HINGE,))
-        self.at, self.dof = int(at[0]), int(dof[0])
+        _, dof = addresses(models[0], (HINGE,))
+        seen = models[0].sensor(SENSOR)
+        self._seen = int(models[0].jnt_qposadr[models[0].sensor_objid[seen.id]])
+        self._delayed = bool(models[0].sensor_history[seen.id, 0])
+        self.dof = int(dof[0])
         self._friction = self.batch.expand("dof_frictionloss")
         self._base = self._friction[:, [self.dof]].copy()
         self._effects = effects.stacked(several)
@@ -97,6 +100,13 @@ class Turns:
         self.batch.forward()
         History(self.batch).fill()
         self.batch.forward()
+
+    def read(self) -> Array:
+        """The angle that is measured now [rad], (n,): after a step, sensors are one step old."""
+        if not self._delayed:
+            return self.qpos[:, self._seen].copy()
+        self.batch.forward()
+        return self.sensors[:, 0].copy()
 
     def act(self, moment: HingeMoment) -> HingeMoment:
         """Let the effects act on the next time step, and the hinge rub as they have it."""

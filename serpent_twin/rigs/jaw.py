@@ -135,8 +135,8 @@ class Jaw:
             if k == 0:
                 turns.start(moment)
             turns.act(moment)
-            angle = turns.sensors[:, 0].copy()
             winch = moment.winch_angle - speed * period if k == 0 else winch
+            angle = turns.read()
             drive, asked = turns.turn(winch, moment.winch_angle, scale * load[:, [k]])
             winch = moment.winch_angle
             if k >= _BEFORE:

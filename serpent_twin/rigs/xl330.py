@@ -119,6 +119,7 @@ class Xl330:
         for t in range(T):
             on = rows("torque_enable", t) > 0.5
             goal, speed = rows("goal_position", t), turns.qvel
+            angle[:, t] = turns.read() - zero[:, 0] if t else rows("position", 0)[:, 0]
             volts = supply * np.clip(gain * (goal - (turns.qpos - zero)), -1, 1)
             drive = on * (per_volt * volts + per_speed * speed)
             asked = weight * np.sin(turns.qpos)
@@ -126,7 +127,6 @@ class Xl330:
             if t == 0:
                 turns.start(moment)
             turns.act(moment)
-            angle[:, t] = (turns.sensors - zero)[:, 0]
             turns.gainprm[:, :, 0], turns.biasprm[:, :, 2] = on * per_volt, on * per_speed
             turns.ctrl[...] = volts
             turns.applied[...] = moment.drive_torque - drive
