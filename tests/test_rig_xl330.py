@@ -105,16 +105,16 @@ def test_refusals_say_what_to_do(tmp_path):
     about, columns = pendulum(200, 0, 0, 0, seconds=1)
     path = tmp_path / "a.parquet"
     write_log(path, {k: v for k, v in about.items() if k != "kp"}, **columns)
-    with pytest.raises(SerpentError, match="lacks metadata kp: .* Name another --rig or --logs"):
+    with pytest.raises(SerpentError, match=r"lacks metadata kp: .* Name another --rig or --logs"):
         RIG.read(tmp_path)
     write_log(path, about, **(columns | {"position": columns["position"] * np.nan}))
-    with pytest.raises(SerpentError, match="position are not finite .* Repair or leave out"):
+    with pytest.raises(SerpentError, match=r"position are not finite .* Repair or leave out"):
         RIG.read_files([path])
     write_log(path, about, **(columns | {"time": columns["time"][::-1]}))
-    with pytest.raises(SerpentError, match="time does not increase .* Repair or leave out"):
+    with pytest.raises(SerpentError, match=r"time does not increase .* Repair or leave out"):
         RIG.read_files([path])
     path.write_bytes(b"no parquet")
-    with pytest.raises(SerpentError, match="not a whole Parquet file .* Copy it again"):
+    with pytest.raises(SerpentError, match=r"not a whole Parquet file .* Copy it again"):
         RIG.read_files([path])
 
 

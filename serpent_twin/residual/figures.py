@@ -174,7 +174,8 @@ def _heat(comparison: Comparison, findings: Findings) -> Figure:
     bar.set_label(label)
     bar.outline.set_visible(False)  # pyright: ignore
     axes.spines[:].set_visible(False)
-    caption = "Where along the machine and when the markers are off: darker is more."
+    are = comparison.marker.are
+    caption = f"Where along the machine and when {are} off: darker is more."
     return Figure("error_by_place_and_time", drawing, caption)
 
 

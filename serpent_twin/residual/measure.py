@@ -21,6 +21,8 @@ class Measure:
     """The unit as a JSON key ends with it"""
     scale: float
     """That unit per unit of the arrays"""
+    base: str
+    """The arrays' unit"""
     noise: str = "noise of the measurement alone"
     """What makes the error of a twin that lacks nothing"""
     axes: str = ""
@@ -54,6 +56,7 @@ MARKERS = Measure(
     "mm",
     "mm",
     1e3,
+    "m",
     "noise of the cameras alone",
     "xyz",
 )
@@ -64,7 +67,8 @@ LOADS = Measure(
     "% of stall",
     "percent",
     100.0,
+    "of stall",
     "noise of the loads alone",
 )
-ANGLE = Measure("angle", "the angle is", "mean error of the angle", "°", "deg", 180 / np.pi)
-TORQUE = Measure("torque", "the torque is", "torque error, rms", "mN m", "mNm", 1e3)
+ANGLE = Measure("angle", "the angle is", "mean error of the angle", "°", "deg", 180 / np.pi, "rad")
+TORQUE = Measure("torque", "the torque is", "torque error, rms", "mN m", "mNm", 1e3, "N m")
