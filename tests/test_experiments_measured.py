@@ -93,6 +93,13 @@ def test_it_says_what_is_missing(data, traced, tmp_path, capsys):
         measured.split([SimpleNamespace(path=Path("kp100_a.parquet"))], ["kp999_*"])
 
 
+def test_runs_of_other_names_are_split_by_their_order():
+    runs = [SimpleNamespace(path=Path(f"run_{n}.parquet")) for n in range(6)]
+    patterns = measured._fitting(runs, measured.BENCHES["xl330"])
+    training, judging = measured.split(runs, patterns[0])
+    assert [r.path.stem for r in judging] == ["run_1", "run_5"] and len(training) == 4
+
+
 def test_a_regression_finds_a_linear_law():
     rng = np.random.default_rng(0)
 

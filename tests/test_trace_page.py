@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from serpent_twin import report
-from serpent_twin.residual import Comparison, analyse, marker_size
+from serpent_twin.residual import ANGLE, TORQUE, Comparison, analyse, marker_size
 from serpent_twin.residual.learned import Learned
 from serpent_twin.rigs.arm.vector import candidates
 from serpent_twin.trace import figures, tables
@@ -241,3 +241,20 @@ def test_the_last_resort_stands_apart():
     assert "It is off" in sections(replace(untried, learned=off))[title].text
     assert "It was not learned" in sections(untried)[title].text
     assert list(sections(untried))[-1] == title
+
+
+def test_numbers_name_the_units_of_the_machine():
+    """The arm's keys are read by others; another machine's end with its own units."""
+    arm = diagnosis(effects=(PAYLOAD,)).numbers(1.0, 0.5)
+    assert {"error_mm", "load_error_percent"} <= set(arm)
+    assert {"gain_mm", "gain_load_percent"} <= set(arm["effects"][0])
+    assert "error_mm" in arm["candidates"][0] and "before_mm" in arm["learned"]
+    assert {
+        "marker_error_mm",
+        "marker_error_by_marker_mm",
+        "noise_floor_mm",
+        "load_noise_percent",
+    } <= set(arm["residual"]["corrected"])
+    other = diagnosis(marker=ANGLE, load=TORQUE, effects=(PAYLOAD,)).numbers(1.0, 0.5)
+    assert {"error_deg", "torque_error_mNm"} <= set(other)
+    assert {"gain_deg", "gain_torque_mNm"} <= set(other["effects"][0])

@@ -16,7 +16,7 @@ SETTLES = 0.01
 
 @dataclass(frozen=True)
 class CableStretch(Effect):
-    """The cable from the hinge that is driven to its load stretches by compliance × the load's torque.
+    """The cable from the hinge that rubs to its load stretches by compliance × the load's torque.
 
     Source: Hooke's law. MJCF expresses all of it, as the stiffness of the tendon `cable`. Steel cables of
     0.4 mm and some centimetres on drums of a few millimetres give 0.1 … 2 rad/(N m).

@@ -19,8 +19,9 @@ _STIFFEST = 0.1  # [rad/(N m)] a stiffer cable is taken as this: it stays stable
 
 @dataclass(frozen=True)
 class ShaftStretch(Effect):
-    """Between the drive and the hinge that rubs, a cable or shaft gives way by compliance × its torque,
-    which is the load's and, against the motion, the friction's: a lag of twice that at each reversal.
+    """The cable from the drive to the hinge that rubs stretches by compliance × the torque in it.
+
+    That is the load's torque and, against the motion, the friction's: a lag of twice that at each reversal.
 
     Source: Hooke's law. MJCF expresses all of it: a hinge that moves as logged, and a tendon from there.
     Half a metre of steel cable of 0.4 mm on drums of some millimetres gives 0.1 … 1 rad/(N m).
