@@ -6,7 +6,7 @@ from typing import ClassVar
 import mujoco
 
 from serpent_twin.arm import Arm
-from serpent_twin.effects.effect import Effect, parameter
+from serpent_twin.effects.effect import WINDING, Effect, parameter
 
 RIGID = 1e-3
 """Compliance of what stands for a rigid cable [rad/(N m)]: torques of 0.1 N m turn it by 0.006°"""
@@ -26,7 +26,8 @@ class CableStretch(Effect):
     """[rad/(N m)]"""
 
     shows_in: ClassVar[str] = "a load that gives way in proportion to its torque"
-    confused_with: ClassVar[tuple[str, ...]] = ("shaft_stretch",)
+    confused_with: ClassVar[tuple[str, ...]] = ("shaft_stretch", "cable_stiffening")
+    stage: ClassVar[int] = WINDING
     of_arm: ClassVar[bool] = False
 
     def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:

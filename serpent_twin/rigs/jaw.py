@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arm import ARM, Array
-from serpent_twin.effects import Effect
+from serpent_twin.effects import Effect, Range
 from serpent_twin.effects.cable_stretch import RIGID, soften
 from serpent_twin.effects.shaft_stretch import HEAVY, SHAFT
 from serpent_twin.measured import Output, Recording, RunCase, Runs, Turns, hinge, read, read_folder
@@ -26,6 +26,7 @@ _CANDIDATES = (
     "cable_stretch",
     "shaft_stretch",
     "hinge_friction",
+    "cable_stiffening",
     "gear_friction",
     "gear_backlash",
     "joint_elasticity",
@@ -48,7 +49,9 @@ def _declared() -> tuple[Declared, ...]:
 
 
 def _candidates() -> dict[str, Candidate]:
-    return {name: candidate(name) for name in _CANDIDATES}
+    stiffening = Range("1/rad", 0.0, 300.0, 5.0)  # cables stretch by hundredths of a radian
+    sized = {"cable_stiffening": {"rate": stiffening}}
+    return {name: candidate(name, **sized.get(name, {})) for name in _CANDIDATES}
 
 
 @dataclass(frozen=True)
@@ -90,9 +93,9 @@ class Jaw:
             joint = body.add_joint(name=name, axis=[0, 0, 1], armature=inertia)
             hinge.stick(joint)
         cable = spec.add_tendon(name="cable")
-        cable.wrap_joint(_LOAD, 1.0)
-        cable.wrap_joint(hinge.HINGE, float(np.exp(declared[0])))
-        cable.springlength = [self.zero + np.radians(declared[1])] * 2
+        cable.wrap_joint(_LOAD, -1.0)  # longer, as the load closes the jaw
+        cable.wrap_joint(hinge.HINGE, -float(np.exp(declared[0])))
+        cable.springlength = [-self.zero - np.radians(declared[1])] * 2
         soften(cable, RIGID)
         spec.add_sensor(
             name=hinge.SENSOR,
@@ -100,7 +103,7 @@ class Jaw:
             objtype=mujoco.mjtObj.mjOBJ_JOINT,
             objname=_LOAD,
         )
-        for effect in effects:
+        for effect in sorted(effects, key=lambda effect: effect.stage):
             effect.edit(spec, ARM)
         return spec
 
@@ -164,6 +167,7 @@ class _Cables(Turns):
         cable = models[0].tendon("cable").id
         self._stiffness = self.batch.expand("tendon_stiffness")
         self._cable = self._stiffness[:, [cable]].copy()
+        self._stiffer = self.batch.expand("tendon_stiffnesspoly")[:, [cable], 0].copy()
         self._rest = self.batch.expand("tendon_lengthspring")[:, [cable], 1].copy()
         self._spring = self.batch.expand("jnt_stiffness")[:, [self._hinge]].copy()
         self._damping = self.batch.expand("dof_damping")[:, [self._hinge]].copy()
@@ -173,7 +177,7 @@ class _Cables(Turns):
         """Put hinges and jaws where cables without friction hold them."""
         self._per_turn = per_turn
         self.qpos[:, [self._driven]] = self.qpos[:, [self._hinge]] = spindle
-        self.qpos[:, [self._jaw]] = self._rest + load / self._cable - per_turn * spindle
+        self.qpos[:, [self._jaw]] = load / self._cable - self._rest - per_turn * spindle
         self.batch.forward()
 
     def turn(self, before: Array, after: Array, load: Array) -> tuple[Array, Array]:
@@ -184,8 +188,9 @@ class _Cables(Turns):
         self.qvel[:, [self._driven]] = (after - before) / (self._n * self.dt)
         self.applied[:, [self._jaw]] = load
         ahead = before - self.qpos[:, [self._hinge]]
-        pulled = self.qpos[:, [self._jaw]] + self._per_turn * self.qpos[:, [self._hinge]]
-        asked = self._per_turn * self._cable * (pulled - self._rest)
+        turned = self.qpos[:, [self._jaw]] + self._per_turn * self.qpos[:, [self._hinge]]
+        long = -turned - self._rest
+        asked = -self._per_turn * (self._cable + self._stiffer * long) * long
         for _ in range(self._n):
             self.batch.step()
         if self._stretches:

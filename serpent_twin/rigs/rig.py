@@ -50,13 +50,16 @@ class Candidate:
     """Names of candidates that look like it"""
 
 
-def candidate(name: str) -> Candidate:
-    """An effect as it knows itself."""
+def candidate(name: str, **sized: Range) -> Candidate:
+    """An effect as it knows itself, or with ranges for a machine of another size than the arm's."""
     kind = by_name(name)
-    variants = [[getattr(v, n) for n in ranges(kind)] for v in kind.variants()]
+    known = {n: sized.get(n, r) for n, r in ranges(kind).items()}
+    variants = [
+        [sized[n].typical if n in sized else getattr(v, n) for n in known] for v in kind.variants()
+    ]
     return Candidate(
         name,
-        ranges(kind),
+        known,
         tuple(np.array(values) for values in variants),
         (kind.__doc__ or "").split("\n")[0].strip(),
         kind.shows_in,

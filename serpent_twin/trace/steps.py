@@ -33,7 +33,7 @@ CHANCE = 0.01
 """Most probability of chance of an accepted effect"""
 SURE = 3.0
 """Standard errors by which an accepted strength is not zero"""
-_MOST_EFFECTS = 4
+_MOST_EFFECTS = 6
 _PLAIN = 0.3
 """Relative gain of a candidate so plain that none need be sought that calibration had swallowed"""
 
