@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from measured_named import judge
 from measured_page import page, table
 from measured_regression import regressions
 
@@ -70,7 +71,9 @@ class Measured:
     out: Path = Path("measured")
     """Folder for results; the same command goes on where it stopped."""
     held_out: str = ""
-    """Files that judge in place of the splits, wherever they lie, such as 'new/kp400_*.parquet'."""
+    """Files that judge in place of the splits, wherever they lie, such as 'new/kp400_*.parquet'. Effects are
+    chosen by a split of the other runs, then fitted to all of these.
+    """
     seed: int = 0
     """Of bootstrap and permutations."""
 
@@ -171,17 +174,30 @@ def _bench(
 def _split(
     config: Measured, name: str, training: list[Recording], judging: list[Recording]
 ) -> dict[str, Any]:
+    """One split's entry in results.json."""
     files = [str(r.path.name) for r in judging if r.path]
-    out = config.out / name / "_".join(sorted({r.name for r in judging}))[:80]
+    bench, out = BENCHES[name], config.out / name / "_".join(sorted(r.name for r in judging))[:80]
+    chosen_by = (training, judging)
+    if config.held_out:
+        inner = [split(training, each) for each in _fitting(training, bench)]
+        chosen_by = max(inner, key=lambda parts: len(parts[1]))
     asked = Trace(config.data / name, out, rig=name, seed=config.seed, judge=", ".join(files))
-    found, numbers = trace_sessions(asked, rigs.find(name), training, judging)
-    size = {"mae_deg": mae, "rmse_deg": rmse}[BENCHES[name].metric]
+    found, numbers = trace_sessions(asked, rigs.find(name), *chosen_by)
+    compared, effects = found.comparisons, numbers["effects"]
+    if config.held_out:
+        judged = judge(name, out / "twin.json", training, judging)
+        compared = judged.comparisons
+        effects = [
+            {"name": n, "parameters": {p: vars(e) for p, e in each.items()}}
+            for n, each in judged.effects.items()
+        ]
+    size = {"mae_deg": mae, "rmse_deg": rmse}[bench.metric]
     return {
-        **{stage: size(found.comparisons[stage]) for stage in STAGES},
-        "effects": [each.name for each in found.effects],
-        "found": [str_of(each) for each in numbers["effects"]],
+        **{stage: size(compared[stage]) for stage in STAGES},
+        "effects": [each["name"] for each in effects],
+        "found": [str_of(each) for each in effects],
         "rejected": [t.name for t in found.candidates if t.verdict != "accepted"],
-        "regression": regressions(name, training, judging, BENCHES[name].metric),
+        "regression": regressions(name, training, judging, bench.metric),
         "unexplained": found.unexplained.depends_on,
         "held_out": files,
         "seconds": numbers["seconds"],

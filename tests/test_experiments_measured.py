@@ -76,12 +76,28 @@ def test_results_hold_every_rig_its_splits_and_their_spread(data, traced, tmp_pa
     assert "gear friction" in (tmp_path / "out" / "report.md").read_text()
 
 
-def test_files_named_elsewhere_judge_the_rig_that_reads_them(data, traced, tmp_path):
+def test_files_named_elsewhere_judge_the_rig_that_reads_them(data, traced, tmp_path, monkeypatch):
     about, columns = jaw(0.3, 0.02, 0.05, 0.3, 1.0, 0.0, seconds=6)
     write_log(tmp_path / "new" / "other.parquet", about, **columns)
+    judges = []
+
+    def judge(rig, twin, training, judging):
+        judges.append((rig, [r.name for r in training], [r.name for r in judging]))
+        angle = np.zeros((1, 9, 1, 1))
+        compared = Comparison(
+            ("a",),
+            np.arange(9.0)[None],
+            marker_measured=angle,
+            marker_predicted=angle,
+            marker=ANGLE,
+        )
+        return SimpleNamespace(comparisons=dict.fromkeys(measured.STAGES, compared), effects={})
+
+    monkeypatch.setattr(measured, "judge", judge)
     asked = measured.Measured(data, tmp_path / "out", held_out=str(tmp_path / "new" / "*.parquet"))
     measured.main(asked)
-    assert traced == [("jaw", ["tool_7_02", "tool_7_12", "tool_7_22"], ["other"])]
+    assert traced == [("jaw", ["tool_7_02", "tool_7_22"], ["tool_7_12"])]
+    assert judges == [("jaw", ["tool_7_02", "tool_7_12", "tool_7_22"], ["other"])]
 
 
 def test_it_says_what_is_missing(data, traced, tmp_path, capsys):
