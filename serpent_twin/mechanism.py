@@ -66,7 +66,7 @@ class Mechanism:
         self._motor_v = addresses(model, mjcf.MOTORS)[1] if motors else None
         self._jaw_q, jaw_v = addresses(model, ("jaw",))
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
-        self._effects = _stacked(designs)
+        self._effects = effects.stacked([design.active for design in designs])
         self.acting = bool(self._effects)
         self._rest = batch.expand("tendon_lengthspring")
         self._stiffness = batch.expand("tendon_stiffness")
@@ -170,13 +170,3 @@ def _per_motor(designs: Sequence[Design]) -> Array:
     return np.array(
         [d.parameters.gear_friction * np.exp(d.tolerances.gear_friction) for d in designs]
     )
-
-
-def _stacked(designs: Sequence[Design]) -> list[effects.Effect]:
-    """The designs' acting effects, each as one of n rows, in the order in which they act."""
-    rows, kinds = [], {type(effect) for design in designs for effect in design.active}
-    for kind in sorted(kinds, key=lambda kind: (kind.stage, kind.__name__)):
-        each = [next((e for e in d.active if type(e) is kind), None) for d in designs]
-        if kind.acts():
-            rows.append(effects.stack([e or kind() for e in each]))
-    return rows

@@ -137,11 +137,12 @@ def test_what_cannot_be_told_apart_is_named():
 def test_a_gain_on_every_segment_is_beyond_chance_and_noise_is_not():
     rng = np.random.default_rng(1)
     before = Errors(1 + 0.1 * rng.standard_normal(7), np.full(7, np.nan))
-    better = gain(before, Errors(before.marker_mm - 0.2, before.load_percent), rng)
+    better = gain(before, Errors(before.marker_by_segment - 0.2, before.load_by_segment), rng)
     assert better.probability_of_chance < 1e-3
-    assert better.marker_mm == pytest.approx(0.2)
+    assert better.marker == pytest.approx(0.2)
     same = Errors(
-        before.marker_mm + 0.05 * np.array([1, -1, 1, -1, 1, -1, 0.5]), before.load_percent
+        before.marker_by_segment + 0.05 * np.array([1, -1, 1, -1, 1, -1, 0.5]),
+        before.load_by_segment,
     )
     assert gain(before, same, rng).probability_of_chance > 0.05
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from serpent_twin import report
-from serpent_twin.residual import Comparison, analyse, marker_size
+from serpent_twin.residual import ANGLE, TORQUE, Comparison, analyse, marker_size
 from serpent_twin.residual.learned import Learned
 from serpent_twin.rigs.arm.vector import candidates
 from serpent_twin.trace import figures, tables
@@ -22,8 +22,8 @@ PAYLOAD = Named(
         "mass": Estimate(0.0342, 0.0311, 0.0373, "kg"),
         "place": Estimate(0.09, 0.09, 0.09, "m"),
     },
-    gain_mm=2.5,
-    gain_load_percent=1.2,
+    gain=2.5,
+    gain_load=1.2,
     probability_of_chance=0.0001,
 )
 TILT = Named("base_tilt", {"about_y": Estimate(-0.03, -0.04, -0.02, "rad")}, 0.8, 0.1, 0.002)
@@ -80,8 +80,8 @@ def diagnosis(markers=True, loads=True, **found):
         effects=(),
         candidates=TRIED,
         unexplained=Unexplained(False, 0.0, ""),
-        error_mm={**sizes, "noise_floor": 0.64, "expected": 0.7} if markers else nothing,
-        load_error_percent=percent if loads else dict.fromkeys(percent, NAN),
+        error={**sizes, "noise_floor": 0.64, "expected": 0.7} if markers else nothing,
+        load_error=percent if loads else dict.fromkeys(percent, NAN),
         cautions=("Slack of cable1_plus and stiffness of cable 1 cannot be told apart.",),
         calibration=CALIBRATION,
         comparisons=compared,
@@ -101,7 +101,7 @@ VARIANTS = {
     "nothing fitted": {
         "calibration": {},
         "cautions": (),
-        "candidates": tuple(replace(each, gain_by_segment_mm=None) for each in TRIED[::3]),
+        "candidates": tuple(replace(each, gain_by_segment=None) for each in TRIED[::3]),
     },
     "nothing at all": {
         "candidates": (), "calibration": {}, "cautions": (), "comparisons": {}, "findings": {}
@@ -177,10 +177,10 @@ def test_candidates_stand_in_the_order_of_what_they_bring():
 def test_the_interval_of_a_gain_covers_the_mean_as_often_as_it_says():
     rng = np.random.default_rng(0)
     gains = rng.normal(0.3, 1.0, (2000, 7))
-    found = np.array([figures.mean_gain(replace(TRIED[1], gain_by_segment_mm=g)) for g in gains])
+    found = np.array([figures.mean_gain(replace(TRIED[1], gain_by_segment=g)) for g in gains])
     assert np.mean(np.abs(found[:, 0] - 0.3) < found[:, 1]) == pytest.approx(0.95, abs=0.02)
     gaps = np.array([1.0, NAN, 3.0])
-    assert figures.mean_gain(replace(TRIED[1], gain_by_segment_mm=gaps))[0] == 2.0
+    assert figures.mean_gain(replace(TRIED[1], gain_by_segment=gaps))[0] == 2.0
 
 
 def test_effects_are_described_as_the_candidates_that_they_are():
@@ -241,3 +241,20 @@ def test_the_last_resort_stands_apart():
     assert "It is off" in sections(replace(untried, learned=off))[title].text
     assert "It was not learned" in sections(untried)[title].text
     assert list(sections(untried))[-1] == title
+
+
+def test_numbers_name_the_units_of_the_machine():
+    """The arm's keys are read by others; another machine's end with its own units."""
+    arm = diagnosis(effects=(PAYLOAD,)).numbers(1.0, 0.5)
+    assert {"error_mm", "load_error_percent"} <= set(arm)
+    assert {"gain_mm", "gain_load_percent"} <= set(arm["effects"][0])
+    assert "error_mm" in arm["candidates"][0] and "before_mm" in arm["learned"]
+    assert {
+        "marker_error_mm",
+        "marker_error_by_marker_mm",
+        "noise_floor_mm",
+        "load_noise_percent",
+    } <= set(arm["residual"]["corrected"])
+    other = diagnosis(marker=ANGLE, load=TORQUE, effects=(PAYLOAD,)).numbers(1.0, 0.5)
+    assert {"error_deg", "torque_error_mNm"} <= set(other)
+    assert {"gain_deg", "gain_torque_mNm"} <= set(other["effects"][0])

@@ -3,24 +3,29 @@
 You provide a frozen dataclass that inherits `Effect`: its fields are the parameters, each made by
 `parameter`; `edit` says what MJCF can express, `act` what it cannot; `shows_in` and `confused_with`
 tell the reader of a diagnosis. The file's name is the effect's name: nothing else is to be edited.
-The twin, the bus, the device and the trace find it here.
+`CATALOGUE` is what the arm may lack; other machines choose by name. The twin, the bus, the device and
+the trace find it here.
 """
 
-from serpent_twin.effects.effect import Effect, Range, Several, parameter, ranges, stack
-from serpent_twin.effects.moment import Moment
+from serpent_twin.effects.effect import Effect, Range, Several, parameter, ranges, stack, stacked
+from serpent_twin.effects.moment import Driven, Geared, Moment, Wound
 from serpent_twin.effects.registry import CATALOGUE, by_name, from_dict, name_of, to_dict
 
 __all__ = [
     "CATALOGUE",
+    "Driven",
     "Effect",
+    "Geared",
     "Moment",
     "Range",
     "Several",
+    "Wound",
     "by_name",
     "from_dict",
     "name_of",
     "parameter",
     "ranges",
     "stack",
+    "stacked",
     "to_dict",
 ]

@@ -7,7 +7,6 @@ import mujoco
 
 from serpent_twin.arm import Arm
 from serpent_twin.effects.effect import Effect, parameter
-from serpent_twin.mjcf import STRANDS
 
 
 @dataclass(frozen=True)
@@ -15,7 +14,8 @@ class CableStiffening(Effect):
     """A strand stretched by x pulls with T = k x (1 + b x): a braid's fibres straighten first.
 
     Source: load-extension curves of braided line, to second order. MJCF expresses all of it: the
-    tendon's stiffness polynomial k, k b acts on the stretch beyond the slack. Strands of this arm
+    tendon's stiffness polynomial k, k b acts on the stretch beyond the slack. Where a cable's stretch is
+    an angle, b is in 1/rad. Strands of this arm
     stretch by about 0.3 mm, so that b = 500/m makes them 15 % stiffer in the secant.
     """
 
@@ -26,7 +26,7 @@ class CableStiffening(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "joint_elasticity")
 
     def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
-        """Give each strand's spring its second coefficient."""
-        for name in STRANDS:
-            strand = spec.tendon(name)
-            strand.stiffness[1] = self.rate * strand.stiffness[0]
+        """Give each cable's spring its second coefficient."""
+        for cable in spec.tendons:
+            if cable.name.startswith("cable"):
+                cable.stiffness[1] = self.rate * cable.stiffness[0]

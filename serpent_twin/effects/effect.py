@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arm import Arm, Array
-from serpent_twin.effects.moment import Moment
 from serpent_twin.errors import SerpentError
 
 
@@ -51,8 +50,9 @@ def parameter(
 class Effect:
     """Physics that the nominal twin leaves out. All fields zero, or `absent`, is the nominal twin.
 
-    `edit` writes what MJCF can express into the arm's spec; `act` changes one time step of many runs
-    at once, with what `start` returned as memory. A stacked effect (`stack`) has (n, 1) arrays for
+    `edit` writes what MJCF can express into the machine's spec; `act` changes one time step of many runs
+    at once, with what `start` returned as memory. What `act` asks of its moment says which machines can
+    have it. A stacked effect (`stack`) has (n, 1) arrays for
     fields: `start` and `act` are written so that both work. `edit` sees numbers only.
     """
 
@@ -64,6 +64,8 @@ class Effect:
     """Whether its memory is longer than a segment, so that a session must be run through."""
     stage: ClassVar[int] = CABLE
     """When in a time step it acts."""
+    of_arm: ClassVar[bool] = True
+    """Whether the arm may lack it; else its parameters hold it, and other machines may."""
 
     def __post_init__(self) -> None:
         for name, allowed in ranges(type(self)).items():
@@ -89,10 +91,10 @@ class Effect:
     def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
         """Write into the arm's spec what MJCF can express of it."""
 
-    def start(self, moment: Moment) -> Any:
+    def start(self, moment: Any) -> Any:
         """What it remembers, at the beginning of a run."""
 
-    def act(self, moment: Moment, memory: Any) -> None:
+    def act(self, moment: Any, memory: Any) -> None:
         """Change one time step of n runs, and the memory, in place."""
 
     @classmethod
@@ -116,6 +118,16 @@ Several = tuple[Effect, ...]
 def ranges(kind: type[Effect]) -> dict[str, Range]:
     """The parameters of a kind of effect, by name."""
     return {each.name: each.metadata["range"] for each in fields(kind)}
+
+
+def stacked(several: Sequence[Sequence[Effect]]) -> list[Effect]:
+    """The acting effects of n runs, each kind as one of n rows, in the order in which they act."""
+    rows, kinds = [], {type(effect) for each in several for effect in each}
+    for kind in sorted(kinds, key=lambda kind: (kind.stage, kind.__name__)):
+        if kind.acts():
+            of = [next((e for e in each if type(e) is kind), None) for each in several]
+            rows.append(stack([e or kind() for e in of]))
+    return rows
 
 
 def stack(effects: Sequence[E]) -> E:

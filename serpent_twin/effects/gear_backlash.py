@@ -7,7 +7,7 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.effects.effect import WINDING, Effect, parameter
-from serpent_twin.effects.moment import Moment
+from serpent_twin.effects.moment import Wound
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ class GearBacklash(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("cable_friction", "mocap_latency")
     stage: ClassVar[int] = WINDING
 
-    def start(self, moment: Moment) -> Array:
+    def start(self, moment: Wound) -> Array:
         """Winches dragged along by motors that move, in the middle of the gap by others [rad], (n, 10)."""
         return moment.winch_angle - self.gap / 2 * np.sign(moment.motor_velocity)
 
-    def act(self, moment: Moment, memory: Array) -> None:
+    def act(self, moment: Wound, memory: Array) -> None:
         """Drag the winches along."""
         m, half = moment.winch_angle, self.gap / 2
         np.clip(memory, m - half, m + half, out=memory)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from serpent_twin.effects.effect import LOSS, Effect, parameter
-from serpent_twin.effects.moment import Moment
+from serpent_twin.effects.moment import Geared
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,6 @@ class GearFriction(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("cable_friction",)
     stage: ClassVar[int] = LOSS
 
-    def act(self, moment: Moment, memory: None) -> None:
+    def act(self, moment: Geared, memory: None) -> None:
         """Raise the gearboxes' friction by what their horns carry."""
         moment.gear_friction = moment.gear_friction + self.coefficient * abs(moment.horn_torque)

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import mujoco
 
-from serpent_twin.arm import N_JOINTS, Arm
+from serpent_twin.arm import Arm
 from serpent_twin.effects.effect import Effect, parameter
 
 
@@ -25,5 +25,6 @@ class JointElasticity(Effect):
 
     def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
         """Give each hinge its spring."""
-        for i in range(1, N_JOINTS + 1):
-            spec.joint(f"joint{i}").stiffness[0] += self.stiffness
+        for joint in spec.joints:
+            if joint.name.startswith("joint"):
+                joint.stiffness[0] += self.stiffness

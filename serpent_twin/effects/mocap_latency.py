@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import mujoco
 
-from serpent_twin.arm import N_JOINTS, Arm
+from serpent_twin.arm import Arm
 from serpent_twin.effects.effect import Effect, parameter, ranges
 
 
@@ -29,7 +29,8 @@ class MocapLatency(Effect):
     def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
         """Delay the marker sensors."""
         longest = ranges(type(self))["delay"].high
-        for i in range(1, N_JOINTS + 1):
-            sensor = spec.sensor(f"marker{i}")
+        for sensor in spec.sensors:
+            if not sensor.name.startswith("marker"):
+                continue
             sensor.nsample = ceil(longest / spec.option.timestep) + 2
             sensor.interp, sensor.delay = 1, self.delay  # 1 is MJCF's interp="linear"

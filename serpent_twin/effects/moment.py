@@ -1,6 +1,7 @@
 """What does an effect see of one time step, and what may it change?"""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -8,6 +9,36 @@ from serpent_twin.arm import N_JOINTS, N_MOTORS, Arm, Array
 
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
 _STICKS = 1e-9  # [rad/s] as good as at rest
+
+
+class Geared(Protocol):
+    """A moment of a machine whose drive rubs."""
+
+    joint_velocity: Array
+    """[rad/s]"""
+    gear_friction: Array
+    """Coulomb friction [N m]"""
+
+    @property
+    def horn_torque(self) -> Array:
+        """Torque that the gears carry [N m]."""
+        ...
+
+
+class Wound(Protocol):
+    """A moment of a machine whose drive winds a cable."""
+
+    motor_velocity: Array
+    """[rad/s]"""
+    winch_angle: Array
+    """What winds the cable [rad]"""
+
+
+class Driven(Protocol):
+    """A moment of a machine whose drive gives a torque, not an angle."""
+
+    drive_torque: Array
+    """[N m]"""
 
 
 @dataclass

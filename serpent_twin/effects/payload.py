@@ -11,7 +11,7 @@ from serpent_twin.effects.effect import Effect, parameter
 
 @dataclass(frozen=True)
 class Payload(Effect):
-    """A point mass in the gripper, on the long axis of link 9: weight m g and inertia m r².
+    """A point mass in the gripper, on the long axis of the last link: weight m g and inertia m r².
 
     Source: Newton. MJCF expresses all of it. Tens of grams are typical, where the arm has 308.
     """
@@ -19,13 +19,14 @@ class Payload(Effect):
     mass: float = parameter("kg", high=0.5, typical=0.03)
     """[kg]"""
     place: float = parameter("m", low=0.05, high=0.15, typical=0.09, default=0.09, fitted=False)
-    """Along link 9, from joint 9 [m]; logs tell little more than mass × lever"""
+    """Along the last link, from its joint [m]; logs tell little more than mass × lever"""
 
     shows_in: ClassVar[str] = "the loads of all motors, and how far the arm sags against its cables"
     confused_with: ClassVar[tuple[str, ...]] = ("base_tilt", "joint_elasticity", "link_flex")
 
     def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
-        """Hang the mass into link 9."""
-        held = spec.body("link9").add_body(name="payload", pos=[self.place, 0, 0])
+        """Hang the mass into the last link."""
+        last = [body for body in spec.bodies if body.name.startswith("link")][-1]
+        held = last.add_body(name="payload", pos=[self.place, 0, 0])
         held.mass, held.inertia, held.explicitinertial = self.mass, [1e-9] * 3, True
         held.ipos = [0, 0, 0]  # else it is missing where the spec is written as XML

@@ -26,15 +26,17 @@ def _find() -> dict[str, type[Effect]]:
     return found
 
 
-CATALOGUE: Mapping[str, type[Effect]] = _find()
+KNOWN: Mapping[str, type[Effect]] = _find()
 """Every kind of effect by its name, which is its file's."""
+CATALOGUE: Mapping[str, type[Effect]] = {n: kind for n, kind in KNOWN.items() if kind.of_arm}
+"""Those that the arm may lack."""
 
 
 def by_name(name: str) -> type[Effect]:
     """The kind of effect of a name; raises a `SerpentError` that lists what there is."""
-    if name not in CATALOGUE:
-        raise SerpentError(f"there is no effect {name!r}; there are: {', '.join(CATALOGUE)}.")
-    return CATALOGUE[name]
+    if name not in KNOWN:
+        raise SerpentError(f"there is no effect {name!r}; there are: {', '.join(KNOWN)}.")
+    return KNOWN[name]
 
 
 def name_of(effect: Effect | type[Effect]) -> str:

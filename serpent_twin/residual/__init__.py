@@ -8,14 +8,20 @@ from serpent_twin.residual.comparison import Comparison, join
 from serpent_twin.residual.dependence import Dependence, depends_on
 from serpent_twin.residual.describe import describe
 from serpent_twin.residual.findings import Findings, analyse
+from serpent_twin.residual.measure import ANGLE, LOADS, MARKERS, TORQUE, Measure
 from serpent_twin.residual.noise import Noise, expected_distance, measurement_noise
 from serpent_twin.residual.place import place
 from serpent_twin.residual.size import load_size, marker_size
 
 __all__ = [
+    "ANGLE",
+    "LOADS",
+    "MARKERS",
+    "TORQUE",
     "Comparison",
     "Dependence",
     "Findings",
+    "Measure",
     "Noise",
     "analyse",
     "depends_on",

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.residual.measure import LOADS, MARKERS, Measure
 
 Array = NDArray[np.floating[Any]]
 
@@ -16,6 +17,9 @@ Array = NDArray[np.floating[Any]]
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """Segments of logs beside the twin's prediction: S segments of T rows, M markers, N motors, J joints.
+
+    Markers and loads are what the rig measures of the machine's pose and forces: `marker` and `load` say
+    what that is, if not the arm's.
 
     A rig leaves out (None) what it does not measure or compute.
     """
@@ -25,9 +29,11 @@ class Comparison:
     time: Array
     """Time of each row within its session [s], (S, T)"""
     marker_measured: Array | None = None
-    """Measured marker positions in the base frame [m], (S, T, M, 3); NaN where lost"""
+    """Measured marker positions in the base frame [m], (S, T, M, 3), or angles [rad], (S, T, M, 1); NaN
+    where lost
+    """
     marker_predicted: Array | None = None
-    """The twin's [m], (S, T, M, 3)"""
+    """The twin's"""
     load_measured: Array | None = None
     """Measured motor loads [fraction of the stall torque], (S, T, N)"""
     load_predicted: Array | None = None
@@ -58,6 +64,10 @@ class Comparison:
     """Names of the joints, (J,); joint 1, 2, … unless told"""
     strand_names: tuple[str, ...] = ()
     """Names of the strands, (C,); strand 1, 2, … unless told"""
+    marker: Measure = MARKERS
+    """What the markers are"""
+    load: Measure = LOADS
+    """What the loads are"""
 
     def __post_init__(self) -> None:
         if self.time.ndim != 2 or self.time.shape[1] < 8:
@@ -113,7 +123,7 @@ class Comparison:
     def marker_residual(self) -> Array:
         """Measured − predicted marker positions [m], (S, T, M, 3); no marker without measurement."""
         if self.marker_measured is None or self.marker_predicted is None:
-            return np.zeros((*self.time.shape, 0, 3))
+            return np.zeros((*self.time.shape, 0, self.marker.dimension))
         return self.marker_measured - self.marker_predicted
 
     @cached_property

@@ -68,19 +68,24 @@ def curve(comparison: Comparison, dependence: Dependence, found: Place | None) -
 def _error(
     comparison: Comparison, dependence: Dependence, found: Place | None
 ) -> tuple[Array, str]:
-    i = dependence.index
+    i, marker = dependence.index, comparison.marker
     if dependence.kind == "load":
-        return 100 * known(comparison.load_residual)[:, :, i], f"{dependence.target} [% of stall]"
+        load = comparison.load
+        values = load.scale * known(comparison.load_residual)[:, :, i]
+        return values, f"{dependence.target} [{load.unit}]"
     if dependence.kind == "markers":
-        values = 1e3 * known(comparison.marker_residual.reshape(*comparison.time.shape, -1))
-        return _along(dependence, values), "marker residual, main direction [mm]"
+        values = marker.scale * known(
+            comparison.marker_residual.reshape(*comparison.time.shape, -1)
+        )
+        return _along(dependence, values), f"{marker.one} residual, main direction [{marker.unit}]"
     if found is not None:
         turn = np.degrees(found.rotation)[:, :, i]
         name = comparison.joint_names[i]
         turn = turn - turn.mean() if dependence.kind == "joint" else np.abs(turn)
         return turn, f"extra rotation at {name} [°]"
     name = comparison.marker_names[i]
-    return np.nan_to_num(1e3 * comparison.distance[:, :, i]), f"distance at {name} [mm]"
+    distance = np.nan_to_num(marker.scale * comparison.distance[:, :, i])
+    return distance, f"distance at {name} [{marker.unit}]"
 
 
 def _along(dependence: Dependence, values: Array) -> Array:
@@ -94,5 +99,5 @@ def marker_curve(comparison: Comparison, found: Place | None) -> tuple[tuple[str
     """Names, error (S, T, K) and unit of what is drawn over time: rotations at joints, or markers."""
     if found is not None:
         return comparison.joint_names, np.degrees(known(found.rotation)), "extra rotation, rms [°]"
-    distance = np.nan_to_num(1e3 * comparison.distance)
-    return comparison.marker_names, distance, "distance, rms [mm]"
+    distance = np.nan_to_num(comparison.marker.scale * comparison.distance)
+    return comparison.marker_names, distance, f"distance, rms [{comparison.marker.unit}]"

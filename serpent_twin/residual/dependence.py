@@ -45,7 +45,8 @@ class Dependence:
     @property
     def text(self) -> str:
         """The dependence in a line."""
-        verb = "follow" if self.kind == "markers" else "follows"
+        several = self.kind == "markers" and self.target.endswith("s")
+        verb = "follow" if several else "follows"
         return f"{self.target} {verb} {self.feature.name} {self.shape.text}".strip()
 
 

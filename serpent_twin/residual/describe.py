@@ -35,8 +35,8 @@ def describe(findings: Findings) -> str:
     parts = [_size(findings)]
     told: list[str] = []
     for what, change, of_loads in (
-        ("the markers' error", findings.marker_change, False),
-        ("the load error", findings.load_change, True),
+        (findings.noise.of_marker.error, findings.marker_change, False),
+        (findings.noise.of_load.error, findings.load_change, True),
     ):
         pairs = [p for p in _pairs(findings) if (p[0].kind == "load") == of_loads]
         if change is not None and change.steady:  # says when and how much, which is more
@@ -64,10 +64,15 @@ def _size(findings: Findings) -> str:
     percent, quiet = findings.load.rms_percent, findings.noise.load_floor_percent
     parts = []
     if np.isfinite(mean):
+        marker = findings.noise.of_marker
         word = "" if _is_above_noise(findings) else ", which is no more than noise"
-        parts.append(f"The markers are off by {mean:.2f} mm (noise alone: {floor:.2f} mm){word}")
+        parts.append(
+            f"{marker.are} off by {mean:.2f} {marker.unit} (noise alone: {floor:.2f} {marker.unit}){word}"
+        )
     if np.isfinite(percent):
-        parts.append(f"the loads by {percent:.2f} % of stall (noise alone: {quiet:.2f} %)")
+        load = findings.noise.of_load
+        unit = load.unit.removesuffix(" of stall")
+        parts.append(f"{load.what} by {percent:.2f} {load.unit} (noise alone: {quiet:.2f} {unit})")
     text = "; ".join(parts) or "Neither markers nor loads were measured"
     return text[0].upper() + text[1:] + "."
 
@@ -139,14 +144,15 @@ def _sentence_case(text: str) -> str:
 
 def _unknown(findings: Findings) -> str:
     """What is above the noise and follows nothing: at least where it is."""
+    unit = findings.noise.of_marker.unit
     constant = np.linalg.norm(findings.marker.mean_residual_mm, axis=-1)
     if np.mean(constant) > 0.7 * findings.above_noise_mm:
         most = int(np.argmax(constant))
         return (
             f"Most of it is a constant offset, greatest at marker {most + 1} "
-            f"({constant[most]:.2f} mm): look at where markers sit and how the frame was aligned."
+            f"({constant[most]:.2f} {unit}): look at where markers sit and how the frame was aligned."
         )
     return (
-        f"The {findings.above_noise_mm:.2f} mm above the noise follow nothing that was looked at: "
+        f"The {findings.above_noise_mm:.2f} {unit} above the noise follow nothing that was looked at: "
         "no angle, motion, force, time or place."
     )

@@ -126,13 +126,14 @@ def _motion(name: str, angle: Array, velocity: Array) -> Iterator[Feature]:
 def _forces(c: Comparison) -> Iterator[Feature]:
     """Loads and tensions that the twin predicts, and their past."""
     for name, array, names in (
-        ("load", c.load_predicted, c.motor_names),
+        (c.load.one, c.load_predicted, c.motor_names),
         ("tension", c.tension, c.strand_names),
     ):
         for j, of in enumerate(names if array is not None else ()):
             assert array is not None
-            value, unit = array[:, :, j], "N" if name == "tension" else "of stall"
-            yield _feature(f"{of}'s {name}", unit, name, value, hats(value))
+            value, tense = array[:, :, j], name == "tension"
+            unit, kind = ("N", "tension") if tense else (c.load.base, "load")
+            yield _feature(f"{of}'s {name}", unit, kind, value, hats(value))
             past = np.stack([_past(value, tau / c.period) for tau in PAST], axis=-1)
             said = f"{of}'s {name} in the last {PAST[-1]:g} s"
             yield _feature(said, unit, "past", past[..., -1], past)
@@ -151,7 +152,7 @@ def _places(c: Comparison) -> Iterator[Feature]:
     if c.marker_predicted is None or not c.has_markers:
         return
     tip = c.marker_predicted[:, :, -1]
-    for axis, letter in enumerate("xyz"):
+    for axis, letter in enumerate(c.marker.axes):
         name = f"{c.marker_names[-1]}'s place along {letter}"
         yield _feature(name, "m", "place", tip[..., axis], hats(tip[..., axis]))
 

@@ -9,6 +9,7 @@ from serpent_twin.report import Figure
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.curves import curve, marker_curve
 from serpent_twin.residual.findings import Findings
+from serpent_twin.residual.noise import expected_distance
 from serpent_twin.residual.size import MOVING, load_size, marker_size
 from serpent_twin.residual.spectrum import spectrum
 
@@ -47,14 +48,16 @@ def _by_marker(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
         mean = marker_size(comparison).by_marker_mm
         axes.plot(at, mean, "o-", color=colour, lw=2, ms=5, label=name)
-    floor = 1e3 * 2 * np.sqrt(2 / np.pi) * findings.noise.marker
+    measure = next(iter(comparisons.values())).marker
+    floor = measure.scale * expected_distance(findings.noise.marker, measure.dimension)
     axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
-    axes.set_ylabel("mean distance [mm]")
+    axes.set_ylabel(f"{measure.size} [{measure.unit}]")
     _millimetres(axes, comparisons, findings)
-    _label(axes, at, names, "marker")
+    _label(axes, at, names, measure.one)
     axes.margins(x=0.02)
     _finish(drawing, axes)
-    caption = "Mean distance between measured and predicted markers, from the base to the tip."
+    size = f"{measure.size[0].upper()}{measure.size[1:]}"
+    caption = f"{size}, measured against predicted, from the base to the tip."
     return Figure("error_by_marker", drawing, caption)
 
 
@@ -85,11 +88,12 @@ def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     for name in zero if len(zero) > 1 else ():
         begin = min(t[0] for t, s in zip(clock, first.session, strict=True) if s == name)
         axes.annotate(name, (begin, 1), xycoords=("data", "axes fraction"), color=SOFT, fontsize=9)
-    axes.set(xlabel="time [s]", ylabel="distance, mean of markers over 3 s [mm]")
+    label = f"{first.marker.one} error, mean over 3 s [{first.marker.unit}]"
+    axes.set(xlabel="time [s]", ylabel=label)
     _millimetres(axes, comparisons, findings)
     axes.margins(x=0)
     _finish(drawing, axes)
-    caption = "Distance averaged over markers in the course of the sessions."
+    caption = f"{first.marker.size.capitalize()} in the course of the sessions."
     return Figure("error_over_time", drawing, caption)
 
 
@@ -103,18 +107,19 @@ def _by_motor(
         del states["at rest"]
     drawing, panels = _sheet(9, 3.7, columns=len(states), sharey=True)
     panels = np.atleast_1d(panels)
+    measure = next(iter(comparisons.values())).load
     names = next(iter(comparisons.values())).motor_names
     at = np.arange(len(names))
     for (name, size), colour in zip(sizes.items(), _colours(comparisons), strict=True):
         for axes, state in zip(panels, states.values(), strict=True):
             axes.plot(at, getattr(size, state), "o-", color=colour, lw=2, ms=5, label=name)
     for axes, title in zip(panels, states, strict=True):
-        floor = 100 * findings.noise.load
+        floor = measure.scale * findings.noise.load
         axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
         axes.set_title(title, loc="left", fontsize=10, color=SOFT)
         axes.set_ylim(0, None)
         _label(axes, at, names, "motor")
-    panels[0].set_ylabel("load error, rms [% of stall]")
+    panels[0].set_ylabel(f"{measure.size} [{measure.unit}]")
     for axes in panels[1:]:
         _finish(drawing, axes, legend=False)
     _finish(drawing, panels[0])
@@ -151,7 +156,7 @@ def _heat(comparison: Comparison, findings: Findings) -> Figure:
     """Which joint or marker is off, and when."""
     drawing, axes = _sheet(9, 3.7)
     names, values, label = marker_curve(comparison, findings.place)
-    rows = max(1, round(4 / comparison.period))
+    rows = min(max(1, round(4 / comparison.period)), values.shape[1])
     pieces = values.shape[1] // rows
     cut = values[:, : pieces * rows].reshape(len(values), pieces, rows, -1)
     order = np.lexsort((comparison.start, np.array(comparison.session)))
@@ -169,7 +174,8 @@ def _heat(comparison: Comparison, findings: Findings) -> Figure:
     bar.set_label(label)
     bar.outline.set_visible(False)  # pyright: ignore
     axes.spines[:].set_visible(False)
-    caption = "Where along the machine and when the markers are off: darker is more."
+    are = comparison.marker.are
+    caption = f"Where along the machine and when {are} off: darker is more."
     return Figure("error_by_place_and_time", drawing, caption)
 
 
@@ -177,21 +183,25 @@ def _spectrum(comparisons: Mapping[str, Comparison], findings: Findings) -> Figu
     """Power of the marker residual by frequency."""
     drawing, axes = _sheet(9, 3.7)
     for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
-        values = 1e3 * comparison.marker_residual.reshape(*comparison.time.shape, -1)
+        values = comparison.marker.scale * comparison.marker_residual.reshape(
+            *comparison.time.shape, -1
+        )
         found = spectrum(values, comparison.period)
         axes.semilogy(found.frequency[1:-1], found.power[1:-1], color=colour, lw=1.8, label=name)
     last = list(comparisons.values())[-1]
-    level = 2 * last.period * 3e6 * float(np.sum(findings.noise.marker**2))
+    measure = last.marker
+    level = 2 * last.period * measure.dimension * measure.scale**2
+    level *= float(np.sum(findings.noise.marker**2))
     axes.axhline(level, color=SOFT, lw=1, ls="--", label="noise of the measurement")
     change = findings.marker_change
     if change and change.swings and change.line:
         axes.axvline(change.line.frequency_hz, color=INK, lw=1, ls=":")
         text = f"  {change.line.frequency_hz:.2f} Hz"
         axes.annotate(text, (change.line.frequency_hz, 0.93), xycoords=("data", "axes fraction"))
-    axes.set(xlabel="frequency [Hz]", ylabel="power [mm²/Hz]")
+    axes.set(xlabel="frequency [Hz]", ylabel=f"power [{measure.unit}²/Hz]")
     axes.margins(x=0)
     _finish(drawing, axes)
-    caption = "Spectrum of the marker residual, all markers and axes added up."
+    caption = f"Spectrum of the {measure.one} residual, all coordinates added up."
     return Figure("residual_spectrum", drawing, caption)
 
 

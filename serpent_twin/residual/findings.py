@@ -86,15 +86,17 @@ class Findings:
 
     def numbers(self) -> dict[str, Any]:
         """The figures for JSON, units in the keys."""
+        pose, load = self.noise.of_marker, self.noise.of_load
+        mm, percent = pose.key, load.key
         return {
-            "marker_error_mm": self.marker.mean_mm,
-            "marker_error_by_marker_mm": self.marker.by_marker_mm.tolist(),
-            "noise_floor_mm": self.noise.floor_mm,
-            "above_noise_mm": self.above_noise_mm,
+            f"{pose.one}_error_{mm}": self.marker.mean_mm,
+            f"{pose.one}_error_by_{pose.one}_{mm}": self.marker.by_marker_mm.tolist(),
+            f"noise_floor_{mm}": self.noise.floor_mm,
+            f"above_noise_{mm}": self.above_noise_mm,
             "share_above_noise": self.share_above_noise,
-            "load_error_percent": self.load.rms_percent,
-            "load_error_by_motor_percent": self.load.by_motor_percent.tolist(),
-            "load_noise_percent": self.noise.load_floor_percent,
+            f"{load.one}_error_{percent}": self.load.rms_percent,
+            f"{load.one}_error_by_motor_{percent}": self.load.by_motor_percent.tolist(),
+            f"{load.one}_noise_{percent}": self.noise.load_floor_percent,
             "share_by_joint": [] if self.place is None else self.place.share.tolist(),
             "depends_on": [
                 {
@@ -139,10 +141,11 @@ def _marker_change(
 ) -> Change | None:
     if not comparison.has_markers:
         return None
-    markers = 1e3 * known(comparison.marker_residual.reshape(*comparison.time.shape, -1))
-    channels = tuple(f"{m} along {x}" for m in comparison.marker_names for x in "xyz")
+    measure = comparison.marker
+    markers = measure.scale * known(comparison.marker_residual.reshape(*comparison.time.shape, -1))
+    channels = tuple(f"{m}{x}" for m in comparison.marker_names for x in measure.along)
     if found is None:
-        labels = _Labels(channels, "mm", np.ones(len(channels)))
+        labels = _Labels(channels, measure.unit, np.ones(len(channels)))
         return _change(comparison, markers, markers, labels, rng, permutations)
     channels = tuple(f"the rotation at {name}" for name in comparison.joint_names)
     scale = 1e3 * np.maximum(found.lever, 1e-6)  # counted by how far they move the markers
@@ -157,9 +160,10 @@ def _load_change(
 ) -> Change | None:
     if not comparison.has_loads:
         return None
-    loads = 100 * comparison.load_residual
-    names = tuple(f"{name}'s load" for name in comparison.motor_names)
-    labels = _Labels(names, "% of stall", np.ones(len(names)))
+    measure = comparison.load
+    loads = measure.scale * comparison.load_residual
+    names = tuple(f"{name}'s {measure.one}" for name in comparison.motor_names)
+    labels = _Labels(names, measure.unit, np.ones(len(names)))
     return _change(comparison, loads, loads, labels, rng, permutations)
 
 

@@ -55,14 +55,18 @@ class Learned:
     """Share of that distance which it removes; 0 if it is off"""
     interval: tuple[float, float] = (0.0, 0.0)
     """95 % interval of that share, by a paired bootstrap over segments"""
+    dimension: int = 3
+    """Coordinates of a marker"""
 
-    def correction(self, motor_angle: Array, motor_velocity: Array, load: Array) -> Array:
-        """What to add to predicted markers [m], (S, T, M, 3), for motor readings (S, T, N)."""
-        shape = (*motor_angle.shape[:2], -1, 3)
-        size = self.arrays["offset"].size // 3
+    def correction(self, *readings: Array) -> Array:
+        """What to add to predicted markers [m], (S, T, M, 3), for motor angles, velocities and, where
+        they are measured, loads, (S, T, N).
+        """
+        shape = (*readings[0].shape[:2], -1, self.dimension)
+        size = self.arrays["offset"].size // self.dimension
         if not self.on:
-            return np.zeros((*motor_angle.shape[:2], size, 3))
-        x = _inputs(np.concatenate([motor_angle, motor_velocity, load], -1), self.lags, self.arrays)
+            return np.zeros((*readings[0].shape[:2], size, self.dimension))
+        x = _inputs(np.concatenate(readings, -1), self.lags, self.arrays)
         return (x @ self.arrays["weight"] + self.arrays["offset"]).reshape(shape)
 
     def corrected(self, comparison: Comparison) -> Comparison:
@@ -85,6 +89,7 @@ class Learned:
             "after_mm": self.after_mm,
             "share": self.share,
             "interval": self.interval,
+            "dimension": self.dimension,
         }
         with path.open("wb") as file:
             arrays: dict[str, Any] = {"about": np.array(json.dumps(about)), **self.arrays}
@@ -112,12 +117,14 @@ def learn(
     options: Options = Options(),
 ) -> Learned:
     """Fit to the training comparison, then switch on only if held-out segments gain beyond chance."""
-    size = training.marker_residual[0, 0].size
+    size, dimension = training.marker_residual[0, 0].size, training.marker.dimension
     best: tuple[float, dict[str, Array]] = (np.inf, {})
     for tried in _candidates(training, rng, options):
         best = min(best, tried, key=lambda pair: pair[0])
     left, arrays = best
-    learned = Learned(options.lags, training.period, arrays or {"offset": np.zeros(size)})
+    learned = Learned(
+        options.lags, training.period, arrays or {"offset": np.zeros(size)}, dimension=dimension
+    )
     learned = replace(learned, on=left < 1 - _TOO_LITTLE)
     return _judged(learned, held_out, rng)
 
@@ -184,14 +191,14 @@ def _ridge_path(
         yield left / total, weight, offset - middle @ weight
 
 
-def _readings(comparison: Comparison) -> tuple[Array, Array, Array]:
+def _readings(comparison: Comparison) -> tuple[Array, ...]:
     angle, velocity = comparison.motor_angle, comparison.motor_velocity
     loads = comparison.load_measured
-    if angle is None or velocity is None or loads is None:
+    if angle is None or velocity is None:
         raise SerpentError(
-            "A correction is learned from motor angles, velocities and loads; the comparison lacks some."
+            "A correction is learned from motor angles and velocities; the comparison lacks some."
         )
-    return angle, velocity, loads
+    return (angle, velocity) if loads is None else (angle, velocity, loads)
 
 
 def _scales(

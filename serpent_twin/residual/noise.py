@@ -10,11 +10,13 @@ smoothed is underestimated; an error that jumps at random rows is taken for nois
 """
 
 from dataclasses import dataclass
+from math import gamma
 
 import numpy as np
 from scipy.optimize import nnls
 
 from serpent_twin.residual.comparison import Array, Comparison
+from serpent_twin.residual.measure import LOADS, MARKERS, Measure
 from serpent_twin.residual.place import joint_jacobian
 
 ORDER, GAIN = 4, 70.0  # 1² + 4² + 6² + 4² + 1²
@@ -35,39 +37,45 @@ class Noise:
     a machine that sticks and slips a little otherwise every time"""
     load_jitter: Array
     """Of each motor's load, from one row to the next [fraction of the stall torque], (N,)"""
+    of_marker: Measure = MARKERS
+    """What the markers are"""
+    of_load: Measure = LOADS
+    """What the loads are"""
 
     @property
     def floor_mm(self) -> float:
         """Mean marker distance [mm] of a perfect twin."""
-        return _mean_distance_mm(self.marker)
+        return self._mean_distance(self.marker)
 
     @property
     def jitter_mm(self) -> float:
         """Mean marker distance [mm] of a twin that is right about all but what looks like noise."""
-        return _mean_distance_mm(self.jitter)
+        return self._mean_distance(self.jitter)
 
     @property
     def load_jitter_percent(self) -> float:
         """The same for loads, root mean square [% of the stall torque]."""
-        return _rms_percent(self.load_jitter)
+        return self._rms(self.load_jitter)
 
     @property
     def load_floor_percent(self) -> float:
         """Root mean square load error [% of the stall torque] of a perfect twin."""
-        return _rms_percent(self.load)
+        return self._rms(self.load)
+
+    def _mean_distance(self, std: Array) -> float:
+        distance = expected_distance(std, self.of_marker.dimension)
+        return float(self.of_marker.scale * np.mean(distance)) if std.size else 0.0
+
+    def _rms(self, std: Array) -> float:
+        return float(self.of_load.scale * np.sqrt(np.mean(std**2))) if std.size else 0.0
 
 
-def _mean_distance_mm(std: Array) -> float:
-    return float(1e3 * np.mean(expected_distance(std))) if std.size else 0.0
-
-
-def _rms_percent(std: Array) -> float:
-    return float(100 * np.sqrt(np.mean(std**2))) if std.size else 0.0
-
-
-def expected_distance(std: Array | float) -> Array:
-    """Mean length of a vector of three gaussian numbers of this standard deviation: 2 σ √(2/π)."""
-    return 2 * np.sqrt(2 / np.pi) * np.asarray(std, float)
+def expected_distance(std: Array | float, dimension: int = 3) -> Array:
+    """Mean length of a vector of so many gaussian numbers of this standard deviation: of three,
+    2 σ √(2/π).
+    """
+    mean = np.sqrt(2) * gamma((dimension + 1) / 2) / gamma(dimension / 2)
+    return mean * np.asarray(std, float)
 
 
 def measurement_noise(comparison: Comparison) -> Noise:
@@ -83,7 +91,8 @@ def measurement_noise(comparison: Comparison) -> Noise:
         # Both ways take what is left of the twin's error for noise, so the lesser is nearer.
         beside = each(_beside_joints(comparison))
         of_markers = np.where(beside > 0, np.minimum(of_markers, beside), of_markers)
-    return Noise(of_markers, each(loads[..., None]), jitter, _from_row_to_row(loads))
+    of_loads, measures = each(loads[..., None]), (comparison.marker, comparison.load)
+    return Noise(of_markers, of_loads, jitter, _from_row_to_row(loads), *measures)
 
 
 def _from_row_to_row(values: Array) -> Array:

@@ -49,7 +49,8 @@ class LoadSize:
 
 def marker_size(comparison: Comparison) -> MarkerSize:
     """Size of the marker error; lost markers are left out."""
-    distance, residual = 1e3 * comparison.distance, 1e3 * comparison.marker_residual
+    scale = comparison.marker.scale
+    distance, residual = scale * comparison.distance, scale * comparison.marker_residual
     with warnings.catch_warnings():  # a segment without any marker has a mean of NaN
         warnings.simplefilter("ignore", RuntimeWarning)
         return MarkerSize(
@@ -66,7 +67,7 @@ def marker_size(comparison: Comparison) -> MarkerSize:
 
 def load_size(comparison: Comparison, moving_above: float = MOVING) -> LoadSize:
     """Size of the load error; a motor moves where its speed is above a threshold [rad/s]."""
-    residual = 100 * comparison.load_residual
+    residual = comparison.load.scale * comparison.load_residual
     moving = is_moving(comparison, moving_above)
     return LoadSize(
         rms_percent=float(np.sqrt(np.nanmean(residual**2))) if residual.size else np.nan,

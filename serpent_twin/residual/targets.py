@@ -37,11 +37,12 @@ def marker_targets(c: Comparison, noise: Noise, found: Place | None) -> Targets:
     A joint's rotation is counted in mm: by how far it moves the markers. Without joint geometry the
     single markers stand for the joints.
     """
-    residual = 1e3 * known(c.marker_residual.reshape(*c.time.shape, -1))
-    parts, coloured = _components(residual), 1e6 * 3 * float(np.sum(noise.marker**2))
+    scale, K = c.marker.scale, c.marker.dimension
+    residual = scale * known(c.marker_residual.reshape(*c.time.shape, -1))
+    parts, coloured = _components(residual), scale**2 * K * float(np.sum(noise.marker**2))
     total = float(np.mean(np.sum(residual**2, axis=-1)))
     if found is not None:
-        single = 1e3 * known(found.rotation * found.lever * np.sqrt(c.marker_residual.shape[2]))
+        single = scale * known(found.rotation * found.lever * np.sqrt(c.marker_residual.shape[2]))
         names = tuple(f"the rotation at {name}" for name in c.joint_names)
         size, sizes = (
             known(np.abs(single)),
@@ -49,7 +50,7 @@ def marker_targets(c: Comparison, noise: Noise, found: Place | None) -> Targets:
         )
     else:
         single, names = np.zeros((*c.time.shape, 0)), ()
-        size = 1e3 * known(c.distance)
+        size = scale * known(c.distance)
         sizes = tuple(f"how far {name} is off" for name in c.marker_names)
     values = np.concatenate([parts, single, size], axis=-1)
     kinds = ("markers",) + ("joint",) * len(names) + ("size",) * len(sizes)
@@ -57,16 +58,18 @@ def marker_targets(c: Comparison, noise: Noise, found: Place | None) -> Targets:
     of_sizes = np.var(size, axis=(0, 1))
     totals = np.concatenate([np.full(1 + len(names), total), of_sizes])
     quiet = np.concatenate([np.full(1 + len(names), coloured), np.zeros(len(sizes))])
-    return Targets(("the markers",) + names + sizes, kinds, values, member, totals, quiet)
+    return Targets((c.marker.what,) + names + sizes, kinds, values, member, totals, quiet)
 
 
 def load_targets(c: Comparison, noise: Noise) -> Targets:
     """Each motor's load; motors without a load residual keep a target of zeros."""
-    values = 100 * known(c.load_residual)
-    names = tuple(f"{name}'s load" for name in c.motor_names)
+    values = c.load.scale * known(c.load_residual)
+    names = tuple(f"{name}'s {c.load.one}" for name in c.motor_names)
     member = np.eye(len(names), dtype=bool)
     total = np.mean(values**2, axis=(0, 1))
-    return Targets(names, ("load",) * len(names), values, member, total, 1e4 * noise.load**2)
+    return Targets(
+        names, ("load",) * len(names), values, member, total, (c.load.scale * noise.load) ** 2
+    )
 
 
 def _components(residual: Array) -> Array:

@@ -36,11 +36,15 @@ def where(comparison: Comparison, dependence: Dependence, found: Place | None) -
 
 def where_along(comparison: Comparison, basis: Array, found: Place | None) -> Where:
     """Where the markers follow a basis (S, T, P)."""
-    residual = 1e3 * known(comparison.marker_residual.reshape(*comparison.time.shape, -1))
-    by_axis = np.mean(fitted(basis, residual).reshape(-1, residual.shape[2] // 3, 3) ** 2, axis=0)
+    measure = comparison.marker
+    residual = measure.scale * known(comparison.marker_residual.reshape(*comparison.time.shape, -1))
+    each = fitted(basis, residual).reshape(
+        -1, residual.shape[2] // measure.dimension, measure.dimension
+    )
+    by_axis = np.mean(each**2, axis=0)
     marker = np.sqrt(by_axis.sum(axis=1))
     share = by_axis.sum(axis=0) / max(by_axis.sum(), 1e-300)
-    axis = "xyz"[int(share.argmax())] if share.max() > 0.6 else ""
+    axis = measure.axes[int(share.argmax())] if measure.axes and share.max() > 0.6 else ""
     joint = np.zeros(0)
     if found is not None:
         turns = 1e3 * known(found.rotation * found.lever)

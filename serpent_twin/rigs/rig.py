@@ -13,8 +13,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from serpent_twin.arm import Array
-from serpent_twin.effects import Range
-from serpent_twin.log import Session
+from serpent_twin.effects import Effect, Range, by_name, ranges
 from serpent_twin.residual import Comparison
 
 
@@ -51,6 +50,23 @@ class Candidate:
     """Names of candidates that look like it"""
 
 
+def candidate(name: str, **sized: Range) -> Candidate:
+    """An effect as it knows itself, or with ranges for a machine of another size than the arm's."""
+    kind = by_name(name)
+    known = {n: sized.get(n, r) for n, r in ranges(kind).items()}
+    variants = [
+        [sized[n].typical if n in sized else getattr(v, n) for n in known] for v in kind.variants()
+    ]
+    return Candidate(
+        name,
+        known,
+        tuple(np.array(values) for values in variants),
+        (kind.__doc__ or "").split("\n")[0].strip(),
+        kind.shows_in,
+        kind.confused_with,
+    )
+
+
 @dataclass(frozen=True)
 class Point:
     """A twin in the fit's coordinates."""
@@ -63,6 +79,22 @@ class Point:
     def having(self, name: str, values: Array) -> "Point":
         """With one effect's parameters set."""
         return replace(self, effects={**self.effects, name: np.asarray(values, float)})
+
+
+def effects_at(point: Point) -> tuple[Effect, ...]:
+    """The effects of a point."""
+    return tuple(effect_at(name, values) for name, values in point.effects.items())
+
+
+def effect_at(name: str, values: Array) -> Effect:
+    """An effect out of its parameters, clipped to their ranges; a strength stays just off zero, where
+    the effect would leave the model's structure.
+    """
+    kind = by_name(name)
+    each = {}
+    for (parameter, r), value in zip(ranges(kind).items(), values, strict=True):
+        each[parameter] = float(np.clip(value, r.least, r.high))
+    return kind(**each)
 
 
 class Stopwatch:
@@ -93,6 +125,25 @@ class Pieces(Protocol):
 P = TypeVar("P", bound=Pieces)
 
 
+class Log(Protocol):
+    """One recording of a machine."""
+
+    @property
+    def path(self) -> Path | None:
+        """The file that it came from."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """By which people call it."""
+        ...
+
+    @property
+    def metadata(self) -> Mapping[str, Any]:
+        """What the recorder said of it."""
+        ...
+
+
 class Case(Protocol[P]):
     """A machine with the first guesses that its training logs allow: what the fit works on."""
 
@@ -104,8 +155,12 @@ class Case(Protocol[P]):
     """Time spent in simulation"""
     channels: int
     """Numbers that a residual has for each row of a log"""
+    segments: tuple[int, int]
+    """How many segments a fit uses at most while it searches, enough to tell effects apart, and the last
+    fit
+    """
 
-    def pieces(self, sessions: Sequence[Session]) -> P:
+    def pieces(self, sessions: Sequence[Any]) -> P:
         """Cut sessions into segments."""
         ...
 
@@ -150,10 +205,10 @@ class Rig(Protocol):
 
     name: str
 
-    def read(self, folder: Path) -> list[Session]:
+    def read(self, folder: Path) -> Sequence[Log]:
         """A folder's sessions; raises a `SerpentError` on logs that are not of this machine."""
         ...
 
-    def open(self, training: Sequence[Session]) -> Case[Any]:
+    def open(self, training: Sequence[Any]) -> Case[Any]:
         """First guesses out of training logs."""
         ...

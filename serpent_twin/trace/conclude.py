@@ -42,26 +42,28 @@ def conclude(tracer: Tracer, search: Search, arm: str, files: Sequence[str]) -> 
     points = {"nominal": None, "calibrated": search.calibrated.point, "corrected": final.point}
     compared = {name: case.compare(point, held_out) for name, point in points.items()}
     found = {name: analyse(compared[name], rng) for name in ("calibrated", "corrected")}
-    error = {name: errors(each) for name, each in compared.items()}
+    held = {name: errors(each) for name, each in compared.items()}
     noise = found["corrected"].noise
     expected = case.expected(final.point, drawn(case, final, rng, _DRAWS), held_out, rng)
     expected = float(np.fmax(expected, noise.jitter_mm))
-    error_mm = {name: each.marker for name, each in error.items()}
-    load = {name: each.load for name, each in error.items()}
+    error = {name: each.marker for name, each in held.items()}
+    load = {name: each.load for name, each in held.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
     return Diagnosis(
         arm=arm,
         held_out=tuple(files),
-        effects=_named(case, search, error["calibrated"], error["corrected"], rng),
+        effects=_named(case, search, held["calibrated"], held["corrected"], rng),
         candidates=_tried(case, search),
-        unexplained=_unexplained(found["corrected"], error_mm, load, expected),
-        error_mm=error_mm | {"noise_floor": noise.floor_mm, "expected": expected},
-        load_error_percent=load | {"noise_floor": noise.load_floor_percent},
+        unexplained=_unexplained(found["corrected"], error, load, expected),
+        error=error | {"noise_floor": noise.floor_mm, "expected": expected},
+        load_error=load | {"noise_floor": noise.load_floor_percent},
         cautions=_cautions(case, search),
         calibration=_calibration(case, final),
         comparisons=compared,
         findings=found,
         learned=learned,
+        marker=compared["corrected"].marker,
+        load=compared["corrected"].load,
     )
 
 
@@ -80,8 +82,8 @@ def _named(
             Named(
                 name=name,
                 parameters=_estimates(case, search.final, name),
-                gain_mm=gained.marker_mm,
-                gain_load_percent=gained.load_percent,
+                gain=gained.marker,
+                gain_load=gained.load,
                 probability_of_chance=gained.probability_of_chance,
             )
         )
@@ -109,11 +111,11 @@ def _tried(case: Case, search: Search) -> tuple[Tried, ...]:
     }
     for each in search.rounds:
         for name, trial in each.trials.items():
-            if trial.gain is None and name in out and out[name].gain_by_segment_mm is not None:
+            if trial.gain is None and name in out and out[name].gain_by_segment is not None:
                 continue
             verdict, why = _verdict(name, each, search, case)
-            by_segment = trial.gain.marker_by_segment_mm if trial.gain else None
-            out[name] = Tried(name, trial.error_mm, verdict, trial.score.share, by_segment, why)
+            by_segment = trial.gain.marker_by_segment if trial.gain else None
+            out[name] = Tried(name, trial.error, verdict, trial.score.share, by_segment, why)
     ordered = sorted(out.values(), key=lambda t: (t.verdict != ACCEPTED, -t.score))
     return tuple(ordered)
 
@@ -134,9 +136,9 @@ def _verdict(name: str, each: Round, search: Search, case: Case) -> tuple[str, s
 
 
 def _unexplained(
-    found: Findings, error_mm: Mapping[str, float], load: Mapping[str, float], expected: float
+    found: Findings, errors: Mapping[str, float], load: Mapping[str, float], expected: float
 ) -> Unexplained:
-    error = error_mm["corrected"]
+    error = errors["corrected"]
     share = max(0.0, 1 - (expected / error) ** 2) if error > 0 else 0.0
     markers = [d.share_above_noise for d in found.depends_on if d.kind != "load"]
     loads = [d.share_above_noise for d in found.depends_on if d.kind == "load"]

@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any
 
 from serpent_twin.arm import Array
-from serpent_twin.residual import Comparison, Findings
+from serpent_twin.residual import LOADS, MARKERS, Comparison, Findings, Measure
 from serpent_twin.residual.learned import Learned
 
 ACCEPTED, REJECTED, NOT_EXCITED = "accepted", "rejected", "not excited"
@@ -40,10 +40,10 @@ class Named:
 
     name: str
     parameters: Mapping[str, Estimate]
-    gain_mm: float
-    """By how much it betters the held-out marker error [mm]"""
-    gain_load_percent: float
-    """By how much it betters the held-out load error [% of stall]"""
+    gain: float
+    """By how much it betters the held-out marker error"""
+    gain_load: float
+    """By how much it betters the held-out load error"""
     probability_of_chance: float
     """Of no gain at all, by paired bootstrap over held-out segments [1]"""
 
@@ -53,14 +53,14 @@ class Tried:
     """A candidate and what became of it."""
 
     name: str
-    error_mm: float
-    """Held-out marker error with it; of the twin without it, where it was not worth a full fit [mm]"""
+    error: float
+    """Held-out marker error with it; of the twin without it, where it was not worth a full fit"""
     verdict: str
     """accepted, rejected or not excited"""
     score: float
     """Share of the residual's squares that it would remove, to first order [1]"""
-    gain_by_segment_mm: Array | None
-    """On held-out segments, if it was fitted [mm]"""
+    gain_by_segment: Array | None
+    """On held-out segments, if it was fitted"""
     why: str
     """In words"""
 
@@ -78,7 +78,7 @@ class Unexplained:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """All that a trace finds."""
+    """All that a trace finds; errors are in the units of `marker` and `load`."""
 
     arm: str
     held_out: tuple[str, ...]
@@ -86,9 +86,9 @@ class Diagnosis:
     effects: tuple[Named, ...]
     candidates: tuple[Tried, ...]
     unexplained: Unexplained
-    error_mm: Mapping[str, float]
+    error: Mapping[str, float]
     """nominal, calibrated, corrected, noise_floor; and expected: of a twin that lacks nothing"""
-    load_error_percent: Mapping[str, float]
+    load_error: Mapping[str, float]
     """nominal, calibrated, corrected, noise_floor"""
     cautions: tuple[str, ...]
     """What the data cannot tell, in sentences"""
@@ -100,9 +100,14 @@ class Diagnosis:
     """calibrated, corrected: what the residual depends on"""
     learned: Learned
     """The last resort, apart from physics"""
+    marker: Measure = MARKERS
+    """What the error is of"""
+    load: Measure = LOADS
+    """What the load error is of"""
 
     def numbers(self, seconds: float, simulated: float) -> dict[str, Any]:
         """diagnosis.json."""
+        mm, loads = self.marker.key, f"{self.load.one}_error_{self.load.key}"
         return {
             "arm": self.arm,
             "held_out": list(self.held_out),
@@ -110,8 +115,8 @@ class Diagnosis:
                 {
                     "name": each.name,
                     "parameters": {n: vars(e) for n, e in each.parameters.items()},
-                    "gain_mm": each.gain_mm,
-                    "gain_load_percent": each.gain_load_percent,
+                    f"gain_{mm}": each.gain,
+                    f"gain_{self.load.one}_{self.load.key}": each.gain_load,
                     "probability_of_chance": each.probability_of_chance,
                 }
                 for each in self.effects
@@ -119,7 +124,7 @@ class Diagnosis:
             "candidates": [
                 {
                     "name": each.name,
-                    "error_mm": each.error_mm,
+                    f"error_{mm}": each.error,
                     "verdict": each.verdict,
                     "score": each.score,
                     "why": each.why,
@@ -131,13 +136,13 @@ class Diagnosis:
                 "share": self.unexplained.share,
                 "depends_on": self.unexplained.depends_on,
             },
-            "error_mm": dict(self.error_mm),
-            "load_error_percent": dict(self.load_error_percent),
+            f"error_{mm}": dict(self.error),
+            loads: dict(self.load_error),
             "learned": {
                 "share": self.learned.share,
                 "on": self.learned.on,
-                "before_mm": self.learned.before_mm,
-                "after_mm": self.learned.after_mm,
+                f"before_{mm}": self.learned.before_mm,
+                f"after_{mm}": self.learned.after_mm,
             },
             "cautions": list(self.cautions),
             "calibration": {name: vars(each) for name, each in self.calibration.items()},
@@ -155,10 +160,10 @@ class Diagnosis:
 
     def sentence(self) -> str:
         """The diagnosis in a line or two."""
-        error = self.error_mm
+        error = self.error
         course = (
-            f"{error['nominal']:.2f} mm nominal, {error['calibrated']:.2f} calibrated, "
-            f"{error['corrected']:.2f} corrected (cameras alone: {error['noise_floor']:.2f})"
+            f"{error['nominal']:.2f} {self.marker.unit} nominal, {error['calibrated']:.2f} calibrated, "
+            f"{error['corrected']:.2f} corrected ({self.marker.noise}: {error['noise_floor']:.2f})"
         )
         if not self.effects:
             what = "nothing is missing"

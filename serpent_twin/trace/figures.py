@@ -41,19 +41,16 @@ def spaced(name: str) -> str:
 
 def before_and_after(diagnosis: Diagnosis) -> Figure | None:
     """The held-out error of each twin, markers and loads; None if neither is known."""
-    kinds = (
-        (diagnosis.error_mm, "mean marker distance", "mm", "noise of the cameras alone"),
-        (diagnosis.load_error_percent, "load error, rms", "% of stall", "noise of the loads alone"),
-    )
+    kinds = ((diagnosis.error, diagnosis.marker), (diagnosis.load_error, diagnosis.load))
     known = [kind for kind in kinds if np.isfinite(kind[0].get("calibrated", np.nan))]
     if not known:
         return None
     names = stages(diagnosis)
     drawing, panels = _sheet(9, 0.55 * len(names) + 1.3, columns=len(known))
-    for axes, (error, what, unit, floor) in zip(panels, known, strict=True):
-        _bars(axes, error, names, unit)
-        _levels(axes, error, floor)
-        axes.set_xlabel(f"{what} [{unit}]")
+    for axes, (error, measure) in zip(panels, known, strict=True):
+        _bars(axes, error, names, measure.unit)
+        _levels(axes, error, measure.noise)
+        axes.set_xlabel(f"{measure.size} [{measure.unit}]")
     for axes in panels[1:]:
         axes.set_yticklabels([])
     caption = (
@@ -112,8 +109,8 @@ def ranked(candidates: Sequence[Tried]) -> list[Tried]:
 
 
 def mean_gain(tried: Tried) -> tuple[float, float]:
-    """Mean gain over held-out segments and half its 95 % interval by Student's t [mm]; NaN unfitted."""
-    gains = np.array([]) if tried.gain_by_segment_mm is None else tried.gain_by_segment_mm
+    """Mean gain over held-out segments and half its 95 % interval by Student's t; NaN unfitted."""
+    gains = np.array([]) if tried.gain_by_segment is None else tried.gain_by_segment
     gains = gains[np.isfinite(gains)]
     if not gains.size:
         return np.nan, np.nan
@@ -123,7 +120,7 @@ def mean_gain(tried: Tried) -> tuple[float, float]:
     return float(gains.mean()), float(half)
 
 
-def ranking(candidates: Sequence[Tried]) -> Figure | None:
+def ranking(candidates: Sequence[Tried], unit: str = "mm") -> Figure | None:
     """The score of every candidate, and the held-out gain of those that were fitted."""
     if not candidates:
         return None
@@ -132,7 +129,7 @@ def ranking(candidates: Sequence[Tried]) -> Figure | None:
     drawing, panels = _sheet(9, 0.34 * len(order) + 1.3, columns=1 + fitted, sharey=True)
     _scores(panels[0], order)
     if fitted:
-        _gains(panels[1], order)
+        _gains(panels[1], order, unit)
     for n, each in enumerate(order):
         _, colour = _VERDICT_STYLE[each.verdict]
         at = {"xycoords": ("axes fraction", "data"), "va": "center", "fontsize": 9.5}
@@ -159,7 +156,7 @@ def _scores(axes: "Axes", order: Sequence[Tried]) -> None:
     _clean(axes, "x")
 
 
-def _gains(axes: "Axes", order: Sequence[Tried]) -> None:
+def _gains(axes: "Axes", order: Sequence[Tried], unit: str) -> None:
     axes.axvline(0, color=SOFT, lw=0.8)
     for n, each in enumerate(order):
         mean, half = mean_gain(each)
@@ -167,12 +164,12 @@ def _gains(axes: "Axes", order: Sequence[Tried]) -> None:
         if not np.isfinite(mean):
             axes.annotate(" not fitted", (0, n), va="center", color=SOFT, fontsize=8.5)
             continue
-        gains = np.asarray(each.gain_by_segment_mm)
+        gains = np.asarray(each.gain_by_segment)
         axes.plot(gains, np.full(gains.shape, n), "o", color=colour, alpha=0.25, ms=4, mew=0)
         axes.errorbar(
             mean, n, xerr=np.nan_to_num(half), fmt=marker, color=colour, ms=6, lw=2, capsize=3
         )
-    axes.set_xlabel("gain on held-out segments [mm]")
+    axes.set_xlabel(f"gain on held-out segments [{unit}]")
     axes.margins(x=0.08)
     axes.tick_params(axis="y", length=0)
     _clean(axes, "x")
@@ -251,7 +248,8 @@ def place_and_time(twins: Mapping[str, Twin]) -> Figure:
     bar.set_label(label)
     bar.outline.set_visible(False)  # pyright: ignore
     scale = ", on one scale" if len(twins) > 1 else ""
-    caption = f"Where along the machine and when the markers are off{scale}: darker is more."
+    are = next(iter(twins.values()))[0].marker.are
+    caption = f"Where along the machine and when {are} off{scale}: darker is more."
     return Figure("place_and_time", drawing, caption)
 
 

@@ -15,22 +15,22 @@ _DRAWS = 10_000
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of one twin on held-out segments, (S,)."""
+    """Errors of one twin on held-out segments, (S,), in the units in which the rig tells them."""
 
-    marker_mm: Array
+    marker_by_segment: Array
     """Mean marker distance; NaN without markers"""
-    load_percent: Array
-    """Root mean square of the moving motors' loads [% of stall]; NaN without loads"""
+    load_by_segment: Array
+    """Root mean square of the moving motors' loads; NaN without loads"""
 
     @property
     def marker(self) -> float:
-        """Mean over segments [mm]."""
-        return _mean(self.marker_mm)
+        """Mean over segments."""
+        return _mean(self.marker_by_segment)
 
     @property
     def load(self) -> float:
-        """Mean over segments [% of stall]."""
-        return _mean(self.load_percent)
+        """Mean over segments."""
+        return _mean(self.load_by_segment)
 
 
 def _mean(values: Array) -> float:
@@ -39,11 +39,12 @@ def _mean(values: Array) -> float:
 
 def errors(comparison: Comparison) -> Errors:
     """The errors of a comparison, segment by segment."""
-    moving = is_moving(comparison, MOVING)
+    told = comparison.load_counts is not None
+    moving = True if told else is_moving(comparison, MOVING)
     load = np.where(moving, comparison.load_residual, np.nan)
     some = np.isfinite(load).any(axis=(1, 2))
     rms = np.full(len(load), np.nan)
-    rms[some] = 100 * np.sqrt(np.nanmean(load[some] ** 2, axis=(1, 2)))
+    rms[some] = comparison.load.scale * np.sqrt(np.nanmean(load[some] ** 2, axis=(1, 2)))
     return Errors(marker_size(comparison).by_segment_mm, rms)
 
 
@@ -53,12 +54,12 @@ class Gain:
 
     by_segment: Array
     """Relative gain of segments that show any, markers and loads weighing alike, (≤ S,) [1]"""
-    marker_by_segment_mm: Array
-    """Gain of the mean marker distance, (S,) [mm]"""
-    marker_mm: float
-    """Its mean [mm]"""
-    load_percent: float
-    """[% of stall]"""
+    marker_by_segment: Array
+    """Gain of the mean marker distance, (S,)"""
+    marker: float
+    """Its mean"""
+    load: float
+    """Of the load error"""
     probability_of_chance: float
     """That the mean gain is not above zero, by paired bootstrap over segments and Student's t; for the
     best of several that were tried, times their number (Bonferroni)
@@ -88,12 +89,13 @@ def gain(before: Errors, after: Errors, rng: np.random.Generator, among: int = 1
     parts = [
         (a - b) / np.nanmean(a)
         for a, b in (
-            (before.marker_mm, after.marker_mm),
-            (before.load_percent, after.load_percent),
+            (before.marker_by_segment, after.marker_by_segment),
+            (before.load_by_segment, after.load_by_segment),
         )
         if np.isfinite(a).any()
     ]
-    known = np.isfinite(parts).any(axis=0) if parts else np.zeros(len(before.marker_mm), bool)
+    none = np.zeros(len(before.marker_by_segment), bool)
+    known = np.isfinite(parts).any(axis=0) if parts else none
     if not known.any():
         raise SerpentError(
             "no held-out segment has markers or moving motors, so nothing can be judged. Hold out "
@@ -101,5 +103,5 @@ def gain(before: Errors, after: Errors, rng: np.random.Generator, among: int = 1
         )
     each = np.nanmean(np.array(parts)[:, known], axis=0)
     chance = min(1.0, among * _chance(each, rng))
-    apart = before.marker_mm - after.marker_mm
+    apart = before.marker_by_segment - after.marker_by_segment
     return Gain(each, apart, before.marker - after.marker, before.load - after.load, chance)

@@ -66,16 +66,17 @@ def _with_strength(effect: Named) -> str:
 
 def _course(diagnosis: Diagnosis) -> str:
     """Errors from stage to stage, of the markers or, where there are none, of the loads."""
-    for error, what, unit in (
-        (diagnosis.error_mm, "the markers are off by", " mm"),
-        (diagnosis.load_error_percent, "the loads are off by", " % of stall"),
+    for error, measure in (
+        (diagnosis.error, diagnosis.marker),
+        (diagnosis.load_error, diagnosis.load),
     ):
+        unit = f" {measure.unit}"
         names = [n for n in figures.stages(diagnosis) if np.isfinite(error.get(n, np.nan))]
         if names:
             told = [f"{error[name]:.2f}{unit} {name}" for name in names]
             floor = error.get("noise_floor", np.nan)
             noise = f"; noise alone makes {floor:.2f}{unit}" if np.isfinite(floor) else ""
-            return f"On {_sessions(diagnosis)}, {what} {_listed(told)}{noise}."
+            return f"On {_sessions(diagnosis)}, {measure.are} off by {_listed(told)}{noise}."
     return ""
 
 
@@ -104,7 +105,7 @@ def _residual_figures(diagnosis: Diagnosis) -> dict[str, Figure]:
 
 def _before_and_after(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section:
     text = (
-        "Motor angles of the log drive each twin. Nominal is the twin as declared; calibrated has the "
+        "The log drives each twin. Nominal is the twin as declared; calibrated has the "
         "declared parameters fitted to the training sessions; corrected has, besides, what was found "
         "missing."
     )
@@ -120,7 +121,7 @@ def _before_and_after(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Sect
 
 
 def _ranking(diagnosis: Diagnosis) -> Section | None:
-    figure = figures.ranking(diagnosis.candidates)
+    figure = figures.ranking(diagnosis.candidates, diagnosis.marker.unit)
     if figure is None:
         return None
     verdicts = [each.verdict for each in diagnosis.candidates]
@@ -131,7 +132,11 @@ def _ranking(diagnosis: Diagnosis) -> Section | None:
         "betters sessions that it was not fitted to, beyond chance and by enough to be worth its "
         "parameters. Not excited means that these logs could not show it."
     )
-    return Section("Which candidate", text, (figure, tables.candidates(diagnosis.candidates)))
+    return Section(
+        "Which candidate",
+        text,
+        (figure, tables.candidates(diagnosis.candidates, diagnosis.marker.unit)),
+    )
 
 
 def _missing(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> Section | None:
@@ -139,7 +144,11 @@ def _missing(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> Section | 
         return None
     verdicts = {each.name: each.verdict for each in diagnosis.candidates}
     text = "\n\n".join(_about(effect, known, verdicts) for effect in diagnosis.effects)
-    return Section("What was missing", text, (tables.parameters(diagnosis.effects),))
+    return Section(
+        "What was missing",
+        text,
+        (tables.parameters(diagnosis.effects, diagnosis.marker.unit, diagnosis.load.unit),),
+    )
 
 
 def _about(effect: Named, known: Mapping[str, Candidate], verdicts: Mapping[str, str]) -> str:
@@ -184,9 +193,10 @@ def _verdict(diagnosis: Diagnosis, told: Mapping[str, str]) -> str:
     """Whether what is left is explained; what the descriptions say is not said again."""
     rest = diagnosis.unexplained
     if not rest.is_:
-        error, clean = (diagnosis.error_mm.get(n, np.nan) for n in ("corrected", "expected"))
+        error, clean = (diagnosis.error.get(n, np.nan) for n in ("corrected", "expected"))
         known = np.isfinite(error) and np.isfinite(clean)
-        beside = f": {error:.2f} mm, where a twin that lacks nothing leaves {clean:.2f} mm"
+        unit = diagnosis.marker.unit
+        beside = f": {error:.2f} {unit}, where a twin that lacks nothing leaves {clean:.2f} {unit}"
         return f"What is left is too little to call unexplained{beside if known else ''}."
     share = f"Unexplained is {100 * rest.share:.0f} % of the squared error."
     repeated = any(rest.depends_on in said for said in told.values())
@@ -217,24 +227,25 @@ def _calibration(diagnosis: Diagnosis, prior: Mapping[str, float]) -> Section | 
 
 
 def _last_resort(diagnosis: Diagnosis) -> Section:
-    learned = diagnosis.learned
+    learned, unit = diagnosis.learned, diagnosis.marker.unit
     text = (
-        "A correction of the predicted markers, learned from motor angles, velocities and loads. It is "
+        f"A correction of what is predicted of {diagnosis.marker.what}, learned from motor angles, "
+        "velocities and loads. It is "
         "no physics, names no cause, and is in none of the figures above."
     )
     if not np.isfinite(learned.before_mm):
-        said = "It was not learned: these logs lack markers or motor readings."
+        said = "It was not learned: these logs lack what it is learned from."
     elif not learned.on:
         said = (
             f"It is off: on {_sessions(diagnosis)}, it removes nothing of the "
-            f"{learned.before_mm:.2f} mm beyond chance."
+            f"{learned.before_mm:.2f} {unit} beyond chance."
         )
     else:
         low, high = (100 * share for share in learned.interval)
         said = (
             f"It removes {100 * learned.share:.0f} % ({low:.0f} … {high:.0f} %, 95 % interval) of the "
-            f"marker distance on {_sessions(diagnosis)}: {learned.before_mm:.2f} mm without it, "
-            f"{learned.after_mm:.2f} mm with it."
+            f"{diagnosis.marker.size} on {_sessions(diagnosis)}: {learned.before_mm:.2f} {unit} without it, "
+            f"{learned.after_mm:.2f} {unit} with it."
         )
     return Section("Last resort, apart from physics", f"{text}\n\n{said}")
 

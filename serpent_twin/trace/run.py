@@ -3,7 +3,7 @@
 import json
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,9 @@ from serpent_twin import rigs
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
-from serpent_twin.log import Session
 from serpent_twin.provenance import file_hash, provenance, versions
 from serpent_twin.report import write
+from serpent_twin.rigs.rig import Log
 from serpent_twin.trace.conclude import conclude
 from serpent_twin.trace.diagnosis import Diagnosis
 from serpent_twin.trace.notebook import Notebook
@@ -44,6 +44,8 @@ class Trace:
     """The kind of machine."""
     held_out: int = 1
     """Sessions, the last ones, that nothing is fitted to and that judge."""
+    judge: str = ""
+    """Names of the files that judge in place of the last ones, such as kp200_*.parquet."""
     sessions: int = 0
     """Use only the first so many sessions; 0 for all."""
     seed: int = 0
@@ -57,28 +59,52 @@ def trace(config: Trace) -> dict[str, Any]:
     if config.sessions < 0:
         raise SerpentError(f"--sessions is {config.sessions}; give how many to use, or 0 for all.")
     rig = rigs.find(config.rig)
-    sessions = rig.read(config.logs)[: config.sessions or None]
+    training, judging = _split(config, rig.read(config.logs)[: config.sessions or None])
+    return trace_sessions(config, rig, training, judging)[1]
+
+
+def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]]:
+    """The sessions that are fitted to, and those that judge."""
+    if config.judge:
+        judging = [s for s in sessions if s.path and s.path.match(config.judge)]
+        if not judging or len(judging) == len(sessions):
+            raise SerpentError(
+                f"--judge {config.judge} names {len(judging)} of the {len(sessions)} sessions in "
+                f"{config.logs}: some must judge and some be fitted. Name others."
+            )
+        return [s for s in sessions if s not in judging], judging
     if config.held_out < 1 or len(sessions) <= config.held_out:
         raise SerpentError(
             f"{config.logs} has {len(sessions)} sessions, and --held-out is {config.held_out}: one at "
             "least must judge and one at least be fitted. Record more sessions; three to fit are good."
         )
-    with claimed(config.out, SETTINGS, _settings(config, sessions)):
+    return list(sessions[: -config.held_out]), list(sessions[-config.held_out :])
+
+
+def trace_sessions(
+    config: Trace, rig: rigs.Rig, training: Sequence[Log], judging: Sequence[Log]
+) -> tuple[Diagnosis, dict[str, Any]]:
+    """Trace sessions that are split already; returns besides what diagnosis.json holds."""
+    settings = _settings(config, training, judging)
+    with claimed(config.out, SETTINGS, settings):
         began = time.perf_counter()
-        tracer, found = _run(config, rig, sessions)
+        tracer, found = _run(config, rig, training, judging)
         seconds = tracer.notes.seconds + time.perf_counter() - began
         numbers = found.numbers(seconds, tracer.notes.simulated + tracer.case.clock.seconds)
-        return _write(config, tracer, found, numbers, sessions)
+        return found, _write(config, tracer, found, numbers, settings)
 
 
-def _settings(config: Trace, sessions: list[Session]) -> dict[str, Any]:
-    inputs = {s.name: file_hash(s.path) for s in sessions if s.path}
+def _settings(config: Trace, training: Sequence[Log], judging: Sequence[Log]) -> dict[str, Any]:
+    inputs = {s.name: file_hash(s.path) for s in [*training, *judging] if s.path}
     kept = {"rig": config.rig, "held_out": config.held_out, "seed": config.seed}
+    if config.judge:
+        kept["held_out"] = [s.name for s in judging]
     return kept | {"input_sha256": inputs, "versions": versions()}
 
 
-def _run(config: Trace, rig: rigs.Rig, sessions: list[Session]) -> tuple[Tracer, Diagnosis]:
-    training, judging = sessions[: -config.held_out], sessions[-config.held_out :]
+def _run(
+    config: Trace, rig: rigs.Rig, training: Sequence[Log], judging: Sequence[Log]
+) -> tuple[Tracer, Diagnosis]:
     with tqdm(total=_STEPS, unit="step", desc="first guesses", smoothing=0.1) as bar:
 
         def tell(what: str) -> None:
@@ -91,7 +117,7 @@ def _run(config: Trace, rig: rigs.Rig, sessions: list[Session]) -> tuple[Tracer,
         tracer = Tracer(case, case.pieces(training), case.pieces(judging), notes, tell, config.seed)
         search = tracer.search()
         tell("what is left")
-        arm = str(sessions[0].metadata.get("arm", config.logs.name))
+        arm = str(training[0].metadata.get("arm", config.logs.name))
         found = conclude(tracer, search, arm, [s.path.name if s.path else s.name for s in judging])
         bar.total = bar.n
         bar.refresh()
@@ -103,9 +129,9 @@ def _write(
     tracer: Tracer,
     found: Diagnosis,
     numbers: dict[str, Any],
-    sessions: list[Session],
+    settings: Mapping[str, Any],
 ) -> dict[str, Any]:
-    origin = _settings(config, sessions) | provenance()
+    origin = dict(settings) | provenance()
     numbers = numbers | {"provenance": origin}
     assert tracer.final is not None
     about = {"arm": found.arm, "provenance": origin}

@@ -73,10 +73,12 @@ def strengths(candidate: Candidate) -> list[int]:
 
 
 def _projected(base: Fit, case: Case[Any], residual: Array, change: Array) -> tuple[float, float]:
-    """Share of the squares that the change removes beyond the declared parameters, and its size."""
-    prior = np.array([1 / case.declared[k].prior ** 2 for k in base.moves.declared])
-    n = len(prior)
-    flat = base.slope[:n].reshape(n, -1)
+    """Share of the squares that the change removes beyond the declared parameters and those of the
+    effects that are there, and its size.
+    """
+    free = np.zeros(len(base.moves.effects))
+    prior = np.r_[[1 / case.declared[k].prior ** 2 for k in base.moves.declared], free]
+    flat = base.slope.reshape(len(prior), -1)
     weight = 1 / base.worth
     normal = weight * (flat @ flat.T) + np.diag(prior)
     d, r = change.ravel().astype(float), residual.ravel().astype(float)
@@ -84,7 +86,7 @@ def _projected(base: Fit, case: Case[Any], residual: Array, change: Array) -> tu
     along = float(free_d @ d)
     if along <= 0:
         return 0.0, 0.0
-    lean = prior * base.point.declared[list(base.moves.declared)]
+    lean = prior * np.r_[base.point.declared[list(base.moves.declared)], free]
     size = -float(free_d @ r - (flat @ d) @ np.linalg.solve(normal, lean)) / along
     return size * size * along / float(r @ r), size
 

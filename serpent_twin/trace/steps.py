@@ -33,11 +33,9 @@ CHANCE = 0.01
 """Most probability of chance of an accepted effect"""
 SURE = 3.0
 """Standard errors by which an accepted strength is not zero"""
-_MOST_EFFECTS = 4
+_MOST_EFFECTS = 6
 _PLAIN = 0.3
 """Relative gain of a candidate so plain that none need be sought that calibration had swallowed"""
-_SEGMENTS = 7  # that a fit uses while it searches: enough to tell effects apart
-_LAST = 12  # that the last fit uses
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,7 @@ class Trial:
     fit: Fit | None
     """None if it was not worth a full fit"""
     gain: Gain | None
-    error_mm: float
+    error: float
     """Held-out, with it if it was fitted, else without [mm]"""
 
 
@@ -117,7 +115,7 @@ class Tracer:
         after = self.errors(polished.point)
         better = gain(done.errors, after, np.random.default_rng([self.seed, 5]), done.fitted)
         before = done.trials[done.accepted]
-        trial = replace(before, fit=polished, gain=better, error_mm=after.marker)
+        trial = replace(before, fit=polished, gain=better, error=after.marker)
         stands = _best({done.accepted: trial}, self.case.candidates)
         return replace(done, trials={**done.trials, done.accepted: trial}, accepted=stands)
 
@@ -134,7 +132,9 @@ class Tracer:
         self.tell("opening")
         opening = self.notes.fit(
             "opening",
-            lambda: fit(self.case, self.training, start, moves, 1, _SEGMENTS, self.tell, steps=0),
+            lambda: fit(
+                self.case, self.training, start, moves, 1, self.case.segments[0], self.tell, steps=0
+            ),
         )
         first = self._fit("calibrated_1", start, moves, 1, opening)
         self._opening_case = self.case
@@ -150,14 +150,13 @@ class Tracer:
         moves: Moves,
         derivatives: int,
         known: Fit | None = None,
-        segments: int = _SEGMENTS,
+        last: bool = False,
     ) -> Fit:
         self.tell(f"fit {name.replace('_', ' ')}")
+        case, most = self.case, self.case.segments[last]
         return self.notes.fit(
             name,
-            lambda: fit(
-                self.case, self.training, start, moves, derivatives, segments, self.tell, known
-            ),
+            lambda: fit(case, self.training, start, moves, derivatives, most, self.tell, known),
         )
 
     def _polish(self, found: Fit, name: str) -> Fit:
@@ -170,7 +169,7 @@ class Tracer:
         if not found.point.effects:
             return found
         self.case = self.case.reweighted(found.point, self.training)
-        return self._fit("last", found.point, found.moves, 1, segments=_LAST)
+        return self._fit("last", found.point, found.moves, 1, last=True)
 
     def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
         """Try all candidates; those that calibration may have swallowed also from the opening."""
@@ -234,7 +233,7 @@ class Tracer:
             less = self.notes.fit(
                 f"without_{len(rounds)}_{name}",
                 lambda p=point, m=moves, f=final: fit(
-                    self.case, self.training, p, m, 3, _SEGMENTS, self.tell, known=f
+                    self.case, self.training, p, m, 3, self.case.segments[0], self.tell, known=f
                 ),
             )
             rng = np.random.default_rng([self.seed, 99])

@@ -25,31 +25,42 @@ def errors(diagnosis: Diagnosis) -> Table:
     """Held-out errors of each twin, markers and loads, beside what no twin can better."""
     names = [*stages(diagnosis), "noise_floor", "expected"]
     said = {"noise_floor": "noise alone", "expected": "a twin that lacks nothing"}
-    kinds = (("markers mm", diagnosis.error_mm), ("loads % of stall", diagnosis.load_error_percent))
+    marker, load = (
+        f"{m.what.removeprefix('the ')} {m.unit}" for m in (diagnosis.marker, diagnosis.load)
+    )
+    kinds = ((marker, diagnosis.error), (load, diagnosis.load_error))
     known = {head: by for head, by in kinds if np.isfinite(by.get("calibrated", np.nan))}
     rows = [(said.get(n, n), *(_fixed(by.get(n)) for by in known.values())) for n in names]
-    note = "Means over held-out segments: marker distance, and root mean square of the load error."
+    note = "Means over held-out segments: of the distance, and of the root mean square of the load error."
     return Table(("twin", *known), tuple(row for row in rows if any(row[1:])), note)
 
 
-def candidates(tried: Sequence[Tried]) -> Table:
+def candidates(tried: Sequence[Tried], unit: str = "mm") -> Table:
     """Every candidate, the best first, the accepted ones marked."""
     order = ranked(tried)
-    rows = tuple((spaced(t.name), _fixed(t.error_mm), t.verdict, t.why) for t in order)
+    rows = tuple((spaced(t.name), _fixed(t.error), t.verdict, t.why) for t in order)
     marked = frozenset(n for n, each in enumerate(order) if each.verdict == ACCEPTED)
     note = (
-        "Held-out marker error with the candidate; where it was not worth a full fit, that of the twin "
+        "Held-out error with the candidate; where it was not worth a full fit, that of the twin "
         "without it."
     )
-    return Table(("candidate", "error mm", "verdict", "why"), rows, note, marked)
+    return Table(("candidate", f"error {unit}", "verdict", "why"), rows, note, marked)
 
 
-def parameters(effects: Sequence[Named]) -> Table:
+def parameters(effects: Sequence[Named], unit: str = "mm", load: str = "% of stall") -> Table:
     """Every number of the effects that were missing, with its interval."""
-    header = ("effect", "parameter", "value", "95 % interval", "unit", "gain mm", "gain % of stall")
+    header = (
+        "effect",
+        "parameter",
+        "value",
+        "95 % interval",
+        "unit",
+        f"gain {unit}",
+        f"gain {load}",
+    )
     rows = []
     for effect in effects:
-        gains = (_fixed(effect.gain_mm), _fixed(effect.gain_load_percent))
+        gains = (_fixed(effect.gain), _fixed(effect.gain_load))
         told = (spaced(effect.name), *gains, _short(effect.probability_of_chance))
         for name, e in effect.parameters.items():
             rows.append((told[0], name, _short(e.value), interval(e), e.unit, *told[1:]))

@@ -39,6 +39,8 @@ class ArmCase:
     """Time spent in simulation"""
     channels: int = 3 * N_JOINTS + N_MOTORS
     """Numbers that a residual has for each row of a log"""
+    segments: tuple[int, int] = (7, 12)
+    """How many a fit uses while it searches, and the last"""
 
     @property
     def declared(self) -> Sequence[Declared]:

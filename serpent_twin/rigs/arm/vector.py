@@ -9,10 +9,9 @@ import numpy as np
 from serpent_twin import effects, mjcf
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
 from serpent_twin.design import Design
-from serpent_twin.effects import Effect
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.rigs.arm.cable_law import CableLaw
-from serpent_twin.rigs.rig import Candidate, Declared, Point
+from serpent_twin.rigs.rig import Candidate, Declared, Point, candidate, effects_at
 from serpent_twin.tolerances import Tolerances
 
 _TRUST = 2.0  # prior widths are so many standard errors of the cable laws, which ignore mismatch
@@ -66,42 +65,16 @@ class Vector:
             gear_friction=_plus(t.gear_friction, x["gear"]),
             marker=_plus(t.marker, 1e-3 * x["marker"]),
         )
-        there = tuple(effect_at(name, values) for name, values in point.effects.items())
-        return replace(self.start, tolerances=tolerances, effects=there)
+        return replace(self.start, tolerances=tolerances, effects=effects_at(point))
 
 
 def _plus(nominal: Sequence[float], change: Array) -> tuple[float, ...]:
     return tuple(float(v) for v in np.asarray(nominal) + change)
 
 
-def effect_at(name: str, values: Array) -> Effect:
-    """An effect out of its parameters, clipped to their ranges; a strength stays just off zero, where
-    the effect would leave the model's structure.
-    """
-    kind = effects.by_name(name)
-    each = {}
-    for (parameter, r), value in zip(effects.ranges(kind).items(), values, strict=True):
-        each[parameter] = float(np.clip(value, r.least, r.high))
-    return kind(**each)
-
-
-def _values(effect: Effect) -> Array:
-    return np.array([getattr(effect, name) for name in effects.ranges(type(effect))])
-
-
 def candidates() -> dict[str, Candidate]:
     """Every effect of the catalogue."""
-    return {
-        name: Candidate(
-            name,
-            effects.ranges(kind),
-            tuple(_values(variant) for variant in kind.variants()),
-            (kind.__doc__ or "").split("\n")[0].strip(),
-            kind.shows_in,
-            kind.confused_with,
-        )
-        for name, kind in effects.CATALOGUE.items()
-    }
+    return {name: candidate(name) for name in effects.CATALOGUE}
 
 
 def vector(

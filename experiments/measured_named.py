@@ -1,0 +1,76 @@
+"""How does a twin do on files that were not even there when its effects were chosen?
+
+The effects are those that a trace on the other runs accepts; all parameters are then fitted anew to all of
+the other runs.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from serpent_twin import rigs
+from serpent_twin.effects import by_name, ranges
+from serpent_twin.measured import Recording, RunCase
+from serpent_twin.residual import Comparison
+from serpent_twin.rigs.rig import Point
+from serpent_twin.trace.diagnosis import Estimate
+from serpent_twin.trace.least_squares import Fit, fit
+from serpent_twin.trace.moves import moves_of
+
+_DERIVATIVES = 3
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A twin on files that nothing was fitted to, nor chosen by."""
+
+    comparisons: dict[str, Comparison]
+    """nominal, calibrated, corrected"""
+    effects: dict[str, dict[str, Estimate]]
+    """Parameters of each, fitted anew"""
+
+
+def judge(
+    rig: str, twin: Path, training: Sequence[Recording], judging: Sequence[Recording]
+) -> Judged:
+    """Fit the effects of a traced twin, twin.json, to all training runs; compare on those that judge."""
+    case = rigs.find(rig).open(training)
+    named = json.loads(twin.read_text())["effects"]
+    bare = _fitted(case, training, Point(np.zeros(len(case.declared))))
+    start = bare.point
+    for entry in named:
+        values = [entry[n] for n in ranges(by_name(entry["name"]))]
+        start = start.having(entry["name"], np.array(values))
+    whole = _fitted(case, training, start) if named else bare
+    points = {"nominal": None, "calibrated": bare.point, "corrected": whole.point}
+    runs = case.pieces(judging)
+    return Judged(
+        {stage: case.compare(point, runs) for stage, point in points.items()},
+        {entry["name"]: _estimates(case, whole, entry["name"]) for entry in named},
+    )
+
+
+def _fitted(case: RunCase, training: Sequence[Recording], start: Point) -> Fit:
+    """All parameters of a point, weights renewed in between."""
+    runs, at = case.pieces(training), start
+    for _ in range(2):
+        case = case.reweighted(at, runs)
+        moves = moves_of(case, list(start.effects))
+        found = fit(case, runs, at, moves, _DERIVATIVES, case.segments[1])
+        at = found.point
+    return found
+
+
+def _estimates(case: RunCase, found: Fit, name: str) -> dict[str, Estimate]:
+    out = {}
+    for k, (parameter, allowed) in enumerate(case.candidates[name].ranges.items()):
+        value, low, high = (float(found.point.effects[name][k]),) * 3
+        if (name, k) in found.moves.effects:
+            value, low, high = found.interval(name, k)
+        out[parameter] = Estimate(
+            value, max(low, allowed.low), min(high, allowed.high), allowed.unit
+        )
+    return out

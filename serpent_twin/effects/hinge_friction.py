@@ -1,0 +1,34 @@
+"""What if a machine's hinge rubs, though its twin turns freely?"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import mujoco
+
+from serpent_twin.arm import Arm
+from serpent_twin.effects.effect import Effect, parameter
+
+
+@dataclass(frozen=True)
+class HingeFriction(Effect):
+    """Coulomb friction F sign(q̇) and viscous friction b q̇ of every hinge.
+
+    Source: Coulomb's and Newton's laws of friction. MJCF expresses all of it, as frictionloss and
+    damping. Small servos lose 2 … 10 % of their stall torque to it.
+    """
+
+    coulomb: float = parameter("N m", high=0.5, typical=0.03)
+    """F [N m]"""
+    viscous: float = parameter("N m s/rad", high=0.2, typical=0.005)
+    """b [N m s/rad]"""
+
+    shows_in: ClassVar[str] = "swings that die away, and lag by the same at every load"
+    confused_with: ClassVar[tuple[str, ...]] = ("gear_friction", "gear_backlash")
+    of_arm: ClassVar[bool] = False
+
+    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+        """Let the hinges rub."""
+        for joint in spec.joints:
+            if joint.name.startswith("joint"):
+                joint.frictionloss += self.coulomb
+                joint.damping[0] += self.viscous

@@ -1,0 +1,33 @@
+"""What if a hinge rubs more at rest than in motion?"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from serpent_twin.effects.effect import LOSS, Effect, parameter
+from serpent_twin.effects.moment import Geared
+
+
+@dataclass(frozen=True)
+class Stribeck(Effect):
+    """Coulomb friction is greater by F exp(−|q̇| / v) near rest: a film of grease wears thin.
+
+    Source: Stribeck, Die wesentlichen Eigenschaften der Gleit- und Rollenlager, 1902; Bo and Pavelescu's
+    exponential.
+    """
+
+    extra: float = parameter("N m", high=0.3, typical=0.02)
+    """F [N m]"""
+    velocity: float = parameter("rad/s", low=0.01, high=2.0, typical=0.2, default=0.2)
+    """v [rad/s]"""
+
+    shows_in: ClassVar[str] = "jerks out of rest, and rest where a slow motion should go on"
+    confused_with: ClassVar[tuple[str, ...]] = ("gear_friction",)
+    stage: ClassVar[int] = LOSS
+    of_arm: ClassVar[bool] = False
+
+    def act(self, moment: Geared, memory: None) -> None:
+        """Raise the friction near rest."""
+        slow = np.exp(-np.abs(moment.joint_velocity) / self.velocity)
+        moment.gear_friction = moment.gear_friction + self.extra * slow

@@ -1,0 +1,30 @@
+"""What if a motor gives less torque per ampere, the harder it pulls?"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from serpent_twin.effects.effect import WINDING, Effect, parameter
+from serpent_twin.effects.moment import Driven
+
+
+@dataclass(frozen=True)
+class TorqueSaturation(Effect):
+    """A drive that should give τ gives τ / (1 + s |τ|): the armature's field weakens the magnet's.
+
+    Source: Froehlich's law of saturation, 1881, for cored motors. Data sheets show it as a stall torque
+    that grows less than the voltage: the XL330-M288's 0.42, 0.52, 0.60 N m at 3.7, 5.0, 6.0 V make
+    s = 0.5/(N m) at its horn.
+    """
+
+    rate: float = parameter("1/(N m)", high=5.0, typical=0.5)
+    """s [1/(N m)]"""
+
+    shows_in: ClassVar[str] = "loads held lower than the motor's voltage says, the more the heavier"
+    confused_with: ClassVar[tuple[str, ...]] = ("gear_friction",)
+    stage: ClassVar[int] = WINDING
+    of_arm: ClassVar[bool] = False
+
+    def act(self, moment: Driven, memory: None) -> None:
+        """Weaken the drive."""
+        drive = moment.drive_torque
+        moment.drive_torque = drive / (1 + self.rate * abs(drive))

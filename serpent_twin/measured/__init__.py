@@ -1,0 +1,18 @@
+"""Measured logs of other machines, and what their rigs share: runs of one hinge beside its twin."""
+
+from serpent_twin.measured.case import Output, RunCase
+from serpent_twin.measured.hinge import HingeMoment, Turns
+from serpent_twin.measured.recording import Recording, read, read_folder
+from serpent_twin.measured.runs import Runs, cut
+
+__all__ = [
+    "HingeMoment",
+    "Output",
+    "Recording",
+    "RunCase",
+    "Runs",
+    "Turns",
+    "cut",
+    "read",
+    "read_folder",
+]

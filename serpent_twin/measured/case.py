@@ -1,0 +1,235 @@
+"""What do a machine's runs say against its twin?"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+
+from serpent_twin import effects
+from serpent_twin.arm import Array
+from serpent_twin.effects import Effect
+from serpent_twin.files import write_whole
+from serpent_twin.measured.recording import Recording
+from serpent_twin.measured.runs import Runs, cut
+from serpent_twin.residual import Comparison, Measure
+from serpent_twin.rigs.rig import Candidate, Declared, Point, Stopwatch, effects_at
+
+_AT_ONCE = 4.0e6  # numbers that one call keeps in memory
+
+
+@dataclass(frozen=True)
+class Output:
+    """A quantity that is measured and that the twin predicts."""
+
+    column: str
+    """Of the logs"""
+    measure: Measure
+    """How its error is told"""
+    noise: float
+    """Least standard deviation by which its error is weighed, in the column's unit"""
+
+
+class Machine(Protocol):
+    """What a rig with runs provides."""
+
+    @property
+    def name(self) -> str:
+        """The rig's."""
+        ...
+
+    @property
+    def drive(self) -> str:
+        """Column of what drives the machine, an angle."""
+        ...
+
+    @property
+    def drive_name(self) -> str:
+        """What people call it."""
+        ...
+
+    @property
+    def hinge_name(self) -> str:
+        """What people call what turns."""
+        ...
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns that a simulation reads, `drive` among them."""
+        ...
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """The angle, then perhaps a torque."""
+        ...
+
+    @property
+    def declared(self) -> tuple[Declared, ...]:
+        """What calibration fits."""
+        ...
+
+    @property
+    def candidates(self) -> Mapping[str, Candidate]:
+        """What the machine may have."""
+        ...
+
+    @property
+    def every(self) -> int:
+        """Of so many rows, one is used."""
+        ...
+
+    @property
+    def block(self) -> float:
+        """Seconds that are judged as one: longer than errors hang together."""
+        ...
+
+    @property
+    def segments(self) -> tuple[int, int]:
+        """How many runs a fit uses at most while it searches, and the last fit."""
+        ...
+
+    def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
+        """The twin as MJCF."""
+        ...
+
+    def respond(self, points: Sequence[Point], runs: Runs) -> Array:
+        """The outputs that twins predict, (D, S, T, C); not finite where a simulation gave up."""
+        ...
+
+
+@dataclass(frozen=True)
+class RunCase:
+    """Runs of one machine."""
+
+    machine: Machine
+    noise: Array
+    """Weighs each output, in its column's unit, (C,)"""
+    unseen: Mapping[str, str] = field(default_factory=dict)
+    clock: Stopwatch = field(default_factory=Stopwatch)
+
+    @property
+    def declared(self) -> Sequence[Declared]:
+        """The coordinates of the fit."""
+        return self.machine.declared
+
+    @property
+    def candidates(self) -> Mapping[str, Candidate]:
+        """What the machine may have."""
+        return self.machine.candidates
+
+    @property
+    def segments(self) -> tuple[int, int]:
+        """How many runs a fit uses while it searches, and the last."""
+        return self.machine.segments
+
+    @property
+    def channels(self) -> int:
+        """Numbers that a residual has for each row."""
+        return len(self.machine.outputs)
+
+    def pieces(self, sessions: Sequence[Recording]) -> Runs:
+        """The runs, whole."""
+        outputs = [each.column for each in self.machine.outputs]
+        return cut(sessions, self.machine.columns, outputs, self.machine.every)
+
+    def take(self, pieces: Runs, which: Sequence[int]) -> Runs:
+        """Some of the runs."""
+        return pieces.take(which)
+
+    def residual(self, points: Sequence[Point], pieces: Runs, rough: bool = False) -> Array:
+        """Measured minus predicted over noise, (points, S, T · C)."""
+        at_once = max(1, int(_AT_ONCE / pieces.measured.size))
+        parts = [
+            self._weigh(self._respond(points[n : n + at_once], pieces), pieces)
+            for n in range(0, len(points), at_once)
+        ]
+        return np.concatenate(parts)
+
+    def _respond(self, points: Sequence[Point], pieces: Runs) -> Array:
+        with self.clock:
+            return self.machine.respond(points, pieces)
+
+    def _weigh(self, predicted: Array, pieces: Runs) -> Array:
+        known = np.isfinite(pieces.measured)
+        error = np.where(known, (pieces.measured - predicted) / self.noise, 0.0)
+        error[~np.isfinite(predicted).all(axis=(1, 2, 3))] = np.nan
+        return error.reshape(*error.shape[:2], -1).astype(np.float32)
+
+    def slopes(self, point: Point, pieces: Runs) -> Array:
+        """No parameter goes without a simulation."""
+        return np.zeros((0, len(pieces), pieces.measured[0].size))
+
+    def reweighted(self, point: Point, pieces: Runs) -> "RunCase":
+        """Weigh every output by the rms that this twin leaves of it."""
+        error = pieces.measured - self._respond([point], pieces)[0]
+        left = np.sqrt(np.nanmean(error**2, axis=(0, 1)))
+        least = [each.noise for each in self.machine.outputs]
+        return replace(self, noise=np.maximum(left, least))
+
+    def compare(self, point: Point | None, pieces: Runs) -> Comparison:
+        """Measured beside predicted, in blocks that are judged one by one."""
+        at = point or Point(np.zeros(len(self.declared)))
+        predicted = self._respond([at], pieces)[0]
+        rows = max(8, round(self.machine.block / float(np.median(pieces.period))))
+        n = max(1, pieces.time.shape[1] // rows)
+        rows = min(rows, pieces.time.shape[1])
+
+        def blocks(values: Array) -> Array:
+            return values[:, : n * rows].reshape(len(values) * n, rows, *values.shape[2:])
+
+        known = np.isfinite(blocks(pieces.measured)).any(axis=(1, 2))
+        drive = pieces.column[self.machine.drive][..., None]
+        speed = np.gradient(drive, axis=1) / pieces.period[:, None, None]
+        first, *rest = self.machine.outputs
+        torque = {
+            "load_measured": blocks(pieces.measured)[known, :, 1:],
+            "load_predicted": blocks(predicted)[known, :, 1:],
+            "load": rest[0].measure,
+            "load_counts": np.ones((int(known.sum()), rows, 1), bool),
+        } if rest else {}  # fmt: skip
+        return Comparison(
+            session=tuple(np.repeat(np.array(pieces.session), n)[known].tolist()),
+            time=blocks(pieces.time)[known],
+            marker_measured=blocks(pieces.measured)[known, :, :1, None],
+            marker_predicted=blocks(predicted)[known, :, :1, None],
+            marker=first.measure,
+            motor_angle=blocks(drive)[known],
+            motor_velocity=blocks(speed)[known],
+            joint_angle=blocks(predicted)[known, :, :1],
+            marker_names=(first.measure.one,),
+            motor_names=(self.machine.drive_name,),
+            joint_names=(self.machine.hinge_name,),
+            **torque,
+        )
+
+    def expected(
+        self, fit: Point, drawn: Sequence[Point], pieces: Runs, rng: np.random.Generator
+    ) -> float:
+        """Mean error of twins drawn as a fit is uncertain."""
+        truth = self._respond([fit], pieces)[0, ..., 0]
+        known = np.isfinite(pieces.measured[..., 0])
+        others = self._respond(drawn, pieces)[..., 0]
+        noise = self.machine.outputs[0].noise * rng.standard_normal(truth.shape)
+        scale = self.machine.outputs[0].measure.scale
+        return scale * float(np.nanmean(np.abs(others + noise - truth)[:, known]))
+
+    def write(self, point: Point, path: Path, about: Mapping[str, Any]) -> None:
+        """Write the twin's parameters as PATH, and what MJCF can express of it as PATH.xml."""
+        there = effects_at(point)
+        spec = self.machine.spec(point.declared, there)
+        spec.compile()
+        told = {
+            "kind": self.machine.name,
+            "declared": {
+                each.name: {"value": float(value), "unit": each.unit}
+                for each, value in zip(self.declared, point.declared, strict=True)
+            },
+            "effects": [effects.to_dict(effect) for effect in there],
+        }
+        write_whole(path, json.dumps(told | dict(about), indent=1) + "\n")
+        python = [effects.name_of(effect) for effect in there if effect.acts()]
+        note = f"MJCF cannot express {', '.join(python)}" if python else "all effects are here"
+        write_whole(path.with_suffix(".xml"), f"<!-- {note}. -->\n{spec.to_xml()}")

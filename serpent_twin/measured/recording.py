@@ -1,0 +1,96 @@
+"""How is a measured log of another machine read?
+
+One run is one Parquet file of float columns in SI units, `time` among them; its metadata, JSON under
+the key `measured`, say how it was driven. The file's name says nothing to the reader.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from serpent_twin.arm import Array
+from serpent_twin.errors import SerpentError
+
+KEY = b"measured"
+FEWEST = 50
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One run."""
+
+    path: Path | None
+    """The file it came from; None for a run made in memory"""
+    metadata: dict[str, Any]
+    """How it was driven"""
+    columns: dict[str, Array]
+    """By name, (T,) each"""
+    label: str = field(default="run")
+    """Its name, if no file gives one"""
+
+    def __len__(self) -> int:
+        return len(self.columns["time"])
+
+    @property
+    def name(self) -> str:
+        """File name without its ending."""
+        return self.path.stem if self.path else self.label
+
+
+def read(path: Path, columns: Sequence[str], metadata: Sequence[str] = ()) -> Recording:
+    """Read one run that must have these columns and metadata, or raise a `SerpentError`."""
+    try:
+        table = pq.read_table(path)
+    except (pa.ArrowException, OSError) as error:
+        raise SerpentError(
+            f"{path} is not a whole Parquet file ({str(error).splitlines()[0]}). Copy it again."
+        ) from error
+    raw = (table.schema.metadata or {}).get(KEY)
+    if raw is None:
+        raise SerpentError(
+            f"{path} has no metadata under the key measured: it is no log of this kind. Leave it out."
+        )
+    about = json.loads(raw)
+    lacking = [c for c in columns if c not in table.column_names]
+    lacking += [f"metadata {key}" for key in metadata if key not in about]
+    if lacking:
+        raise SerpentError(
+            f"{path} lacks {', '.join(lacking)}: it is of another machine. Name another --rig or --logs."
+        )
+    found = {c: table.column(c).to_numpy().astype(float) for c in table.column_names}
+    _check(path, found, columns)
+    return Recording(path, about, found)
+
+
+def read_folder(
+    folder: Path, columns: Sequence[str], metadata: Sequence[str] = ()
+) -> list[Recording]:
+    """Read all runs of a folder, by name."""
+    if not folder.is_dir():
+        raise SerpentError(f"There is no folder {folder}. Name the folder with the machine's logs.")
+    files = sorted(folder.glob("*.parquet"))
+    if not files:
+        raise SerpentError(
+            f"There is no *.parquet in {folder}. Name the folder with the machine's logs."
+        )
+    return [read(path, columns, metadata) for path in files]
+
+
+def _check(path: Path, columns: dict[str, Array], needed: Sequence[str]) -> None:
+    time = columns["time"]
+    if len(time) < FEWEST:
+        raise SerpentError(f"{path} has {len(time)} rows, fewer than {FEWEST}. Leave it out.")
+    if not (np.diff(time) > 0).all():
+        raise SerpentError(
+            f"{path}: time does not increase throughout. Repair or leave out the file."
+        )
+    if odd := [c for c in needed if not np.isfinite(columns[c]).all()]:
+        raise SerpentError(
+            f"{path}: {', '.join(odd)} are not finite in every row. Repair or leave out the file."
+        )

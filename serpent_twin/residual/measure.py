@@ -1,0 +1,74 @@
+"""Of what is an error, and in which unit do people read it?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A quantity that is measured and predicted."""
+
+    one: str
+    """Its name, such as `marker`"""
+    are: str
+    """As the subject of a sentence, such as `the markers are`"""
+    size: str
+    """Of its error, such as `mean marker distance`"""
+    unit: str
+    """In which people read it"""
+    key: str
+    """The unit as a JSON key ends with it"""
+    scale: float
+    """That unit per unit of the arrays"""
+    base: str
+    """The arrays' unit"""
+    noise: str = "noise of the measurement alone"
+    """What makes the error of a twin that lacks nothing"""
+    axes: str = ""
+    """Letters of its coordinates; nothing where there is one"""
+
+    @property
+    def dimension(self) -> int:
+        """How many coordinates it has."""
+        return len(self.axes) or 1
+
+    @property
+    def along(self) -> tuple[str, ...]:
+        """What each coordinate adds to its name."""
+        return tuple(f" along {axis}" for axis in self.axes) or ("",)
+
+    @property
+    def error(self) -> str:
+        """Its error in a sentence."""
+        return f"{self.what}' error" if self.axes else f"the {self.one} error"
+
+    @property
+    def what(self) -> str:
+        """Its name in a sentence, such as `the markers`."""
+        return self.are.rsplit(" ", 1)[0]
+
+
+MARKERS = Measure(
+    "marker",
+    "the markers are",
+    "mean marker distance",
+    "mm",
+    "mm",
+    1e3,
+    "m",
+    "noise of the cameras alone",
+    "xyz",
+)
+LOADS = Measure(
+    "load",
+    "the loads are",
+    "load error, rms",
+    "% of stall",
+    "percent",
+    100.0,
+    "of stall",
+    "noise of the loads alone",
+)
+ANGLE = Measure("angle", "the angle is", "mean error of the angle", "°", "deg", 180 / np.pi, "rad")
+TORQUE = Measure("torque", "the torque is", "torque error, rms", "mN m", "mNm", 1e3, "N m")
