@@ -16,6 +16,7 @@ from serpent_twin.effects import by_name, ranges
 from serpent_twin.measured import Recording, RunCase
 from serpent_twin.residual import Comparison
 from serpent_twin.rigs.rig import Point
+from serpent_twin.trace.conclude import estimates
 from serpent_twin.trace.diagnosis import Estimate
 from serpent_twin.trace.least_squares import Fit, fit
 from serpent_twin.trace.moves import moves_of
@@ -49,7 +50,7 @@ def judge(
     runs = case.pieces(judging)
     return Judged(
         {stage: case.compare(point, runs) for stage, point in points.items()},
-        {entry["name"]: _estimates(case, whole, entry["name"]) for entry in named},
+        {entry["name"]: estimates(case, whole, entry["name"]) for entry in named},
     )
 
 
@@ -62,15 +63,3 @@ def _fitted(case: RunCase, training: Sequence[Recording], start: Point) -> Fit:
         found = fit(case, runs, at, moves, _DERIVATIVES, case.segments[1])
         at = found.point
     return found
-
-
-def _estimates(case: RunCase, found: Fit, name: str) -> dict[str, Estimate]:
-    out = {}
-    for k, (parameter, allowed) in enumerate(case.candidates[name].ranges.items()):
-        value, low, high = (float(found.point.effects[name][k]),) * 3
-        if (name, k) in found.moves.effects:
-            value, low, high = found.interval(name, k)
-        out[parameter] = Estimate(
-            value, max(low, allowed.low), min(high, allowed.high), allowed.unit
-        )
-    return out

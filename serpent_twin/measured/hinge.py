@@ -9,12 +9,12 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arm import Array
 from serpent_twin.effects import Effect
+from serpent_twin.friction import STICKS
 from serpent_twin.history import History
 from serpent_twin.mechanism import addresses, side_by_side
 
 HINGE, SENSOR = "joint1", "marker1"
 """The hinge that is driven and rubs, and the sensor of the angle that is measured"""
-_STICKS = (0.999, 0.999)  # impedance of dry friction: with MuJoCo's 0.9, a loaded hinge creeps
 
 
 @dataclass
@@ -118,4 +118,4 @@ class Turns:
 
 def stick(joint: mujoco.MjsJoint) -> None:
     """Let a hinge's dry friction hold it still."""
-    joint.solimp_friction[:2] = _STICKS
+    joint.solimp_friction[:2] = STICKS

@@ -81,7 +81,7 @@ def _named(
         named.append(
             Named(
                 name=name,
-                parameters=_estimates(case, search.final, name),
+                parameters=estimates(case, search.final, name),
                 gain=gained.marker,
                 gain_load=gained.load,
                 probability_of_chance=gained.probability_of_chance,
@@ -90,7 +90,8 @@ def _named(
     return tuple(named)
 
 
-def _estimates(case: Case, fit: Fit, name: str) -> dict[str, Estimate]:
+def estimates(case: Case, fit: Fit, name: str) -> dict[str, Estimate]:
+    """Parameters of an effect with the intervals of a fit, within what they can be."""
     out = {}
     for k, (parameter, allowed) in enumerate(case.candidates[name].ranges.items()):
         value = float(fit.point.effects[name][k])

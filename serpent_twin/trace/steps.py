@@ -47,7 +47,7 @@ class Trial:
     """None if it was not worth a full fit"""
     gain: Gain | None
     error: float
-    """Held-out, with it if it was fitted, else without [mm]"""
+    """Held-out, with it if it was fitted, else without"""
 
 
 @dataclass(frozen=True)
