@@ -30,8 +30,9 @@ class Range:
         return 1e-6 * self.typical if self.fitted and self.low == 0 else self.low
 
 
-WINDING, CABLE, LOSS = range(3)
-"""Order in a time step: what winds the cables, then what cables are, then what rubs by their tension."""
+COMMAND, SERVO, WINDING, CABLE, LOSS = range(5)
+"""Order in a time step: what servos are told, where they go, what winds the cables, what cables are, what
+rubs by their tension."""
 
 
 def parameter(

@@ -34,6 +34,28 @@ class Wound(Protocol):
     """What winds the cable [rad]"""
 
 
+class Told(Protocol):
+    """A moment of a machine that is driven by what its servos are told."""
+
+    dt: Array
+    """[s], (n, 1)"""
+    goal: Array
+    """What the servos are told [rad]"""
+    motor_angle: Array
+    """Where they stand [rad]"""
+
+    def stand(self, angle: Array) -> None:
+        """Let the servos, and what winds the cables, stand there [rad]."""
+        ...
+
+
+class Giving(Told, Protocol):
+    """A moment of a machine whose servos feel its cables."""
+
+    cable_torque: Array
+    """What the cables ask of each servo's horn [N m]"""
+
+
 class Driven(Protocol):
     """A moment of a machine whose drive gives a torque, not an angle."""
 

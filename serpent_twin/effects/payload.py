@@ -16,9 +16,9 @@ class Payload(Effect):
     Source: Newton. MJCF expresses all of it. Tens of grams are typical, where the arm has 308.
     """
 
-    mass: float = parameter("kg", high=0.5, typical=0.03)
+    mass: float = parameter("kg", high=2.0, typical=0.03)
     """[kg]"""
-    place: float = parameter("m", low=0.05, high=0.15, typical=0.09, default=0.09, fitted=False)
+    place: float = parameter("m", high=0.15, typical=0.09, default=0.09, fitted=False)
     """Along the last link, from its joint [m]; logs tell little more than mass × lever"""
 
     shows_in: ClassVar[str] = "the loads of all motors, and how far the arm sags against its cables"

@@ -14,7 +14,7 @@ from serpent_twin.arm import Array
 from serpent_twin.effects import Effect
 from serpent_twin.files import write_whole
 from serpent_twin.measured.recording import Recording
-from serpent_twin.measured.runs import Runs, cut
+from serpent_twin.measured.runs import Runs, cut, windows
 from serpent_twin.residual import Comparison, Measure
 from serpent_twin.rigs.rig import Candidate, Declared, Point, Stopwatch, effects_at
 
@@ -42,28 +42,33 @@ class Machine(Protocol):
         ...
 
     @property
-    def drive(self) -> str:
-        """Column of what drives the machine, an angle."""
+    def first(self) -> Mapping[str, Any]:
+        """What the logs said at first sight, from where `declared` counts."""
         ...
 
     @property
-    def drive_name(self) -> str:
-        """What people call it."""
+    def drives(self) -> Mapping[str, str]:
+        """What people call each angle that drives the machine, by its column."""
         ...
 
     @property
-    def hinge_name(self) -> str:
-        """What people call what turns."""
+    def markers(self) -> tuple[str, ...]:
+        """What people call what is seen of the pose."""
+        ...
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """What people call the hinges whose angles are the first outputs; nothing where none is seen."""
         ...
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Columns that a simulation reads, `drive` among them."""
+        """Columns that a simulation reads, the drives' among them."""
         ...
 
     @property
     def outputs(self) -> tuple[Output, ...]:
-        """The angle, then perhaps a torque."""
+        """All coordinates of each marker, then perhaps others of one measure: torques, motors' angles."""
         ...
 
     @property
@@ -84,6 +89,11 @@ class Machine(Protocol):
     @property
     def block(self) -> float:
         """Seconds that are judged as one: longer than errors hang together."""
+        ...
+
+    @property
+    def window(self) -> tuple[float, float] | None:
+        """Seconds into which a run is cut, and those simulated before each; None for whole runs."""
         ...
 
     @property
@@ -131,9 +141,11 @@ class RunCase:
         return len(self.machine.outputs)
 
     def pieces(self, sessions: Sequence[Recording]) -> Runs:
-        """The runs, whole."""
-        outputs = [each.column for each in self.machine.outputs]
-        return cut(sessions, self.machine.columns, outputs, self.machine.every)
+        """The runs, whole or in windows."""
+        of, outputs = self.machine, [each.column for each in self.machine.outputs]
+        if of.window:
+            sessions = [part for run in sessions for part in windows(run, *of.window, outputs)]
+        return cut(sessions, of.columns, outputs, of.every)
 
     def take(self, pieces: Runs, which: Sequence[int]) -> Runs:
         """Some of the runs."""
@@ -181,40 +193,48 @@ class RunCase:
             return values[:, : n * rows].reshape(len(values) * n, rows, *values.shape[2:])
 
         known = np.isfinite(blocks(pieces.measured)).any(axis=(1, 2))
-        drive = pieces.column[self.machine.drive][..., None]
+        of = self.machine
+        drive = np.stack([pieces.column[column] for column in of.drives], axis=-1)
         speed = np.gradient(drive, axis=1) / pieces.period[:, None, None]
-        first, *rest = self.machine.outputs
-        torque = {
-            "load_measured": blocks(pieces.measured)[known, :, 1:],
-            "load_predicted": blocks(predicted)[known, :, 1:],
-            "load": rest[0].measure,
-            "load_counts": np.ones((int(known.sum()), rows, 1), bool),
-        } if rest else {}  # fmt: skip
+        markers = len(of.markers) * of.outputs[0].measure.dimension
+        measured, other = (blocks(v)[known] for v in (pieces.measured, predicted))
+        shape = (*measured.shape[:2], len(of.markers), -1)
+        loads = {
+            "load_measured": measured[..., markers:],
+            "load_predicted": other[..., markers:],
+            "load": of.outputs[-1].measure,
+            "load_counts": np.ones((*measured.shape[:2], len(of.outputs) - markers), bool),
+        } if len(of.outputs) > markers else {}  # fmt: skip
         return Comparison(
             session=tuple(np.repeat(np.array(pieces.session), n)[known].tolist()),
             time=blocks(pieces.time)[known],
-            marker_measured=blocks(pieces.measured)[known, :, :1, None],
-            marker_predicted=blocks(predicted)[known, :, :1, None],
-            marker=first.measure,
+            marker_measured=measured[..., :markers].reshape(shape),
+            marker_predicted=other[..., :markers].reshape(shape),
+            marker=of.outputs[0].measure,
             motor_angle=blocks(drive)[known],
             motor_velocity=blocks(speed)[known],
-            joint_angle=blocks(predicted)[known, :, :1],
-            marker_names=(first.measure.one,),
-            motor_names=(self.machine.drive_name,),
-            joint_names=(self.machine.hinge_name,),
-            **torque,
+            joint_angle=other[..., : len(of.joints)] if of.joints else None,
+            marker_names=of.markers,
+            motor_names=tuple(of.drives.values()),
+            joint_names=of.joints,
+            **loads,
         )
 
     def expected(
         self, fit: Point, drawn: Sequence[Point], pieces: Runs, rng: np.random.Generator
     ) -> float:
         """Mean error of twins drawn as a fit is uncertain."""
-        truth = self._respond([fit], pieces)[0, ..., 0]
-        known = np.isfinite(pieces.measured[..., 0])
-        others = self._respond(drawn, pieces)[..., 0]
-        noise = self.machine.outputs[0].noise * rng.standard_normal(truth.shape)
-        scale = self.machine.outputs[0].measure.scale
-        return scale * float(np.nanmean(np.abs(others + noise - truth)[:, known]))
+        of = self.machine
+        size = of.outputs[0].measure.dimension
+        seen = slice(0, len(of.markers) * size)
+        truth = self._respond([fit], pieces)[0, ..., seen]
+        known = np.isfinite(pieces.measured[..., seen])
+        noise = np.array([each.noise for each in of.outputs[seen]]) * rng.standard_normal(
+            truth.shape
+        )
+        error = self._respond(drawn, pieces)[..., seen] + noise - truth
+        error = np.where(known, error, np.nan).reshape(*error.shape[:-1], len(of.markers), size)
+        return of.outputs[0].measure.scale * float(np.nanmean(np.linalg.norm(error, axis=-1)))
 
     def write(self, point: Point, path: Path, about: Mapping[str, Any]) -> None:
         """Write the twin's parameters as PATH, and what MJCF can express of it as PATH.xml."""
@@ -223,6 +243,7 @@ class RunCase:
         spec.compile()
         told = {
             "kind": self.machine.name,
+            "first": dict(self.machine.first),
             "declared": {
                 each.name: {"value": float(value), "unit": each.unit}
                 for each, value in zip(self.declared, point.declared, strict=True)

@@ -65,6 +65,7 @@ def read(path: Path, columns: Sequence[str], metadata: Sequence[str] = ()) -> Re
         )
     found = {c: table.column(c).to_numpy().astype(float) for c in table.column_names}
     _check(path, found, columns)
+    found["time"] -= found["time"][0]
     return Recording(path, about, found)
 
 

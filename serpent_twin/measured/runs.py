@@ -1,7 +1,7 @@
 """How do runs of unequal length lie side by side?"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ class Runs:
     metadata: tuple[Mapping[str, Any], ...]
     """How each was driven, (S,)"""
     time: Array
-    """Since the first row [s], (S, T)"""
+    """Since the recording began [s], (S, T)"""
     column: Mapping[str, Array]
     """What drives the machine, by name, (S, T)"""
     measured: Array
@@ -45,6 +45,26 @@ class Runs:
         )
 
 
+def windows(
+    recording: Recording, seconds: float, before: float, outputs: Sequence[str]
+) -> list[Recording]:
+    """A run cut into windows, each with the seconds before it, in which nothing counts as measured.
+
+    The first `before` seconds of the run, and a rest that is shorter than a window, are in none.
+    """
+    time = recording.columns["time"]
+    period = float(np.median(np.diff(time)))
+    lead, length = round(before / period), round(seconds / period)
+    found = []
+    for start in range(0, len(time) - lead - length + 1, length):
+        rows = slice(start, start + lead + length)
+        columns = {name: values[rows].copy() for name, values in recording.columns.items()}
+        for name in outputs:
+            columns[name][:lead] = np.nan
+        found.append(replace(recording, columns=columns))
+    return found
+
+
 def cut(
     recordings: Sequence[Recording], drives: Sequence[str], outputs: Sequence[str], every: int = 1
 ) -> Runs:
@@ -58,7 +78,7 @@ def cut(
     def clock(time: Array) -> Array:
         period = np.median(np.diff(time))
         further = time[-1] + period * np.arange(1, longest - len(time) + 1)
-        return np.r_[time, further] - time[0]
+        return np.r_[time, further]
 
     columns = [{n: values[::every] for n, values in r.columns.items()} for r in recordings]
     return Runs(

@@ -4,7 +4,7 @@ The logs are of the tool characterisation bench of MRDLab: spindle angle and loa
 and spindle torque out. The spindle's cable turns a wrist, where all friction sits, and the wrist the jaw.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -66,9 +66,9 @@ class Jaw:
     zero: float = 0.0
     """Jaw angle at spindle angle 0, a first guess [rad]"""
     name: str = "jaw"
-    drive: str = "spindle_position"
-    drive_name: str = "spindle"
-    hinge_name: str = "jaw"
+    drives: Mapping[str, str] = field(default_factory=lambda: {"spindle_position": "spindle"})
+    markers: tuple[str, ...] = ("angle",)
+    joints: tuple[str, ...] = ("jaw",)
     columns: tuple[str, ...] = ("spindle_position", "jaw_torque")
     outputs: tuple[Output, ...] = (
         Output("jaw_position", ANGLE, _ANGLE_NOISE),
@@ -78,7 +78,13 @@ class Jaw:
     candidates: dict[str, Candidate] = field(default_factory=_candidates)
     every: int = 2
     block: float = 2.0
+    window: None = None
     segments: tuple[int, int] = (6, 12)
+
+    @property
+    def first(self) -> dict[str, float]:
+        """Where the zero is counted from."""
+        return {"zero of the jaw, rad": self.zero}
 
     def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
         """The twin as MJCF: the wrist turns with the spindle, the jaw against it; no gravity."""

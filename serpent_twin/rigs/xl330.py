@@ -3,7 +3,7 @@
 The logs are the pendulum bench of Rhoban's BAM: goal angles and P gain in, the horn's angle out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -58,15 +58,17 @@ class Xl330:
     """The servo on the data sheet's torque–speed line, without friction; a rod of no mass, a point mass."""
 
     name: str = "xl330"
-    drive: str = "goal_position"
-    drive_name: str = "goal"
-    hinge_name: str = "horn"
+    first: Mapping[str, float] = field(default_factory=dict)
+    drives: Mapping[str, str] = field(default_factory=lambda: {"goal_position": "goal"})
+    markers: tuple[str, ...] = ("angle",)
+    joints: tuple[str, ...] = ("horn",)
     columns: tuple[str, ...] = ("goal_position", "torque_enable", "position", "velocity")
     outputs: tuple[Output, ...] = (Output("position", ANGLE, _ENCODER),)
     declared: tuple[Declared, ...] = field(default_factory=_declared)
     candidates: dict[str, Candidate] = field(default_factory=_candidates)
     every: int = 1
     block: float = 0.5
+    window: None = None
     segments: tuple[int, int] = (24, 48)
 
     def spec(

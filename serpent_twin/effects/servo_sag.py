@@ -1,0 +1,38 @@
+"""What if a servo gives way under its load?"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from serpent_twin.arm import Array
+from serpent_twin.effects.effect import SERVO, Effect, parameter
+from serpent_twin.effects.moment import Giving
+
+
+@dataclass(frozen=True)
+class ServoSag(Effect):
+    """A servo under proportional control, damped by its back-EMF, settles at goal − compliance × torque.
+
+    θ̇ = (goal − c τ − θ) / lag, where τ is what the cables ask of the horn. The nominal servo stands where
+    it is told.
+    Source: a DC motor behind a P gain: K (goal − θ) − b θ̇ = τ with c = 1 / K, lag = b / K.
+    """
+
+    compliance: float = parameter("rad/(N m)", high=2.0, typical=0.05)
+    """c [rad/(N m)]"""
+    lag: float = parameter("s", low=0.02, high=0.5, typical=0.05, default=0.05)
+    """[s]"""
+
+    shows_in: ClassVar[str] = "servos that stop short of their goals in proportion to the load"
+    confused_with: ClassVar[tuple[str, ...]] = ("command_delay", "gear_backlash")
+    stage: ClassVar[int] = SERVO
+    of_arm: ClassVar[bool] = False
+
+    def start(self, moment: Giving) -> Array:
+        """Where the servos stand [rad]."""
+        return moment.motor_angle.copy()
+
+    def act(self, moment: Giving, memory: Array) -> None:
+        """Let the servos go on towards where they would settle."""
+        short = moment.goal - self.compliance * moment.cable_torque - memory
+        memory += moment.dt / (self.lag + moment.dt) * short
+        moment.stand(memory)

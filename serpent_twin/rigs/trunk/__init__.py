@@ -1,0 +1,160 @@
+"""What does a soft trunk do that six servos bend by twelve cables?
+
+The logs are of Stanford ASL's trunk: servos' goals in, three disks' positions and the servos' angles out. No
+mass, pulley radius or stiffness is published, and the logs hold no force: forces are told in the trunk's own
+weight, which the twin takes to be that of 1 kg.
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from serpent_twin import effects
+from serpent_twin.arm import Array
+from serpent_twin.effects import Effect, Range
+from serpent_twin.measured import Output, Recording, RunCase, Runs, read, read_folder
+from serpent_twin.residual import MARKERS, Measure
+from serpent_twin.rigs.rig import Candidate, Declared, Point, candidate, effects_at
+from serpent_twin.rigs.trunk import body
+from serpent_twin.rigs.trunk.motion import Trunks
+from serpent_twin.rigs.trunk.shape import (
+    ANGLES,
+    DISKS,
+    FRESH,
+    GOALS,
+    KINDS,
+    MOTORS,
+    SEEN,
+    Shape,
+    declared,
+    first_guess,
+    fresh,
+    moved,
+)  # fmt: skip
+
+_SERVOS = Measure("motor angle", "the motor angles are", "motor angle error, rms", "°", "deg",
+                  180 / np.pi, "rad")  # fmt: skip
+_COLUMNS = ("time", *GOALS, *ANGLES, *SEEN)
+_CAMERA = 2e-4  # [m]
+_ENCODER = 2 * np.pi / 4096 / np.sqrt(12)  # [rad]
+_GUESSED, _TOLD = 0.01, np.radians(3.0)  # [m], [rad] rms of a first guess
+_CANDIDATES = ("command_delay", "servo_sag", "link_compression", "cable_stiffening", "hinge_friction",
+               "gear_backlash", "mocap_latency")  # fmt: skip
+_CHANGES = ("payload", "joint_elasticity", "link_compression", "cable_stiffening", "hinge_friction",
+            "gear_backlash", "servo_sag")  # fmt: skip
+_REZEROED = ("zero",)  # of motors: tensioning the cables anew moves it
+_WEIGHTS = Range("trunk weights", 0.0, 2.0, 0.1)
+_STIFFENS = Range("1/m", 0.0, 1.5e3, 100.0)  # the cables' springs are short
+_AT = Range("m", 0.0, 0.15, 0.02, fitted=False)
+
+
+def _sized(names: Sequence[str]) -> dict[str, Candidate]:
+    """Candidates, forces in the trunk's own weight."""
+    sized = {
+        "payload": {"mass": _WEIGHTS, "place": _AT},
+        "cable_stiffening": {"rate": _STIFFENS},
+    }
+    return {name: candidate(name, **sized.get(name, {})) for name in names}
+
+
+@dataclass(frozen=True)
+class Trunk:
+    """Servos that stand at once where they are told."""
+
+    start: Shape
+    """At all coordinates zero"""
+    kinds: tuple[str, ...] = tuple(KINDS)
+    """Which kinds of numbers a fit moves"""
+    fixed: tuple[Effect, ...] = ()
+    """Effects that are there"""
+    candidates: Mapping[str, Candidate] = field(default_factory=lambda: _sized(_CANDIDATES))
+    name: str = "trunk"
+    drives: Mapping[str, str] = field(
+        default_factory=lambda: {g: f"motor {m}" for g, m in zip(GOALS, MOTORS, strict=True)}
+    )
+    markers: tuple[str, ...] = tuple(f"disk {k}" for k in DISKS)
+    joints: tuple[str, ...] = ()
+    columns: tuple[str, ...] = GOALS
+    outputs: tuple[Output, ...] = (
+        *(Output(column, MARKERS, _CAMERA) for column in SEEN),
+        *(Output(column, _SERVOS, _ENCODER) for column in FRESH),
+    )
+    every: int = 2
+    block: float = 2.0
+    window: tuple[float, float] = (10.0, 2.0)
+    segments: tuple[int, int] = (5, 14)
+
+    @property
+    def declared(self) -> tuple[Declared, ...]:
+        """The coordinates of the fit."""
+        return declared(self.kinds)
+
+    @property
+    def first(self) -> dict[str, Any]:
+        """Where the coordinates start."""
+        return {name: values.tolist() for name, values in self.start.items()}
+
+    def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
+        """The twin as MJCF."""
+        return body.spec(moved(self.start, self.kinds, declared), (*self.fixed, *effects))
+
+    def respond(self, points: Sequence[Point], runs: Runs) -> Array:
+        """Disks and servos, (D, S, T, 15)."""
+        shapes, models, several = [], [], []
+        for point in points:
+            there = effects_at(point)
+            shapes += [moved(self.start, self.kinds, point.declared)] * len(runs)
+            models += [self.spec(point.declared, there).compile()] * len(runs)
+            several += [(*self.fixed, *there)] * len(runs)
+        trunks = Trunks(models, shapes, several, os.cpu_count() or 1)
+        D = len(points)
+        goal = np.tile(np.stack([runs.column[name] for name in GOALS], axis=-1), (D, 1, 1))
+        found = np.concatenate(trunks.run(goal, np.tile(runs.period, D)), axis=-1)
+        return found.reshape(D, *runs.time.shape, -1)
+
+
+@dataclass(frozen=True)
+class TrunkRig:
+    """The trunk, judged by its disks and its servos' angles."""
+
+    name: str = "trunk"
+    twin: Path | None = None
+    """twin.json of the trunk before something was changed"""
+
+    def read(self, folder: Path) -> list[Recording]:
+        """The runs of a folder."""
+        return [fresh(run) for run in read_folder(folder, _COLUMNS)]
+
+    def read_files(self, paths: Sequence[Path]) -> list[Recording]:
+        """The runs of some files."""
+        return [fresh(read(path, _COLUMNS)) for path in paths]
+
+    def changed(self, twin: Path) -> "TrunkRig":
+        """The rig of a trunk to which something was done since the twin was fitted."""
+        return TrunkRig(twin=twin)
+
+    def open(self, training: Sequence[Recording]) -> RunCase:
+        """First guesses from the logs, or, of a changed trunk, the twin of the unchanged one."""
+        machine = _changed(self.twin) if self.twin else Trunk(first_guess(training))
+        noise = np.r_[np.full(len(SEEN), _GUESSED), np.full(len(ANGLES), _TOLD)]
+        return RunCase(machine, noise)
+
+
+def _changed(twin: Path) -> Trunk:
+    """The trunk of a twin.json, to which something may have been done."""
+    told = json.loads(twin.read_text())
+    start = {name: np.array(values) for name, values in told["first"].items()}
+    x = np.array([each["value"] for each in told["declared"].values()])
+    there = tuple(effects.from_dict(entry) for entry in told["effects"])
+    known = {effects.name_of(effect) for effect in there}
+    asked = [name for name in _CHANGES if name not in known]
+    return Trunk(moved(start, tuple(KINDS), x), _REZEROED, there, _sized(asked))
+
+
+RIG = TrunkRig()

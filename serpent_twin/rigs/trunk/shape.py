@@ -1,0 +1,135 @@
+"""Which numbers make a trunk, and what do its logs say of them at first sight?"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from serpent_twin.arm import Array
+from serpent_twin.measured import Recording
+from serpent_twin.rigs.rig import Declared
+
+MOTORS, DISKS = range(1, 7), range(1, 4)
+ENDS_AT = (2, 3, 1, 3, 1, 2)
+"""Disk at which each motor's two cables end: the limits of 51, 81 and 31° in the trunk's motor node."""
+GOALS = tuple(f"motor{m}_command" for m in MOTORS)
+ANGLES = tuple(f"motor{m}_position" for m in MOTORS)
+FRESH = tuple(f"motor{m}_fresh" for m in MOTORS)
+"""The same, in the rows that first hold them; else NaN"""
+SEEN = tuple(f"disk{k}_{axis}" for k in DISKS for axis in "xyz")
+CHANNEL = 0.025
+"""Radius on which cables run [m], assumed: only what is wound per radius shows in logs"""
+_HOSE, _CABLE, _PULLED = 0.4, 6e3, 3e-3  # [N m²], [N/m], [m] assumed, of a trunk that weighs 1 kg
+_SETTLES = 0.03  # [s] assumed
+_END = 0.3  # assumed
+_STILL = 0.05  # share of a log's rows, those with the smallest goals, that are taken as rest
+_LATEST = 0.4  # [s] that commands may be late
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Numbers of one kind."""
+
+    names: tuple[str, ...]
+    unit: str
+    """Of the fit's coordinates"""
+    scale: float
+    """SI per unit; 0 where a coordinate is the logarithm of a ratio"""
+    prior: float
+    step: float
+
+
+def _of(text: str, which: Sequence[object]) -> tuple[str, ...]:
+    return tuple(text.format(each) for each in which)
+
+
+_PLACES = _of("marker of disk {}", [f"{k} along {axis}" for k in DISKS for axis in "xyz"])
+KINDS: Mapping[str, Kind] = {
+    "base": Kind(_of("base along {}", "xyz"), "mm", 1e-3, 10.0, 0.5),
+    "tilt": Kind(_of("tilt of the base about {}", "xz"), "°", np.pi / 180, 3.0, 0.2),
+    "length": Kind(_of("length of segment {}", DISKS), "mm", 1e-3, 10.0, 0.5),
+    "wound": Kind(_of("cable wound per radian, to disk {}", DISKS), "log m", 0.0, 0.1, 0.02),
+    "direction": Kind(_of("direction of motor {}'s cables", MOTORS), "°", np.pi / 180, 8.0, 0.5),
+    "hose": Kind(("stiffness of the hose",), "log N m²", 0.0, 1.0, 0.05),
+    "cable": Kind(("stiffness of the cables",), "log N/m", 0.0, 1.0, 0.05),
+    "pulled": Kind(_of("stretch of motor {}'s cables at rest", MOTORS), "mm", 1e-3, 3.0, 0.2),
+    "settles": Kind(("damping of the hose over its stiffness",), "log s", 0.0, 1.0, 0.1),
+    "end": Kind(("weight of the end over the hose's",), "log 1", 0.0, 1.0, 0.1),
+    "disk": Kind(_PLACES, "mm", 1e-3, 10.0, 0.5),
+    "zero": Kind(_of("zero of motor {}", MOTORS), "°", np.pi / 180, 3.0, 0.3),
+}  # fmt: skip
+Shape = Mapping[str, Array]
+"""SI values of every kind. The logs' frame, y up, holds for the base; elsewhere x is down the trunk, y and z
+are the logs' x and z."""
+
+
+def fresh(run: Recording) -> Recording:
+    """With columns of the servos' angles where they are new: the bus is read slower than rows come."""
+    angles = _columns(run, ANGLES)
+    new = np.r_[False, (np.diff(angles, axis=0) != 0).any(axis=1)]
+    known = np.where(new[:, None], angles, np.nan)
+    return replace(run, columns=run.columns | dict(zip(FRESH, known.T, strict=True)))
+
+
+def declared(kinds: Sequence[str]) -> tuple[Declared, ...]:
+    """Coordinates of the fit, of these kinds."""
+    return tuple(
+        Declared(name, kind.unit, kind.prior, kind.step)
+        for kind in (KINDS[k] for k in kinds)
+        for name in kind.names
+    )
+
+
+def moved(start: Shape, kinds: Sequence[str], x: Array) -> Shape:
+    """A shape at coordinates from a start, of these kinds."""
+    found, at = dict(start), 0
+    for name in kinds:
+        kind = KINDS[name]
+        by = x[at : at + len(kind.names)]
+        at += len(by)
+        found[name] = start[name] + kind.scale * by if kind.scale else start[name] * np.exp(by)
+    return found
+
+
+def first_guess(runs: Sequence[Recording]) -> Shape:
+    """A straight trunk where the disks hang at rest; cables by how far goals move disks."""
+    goal = np.concatenate([_columns(r, GOALS) for r in runs])
+    seen = np.concatenate([_columns(r, SEEN) for r in runs])
+    few = np.argsort(np.abs(goal).sum(axis=1))[: max(1, round(_STILL * len(goal)))]
+    rest = np.median(seen[few], axis=0).reshape(3, 3)
+    length = (rest[0, 1] - rest[2, 1]) / 2
+    slopes = _slopes(runs)
+    across = np.array([slopes[m, disk - 1][[0, 2]] for m, disk in enumerate(ENDS_AT)])
+    # A segment bent by β moves its end by β L / 2; cables wound by w to one side bend it by w / radius.
+    wound = 2 * CHANNEL / length * np.linalg.norm(across, axis=1)
+    return {
+        "base": rest[0] + [0.0, length, 0.0],
+        "tilt": np.zeros(2),
+        "length": np.full(3, length),
+        "wound": np.full(3, wound[np.equal(ENDS_AT, DISKS[-1])].mean()),
+        "direction": np.arctan2(across[:, 1], across[:, 0]),
+        "hose": np.array([_HOSE]),
+        "cable": np.array([_CABLE]),
+        "pulled": np.full(6, _PULLED),
+        "settles": np.array([_SETTLES]),
+        "end": np.array([_END]),
+        "disk": np.zeros(9),
+        "zero": np.zeros(6),
+    }
+
+
+def _columns(run: Recording, names: Sequence[str]) -> Array:
+    return np.stack([run.columns[name] for name in names], axis=1)
+
+
+def _slopes(runs: Sequence[Recording]) -> Array:
+    """How far a goal moves each disk, [m/rad], (6, 3, 3): least squares at the delay that fits best."""
+    period = float(np.median(np.diff(runs[0].columns["time"])))
+    found = []
+    for late in range(0, round(_LATEST / period) + 1):
+        pairs = [(_columns(r, GOALS)[: len(r) - late], _columns(r, SEEN)[late:]) for r in runs]
+        goal, seen = (np.concatenate(each) for each in zip(*pairs, strict=True))
+        x = np.c_[goal, np.ones(len(goal))]
+        slopes, *_ = np.linalg.lstsq(x, seen, rcond=None)
+        found.append((((seen - x @ slopes) ** 2).mean(), slopes[:6]))
+    return min(found, key=lambda each: each[0])[1].reshape(6, 3, 3)
