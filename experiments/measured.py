@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from measured_metric import MAE, RMSE, Metric
 from measured_named import judge
 from measured_page import page, table
 from measured_regression import regressions
@@ -21,7 +21,6 @@ from serpent_twin.files import write_whole
 from serpent_twin.measured import Recording
 from serpent_twin.provenance import provenance
 from serpent_twin.report import text_table, write
-from serpent_twin.residual import Comparison
 from serpent_twin.trace import Trace
 from serpent_twin.trace.run import trace_sessions
 
@@ -32,8 +31,8 @@ STAGES = ("nominal", "calibrated", "corrected")
 class Bench:
     """A machine's data, and how its twin is judged."""
 
-    metric: str
-    """mae_deg or rmse_deg"""
+    metric: Metric
+    """Of its error"""
     splits: tuple[tuple[str, ...], ...]
     """Names of the files held out in each; the first is the one reported"""
     reference: float
@@ -46,14 +45,14 @@ class Bench:
 
 BENCHES: Mapping[str, Bench] = {
     "xl330": Bench(
-        "mae_deg",
+        MAE,
         (("kp200_*",), ("kp100_*",), ("kp800_*",)),
         1.77,
         2.45,
         "github.com/Rhoban/bam, branch xl330, commit af22604",
     ),
     "jaw": Bench(
-        "rmse_deg",
+        RMSE,
         (("tool_*_12.*", "tool_*_30.*", "tool_*_23.*"), ("tool_*_4?.*",)),
         0.37,
         0.44,
@@ -162,7 +161,7 @@ def _bench(
     scored = [_split(config, name, *each) for each in splits]
     corrected = [each["corrected"] for each in scored]
     return {
-        "metric": bench.metric,
+        "metric": bench.metric.name,
         **scored[0],
         "reference": bench.reference,
         "sketch": bench.sketch,
@@ -191,9 +190,8 @@ def _split(
             {"name": n, "parameters": {p: vars(e) for p, e in each.items()}}
             for n, each in judged.effects.items()
         ]
-    size = {"mae_deg": mae, "rmse_deg": rmse}[bench.metric]
     return {
-        **{stage: size(compared[stage]) for stage in STAGES},
+        **{stage: bench.metric.of(compared[stage]) for stage in STAGES},
         "effects": [each["name"] for each in effects],
         "found": [str_of(each) for each in effects],
         "rejected": [t.name for t in found.candidates if t.verdict != "accepted"],
@@ -212,16 +210,6 @@ def str_of(effect: Mapping[str, Any]) -> str:
         for n, e in effect["parameters"].items()
     )
     return f"{effect['name'].replace('_', ' ')} ({told})"
-
-
-def mae(compared: Comparison) -> float:
-    """Mean absolute error of the angle [°]."""
-    return float(np.degrees(np.nanmean(np.abs(compared.marker_residual))))
-
-
-def rmse(compared: Comparison) -> float:
-    """Root mean square error of the angle [°]."""
-    return float(np.degrees(np.sqrt(np.nanmean(compared.marker_residual**2))))
 
 
 if __name__ == "__main__":

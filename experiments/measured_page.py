@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from measured_metric import METRICS, Metric
 
 from serpent_twin.report import Figure, Report, Section, Table
 from serpent_twin.residual.figures import COLOURS, INK, SOFT
 
-_NAMES = {"mae_deg": "mean absolute error [°]", "rmse_deg": "root mean square error [°]"}
 _BARS = ("nominal", "calibrated", "corrected", "regression")
 Found = Mapping[str, Mapping[str, Any]]
 
@@ -21,7 +21,7 @@ def table(found: Found) -> Table:
         (
             name,
             _listed(each["held_out"]),
-            of["metric"].split("_")[0].upper() + " °",
+            f"{_metric(of).short} {_metric(of).unit}",
             *(f"{each[stage]:.2f}" for stage in _BARS[:3]),
             " / ".join(f"{v:.2f}" for v in each["regression"].values()),
             f"{of['sketch']:.2f}",
@@ -44,7 +44,7 @@ def page(found: Found) -> Report:
     """The report."""
     sections = [Section("Before and after", "", (table(found), _bars(found)))]
     for name, of in found.items():
-        texts = [_said(each) for each in of["splits"]]
+        texts = [_said(each, _metric(of)) for each in of["splits"]]
         sections.append(Section(name, "\n\n".join(texts)))
     return Report("The loop on measured machines", lead(found), tuple(sections))
 
@@ -53,28 +53,30 @@ def lead(found: Found) -> str:
     """One sentence that the numbers support."""
     told = []
     for name, of in found.items():
-        low, high = of["spread"]
-        spread = f", {low:.2f} … {high:.2f}° over {len(of['splits'])} splits" if high > low else ""
+        metric, (low, high) = _metric(of), of["spread"]
+        over = f"{low:.2f} … {metric.told(high)} over {len(of['splits'])} splits"
+        spread = f", {over}" if high > low else ""
         named = " and ".join(e.replace("_", " ") for e in of["effects"]) or "nothing"
         told.append(
-            f"{name}, {of['nominal']:.2f} → {of['corrected']:.2f}° ({named} found{spread}; published "
-            f"{of['reference']:.2f}°)"
+            f"{name}, {of['nominal']:.2f} → {metric.told(of['corrected'])} ({named} found{spread}; published "
+            f"{metric.told(of['reference'])})"
         )
     return f"Error on held-out runs, nominal → corrected: {'; '.join(told)}."
 
 
-def _said(each: Mapping[str, Any]) -> str:
+def _said(each: Mapping[str, Any], metric: Metric) -> str:
     """A split in words, and where the twin loses."""
     best, by = (
         min((v, k) for k, v in each["regression"].items()) if each["regression"] else (np.inf, "")
     )
     compared = ""
     if best < each["corrected"]:
-        compared = f" A regression from {by} does better: {best:.2f}°."
+        compared = f" A regression from {by} does better: {metric.told(best)}."
     elif np.isfinite(best):
-        compared = f" The best plain regression leaves {best:.2f}°."
+        compared = f" The best plain regression leaves {metric.told(best)}."
     rest = f" {each['unexplained']}" if each["unexplained"] else ""
-    return f"Judged by {_listed(each['held_out'])}: {each['corrected']:.2f}°.{compared}{rest}"
+    corrected = metric.told(each["corrected"])
+    return f"Judged by {_listed(each['held_out'])}: {corrected}.{compared}{rest}"
 
 
 def _bars(found: Found) -> Figure:
@@ -95,7 +97,7 @@ def _bars(found: Found) -> Figure:
                 )
         axes.axhline(of["reference"], color=INK, lw=1, ls="--", label="published")
         axes.set_xticks(range(len(of["splits"])), [_short(e["held_out"]) for e in of["splits"]])
-        axes.set(title=name, ylabel=_NAMES[of["metric"]], yscale="log")
+        axes.set(title=name, ylabel=f"{_metric(of).words} [{_metric(of).unit}]", yscale="log")
         axes.yaxis.set_major_formatter("{x:g}")
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(colors=SOFT, labelcolor=INK)
@@ -104,6 +106,10 @@ def _bars(found: Found) -> Figure:
     )
     caption = "Errors on held-out runs, by split; the dashed line is what the authors published."
     return Figure("errors", drawing, caption)
+
+
+def _metric(of: Mapping[str, Any]) -> Metric:
+    return METRICS[of["metric"]]
 
 
 def _listed(files: list[str]) -> str:

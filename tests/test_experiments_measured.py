@@ -10,10 +10,12 @@ import pytest
 from measured_logs import jaw, pendulum, write_log
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.measured import Recording
 from serpent_twin.residual import ANGLE, Comparison
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "experiments"))
 import measured
+import measured_metric
 import measured_regression
 
 
@@ -27,6 +29,24 @@ def data(tmp_path):
         about, columns = jaw(frequency, 0.02, 0.05, 0.3, 1.0, 0.0, seconds=6, seed=n)
         write_log(tmp_path / "data" / "jaw" / f"tool_7_{n}2.parquet", about, **columns)
     return tmp_path / "data"
+
+
+def trunk(late=0.15, seconds=20, seed=0):
+    """A log whose tip follows the commands' sum along x, so many seconds late, and the square of a motor's
+    angle along z.
+    """
+    rng = np.random.default_rng(seed)
+    time = np.arange(0, seconds, 0.01)
+    columns = {"time": time}
+    for n in range(1, 7):
+        goal = np.convolve(rng.normal(0, 0.3, time.size), np.hanning(20), "same")
+        columns[f"motor{n}_command"] = goal
+        columns[f"motor{n}_position"] = np.interp(time - late, time, goal)
+    for k in (1, 2, 3):
+        tip = sum(columns[f"motor{n}_position"] for n in range(1, 7))
+        seen = 0.01 * tip, -0.1 * k + 0 * time, 0.01 * columns["motor1_position"] ** 2
+        columns |= {f"disk{k}_{axis}": x for axis, x in zip("xyz", seen, strict=True)}
+    return {"rate_hz": 100}, columns
 
 
 @pytest.fixture
@@ -126,5 +146,27 @@ def test_a_regression_finds_a_linear_law():
                    "spindle_torque": load, "jaw_position": 1.0 - 0.9 * angle + 2 * load}  # fmt: skip
         return SimpleNamespace(columns=columns, metadata={})
 
-    off = measured_regression.regressions("jaw", [run(), run()], [run()], "rmse_deg")
+    off = measured_regression.regressions("jaw", [run(), run()], [run()], measured_metric.RMSE)
     assert max(off.values()) < 0.1
+
+
+def test_the_tips_error_is_the_last_markers_distance():
+    seen = np.zeros((1, 10, 3, 3))
+    seen[..., 0, :], seen[..., 2, :] = 1.0, [0.003, 0.0, -0.004]
+    seen[:, 4:, 2] = np.nan
+    there = Comparison(("a",), np.arange(10.0)[None], seen, np.zeros_like(seen))
+    metric = measured_metric.TIP_RMS
+    assert metric.of(there) == pytest.approx(5) and metric.told(5) == "5.00 mm"
+    assert metric.between(seen[..., 2, :], np.zeros((1, 10, 3))) == pytest.approx(5)
+    assert measured_metric.MAE.told(1.7) == "1.70°"
+
+
+def test_a_regression_finds_how_late_the_trunk_follows():
+    runs = [Recording(None, *trunk(seconds=60, seed=n), f"{n}") for n in range(2)]
+    off = measured_regression.regressions("trunk", runs[:1], runs[1:], measured_metric.TIP_RMS)
+    linear, quadratic, angles = off
+    assert (linear, quadratic) == (
+        "commands, 0.15 s late, linear",
+        "commands, 0.15 s late, quadratic",
+    )
+    assert off[linear] > 2 > 0.2 > max(off[quadratic], off[angles])
