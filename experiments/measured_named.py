@@ -8,14 +8,15 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from serpent_twin import rigs
 from serpent_twin.effects import by_name, ranges
-from serpent_twin.measured import Recording, RunCase
+from serpent_twin.measured import Recording
 from serpent_twin.residual import Comparison
-from serpent_twin.rigs.rig import Point
+from serpent_twin.rigs.rig import Case, Point
 from serpent_twin.trace.conclude import estimates
 from serpent_twin.trace.diagnosis import Estimate
 from serpent_twin.trace.least_squares import Fit, fit
@@ -54,7 +55,7 @@ def judge(
     )
 
 
-def _fitted(case: RunCase, training: Sequence[Recording], start: Point) -> Fit:
+def _fitted(case: Case[Any], training: Sequence[Recording], start: Point) -> Fit:
     """All parameters of a point, weights renewed in between."""
     runs, at = case.pieces(training), start
     for _ in range(2):

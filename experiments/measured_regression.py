@@ -1,8 +1,10 @@
 """How far does a regression come that knows no physics, on the same runs?"""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations_with_replacement
 
 import numpy as np
+from measured_metric import TIP_RMS, Metric
 
 from serpent_twin.arm import Array
 from serpent_twin.measured import Recording
@@ -10,7 +12,10 @@ from serpent_twin.measured import Recording
 _RIDGE = 1e-3
 _LAGS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8)  # [s]
 _SLOW = 0.05  # [rad/s] below which a direction of motion fades
+_DELAYS = np.linspace(0.0, 0.4, 41)  # [s]
+_MOTORS, _TIP = range(1, 7), ("disk3_x", "disk3_y", "disk3_z")  # of the trunk
 Features = Callable[[Recording], Array]
+Kinds = Mapping[str, Features]
 
 
 def _xl330(run: Recording) -> Array:
@@ -39,39 +44,93 @@ def _jaw_with_torque(run: Recording) -> Array:
     return np.concatenate([_jaw(run), more], axis=1)
 
 
-KNOWN: Mapping[str, tuple[str, Mapping[str, Features]]] = {
-    "xl330": ("position", {"goals and P gain": _xl330}),
+def _commands(delay: float, degree: int) -> Features:
+    """The trunk's six commands, so many seconds late, and their products."""
+
+    def features(run: Recording) -> Array:
+        time = run.columns["time"]
+        late = [np.interp(time - delay, time, run.columns[f"motor{n}_command"]) for n in _MOTORS]
+        return _products(late, degree)
+
+    return features
+
+
+def _motor_angles(run: Recording) -> Array:
+    """Where the trunk's motors were, which the twin has to predict, and products of up to three."""
+    return _products([run.columns[f"motor{n}_position"] for n in _MOTORS], 3)
+
+
+def _products(values: Sequence[Array], degree: int) -> Array:
+    """All products of up to so many of the values, (T, features)."""
+    chosen = [
+        each
+        for size in range(1, degree + 1)
+        for each in combinations_with_replacement(values, size)
+    ]
+    return np.stack([np.prod(each, axis=0) for each in chosen], axis=1)
+
+
+def _trunk(training: Sequence[Recording]) -> Kinds:
+    """Commands as late as suits a linear map of the training runs best; and motor angles."""
+
+    def left(delay: float) -> float:
+        return _score(_commands(delay, 1), _TIP, training, training, TIP_RMS)
+
+    delay = min((float(each) for each in _DELAYS), key=left)
+    return {
+        f"commands, {delay:.2f} s late, linear": _commands(delay, 1),
+        f"commands, {delay:.2f} s late, quadratic": _commands(delay, 2),
+        "measured motor angles, cubic": _motor_angles,
+    }
+
+
+KNOWN: Mapping[str, tuple[tuple[str, ...], Callable[[Sequence[Recording]], Kinds]]] = {
+    "xl330": (("position",), lambda _: {"goals and P gain": _xl330}),
     "jaw": (
-        "jaw_position",
-        {"what drives the twin": _jaw, "the measured spindle torque besides": _jaw_with_torque},
+        ("jaw_position",),
+        lambda _: {
+            "what drives the twin": _jaw,
+            "the measured spindle torque besides": _jaw_with_torque,
+        },
     ),
+    "trunk": (_TIP, _trunk),
 }
-"""What is predicted for each rig, and from which features"""
+"""What is predicted for each rig, and from which features, as training runs suggest them; the last of
+several reads what the twin has to predict
+"""
 
 
 def regressions(
-    rig: str, training: Sequence[Recording], judging: Sequence[Recording], metric: str
+    rig: str, training: Sequence[Recording], judging: Sequence[Recording], metric: Metric
 ) -> dict[str, float]:
     """Errors on the judging runs, in the metric, by what the regression knows."""
-    output, kinds = KNOWN.get(rig, ("", {}))
-    return {name: _score(of, output, training, judging, metric) for name, of in kinds.items()}
+    if rig not in KNOWN:
+        return {}
+    outputs, kinds = KNOWN[rig]
+    return {
+        name: _score(features, outputs, training, judging, metric)
+        for name, features in kinds(training).items()
+    }
 
 
 def _score(
     features: Features,
-    output: str,
+    outputs: Sequence[str],
     training: Sequence[Recording],
     judging: Sequence[Recording],
-    metric: str,
+    metric: Metric,
 ) -> float:
-    x, y = (
-        np.concatenate([f(r) for r in training]) for f in (features, lambda r: r.columns[output])
-    )
-    middle, scale, offset = x.mean(axis=0), x.std(axis=0) + 1e-9, y.mean()
+    x, y = _all(features, training), _measured(outputs, training)
+    middle, scale, offset = x.mean(axis=0), x.std(axis=0) + 1e-9, y.mean(axis=0)
     z = (x - middle) / scale
     weight = np.linalg.solve(z.T @ z + _RIDGE * len(z) * np.eye(z.shape[1]), z.T @ (y - offset))
-    error = np.concatenate(
-        [r.columns[output] - offset - (features(r) - middle) / scale @ weight for r in judging]
-    )
-    size = np.abs(error).mean() if metric == "mae_deg" else np.sqrt((error**2).mean())
-    return float(np.degrees(size))
+    predicted = offset + (_all(features, judging) - middle) / scale @ weight
+    return metric.between(_measured(outputs, judging), predicted)
+
+
+def _all(features: Features, runs: Sequence[Recording]) -> Array:
+    return np.concatenate([features(run) for run in runs])
+
+
+def _measured(outputs: Sequence[str], runs: Sequence[Recording]) -> Array:
+    return _all(lambda run: np.stack([run.columns[name] for name in outputs], axis=1), runs)

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,12 +10,19 @@ import numpy as np
 import pytest
 from measured_logs import jaw, pendulum, write_log
 
+from serpent_twin import rigs
 from serpent_twin.errors import SerpentError
-from serpent_twin.residual import ANGLE, Comparison
+from serpent_twin.measured import Recording, read, read_folder
+from serpent_twin.residual import ANGLE, MARKERS, Comparison
+from serpent_twin.trace.run import _file
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "experiments"))
 import measured
+import measured_changed
+import measured_metric
 import measured_regression
+import measured_split
+from measured_bench import BENCHES
 
 
 @pytest.fixture
@@ -29,42 +37,97 @@ def data(tmp_path):
     return tmp_path / "data"
 
 
+def trunk(late=0.15, seconds=20, seed=0):
+    """A log whose tip follows the commands' sum along x, so many seconds late, and the square of a motor's
+    angle along z.
+    """
+    rng = np.random.default_rng(seed)
+    time = np.arange(0, seconds, 0.01)
+    columns = {"time": time}
+    for n in range(1, 7):
+        goal = np.convolve(rng.normal(0, 0.3, time.size), np.hanning(20), "same")
+        columns[f"motor{n}_command"] = goal
+        columns[f"motor{n}_position"] = np.interp(time - late, time, goal)
+    for k in (1, 2, 3):
+        tip = sum(columns[f"motor{n}_position"] for n in range(1, 7))
+        seen = 0.01 * tip, -0.1 * k + 0 * time, 0.01 * columns["motor1_position"] ** 2
+        columns |= {f"disk{k}_{axis}": x for axis, x in zip("xyz", seen, strict=True)}
+    return {"rate_hz": 100}, columns
+
+
+class TrunkRig:
+    """Reads a trunk's logs; one of a changed trunk is named by the twin from which it begins."""
+
+    name = "trunk"
+
+    def read(self, folder):
+        return read_folder(folder, ("disk3_x",))
+
+    def read_files(self, paths):
+        return [read(path, ("disk3_x",)) for path in paths]
+
+    def changed(self, twin):
+        rig = TrunkRig()
+        rig.name = f"trunk since {twin.parent.name}"
+        return rig
+
+
+@pytest.fixture
+def trunks(tmp_path, monkeypatch):
+    """Logs of a trunk beside a rig that reads them."""
+    found, known = TrunkRig(), rigs.find
+    monkeypatch.setattr(rigs, "find", lambda name: found if name == "trunk" else known(name))
+    for n, name in enumerate(("controlled_1", "controlled_2", "heavy", "same")):
+        about, columns = trunk(seed=n)
+        write_log(tmp_path / "data" / "trunk" / f"{name}.parquet", about, **columns)
+    return tmp_path / "data"
+
+
+def compared(name, off):
+    """A twin that is off by so many degrees or, the trunk's tip along y, millimetres."""
+    tip = name.startswith("trunk")
+    shape, measure = ((2, 20, 3, 3), MARKERS) if tip else ((2, 20, 1, 1), ANGLE)
+    seen = np.zeros(shape)
+    seen[..., -1, shape[-1] // 2] = 1e-3 * off if tip else np.radians(off)
+    return Comparison(
+        ("a", "b"), np.tile(np.arange(20.0), (2, 1)), marker_measured=seen,
+        marker_predicted=np.zeros(shape), marker=measure,
+    )  # fmt: skip
+
+
 @pytest.fixture
 def traced(monkeypatch):
-    """A trace that takes no time and is off by 3, 2 and 1°; returns what it was asked."""
+    """A trace that takes no time and is off by 3, 2 and 1; returns what it was asked."""
     asked = []
 
     def fake(config, rig, training, judging):
         asked.append((rig.name, [r.name for r in training], [r.name for r in judging]))
-        angle = np.zeros((2, 20, 1, 1))
-        compared = {
-            stage: Comparison(
-                ("a", "b"), np.tile(np.arange(20.0), (2, 1)), marker_measured=angle + np.radians(off),
-                marker_predicted=angle, marker=ANGLE,
-            )
-            for stage, off in zip(measured.STAGES, (3, 2, 1), strict=True)
-        }  # fmt: skip
-        found = SimpleNamespace(
-            comparisons=compared,
-            effects=[SimpleNamespace(name="gear_friction")],
-            candidates=[SimpleNamespace(name="payload", verdict="rejected")],
+        config.out.mkdir(parents=True)
+        (config.out / "twin.json").write_text(json.dumps({"effects": []}))
+        about = {"value": 0.2, "low": 0.1, "high": 0.3, "unit": "1"}
+        found = [{"name": "gear_friction", "parameters": {"coefficient": about}}]
+        if config.out.name.startswith("changed_"):
+            found = [{"name": "payload", "parameters": {"mass": about | {"unit": "trunk weights"}}}]
+        if config.out.name == "changed_same":
+            found = []
+        diagnosis = SimpleNamespace(
+            comparisons={
+                stage: compared(rig.name, off)
+                for stage, off in zip(measured.STAGES, (3, 2, 1), strict=True)
+            },
+            candidates=[SimpleNamespace(name="cable_creep", verdict="rejected")],
             unexplained=SimpleNamespace(depends_on=""),
         )
-        parameters = {"coefficient": {"value": 0.2, "low": 0.1, "high": 0.3, "unit": "1"}}
-        named = [{"name": "gear_friction", "parameters": parameters}]
-        return found, {"effects": named, "seconds": 1.0}
+        return diagnosis, {"effects": found, "seconds": 1.0}
 
     monkeypatch.setattr(measured, "trace_sessions", fake)
+    monkeypatch.setattr(measured_changed, "trace_sessions", fake)
     return asked
 
 
 def test_results_hold_every_rig_its_splits_and_their_spread(data, traced, tmp_path, monkeypatch):
-    splits = {"xl330": (("kp200_*",), ("kp100_*",)), "jaw": (("tool_*_12.*",),)}
-    benches = {
-        name: measured.Bench(b.metric, splits[name], b.reference, b.sketch, b.origin)
-        for name, b in measured.BENCHES.items()
-    }
-    monkeypatch.setattr(measured, "BENCHES", benches)
+    for name, splits in {"xl330": (("kp200_*",), ("kp100_*",)), "jaw": (("tool_*_12.*",),)}.items():
+        monkeypatch.setitem(BENCHES, name, replace(BENCHES[name], splits=splits))
     measured.main(measured.Measured(data, tmp_path / "out"))
     rigs = json.loads((tmp_path / "out" / "results.json").read_text())["rigs"]
     assert rigs["xl330"]["nominal"] == pytest.approx(3) and rigs["xl330"]["metric"] == "mae_deg"
@@ -83,15 +146,8 @@ def test_files_named_elsewhere_judge_the_rig_that_reads_them(data, traced, tmp_p
 
     def judge(rig, twin, training, judging):
         judges.append((rig, [r.name for r in training], [r.name for r in judging]))
-        angle = np.zeros((1, 9, 1, 1))
-        compared = Comparison(
-            ("a",),
-            np.arange(9.0)[None],
-            marker_measured=angle,
-            marker_predicted=angle,
-            marker=ANGLE,
-        )
-        return SimpleNamespace(comparisons=dict.fromkeys(measured.STAGES, compared), effects={})
+        there = compared(rig, 0)
+        return SimpleNamespace(comparisons=dict.fromkeys(measured.STAGES, there), effects={})
 
     monkeypatch.setattr(measured, "judge", judge)
     asked = measured.Measured(data, tmp_path / "out", held_out=str(tmp_path / "new" / "*.parquet"))
@@ -106,13 +162,12 @@ def test_it_says_what_is_missing(data, traced, tmp_path, capsys):
     with pytest.raises(SerpentError, match=r"names no file. Give a path"):
         measured.main(measured.Measured(data, tmp_path / "out", held_out="nowhere/*"))
     with pytest.raises(SerpentError, match=r"0 are named kp999.* Name those that judge"):
-        measured.split([SimpleNamespace(path=Path("kp100_a.parquet"))], ["kp999_*"])
+        measured_split.split([SimpleNamespace(path=Path("kp100_a.parquet"))], ["kp999_*"])
 
 
 def test_runs_of_other_names_are_split_by_their_order():
     runs = [SimpleNamespace(path=Path(f"run_{n}.parquet")) for n in range(6)]
-    patterns = measured._fitting(runs, measured.BENCHES["xl330"])
-    training, judging = measured.split(runs, patterns[0])
+    training, judging = measured_split.inner(runs, BENCHES["xl330"])
     assert [r.path.stem for r in judging] == ["run_1", "run_5"] and len(training) == 4
 
 
@@ -126,5 +181,81 @@ def test_a_regression_finds_a_linear_law():
                    "spindle_torque": load, "jaw_position": 1.0 - 0.9 * angle + 2 * load}  # fmt: skip
         return SimpleNamespace(columns=columns, metadata={})
 
-    off = measured_regression.regressions("jaw", [run(), run()], [run()], "rmse_deg")
+    off = measured_regression.regressions("jaw", [run(), run()], [run()], measured_metric.RMSE)
     assert max(off.values()) < 0.1
+
+
+def test_the_tips_error_is_the_last_markers_distance():
+    seen = np.zeros((1, 10, 3, 3))
+    seen[..., 0, :], seen[..., 2, :] = 1.0, [0.003, 0.0, -0.004]
+    seen[:, 4:, 2] = np.nan
+    there = Comparison(("a",), np.arange(10.0)[None], seen, np.zeros_like(seen))
+    metric = measured_metric.TIP_RMS
+    assert metric.of(there) == pytest.approx(5) and metric.told(5) == "5.00 mm"
+    assert metric.between(seen[..., 2, :], np.zeros((1, 10, 3))) == pytest.approx(5)
+    assert measured_metric.MAE.told(1.7) == "1.70°"
+
+
+def test_a_regression_finds_how_late_the_trunk_follows():
+    runs = [Recording(None, *trunk(seconds=60, seed=n), f"{n}") for n in range(2)]
+    off = measured_regression.regressions("trunk", runs[:1], runs[1:], measured_metric.TIP_RMS)
+    linear, quadratic, angles = off
+    assert (linear, quadratic) == (
+        "commands, 0.15 s late, linear",
+        "commands, 0.15 s late, quadratic",
+    )
+    assert off[linear] > 2 > 0.2 > max(off[quadratic], off[angles])
+
+
+def test_a_changed_trunk_begins_from_the_twin_of_the_trunk_as_it_was(trunks, traced, tmp_path):
+    measured.main(measured.Measured(trunks, tmp_path / "out"))
+    of = json.loads((tmp_path / "out" / "results.json").read_text())["rigs"]["trunk"]
+    assert of["metric"] == "tip_rms_mm" and of["corrected"] == pytest.approx(1)
+    assert of["held_out"] == ["controlled_2.parquet"] and len(of["splits"]) == 2
+    heavy, same = of["changed"]
+    assert [heavy[k] for k in ("before", "rezeroed", "after")] == pytest.approx([3, 2, 1])
+    assert heavy["file"] == "heavy.parquet" and heavy["rejected"] == ["cable_creep"]
+    assert heavy["payload_ratio"] == {"value": 0.2, "low": 0.1, "high": 0.3}
+    assert same["effects"] == [] and same["payload_ratio"] is None
+    assert [name for name, _, _ in traced] == ["trunk"] * 2 + ["trunk since controlled_2"] * 2
+    assert traced[2][1:] == (["heavy before 12 s"], ["heavy from 12 s"])
+    text = (tmp_path / "out" / "report.md").read_text()
+    assert (
+        "0.2 [0.1 … 0.3] of the trunk's own weight" in text and "in grams cannot be known" in text
+    )
+    assert "same: nothing that is beyond chance." in text
+    assert "reference 9.90 mm" in text and "published 9" not in text
+
+
+def test_a_trunk_named_to_judge_is_searched_for_a_change(trunks, traced, tmp_path, monkeypatch):
+    judges = []
+
+    def judge(rig, twin, training, judging):
+        judges.append(([r.name for r in training], [r.name for r in judging]))
+        there = compared(rig, 4)
+        return SimpleNamespace(comparisons=dict.fromkeys(measured.STAGES, there), effects={})
+
+    monkeypatch.setattr(measured, "judge", judge)
+    named = str(trunks / "trunk" / "[ch]*[2y].parquet")
+    measured.main(measured.Measured(trunks, tmp_path / "out", held_out=named))
+    assert judges == [(["controlled_1"], ["controlled_2", "heavy"])]
+    assert traced[0] == ("trunk", ["controlled_1 before 12 s"], ["controlled_1 from 12 s"])
+    assert [judging for _, _, judging in traced[1:]] == [
+        ["controlled_2 from 12 s"],
+        ["heavy from 12 s"],
+    ]
+
+
+def test_a_run_cut_by_time_keeps_its_file_and_its_time(trunks):
+    (run, *_) = TrunkRig().read(trunks / "trunk")
+    (begin,), (end,) = measured_split.by_time(run)
+    assert len(begin) == 1200 and len(end) == 800 and end.columns["time"][0] == pytest.approx(12)
+    assert begin.path == end.path == run.path and _file(run) == "controlled_1.parquet"
+    assert _file(end) == "controlled_1 from 12 s"
+
+
+def test_a_trunk_needs_runs_before_any_change(trunks):
+    for path in (trunks / "trunk").glob("controlled_*"):
+        path.unlink()
+    with pytest.raises(SerpentError, match=r"trunk holds no controlled_\*: .* Name yours so"):
+        measured_split.asked(trunks)

@@ -6,7 +6,7 @@ the key `measured`, say how it was driven. The file's name says nothing to the r
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,16 +31,16 @@ class Recording:
     """How it was driven"""
     columns: dict[str, Array]
     """By name, (T,) each"""
-    label: str = field(default="run")
-    """Its name, if no file gives one"""
+    label: str = ""
+    """Its name, if it is not the file's: of a part of a run, or of one made in memory"""
 
     def __len__(self) -> int:
         return len(self.columns["time"])
 
     @property
     def name(self) -> str:
-        """File name without its ending."""
-        return self.path.stem if self.path else self.label
+        """File name without its ending, unless it is told."""
+        return self.label or (self.path.stem if self.path else "run")
 
 
 def read(path: Path, columns: Sequence[str], metadata: Sequence[str] = ()) -> Recording:

@@ -118,10 +118,16 @@ def _run(
         search = tracer.search()
         tell("what is left")
         arm = str(training[0].metadata.get("arm", config.logs.name))
-        found = conclude(tracer, search, arm, [s.path.name if s.path else s.name for s in judging])
+        found = conclude(tracer, search, arm, [_file(s) for s in judging])
         bar.total = bar.n
         bar.refresh()
     return tracer, found
+
+
+def _file(session: Log) -> str:
+    """A session's file, or the name of what is part of one."""
+    path = session.path
+    return path.name if path and path.stem == session.name else session.name
 
 
 def _write(
