@@ -33,6 +33,6 @@ class ServoSag(Effect):
 
     def act(self, moment: Giving, memory: Array) -> None:
         """Let the servos go on towards where they would settle."""
+        moment.stand(memory)
         short = moment.goal - self.compliance * moment.cable_torque - memory
         memory += moment.dt / (self.lag + moment.dt) * short
-        moment.stand(memory)

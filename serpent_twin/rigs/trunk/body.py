@@ -91,10 +91,15 @@ def _weigh(model: mujoco.MjSpec, shape: Shape, last: mujoco.MjsBody, end: float)
     share = float(shape["end"][0])
     for n, piece in enumerate(pieces):
         length = shape["length"][n // _PIECES] / _PIECES
-        piece.mass = length / shape["length"].sum() / (1 + share)
-        piece.inertia, piece.explicitinertial = [_SPIN] * 3, True
+        _mass(piece, float(length / shape["length"].sum() / (1 + share)))
     tip = last.add_body(name="end", pos=[end, 0, 0])
-    tip.mass, tip.inertia, tip.explicitinertial = share / (1 + share), [_SPIN] * 3, True
+    _mass(tip, share / (1 + share))
+
+
+def _mass(body: mujoco.MjsBody, mass: float) -> None:
+    """Put a mass into a body's origin; without ipos, MuJoCo 3.17 puts it elsewhere."""
+    body.mass, body.ipos, body.inertia = mass, [0, 0, 0], [_SPIN] * 3
+    body.explicitinertial = True
 
 
 def _pull(model: mujoco.MjSpec, shape: Shape) -> None:
