@@ -18,7 +18,7 @@ from serpent_twin.trace.moves import moves_of
 
 MEASURED = DATA / "trunk"
 measured = pytest.mark.skipif(not MEASURED.is_dir(), reason=WHERE)
-GRAVITY, PIECES = 9.81, 4
+GRAVITY, PIECES, CABLE = 9.81, 4, 6e3
 
 
 def shape(**others):
@@ -26,7 +26,7 @@ def shape(**others):
     usual = {
         "base": [0.1, 0.0, 0.1], "tilt": [0.05, -0.03], "length": [0.1, 0.09, 0.11],
         "wound": [0.02, 0.022, 0.024], "direction": [-0.8, -1.9, 3.1, 2.8, 1.9, 0.8], "hose": [0.4],
-        "cable": [5e3], "pulled": [2e-3] * 6, "settles": [0.05], "end": [0.4],
+        "weight": [1.2], "pulled": [2e-3] * 6, "settles": [0.05], "end": [0.4],
         "disk": [0.002, 0.003, -0.001] * 3, "zero": [0.0] * 6,
     }  # fmt: skip
     return {name: np.array(values) for name, values in (usual | others).items()}
@@ -91,12 +91,14 @@ def statics(of, goal):
     def energy(q):
         passes, _, heights = places(q)
         bent = of["hose"][0] / np.repeat(length, 2) * q**2
-        weight = GRAVITY * (mass @ heights[:-1] + share / (1 + share) * heights[-1])
-        return weight + (bent.sum() + of["cable"][0] * (stretch(passes) ** 2).sum()) / 2
+        weight = (
+            GRAVITY * of["weight"][0] * (mass @ heights[:-1] + share / (1 + share) * heights[-1])
+        )
+        return weight + (bent.sum() + CABLE * (stretch(passes) ** 2).sum()) / 2
 
     found = minimize(energy, np.zeros(24), method="BFGS", options={"gtol": 1e-4, "maxiter": 400})
     passes, markers, _ = places(found.x)
-    tension = of["cable"][0] * stretch(passes)
+    tension = CABLE * stretch(passes)
     wound = of["wound"][np.array(ENDS_AT) - 1]
     return markers, wound * (tension[0::2] - tension[1::2])
 
@@ -119,7 +121,7 @@ def test_a_servo_that_gives_way_settles_short_by_compliance_times_torque():
 
 def test_without_load_it_follows_a_step_like_a_first_order_lag():
     goal = np.repeat([[0.0] * 6, [0.3] * 6], [100, 200], axis=0)
-    free = Trunk(shape(cable=[1e-3]))
+    free = Trunk(shape(pulled=[-0.1] * 6), every=1)
     _, servos, time = answer(free, log(goal), servo_sag=[0.03, 0.2])
     since = time - 1.0
     expected = np.where(since > 0, 0.3 * (1 - np.exp(-since / 0.2)), 0.0)
@@ -137,13 +139,13 @@ def test_a_delay_moves_servos_and_disks_alike():
 
 def test_links_shorten_by_hooke():
     """Hanging straight on no cables, each link carries what is below its middle, and the end."""
-    hanging = shape(cable=[1e-3], tilt=[0.0, 0.0], disk=[0.0] * 9)
+    hanging = shape(pulled=[-0.1] * 6, tilt=[0.0, 0.0], disk=[0.0] * 9)
     compliance, share = 1e-4, 0.4
     down = [answer(Trunk(hanging), log([0.0] * 6), **there)[0][-1, 2, 1] for there in
             ({}, {"link_compression": [compliance]})]  # fmt: skip
     length = np.repeat(hanging["length"] / PIECES, PIECES)
     mass = length / length.sum() / (1 + share)
-    carried = np.cumsum(mass[::-1])[::-1] + share / (1 + share)
+    carried = 1.2 * np.cumsum(mass[::-1])[::-1] + 1.2 * share / (1 + share)
     assert down[0] - down[1] == pytest.approx(compliance * GRAVITY * carried.sum(), rel=0.01)
 
 
@@ -182,12 +184,14 @@ def test_what_was_hung_on_is_found_in_the_trunks_own_weights(tmp_path):
     """From twin.json of the bare trunk, as the loop writes it."""
     bare = RIG.open([made(Trunk(shape()), moving(14))])
     bare.write(Point(np.zeros(len(bare.declared))), tmp_path / "twin.json", {})
+    known = {each.name: {"low": -0.02, "high": 0.02} for each in bare.declared}
+    (tmp_path / "diagnosis.json").write_text(json.dumps({"calibration": known}))
     twin = json.loads((tmp_path / "twin.json").read_text())
     loaded = made(bare.machine, moving(34, 1), payload=[0.25, 0.02])
     case = RIG.changed(tmp_path / "twin.json").open([loaded])
     assert {name: list(v) for name, v in twin["first"].items()}.keys() == KINDS.keys()
     runs = case.pieces([loaded])
-    start = Point(np.zeros(6), {"payload": np.array([0.1, 0.02])})
+    start = Point(np.zeros(len(case.declared)), {"payload": np.array([0.1, 0.02])})
     case = case.reweighted(start, runs)
     found = fit(case, runs, start, moves_of(case, ["payload"]), 4, 3)
     value, low, high = found.interval("payload", 0)

@@ -1,14 +1,14 @@
 """What does a soft trunk do that six servos bend by twelve cables?
 
-The logs are of Stanford ASL's trunk: servos' goals in, three disks' positions and the servos' angles out. No
-mass, pulley radius or stiffness is published, and the logs hold no force: forces are told in the trunk's own
-weight, which the twin takes to be that of 1 kg.
+The logs are of Stanford ASL's trunk: servos' goals in, three disks' positions and the servos' angles out.
+No mass, pulley radius or stiffness is published, and the logs hold no force: only the ratio of the trunk's
+weight to its cables' stiffness shows, and masses are told in the trunk's own.
 """
 
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +48,8 @@ _CANDIDATES = ("command_delay", "servo_sag", "link_compression", "cable_stiffeni
                "gear_backlash", "mocap_latency")  # fmt: skip
 _CHANGES = ("payload", "joint_elasticity", "link_compression", "cable_stiffening", "hinge_friction",
             "gear_backlash", "servo_sag")  # fmt: skip
-_REZEROED = ("zero",)  # of motors: tensioning the cables anew moves it
+_FREE = ("zero", "hose", "weight", "end")
+"""What a changed trunk is fitted by: cables tensioned anew, and what logs of the unchanged one left open"""
 _WEIGHTS = Range("trunk weights", 0.0, 2.0, 0.1)
 _STIFFENS = Range("1/m", 0.0, 1.5e3, 100.0)  # the cables' springs are short
 _AT = Range("m", 0.0, 0.15, 0.02, fitted=False)
@@ -74,6 +75,8 @@ class Trunk:
     fixed: tuple[Effect, ...] = ()
     """Effects that are there"""
     candidates: Mapping[str, Candidate] = field(default_factory=lambda: _sized(_CANDIDATES))
+    known: Mapping[str, float] = field(default_factory=dict)
+    """Standard errors of coordinates, by name, where these are less than their priors"""
     name: str = "trunk"
     drives: Mapping[str, str] = field(
         default_factory=lambda: {g: f"motor {m}" for g, m in zip(GOALS, MOTORS, strict=True)}
@@ -85,7 +88,7 @@ class Trunk:
         *(Output(column, MARKERS, _CAMERA) for column in SEEN),
         *(Output(column, _SERVOS, _ENCODER) for column in FRESH),
     )
-    every: int = 2
+    every: int = 5
     block: float = 2.0
     window: tuple[float, float] = (10.0, 2.0)
     segments: tuple[int, int] = (5, 14)
@@ -93,7 +96,8 @@ class Trunk:
     @property
     def declared(self) -> tuple[Declared, ...]:
         """The coordinates of the fit."""
-        return declared(self.kinds)
+        every = declared(self.kinds)
+        return tuple(replace(d, prior=min(d.prior, self.known.get(d.name, d.prior))) for d in every)
 
     @property
     def first(self) -> dict[str, Any]:
@@ -136,7 +140,7 @@ class TrunkRig:
         return [fresh(read(path, _COLUMNS)) for path in paths]
 
     def changed(self, twin: Path) -> "TrunkRig":
-        """The rig of a trunk to which something was done since the twin was fitted."""
+        """The rig of a trunk to which something was done since a trace wrote this twin.json."""
         return TrunkRig(twin=twin)
 
     def open(self, training: Sequence[Recording]) -> RunCase:
@@ -147,14 +151,17 @@ class TrunkRig:
 
 
 def _changed(twin: Path) -> Trunk:
-    """The trunk of a twin.json, to which something may have been done."""
+    """The trunk that a trace found, to which something may have been done."""
     told = json.loads(twin.read_text())
     start = {name: np.array(values) for name, values in told["first"].items()}
     x = np.array([each["value"] for each in told["declared"].values()])
     there = tuple(effects.from_dict(entry) for entry in told["effects"])
-    known = {effects.name_of(effect) for effect in there}
-    asked = [name for name in _CHANGES if name not in known]
-    return Trunk(moved(start, tuple(KINDS), x), _REZEROED, there, _sized(asked))
+    asked = [name for name in _CHANGES if name not in {effects.name_of(e) for e in there}]
+    calibration = json.loads(twin.with_name("diagnosis.json").read_text())["calibration"]
+    sure = {n: (e["high"] - e["low"]) / (2 * 1.96) for n, e in calibration.items()}
+    zeros = KINDS["zero"].names
+    known = {name: error for name, error in sure.items() if name not in zeros}
+    return Trunk(moved(start, tuple(KINDS), x), _FREE, there, _sized(asked), known)
 
 
 RIG = TrunkRig()

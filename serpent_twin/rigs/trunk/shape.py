@@ -19,7 +19,7 @@ FRESH = tuple(f"motor{m}_fresh" for m in MOTORS)
 SEEN = tuple(f"disk{k}_{axis}" for k in DISKS for axis in "xyz")
 CHANNEL = 0.025
 """Radius on which cables run [m], assumed: only what is wound per radius shows in logs"""
-_HOSE, _CABLE, _PULLED = 0.4, 6e3, 3e-3  # [N m²], [N/m], [m] assumed, of a trunk that weighs 1 kg
+_HOSE, _PULLED = 0.4, 3e-3  # [N m²], [m] assumed
 _SETTLES = 0.03  # [s] assumed
 _END = 0.3  # assumed
 _STILL = 0.05  # share of a log's rows, those with the smallest goals, that are taken as rest
@@ -51,7 +51,7 @@ KINDS: Mapping[str, Kind] = {
     "wound": Kind(_of("cable wound per radian, to disk {}", DISKS), "log m", 0.0, 0.1, 0.02),
     "direction": Kind(_of("direction of motor {}'s cables", MOTORS), "°", np.pi / 180, 8.0, 0.5),
     "hose": Kind(("stiffness of the hose",), "log N m²", 0.0, 1.0, 0.05),
-    "cable": Kind(("stiffness of the cables",), "log N/m", 0.0, 1.0, 0.05),
+    "weight": Kind(("weight of the trunk",), "log kg", 0.0, 1.0, 0.05),
     "pulled": Kind(_of("stretch of motor {}'s cables at rest", MOTORS), "mm", 1e-3, 3.0, 0.2),
     "settles": Kind(("damping of the hose over its stiffness",), "log s", 0.0, 1.0, 0.1),
     "end": Kind(("weight of the end over the hose's",), "log 1", 0.0, 1.0, 0.1),
@@ -109,7 +109,7 @@ def first_guess(runs: Sequence[Recording]) -> Shape:
         "wound": np.full(3, wound[np.equal(ENDS_AT, DISKS[-1])].mean()),
         "direction": np.arctan2(across[:, 1], across[:, 0]),
         "hose": np.array([_HOSE]),
-        "cable": np.array([_CABLE]),
+        "weight": np.array([1.0]),
         "pulled": np.full(6, _PULLED),
         "settles": np.array([_SETTLES]),
         "end": np.array([_END]),
