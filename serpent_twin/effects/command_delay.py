@@ -27,19 +27,35 @@ class CommandDelay(Effect):
     stage: ClassVar[int] = COMMAND
     of_arm: ClassVar[bool] = False
 
-    def start(self, moment: Told) -> list[Array]:
-        """Goals of the last time steps, the newest first, as if they had always been these."""
+    def start(self, moment: Told) -> "Past":
+        """Goals of the last time steps, as if they had always been these."""
         steps = ceil(ranges(type(self))["delay"].high / float(np.min(moment.dt))) + 2
-        return [moment.goal.copy() for _ in range(steps)]
+        return Past(np.tile(moment.goal, (steps, 1, 1)))
 
-    def act(self, moment: Told, memory: list[Array]) -> None:
+    def act(self, moment: Told, memory: "Past") -> None:
         """Tell the servos an old goal."""
-        memory.insert(0, moment.goal)
-        memory.pop()
+        memory.keep(moment.goal)
         ago = np.broadcast_to(self.delay / moment.dt, (len(moment.goal), 1))
         whole = np.floor(ago).astype(int)
-        past = np.stack(memory)
-        row = np.arange(len(past[0]))
-        newer, older = past[whole[:, 0], row], past[whole[:, 0] + 1, row]
+        newer, older = (memory.ago(whole[:, 0] + k) for k in (0, 1))
         moment.goal = newer + (ago - whole) * (older - newer)
         moment.stand(moment.goal)
+
+
+@dataclass
+class Past:
+    """Goals of the last time steps, in a ring."""
+
+    goals: Array
+    """(steps, n, 6)"""
+    newest: int = 0
+    """Row of the present ones"""
+
+    def keep(self, goal: Array) -> None:
+        """Take the present goals, (n, 6), in place of the oldest."""
+        self.newest = (self.newest + 1) % len(self.goals)
+        self.goals[self.newest] = goal
+
+    def ago(self, steps: Array) -> Array:
+        """Goals so many time steps ago, (n,) of them, (n, 6)."""
+        return self.goals[(self.newest - steps) % len(self.goals), np.arange(len(steps))]
