@@ -5,6 +5,7 @@ from math import ceil
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arm import Array
 from serpent_twin.effects.effect import COMMAND, Effect, parameter, ranges
@@ -36,7 +37,7 @@ class CommandDelay(Effect):
         """Tell the servos an old goal."""
         memory.keep(moment.goal)
         ago = np.broadcast_to(self.delay / moment.dt, (len(moment.goal), 1))
-        whole = np.floor(ago).astype(int)
+        whole = np.floor(ago).astype(np.intp)
         newer, older = (memory.ago(whole[:, 0] + k) for k in (0, 1))
         moment.goal = newer + (ago - whole) * (older - newer)
         moment.stand(moment.goal)
@@ -56,6 +57,6 @@ class Past:
         self.newest = (self.newest + 1) % len(self.goals)
         self.goals[self.newest] = goal
 
-    def ago(self, steps: Array) -> Array:
+    def ago(self, steps: NDArray[np.intp]) -> Array:
         """Goals so many time steps ago, (n,) of them, (n, 6)."""
         return self.goals[(self.newest - steps) % len(self.goals), np.arange(len(steps))]
