@@ -17,8 +17,6 @@ from serpent_twin.sweep.point import Point
 from serpent_twin.sweep.processes import processes
 
 CORES = os.cpu_count() or 1
-STEP = drive.LONGER * TIMESTEP
-"""Time step that `drive` asks for strands of the nominal stiffness or less [s]"""
 _ROUNDS = 3
 Job = tuple[Point, int, int]
 """An arm, and stretches of so many command periods"""
@@ -31,7 +29,9 @@ def engine_ratio(point: Point, stretches: int = 40, periods: int = 20) -> float:
     """
     job = point, stretches, periods
     steps = (
-        CORES * stretches * int(substeps(drive.stretches_of(_targets(job), point.rate), STEP).sum())
+        CORES
+        * stretches
+        * int(substeps(drive.stretches_of(_targets(job), point.rate), _step(point)).sum())
     )
     with processes(CORES) as pool:
         _seconds(pool.submit, job)  # starts them
@@ -44,6 +44,12 @@ def simulate(job: Job) -> None:
     """What a sweep does with a job."""
     point, _, _ = job
     drive.drive(point.design, _targets(job), point.rate)
+
+
+def _step(point: Point) -> float:
+    """The time step that `drive` asks for [s]."""
+    longest = drive.steady_timestep(point.stiffness or 0.0, TIMESTEP, drive.LONGEST)
+    return drive.LONGER * longest
 
 
 def _targets(job: Job) -> Array:
@@ -64,7 +70,7 @@ def _bare(job: Job, steps: int) -> float:
     """Seconds of MuJoCo's rollout on all cores for as many steps."""
     point, stretches, _ = job
     model = point.design.spec(motors=False).compile()
-    model.opt.timestep = STEP
+    model.opt.timestep = _step(point)
     hasten(model)
     data = [mujoco.MjData(model) for _ in range(CORES)]
     count = CORES * stretches

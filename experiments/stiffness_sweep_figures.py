@@ -18,6 +18,7 @@ INK, SOFT, LINE = "#1d2129", "#5c6470", "#e4e6e9"
 SHADES = "viridis"
 _RIGID = "rigid cables"
 _ARM = {"marker": "D", "ms": 6, "ls": "", "mec": INK, "mew": 0.8}
+_DARK = 0.4  # mean of red, green and blue below which ink cannot be read
 
 
 def figures(
@@ -205,7 +206,8 @@ def _cells(axes: Axes, numbers: Array, shade: str, logarithmic: bool = False) ->
     image.set_clim(float(np.nanmin(colour)), float(np.nanmax(colour)) + 1e-9)
     for (i, j), number in np.ndenumerate(numbers):
         text = f"{number:.3g}" if np.isfinite(number) else "–"
-        axes.text(j, i, text, ha="center", va="center", fontsize=8, color=INK)
+        dark = np.mean(image.cmap(image.norm(colour[i, j]))[:3]) < _DARK
+        axes.text(j, i, text, ha="center", va="center", fontsize=8, color="white" if dark else INK)
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0, labelsize=8)
 

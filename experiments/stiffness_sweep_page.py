@@ -56,7 +56,25 @@ def lead(rows: Rows, answers: Sequence[Answer]) -> str:
     for verdict in (HELD, NOT, OPEN):
         if of := [answer.expectation for answer in answers if answer.verdict == verdict]:
             parts.append(f"{len(of)} {_WORD[verdict]} ({'; '.join(map(_uncapped, of))})")
-    return f"Of {len(answers)} expectations {_joined(parts)}. {best(rows)}"
+    return f"{give(rows)} Of {len(answers)} expectations {_joined(parts)}. {best(rows)}"
+
+
+def give(rows: Rows) -> str:
+    """What soft strands cost and what they bring, in a sentence."""
+    stiffness = sorted({row.stiffness for row in rows[GRID]})
+    slack = sorted({row.slack for row in rows[GRID]})
+    name = next(each for each in ("residual", "linear") if each in steady_readouts(rows[GRID]))
+    error = {of: values(rows[GRID], error_of(of)).mean(axis=-1) for of in ("analytical", name)}
+    useful = values(rows[GRID], lambda row: row.useful_total).mean(axis=-1)
+    total = values(rows[GRID], lambda row: row.total).mean(axis=-1)
+    told = {of: f"from {each[0, -1]:.1f} to {each[0, 0]:.1f} mm" for of, each in error.items()}
+    return (
+        f"At {1e3 * slack[0]:g} mm of slack, strands of {stiffness[0] / 1e3:.3g} in place of "
+        f"{stiffness[-1] / 1e3:.3g} kN/m raise the error of geometry {told['analytical']}, that of the "
+        f"{name} readout {told[name]}; beyond the taps the sensors show {np.nanmin(useful[0]):.2f} … "
+        f"{np.nanmax(useful[0]):.2f} of {np.nanmin(total[0]):.1f} … {np.nanmax(total[0]):.1f} capacities, "
+        f"and at {1e3 * slack[-1]:g} mm of slack {np.nanmax(useful[-1]):.2f} at most."
+    )
 
 
 def best(rows: Rows) -> str:
