@@ -235,15 +235,16 @@ def test_an_arm_without_weight_hangs_nowhere():
     assert point.described() != quick().point(2e4, slack=0.0).described()
 
 
-def test_steps_are_counted_as_impose_takes_them(monkeypatch):
+@pytest.mark.parametrize("stiffness", [2e3, NOMINAL.strand_stiffness, 1e5])
+def test_steps_are_counted_as_impose_takes_them(monkeypatch, stiffness):
     import mujoco.batch
 
     taken, step = [], mujoco.batch.Batch.step
     monkeypatch.setattr(mujoco.batch.Batch, "step", lambda self: (taken.append(1), step(self)))
-    point = quick().point(NOMINAL.strand_stiffness)
+    point = quick().point(stiffness)
     job = point, 2, 3
     engine.simulate(job)
     assert (
         len(taken)
-        == engine.substeps(drive.stretches_of(engine._targets(job), 4.0), engine.STEP).sum()
+        == engine.substeps(drive.stretches_of(engine._targets(job), 4.0), engine._step(point)).sum()
     )
