@@ -81,7 +81,8 @@ def _pose(rows: Rows, arms: Mapping[str, Mapping[str, Any]]) -> Figure:
         for found in arms.values():
             at = found["place"]
             axes = panels[int(np.argmin(np.abs(slacks - at["slack"])))]
-            axes.plot(at["stiffness"] / 1e3, found["pose_mm"][name], color=colour, **_ARM)
+            if name in found["pose_mm"]:  # slow ones are trained on twins alone
+                axes.plot(at["stiffness"] / 1e3, found["pose_mm"][name], color=colour, **_ARM)
     if arms:
         panels[0].plot([], [], color="white", label="logged arms", **_ARM)
     for axes in panels:

@@ -150,8 +150,6 @@ class _Run:
         self.timestep = timestep
         for model in models:
             model.opt.timestep = timestep
-            # An unstable run that starts itself anew would warn in every step.
-            model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         rows = [n for n in range(self.D) for _ in range(self.B)]
         self.batch = side_by_side([models[n] for n in rows], nthread)
         self.arms = Mechanism(self.batch, [designs[n] for n in rows], motors=False)

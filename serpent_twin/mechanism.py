@@ -25,8 +25,11 @@ _UNEQUAL = (
 
 def side_by_side(models: Sequence[mujoco.MjModel], nthread: int) -> Batch:
     """A batch whose run i is of models[i]; all must be of one structure."""
-    batch = Batch(models[0], len(models), nthread)
     distinct = {id(model): model for model in models}
+    for model in distinct.values():
+        # An unstable run that starts itself anew would warn in every step.
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    batch = Batch(models[0], len(models), nthread)
     if len({mujoco.mj_stateSize(m, _STATE) for m in distinct.values()}) > 1:
         raise SerpentError(_UNEQUAL)
     for name in mujoco.batch.MODEL_FIELDS:

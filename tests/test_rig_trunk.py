@@ -184,8 +184,6 @@ def test_what_was_hung_on_is_found_in_the_trunks_own_weights(tmp_path):
     """From twin.json of the bare trunk, as the loop writes it."""
     bare = RIG.open([made(Trunk(shape()), moving(14))])
     bare.write(Point(np.zeros(len(bare.declared))), tmp_path / "twin.json", {})
-    known = {each.name: {"low": -0.02, "high": 0.02} for each in bare.declared}
-    (tmp_path / "diagnosis.json").write_text(json.dumps({"calibration": known}))
     twin = json.loads((tmp_path / "twin.json").read_text())
     loaded = made(bare.machine, moving(34, 1), payload=[0.25, 0.02])
     case = RIG.changed(tmp_path / "twin.json").open([loaded])

@@ -1,4 +1,4 @@
-"""Measured logs of other machines, and what their rigs share: runs of one hinge beside its twin."""
+"""Measured logs of other machines, and what their rigs share: runs beside the twin's."""
 
 from serpent_twin.measured.case import Output, RunCase
 from serpent_twin.measured.hinge import HingeMoment, Turns

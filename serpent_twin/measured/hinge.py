@@ -57,9 +57,6 @@ class Turns:
     def __init__(
         self, models: Sequence[mujoco.MjModel], several: Sequence[Sequence[Effect]], timestep: Array
     ) -> None:
-        for model in {id(m): m for m in models}.values():
-            # An unstable run that starts itself anew would warn in every step.
-            model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.batch = side_by_side(models, 1)
         self.dt = timestep.reshape(-1, 1)
         self.batch.expand("opt.timestep")[...] = timestep.reshape(

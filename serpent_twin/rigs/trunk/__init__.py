@@ -8,7 +8,7 @@ weight to its cables' stiffness shows, and masses are told in the trunk's own.
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -48,8 +48,7 @@ _CANDIDATES = ("command_delay", "servo_sag", "link_compression", "cable_stiffeni
                "gear_backlash", "mocap_latency")  # fmt: skip
 _CHANGES = ("payload", "joint_elasticity", "link_compression", "cable_stiffening", "hinge_friction",
             "gear_backlash", "servo_sag")  # fmt: skip
-_FREE = ("zero", "hose", "weight", "end")
-"""What a changed trunk is fitted by: cables tensioned anew, and what logs of the unchanged one left open"""
+_REZEROED = ("zero",)  # of motors: tensioning the cables anew moves it
 _WEIGHTS = Range("trunk weights", 0.0, 2.0, 0.1)
 _STIFFENS = Range("1/m", 0.0, 1.5e3, 100.0)  # the cables' springs are short
 _AT = Range("m", 0.0, 0.15, 0.02, fitted=False)
@@ -75,8 +74,6 @@ class Trunk:
     fixed: tuple[Effect, ...] = ()
     """Effects that are there"""
     candidates: Mapping[str, Candidate] = field(default_factory=lambda: _sized(_CANDIDATES))
-    known: Mapping[str, float] = field(default_factory=dict)
-    """Standard errors of coordinates, by name, where these are less than their priors"""
     name: str = "trunk"
     drives: Mapping[str, str] = field(
         default_factory=lambda: {g: f"motor {m}" for g, m in zip(GOALS, MOTORS, strict=True)}
@@ -96,8 +93,7 @@ class Trunk:
     @property
     def declared(self) -> tuple[Declared, ...]:
         """The coordinates of the fit."""
-        every = declared(self.kinds)
-        return tuple(replace(d, prior=min(d.prior, self.known.get(d.name, d.prior))) for d in every)
+        return declared(self.kinds)
 
     @property
     def first(self) -> dict[str, Any]:
@@ -157,11 +153,7 @@ def _changed(twin: Path) -> Trunk:
     x = np.array([each["value"] for each in told["declared"].values()])
     there = tuple(effects.from_dict(entry) for entry in told["effects"])
     asked = [name for name in _CHANGES if name not in {effects.name_of(e) for e in there}]
-    calibration = json.loads(twin.with_name("diagnosis.json").read_text())["calibration"]
-    sure = {n: (e["high"] - e["low"]) / (2 * 1.96) for n, e in calibration.items()}
-    zeros = KINDS["zero"].names
-    known = {name: error for name, error in sure.items() if name not in zeros}
-    return Trunk(moved(start, tuple(KINDS), x), _FREE, there, _sized(asked), known)
+    return Trunk(moved(start, tuple(KINDS), x), _REZEROED, there, _sized(asked))
 
 
 RIG = TrunkRig()

@@ -48,9 +48,6 @@ class Trunks:
         several: Sequence[Sequence[Effect]],
         threads: int,
     ) -> None:
-        for model in {id(m): m for m in models}.values():
-            # An unstable trunk that starts itself anew would warn in every step.
-            model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self._batch = side_by_side(models, threads)
         self._length = self._batch.bind("ten_length")
         self._rest = self._batch.expand("tendon_lengthspring")
