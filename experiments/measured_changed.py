@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from measured_bench import BENCHES
 from measured_page import effect_told
 from measured_split import by_time
@@ -18,6 +19,9 @@ from serpent_twin import rigs
 from serpent_twin.measured import Recording
 from serpent_twin.trace import Trace
 from serpent_twin.trace.run import trace_sessions
+
+_WEIGHT = "weight of the trunk"
+"""The coordinate of the fit, a logarithm"""
 
 
 def changed(
@@ -49,17 +53,25 @@ def _one(name: str, twin: Path, run: Recording, out: Path, seed: int) -> dict[st
         "effects": [each["name"] for each in effects],
         "found": [effect_told(each) for each in effects],
         "rejected": [each.name for each in found.candidates if each.verdict != "accepted"],
-        "payload_ratio": _payload(effects),
+        "payload_ratio": _payload(effects, twin),
         "report": str((asked.out / "report.html").relative_to(out)),
     }
 
 
-def _payload(effects: Sequence[Mapping[str, Any]]) -> dict[str, float] | None:
-    """What the machine carries, in its own weights."""
+def _payload(effects: Sequence[Mapping[str, Any]], twin: Path) -> dict[str, float] | None:
+    """What the machine carries, in its own weights.
+
+    The interval holds what the logs of the machine as it was leave open of its weight, besides the trace's.
+    """
+    known = json.loads(twin.with_name("diagnosis.json").read_text())["calibration"]
+    own = known.get(_WEIGHT, {"low": 0.0, "high": 0.0})
     for each in effects:
         if each["name"] == "payload":
             mass = each["parameters"]["mass"]
-            return {end: mass[end] for end in ("value", "low", "high")}
+            value = mass["value"]
+            apart = (mass["high"] - mass["low"]) / 2 / value, (own["high"] - own["low"]) / 2
+            factor = float(np.exp(np.hypot(*apart)))
+            return {"value": value, "low": value / factor, "high": value * factor}
     return None
 
 

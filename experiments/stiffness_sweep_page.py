@@ -64,9 +64,10 @@ def give(rows: Rows) -> str:
     stiffness = sorted({row.stiffness for row in rows[GRID]})
     slack = sorted({row.slack for row in rows[GRID]})
     name = next(each for each in ("residual", "linear") if each in steady_readouts(rows[GRID]))
-    error = {of: values(rows[GRID], error_of(of)).mean(axis=-1) for of in ("analytical", name)}
-    useful = values(rows[GRID], lambda row: row.useful_total).mean(axis=-1)
-    total = values(rows[GRID], lambda row: row.total).mean(axis=-1)
+    error = {of: values(rows[GRID], error_of(of)) for of in ("analytical", name)}
+    error = {of: np.nanmean(each, axis=-1) for of, each in error.items()}
+    useful = np.nanmean(values(rows[GRID], lambda row: row.useful_total), axis=-1)
+    total = np.nanmean(values(rows[GRID], lambda row: row.total), axis=-1)
     told = {of: f"from {each[0, -1]:.1f} to {each[0, 0]:.1f} mm" for of, each in error.items()}
     return (
         f"At {1e3 * slack[0]:g} mm of slack, strands of {stiffness[0] / 1e3:.3g} in place of "

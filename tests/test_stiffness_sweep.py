@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "experiments"))
 import stiffness_sweep
 import stiffness_sweep_answers as answering
 import stiffness_sweep_engine as engine
+from stiffness_sweep_figures import _pose
 from stiffness_sweep_plan import (
     AMPLITUDES,
     CROSSED,
@@ -157,6 +158,17 @@ def test_an_answer_is_what_the_rows_say(answer, law, verdict):
     assert json.dumps(found.stored())
 
 
+def test_slow_readouts_that_no_logged_arm_has_are_drawn():
+    some = rows()
+    for row in some[GRID]:
+        if row.slack == 3e-4:
+            row.pose_mm["lstm"] = 5.0
+    arm = {"place": {"stiffness": 4e3, "slack": 5e-4}, "pose_mm": {
+        "analytical": 50.0, "linear": 5.0, "residual": 3.0}}  # fmt: skip
+    drawn = _pose(some, {"arm_x": arm}).drawing
+    assert [len(axes.get_lines()) > 0 for axes in drawn.axes] == [True] * 4
+
+
 def test_failed_points_are_left_out_of_a_trend():
     some = rows()[GRID]
     some[0] = replace(some[0], mean_delay=float("nan"))
@@ -199,7 +211,8 @@ def test_a_page_shows_what_was_measured_and_what_failed():
     }  # fmt: skip
     found = answering.answers(sweep)
     page = stiffness_sweep.page(sweep, found, {"arm_x": arm}, None, {})
-    assert page.lead.startswith(f"Of {len(found)} expectations 7 confirmed (")
+    assert f"Of {len(found)} expectations 7 confirmed (" in page.lead
+    assert "from 0.1 to 10.0 mm" in page.lead  # of the seeds that could be measured
     titles = [section.title for section in page.sections]
     assert "What could not be measured" in titles and "Logged arms" in titles
     assert all(answer.why in page.sections[1].text for answer in found)
