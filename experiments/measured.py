@@ -62,7 +62,9 @@ def _bench(config: Measured, name: str, runs: Asked) -> dict[str, Any]:
     bench = BENCHES[name]
     scored = [_split(config, name, *each) for each in runs.splits]
     corrected = [each["corrected"] for each in scored]
-    twin = _folder(config, name, runs.splits[0][1]) / "twin.json"
+    training, judging = runs.splits[0]
+    twin = _folder(config, name, judging) / "twin.json"
+    unchanged = training if config.held_out else [*training, *judging]
     return {
         "metric": bench.metric.name,
         **scored[0],
@@ -71,7 +73,7 @@ def _bench(config: Measured, name: str, runs: Asked) -> dict[str, Any]:
         "sketch": bench.sketch,
         "spread": [min(corrected), max(corrected)],
         "splits": scored,
-        "changed": changed(name, twin, runs.changed, config.out, config.seed),
+        "changed": changed(name, twin, unchanged, runs.changed, config.out, config.seed),
     }
 
 

@@ -1,7 +1,7 @@
 """What was changed about a machine, and how much?
 
-The twin of the machine as it was is the nominal one, and what may have been changed are the candidates. The
-beginning of a run after the change is fitted; its rest judges.
+The nominal twin is that of the machine as it was, fitted to all of its runs; what may have been changed are
+the candidates. The beginning of a run after the change is fitted; its rest judges.
 """
 
 import hashlib
@@ -12,23 +12,54 @@ from typing import Any
 
 import numpy as np
 from measured_bench import BENCHES
+from measured_named import point_of
 from measured_page import effect_told
 from measured_split import by_time
 
 from serpent_twin import rigs
 from serpent_twin.measured import Recording
+from serpent_twin.provenance import file_hash
+from serpent_twin.rigs.rig import Point
 from serpent_twin.trace import Trace
+from serpent_twin.trace.least_squares import NORMAL_95, fit
+from serpent_twin.trace.moves import moves_of
 from serpent_twin.trace.run import trace_sessions
 
+_DERIVATIVES, _SEGMENTS = 2, 9
 _WEIGHT = "weight of the trunk"
 """The coordinate of the fit, a logarithm"""
 
 
 def changed(
-    name: str, twin: Path, runs: Sequence[Recording], out: Path, seed: int
+    name: str,
+    twin: Path,
+    unchanged: Sequence[Recording],
+    runs: Sequence[Recording],
+    out: Path,
+    seed: int,
 ) -> list[dict[str, Any]]:
-    """What results.json says of each run after a change to the machine that twin.json is of."""
-    return [_one(name, twin, run, out, seed) for run in runs]
+    """What results.json says of each run after a change; effects are those of a trace's twin.json."""
+    if not runs:
+        return []
+    before = _before(name, twin, unchanged, out / name / "unchanged" / "twin.json")
+    return [_one(name, before, run, out, seed) for run in runs]
+
+
+def _before(name: str, twin: Path, runs: Sequence[Recording], path: Path) -> Path:
+    """The twin of the machine as it was, fitted anew to all its runs, with its parameters' errors."""
+    of = {run.name: file_hash(run.path) for run in runs if run.path} | {"twin": _digest(twin)}
+    if path.exists() and json.loads(path.read_text())["fitted_to"] == of:
+        return path
+    case = rigs.find(name).open(runs)
+    pieces, at = case.pieces(runs), point_of(json.loads(twin.read_text()))
+    case = case.reweighted(at, pieces)
+    moves = moves_of(case, list(at.effects))
+    found = fit(case, pieces, at, moves, _DERIVATIVES, case.segments[1])
+    names = [case.declared[k].name for k in moves.declared]
+    errors = dict(zip(names, found.error[: len(names)].tolist(), strict=True))
+    path.parent.mkdir(exist_ok=True)
+    case.write(found.point, path, {"fitted_to": of, "standard_error": errors})
+    return path
 
 
 def _one(name: str, twin: Path, run: Recording, out: Path, seed: int) -> dict[str, Any]:
@@ -53,30 +84,40 @@ def _one(name: str, twin: Path, run: Recording, out: Path, seed: int) -> dict[st
         "effects": [each["name"] for each in effects],
         "found": [effect_told(each) for each in effects],
         "rejected": [each.name for each in found.candidates if each.verdict != "accepted"],
-        "payload_ratio": _payload(effects, twin),
+        "payload_ratio": carried(machine.changed(twin), fitted, effects, twin),
         "report": str((asked.out / "report.html").relative_to(out)),
     }
 
 
-def _payload(effects: Sequence[Mapping[str, Any]], twin: Path) -> dict[str, float] | None:
-    """What the machine carries, in its own weights.
+def carried(
+    rig: rigs.Rig, runs: Sequence[Recording], effects: Sequence[Mapping[str, Any]], twin: Path
+) -> dict[str, float] | None:
+    """What the machine carries, in its own weights; None if nothing was found.
 
-    The interval holds what the logs of the machine as it was leave open of its weight, besides the trace's.
+    The interval spans all places where the load may hang, and holds what the logs of the machine as it was
+    leave open of its own weight.
     """
-    known = json.loads(twin.with_name("diagnosis.json").read_text())["calibration"]
-    own = known.get(_WEIGHT, {"low": 0.0, "high": 0.0})
-    for each in effects:
-        if each["name"] == "payload":
-            mass = each["parameters"]["mass"]
-            value = mass["value"]
-            apart = (mass["high"] - mass["low"]) / 2 / value, (own["high"] - own["low"]) / 2
-            factor = float(np.exp(np.hypot(*apart)))
-            return {"value": value, "low": value / factor, "high": value * factor}
-    return None
+    found = {e["name"]: [p["value"] for p in e["parameters"].values()] for e in effects}
+    if "payload" not in found:
+        return None
+    case = rig.open(runs)
+    pieces = case.pieces(runs)
+    own = json.loads(twin.read_text())["standard_error"].get(_WEIGHT, 0.0)
+    ends = []
+    for variant in case.candidates["payload"].variants:
+        values = {name: np.array(of) for name, of in found.items()} | {"payload": variant}
+        start = Point(np.zeros(len(case.declared)), values)
+        weighed = case.reweighted(start, pieces)
+        fitted = fit(weighed, pieces, start, moves_of(case, list(values)), _DERIVATIVES, _SEGMENTS)
+        value, _, high = fitted.interval("payload", 0)
+        factor = float(np.exp(np.hypot(high / value - 1, NORMAL_95 * own)))
+        ends += [value / factor, value * factor]
+    return {"value": found["payload"][0], "low": min(ends), "high": max(ends)}
 
 
 def _digest(twin: Path) -> str:
     """Of what a twin is, so that a trace which began with another one does not go on."""
     told = json.loads(twin.read_text())
-    told.pop("provenance", None)
+    for origin in ("provenance", "fitted_to"):
+        told.pop(origin, None)
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]

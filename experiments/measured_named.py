@@ -5,8 +5,8 @@ the other runs.
 """
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,19 +40,24 @@ def judge(
 ) -> Judged:
     """Fit the effects of a traced twin, twin.json, to all training runs; compare on those that judge."""
     case = rigs.find(rig).open(training)
-    named = json.loads(twin.read_text())["effects"]
+    named = point_of(json.loads(twin.read_text())).effects
     bare = _fitted(case, training, Point(np.zeros(len(case.declared))))
-    start = bare.point
-    for entry in named:
-        values = [entry[n] for n in ranges(by_name(entry["name"]))]
-        start = start.having(entry["name"], np.array(values))
-    whole = _fitted(case, training, start) if named else bare
+    whole = _fitted(case, training, replace(bare.point, effects=named)) if named else bare
     points = {"nominal": None, "calibrated": bare.point, "corrected": whole.point}
     runs = case.pieces(judging)
     return Judged(
         {stage: case.compare(point, runs) for stage, point in points.items()},
-        {entry["name"]: estimates(case, whole, entry["name"]) for entry in named},
+        {effect: estimates(case, whole, effect) for effect in named},
     )
+
+
+def point_of(told: Mapping[str, Any]) -> Point:
+    """Where a twin.json lies in the fit's coordinates."""
+    effects = {
+        entry["name"]: np.array([entry[n] for n in ranges(by_name(entry["name"]))])
+        for entry in told["effects"]
+    }
+    return Point(np.array([each["value"] for each in told["declared"].values()]), effects)
 
 
 def _fitted(case: Case[Any], training: Sequence[Recording], start: Point) -> Fit:

@@ -14,7 +14,9 @@ _HEADER = ("rig", "judged by", "metric", "nominal", "calibrated", "corrected", "
            "sketch", "reference", "what the twin lacked", "rejected")  # fmt: skip
 _OWN_WEIGHTS = (
     "No mass, pulley radius or stiffness is published, and geometry tells forces only up to one scale: the "
-    "load is told in the trunk's own weights, and its mass in grams cannot be known."
+    "load is told in the trunk's own weights, and its mass in grams cannot be known; its interval spans the "
+    "places, up to 0.1 m below the end, where it may hang. Other forces are in a unit in which a cable has "
+    "6 kN/m, which no log can tell."
 )
 Found = Mapping[str, Mapping[str, Any]]
 

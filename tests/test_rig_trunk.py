@@ -12,7 +12,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.measured import Recording
 from serpent_twin.rigs.rig import Point
 from serpent_twin.rigs.trunk import RIG, Trunk
-from serpent_twin.rigs.trunk.shape import ANGLES, CHANNEL, ENDS_AT, FRESH, GOALS, KINDS, SEEN
+from serpent_twin.rigs.trunk.shape import ANGLES, CHANNEL, ENDS_AT, GOALS, KINDS, SEEN, TURNED
 from serpent_twin.trace.least_squares import fit
 from serpent_twin.trace.moves import moves_of
 
@@ -26,7 +26,7 @@ def shape(**others):
     usual = {
         "base": [0.1, 0.0, 0.1], "tilt": [0.05, -0.03], "length": [0.1, 0.09, 0.11],
         "wound": [0.02, 0.022, 0.024], "direction": [-0.8, -1.9, 3.1, 2.8, 1.9, 0.8], "hose": [0.4],
-        "weight": [1.2], "pulled": [2e-3] * 6, "settles": [0.05], "end": [0.4],
+        "weight": [1.2], "pulled": [2e-3] * 6, "settles": [0.05], "rubs": [0.01], "end": [0.4],
         "disk": [0.002, 0.003, -0.001] * 3, "zero": [0.0] * 6,
     }  # fmt: skip
     return {name: np.array(values) for name, values in (usual | others).items()}
@@ -40,7 +40,7 @@ def log(goal, seconds=None, period=0.01, seed=0):
     time = period * np.arange(len(goal))
     nothing = np.zeros(len(time))
     columns = {"time": time} | dict(zip(GOALS, goal.T, strict=True))
-    return Recording(None, {}, columns | dict.fromkeys((*ANGLES, *FRESH, *SEEN), nothing))
+    return Recording(None, {}, columns | dict.fromkeys((*ANGLES, *TURNED, *SEEN), nothing))
 
 
 def answer(machine, run, **there):
@@ -177,7 +177,7 @@ def made(machine, goal, seed=0, **there):
     rng = np.random.default_rng(seed)
     seen = disks.reshape(-1, 9) + 2e-4 * rng.standard_normal((len(goal), 9))
     columns = dict(zip(SEEN, seen.T, strict=True))
-    return Recording(None, {}, run.columns | columns | dict(zip(FRESH, servos.T, strict=True)))
+    return Recording(None, {}, run.columns | columns | dict(zip(TURNED, servos.T, strict=True)))
 
 
 def test_what_was_hung_on_is_found_in_the_trunks_own_weights(tmp_path):
@@ -185,11 +185,11 @@ def test_what_was_hung_on_is_found_in_the_trunks_own_weights(tmp_path):
     bare = RIG.open([made(Trunk(shape()), moving(14))])
     bare.write(Point(np.zeros(len(bare.declared))), tmp_path / "twin.json", {})
     twin = json.loads((tmp_path / "twin.json").read_text())
-    loaded = made(bare.machine, moving(34, 1), payload=[0.25, 0.02])
+    loaded = made(bare.machine, moving(34, 1), payload=[0.25, 0.05])
     case = RIG.changed(tmp_path / "twin.json").open([loaded])
     assert {name: list(v) for name, v in twin["first"].items()}.keys() == KINDS.keys()
     runs = case.pieces([loaded])
-    start = Point(np.zeros(len(case.declared)), {"payload": np.array([0.1, 0.02])})
+    start = Point(np.zeros(len(case.declared)), {"payload": np.array([0.1, 0.05])})
     case = case.reweighted(start, runs)
     found = fit(case, runs, start, moves_of(case, ["payload"]), 4, 3)
     value, low, high = found.interval("payload", 0)
@@ -197,13 +197,21 @@ def test_what_was_hung_on_is_found_in_the_trunks_own_weights(tmp_path):
     assert low < 0.25 < high
 
 
-def test_angles_count_where_they_are_new(tmp_path):
+def test_angles_are_linear_between_the_rows_in_which_they_are_new(tmp_path):
     angle = np.repeat(np.arange(20.0), 5)
     columns = {"time": 0.01 * np.arange(100)} | dict.fromkeys((*GOALS, *ANGLES, *SEEN), angle)
-    path = write_log(tmp_path / "some.parquet", {}, **columns)
-    (run,) = RIG.read_files([path])
-    known = np.isfinite(run.columns[FRESH[0]])
-    np.testing.assert_array_equal(np.flatnonzero(known), np.arange(5, 100, 5))
+    (run,) = RIG.read_files([write_log(tmp_path / "some.parquet", {}, **columns)])
+    np.testing.assert_allclose(run.columns[TURNED[0]][:96], np.arange(96) / 5)
+
+
+def test_refusals_say_what_to_do(tmp_path):
+    case = RIG.open([made(Trunk(shape()), moving(4))])
+    with pytest.raises(SerpentError, match=r"shorter than 12 s.* Give longer runs"):
+        case.pieces([log(moving(11))])
+    other = tmp_path / "twin.json"
+    other.write_text(json.dumps({"kind": "jaw"}))
+    with pytest.raises(SerpentError, match=r"not of a trunk\. Name"):
+        RIG.changed(other).open([])
 
 
 def test_a_log_of_another_machine_is_refused(tmp_path):

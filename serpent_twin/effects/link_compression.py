@@ -15,7 +15,7 @@ _CARRIES = 0.05  # [kg] of inertia: keeps light links between stiff cables stabl
 
 @dataclass(frozen=True)
 class LinkCompression(Effect):
-    """Each link shortens by compliance × the force along it, its cables' pull and the weight below.
+    """Each link shortens by compliance × the force along it; the weight below lengthens it.
 
     Source: Hooke's law. MJCF expresses all of it: a slide in each link. A corrugated hose gives way along
     its axis more easily than it bends; links of nylon or metal do not.

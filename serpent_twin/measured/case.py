@@ -12,6 +12,7 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arm import Array
 from serpent_twin.effects import Effect
+from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.measured.recording import Recording
 from serpent_twin.measured.runs import Runs, cut, windows
@@ -144,7 +145,14 @@ class RunCase:
         """The runs, whole or in windows."""
         of, outputs = self.machine, [each.column for each in self.machine.outputs]
         if of.window:
-            sessions = [part for run in sessions for part in windows(run, *of.window, outputs)]
+            needed = sum(of.window)
+            whole = [part for run in sessions for part in windows(run, *of.window, outputs)]
+            if not whole:
+                raise SerpentError(
+                    f"{', '.join(run.name for run in sessions)}: shorter than {needed:g} s, which one "
+                    "window takes. Give longer runs."
+                )
+            sessions = whole
         return cut(sessions, of.columns, outputs, of.every)
 
     def take(self, pieces: Runs, which: Sequence[int]) -> Runs:

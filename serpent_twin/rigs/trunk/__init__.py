@@ -8,7 +8,7 @@ weight to its cables' stiffness shows, and masses are told in the trunk's own.
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arm import Array
 from serpent_twin.effects import Effect, Range
+from serpent_twin.errors import SerpentError
 from serpent_twin.measured import Output, Recording, RunCase, Runs, read, read_folder
 from serpent_twin.residual import MARKERS, Measure
 from serpent_twin.rigs.rig import Candidate, Declared, Point, candidate, effects_at
@@ -26,16 +27,16 @@ from serpent_twin.rigs.trunk.motion import Trunks
 from serpent_twin.rigs.trunk.shape import (
     ANGLES,
     DISKS,
-    FRESH,
     GOALS,
     KINDS,
     MOTORS,
     SEEN,
+    TURNED,
     Shape,
     declared,
     first_guess,
-    fresh,
     moved,
+    turned,
 )  # fmt: skip
 
 _SERVOS = Measure("motor angle", "the motor angles are", "motor angle error, rms", "°", "deg",
@@ -51,16 +52,22 @@ _CHANGES = ("payload", "joint_elasticity", "link_compression", "cable_stiffening
 _REZEROED = ("zero",)  # of motors: tensioning the cables anew moves it
 _WEIGHTS = Range("trunk weights", 0.0, 2.0, 0.1)
 _STIFFENS = Range("1/m", 0.0, 1.5e3, 100.0)  # the cables' springs are short
-_AT = Range("m", 0.0, 0.15, 0.02, fitted=False)
+_AT = Range("m", 0.0, 0.15, 0.05, fitted=False)
+_PLACES = (
+    0.0,
+    0.05,
+    0.1,
+)  # [m] beyond the middle of the last piece: nothing says where a load hangs
 
 
 def _sized(names: Sequence[str]) -> dict[str, Candidate]:
-    """Candidates, forces in the trunk's own weight."""
-    sized = {
-        "payload": {"mass": _WEIGHTS, "place": _AT},
-        "cable_stiffening": {"rate": _STIFFENS},
-    }
-    return {name: candidate(name, **sized.get(name, {})) for name in names}
+    """Candidates, masses in the trunk's own."""
+    sized = {"payload": {"mass": _WEIGHTS, "place": _AT}, "cable_stiffening": {"rate": _STIFFENS}}
+    found = {name: candidate(name, **sized.get(name, {})) for name in names}
+    if "payload" in found:
+        variants = tuple(np.array([_WEIGHTS.typical, place]) for place in _PLACES)
+        found["payload"] = replace(found["payload"], variants=variants)
+    return found
 
 
 @dataclass(frozen=True)
@@ -83,12 +90,12 @@ class Trunk:
     columns: tuple[str, ...] = GOALS
     outputs: tuple[Output, ...] = (
         *(Output(column, MARKERS, _CAMERA) for column in SEEN),
-        *(Output(column, _SERVOS, _ENCODER) for column in FRESH),
+        *(Output(column, _SERVOS, _ENCODER) for column in TURNED),
     )
     every: int = 5
     block: float = 2.0
     window: tuple[float, float] = (10.0, 2.0)
-    segments: tuple[int, int] = (5, 14)
+    segments: tuple[int, int] = (9, 14)
 
     @property
     def declared(self) -> tuple[Declared, ...]:
@@ -129,11 +136,11 @@ class TrunkRig:
 
     def read(self, folder: Path) -> list[Recording]:
         """The runs of a folder."""
-        return [fresh(run) for run in read_folder(folder, _COLUMNS)]
+        return [turned(run) for run in read_folder(folder, _COLUMNS)]
 
     def read_files(self, paths: Sequence[Path]) -> list[Recording]:
         """The runs of some files."""
-        return [fresh(read(path, _COLUMNS)) for path in paths]
+        return [turned(read(path, _COLUMNS)) for path in paths]
 
     def changed(self, twin: Path) -> "TrunkRig":
         """The rig of a trunk to which something was done since a trace wrote this twin.json."""
@@ -149,6 +156,8 @@ class TrunkRig:
 def _changed(twin: Path) -> Trunk:
     """The trunk that a trace found, to which something may have been done."""
     told = json.loads(twin.read_text())
+    if told.get("kind") != "trunk":
+        raise SerpentError(f"{twin} is not of a trunk. Name the twin.json of a trunk's trace.")
     start = {name: np.array(values) for name, values in told["first"].items()}
     x = np.array([each["value"] for each in told["declared"].values()])
     there = tuple(effects.from_dict(entry) for entry in told["effects"])

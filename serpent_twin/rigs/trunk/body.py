@@ -15,8 +15,7 @@ TIME_STEP = 0.01
 """[s] Half of it changes the tip by 0.5 mm"""
 _PIECES = 4  # of a segment; six change the tip by 0.3 mm
 _ARMATURE = 3e-4  # [kg m²] keeps the light pieces between stiff cables stable; 1e-3 changes the tip by 0.3 mm
-_STIFFNESS = 6e3  # [N/m] of a cable: makes the trunk weigh about 1 kg
-_DAMPS = 0.01  # [s] damping over stiffness of the cables
+_STIFFNESS = 6e3  # [N/m] of a cable: makes the trunk weigh some 1 … 2 kg
 _SPIN = 1e-6  # [kg m²] of a piece about its own middle
 _HANGS = np.array(
     [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
@@ -27,12 +26,11 @@ CABLES = tuple(f"cable{m}_{side}" for m in range(1, 7) for side in ("plus", "min
 def spec(shape: Shape, effects: Sequence[Effect]) -> mujoco.MjSpec:
     """A hose as a chain of springy universal joints; twelve cables through channels in three disks.
 
-    No force is known: all are in the unit in which a cable has the stiffness below. Masses are in the
-    trunk's own, so that its weight is gravity.
+    No force is known: all are in the unit in which a cable has the stiffness below. Effects give masses in
+    the trunk's own, which its weight multiplies.
     """
     model = mujoco.MjSpec()
-    model.option.gravity = [0, -9.81 * float(shape["weight"][0]), 0]
-    model.option.timestep = TIME_STEP
+    model.option.gravity, model.option.timestep = [0, -9.81, 0], TIME_STEP
     model.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     base = model.worldbody.add_body(name="base", pos=shape["base"])
     about_x, about_z = shape["tilt"]
@@ -59,6 +57,8 @@ def spec(shape: Shape, effects: Sequence[Effect]) -> mujoco.MjSpec:
     _pull(model, shape)
     for effect in sorted(effects, key=lambda effect: effect.stage):
         effect.edit(model, ARM)
+    for each in model.bodies:
+        each.mass *= float(shape["weight"][0])
     return model
 
 
@@ -112,6 +112,6 @@ def _pull(model: mujoco.MjSpec, shape: Shape) -> None:
         cable = model.add_tendon(name=name)
         for disk in ("base", *(f"disk{k}" for k in DISKS if k <= ends_at)):
             cable.wrap_site(f"{name}_{disk}")
-        cable.stiffness[0], cable.damping[0] = _STIFFNESS, _STIFFNESS * _DAMPS
+        cable.stiffness[0], cable.damping[0] = _STIFFNESS, _STIFFNESS * shape["rubs"][0]
         rest = float(shape["length"][:ends_at].sum() - shape["pulled"][n // 2])
         cable.springlength = [0.0, rest]

@@ -14,13 +14,13 @@ ENDS_AT = (2, 3, 1, 3, 1, 2)
 """Disk at which each motor's two cables end: the limits of 51, 81 and 31° in the trunk's motor node."""
 GOALS = tuple(f"motor{m}_command" for m in MOTORS)
 ANGLES = tuple(f"motor{m}_position" for m in MOTORS)
-FRESH = tuple(f"motor{m}_fresh" for m in MOTORS)
-"""The same, in the rows that first hold them; else NaN"""
+TURNED = tuple(f"motor{m}_turned" for m in MOTORS)
+"""The same, between the rows that first hold them"""
 SEEN = tuple(f"disk{k}_{axis}" for k in DISKS for axis in "xyz")
 CHANNEL = 0.025
 """Radius on which cables run [m], assumed: only what is wound per radius shows in logs"""
 _HOSE, _PULLED = 0.4, 3e-3  # [N m²], [m] assumed
-_SETTLES = 0.03  # [s] assumed
+_SETTLES, _RUBS = 0.03, 0.01  # [s] assumed
 _END = 0.3  # assumed
 _STILL = 0.05  # share of a log's rows, those with the smallest goals, that are taken as rest
 _LATEST = 0.4  # [s] that commands may be late
@@ -54,6 +54,7 @@ KINDS: Mapping[str, Kind] = {
     "weight": Kind(("weight of the trunk",), "log kg", 0.0, 1.0, 0.05),
     "pulled": Kind(_of("stretch of motor {}'s cables at rest", MOTORS), "mm", 1e-3, 3.0, 0.2),
     "settles": Kind(("damping of the hose over its stiffness",), "log s", 0.0, 1.0, 0.1),
+    "rubs": Kind(("damping of the cables over their stiffness",), "log s", 0.0, 1.0, 0.1),
     "end": Kind(("weight of the end over the hose's",), "log 1", 0.0, 1.0, 0.1),
     "disk": Kind(_PLACES, "mm", 1e-3, 10.0, 0.5),
     "zero": Kind(_of("zero of motor {}", MOTORS), "°", np.pi / 180, 3.0, 0.3),
@@ -63,12 +64,14 @@ Shape = Mapping[str, Array]
 are the logs' x and z."""
 
 
-def fresh(run: Recording) -> Recording:
-    """With columns of the servos' angles where they are new: the bus is read slower than rows come."""
-    angles = _columns(run, ANGLES)
-    new = np.r_[False, (np.diff(angles, axis=0) != 0).any(axis=1)]
-    known = np.where(new[:, None], angles, np.nan)
-    return replace(run, columns=run.columns | dict(zip(FRESH, known.T, strict=True)))
+def turned(run: Recording) -> Recording:
+    """With the servos' angles linear between the rows in which they are new: a bus is read slower than rows
+    come.
+    """
+    angles, time = _columns(run, ANGLES), run.columns["time"]
+    new = np.r_[True, (np.diff(angles, axis=0) != 0).any(axis=1)]
+    between = [np.interp(time, time[new], angle[new]) for angle in angles.T]
+    return replace(run, columns=run.columns | dict(zip(TURNED, between, strict=True)))
 
 
 def declared(kinds: Sequence[str]) -> tuple[Declared, ...]:
@@ -112,6 +115,7 @@ def first_guess(runs: Sequence[Recording]) -> Shape:
         "weight": np.array([1.0]),
         "pulled": np.full(6, _PULLED),
         "settles": np.array([_SETTLES]),
+        "rubs": np.array([_RUBS]),
         "end": np.array([_END]),
         "disk": np.zeros(9),
         "zero": np.zeros(6),
