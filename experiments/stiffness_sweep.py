@@ -78,7 +78,7 @@ def main(config: StiffnessSweep) -> None:  # noqa: D103 tyro would print it abov
             "points": len(costs),
             "seconds_per_point": seconds_per_point(costs),
             "engine_ratio": ratio,
-            "table": [row.numbers() for row in rows[GRID]],
+            "table": [row.crossed_numbers() for row in rows[GRID]],
             "besides": {
                 k: [r.crossed_numbers() for r in of] for k, of in rows.items() if k != GRID
             },

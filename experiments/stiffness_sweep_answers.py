@@ -47,12 +47,15 @@ def shorter_memory(rows: Rows) -> Answer:
     delay = values(rows[GRID], lambda row: row.mean_delay)
     found = over_seeds(delay, lambda v: trend(v, -1))
     ratio = float(trend(values(rows[RATIO], lambda row: row.mean_delay).mean(axis=-1), -1))
+    there = [row for row in rows[GRID] if row.slack == rows[RATIO][0].slack]
+    alike = float(trend(values(there, lambda row: row.mean_delay).mean(axis=-1), -1))
     forgetting = over_seeds(values(rows[GRID], lambda row: row.forgetting), lambda v: trend(v, -1))
     ends = np.nanmean(delay, axis=(0, 2))[[0, -1]]
     why = (
         f"rank correlation of the linear memory's mean delay with stiffness {found}, mean over slacks; the "
         f"mean delay is {ends[0]:.2f} command periods at the softest and {ends[1]:.2f} at the stiffest; with "
-        f"the damping ratio held the correlation is {_signed(ratio)}; the rate at which the body itself, "
+        f"the damping ratio held, at {1e3 * rows[RATIO][0].slack:g} mm of slack, the correlation is "
+        f"{_signed(ratio)}, with constant damping {_signed(alike)} there; the rate at which the body itself, "
         f"without sensors' noise, forgets has correlation {forgetting}"
     )
     return judged(
