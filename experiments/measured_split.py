@@ -31,11 +31,14 @@ def asked(data: Path, held_out: str = "") -> dict[str, Asked]:
         return dict([_named(data, held_out)])
     found, missing = {}, []
     for name, bench in BENCHES.items():
-        if not any((data / name).glob("*.parquet")):
-            missing.append(f"{data / name} holds no *.parquet ({bench.origin} has the originals)")
+        if not any(file.match(bench.unchanged) for file in (data / name).glob("*.parquet")):
+            named = bench.unchanged.removesuffix("*") + "*.parquet"
+            missing.append(f"{data / name} holds no {named} ({bench.origin} has the originals)")
             continue
         same, changed = _runs(data, name)
-        found[name] = Asked([split(same, each) for each in _patterns(same, bench)], changed)
+        alone = [by_time(same[0])] if len(same) == 1 else None
+        splits = alone or [split(same, each) for each in _patterns(same, bench)]
+        found[name] = Asked(splits, changed)
     if missing:
         said = f"{'; '.join(missing)}. The README says how the logs are repacked."
         if not found:

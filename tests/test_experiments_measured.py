@@ -267,5 +267,19 @@ def test_a_run_cut_by_time_keeps_its_file_and_its_time(trunks):
 def test_a_trunk_needs_runs_before_any_change(trunks):
     for path in (trunks / "trunk").glob("controlled_*"):
         path.unlink()
-    with pytest.raises(SerpentError, match=r"trunk holds no controlled_\*: .* Name yours so"):
+    with pytest.raises(
+        SerpentError, match=r"trunk holds no controlled_\*\.parquet .* README says how"
+    ):
         measured_split.asked(trunks)
+    named = str(trunks / "trunk" / "heavy.parquet")
+    with pytest.raises(SerpentError, match=r"trunk holds no controlled_\*: .* Name yours so"):
+        measured_split.asked(trunks, named)
+
+
+def test_of_a_single_run_the_end_judges(trunks):
+    (trunks / "trunk" / "controlled_2.parquet").unlink()
+    ((training, judging),) = measured_split.asked(trunks)["trunk"].splits
+    assert [r.name for r in (*training, *judging)] == [
+        "controlled_1 before 12 s",
+        "controlled_1 from 12 s",
+    ]
