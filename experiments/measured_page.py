@@ -154,6 +154,7 @@ def _bars(found: Found) -> Figure:
         axes.set_xticks(range(len(of["splits"])), [_short(e["held_out"]) for e in of["splits"]])
         axes.set(title=name, ylabel=f"{_metric(of).words} [{_metric(of).unit}]", yscale="log")
         axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(colors=SOFT, labelcolor=INK)
     drawing.legend(

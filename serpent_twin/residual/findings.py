@@ -89,14 +89,14 @@ class Findings:
         pose, load = self.noise.of_marker, self.noise.of_load
         mm, percent = pose.key, load.key
         return {
-            f"{pose.one}_error_{mm}": self.marker.mean_mm,
-            f"{pose.one}_error_by_{pose.one}_{mm}": self.marker.by_marker_mm.tolist(),
+            f"{pose.field}_error_{mm}": self.marker.mean_mm,
+            f"{pose.field}_error_by_{pose.field}_{mm}": self.marker.by_marker_mm.tolist(),
             f"noise_floor_{mm}": self.noise.floor_mm,
             f"above_noise_{mm}": self.above_noise_mm,
             "share_above_noise": self.share_above_noise,
-            f"{load.one}_error_{percent}": self.load.rms_percent,
-            f"{load.one}_error_by_motor_{percent}": self.load.by_motor_percent.tolist(),
-            f"{load.one}_noise_{percent}": self.noise.load_floor_percent,
+            f"{load.field}_error_{percent}": self.load.rms_percent,
+            f"{load.field}_error_by_motor_{percent}": self.load.by_motor_percent.tolist(),
+            f"{load.field}_noise_{percent}": self.noise.load_floor_percent,
             "share_by_joint": [] if self.place is None else self.place.share.tolist(),
             "depends_on": [
                 {

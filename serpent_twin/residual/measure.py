@@ -29,6 +29,11 @@ class Measure:
     """Letters of its coordinates; nothing where there is one"""
 
     @property
+    def field(self) -> str:
+        """Its name as a JSON key holds it."""
+        return self.one.replace(" ", "_")
+
+    @property
     def dimension(self) -> int:
         """How many coordinates it has."""
         return len(self.axes) or 1

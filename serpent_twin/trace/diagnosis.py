@@ -107,7 +107,7 @@ class Diagnosis:
 
     def numbers(self, seconds: float, simulated: float) -> dict[str, Any]:
         """diagnosis.json."""
-        mm, loads = self.marker.key, f"{self.load.one}_error_{self.load.key}"
+        mm, loads = self.marker.key, f"{self.load.field}_error_{self.load.key}"
         return {
             "arm": self.arm,
             "held_out": list(self.held_out),
@@ -116,7 +116,7 @@ class Diagnosis:
                     "name": each.name,
                     "parameters": {n: vars(e) for n, e in each.parameters.items()},
                     f"gain_{mm}": each.gain,
-                    f"gain_{self.load.one}_{self.load.key}": each.gain_load,
+                    f"gain_{self.load.field}_{self.load.key}": each.gain_load,
                     "probability_of_chance": each.probability_of_chance,
                 }
                 for each in self.effects
