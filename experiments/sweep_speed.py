@@ -2,7 +2,7 @@
 
 The peer is MuJoCo's own multi-threaded rollout of the same model over the same number of steps, in the
 same run. Printed besides: cost of a point and memory against the number of points, starting workers
-included.
+included, and how long capacities take to count.
 """
 
 import subprocess
@@ -11,13 +11,19 @@ import tempfile
 import time
 from dataclasses import dataclass
 
+import numpy as np
 import psutil
 from stiffness_sweep_engine import CORES, engine_ratio
 from stiffness_sweep_plan import full
 
 from serpent_twin import cli
 from serpent_twin.parameters import NOMINAL
+from serpent_twin.reservoir import capacities
 
+CHANNELS, ROWS = 99, 20_000
+DELAYS = (30, 24, 16)
+"""Rows back, for products of degree 1, 2, 3: 1,146 targets"""
+COUNTED = 5.0  # [s] within which they are to be counted
 SAMPLE = 0.05  # [s] between looks at memory
 
 
@@ -36,6 +42,10 @@ def main(config: SweepSpeed) -> None:
     point = full(rate=3.0).point(NOMINAL.strand_stiffness)
     print(f"{CORES} cores. Steps per second over a bare rollout's, aim at least 0.85:", flush=True)
     print(f"median ratio {engine_ratio(point):.2f}", flush=True)
+    share = counting() / COUNTED
+    print(
+        f"capacities of {CHANNELS} channels, {ROWS} rows: {share:.2f} of {COUNTED:g} s", flush=True
+    )
     costs, peaks = [], []
     for count in config.points:
         cost, peak = swept(count, config.steps)
@@ -46,6 +56,17 @@ def main(config: SweepSpeed) -> None:
         f"cost of a point among {config.points[-1]} to that among {config.points[0]}: "
         f"{costs[-1] / costs[0]:.2f} (linear: at most 1); memory {peaks[-1] / peaks[0]:.2f} (flat: 1)"
     )
+
+
+def counting() -> float:
+    """Seconds for all capacities of channels that mix one input's past, to degree 3."""
+    rng = np.random.default_rng(0)
+    told = rng.uniform(-1, 1, (ROWS, 1))
+    past = np.concatenate([np.roll(told, k, axis=0) for k in range(DELAYS[0])], axis=1)
+    states = np.tanh(past @ rng.standard_normal((DELAYS[0], CHANNELS)))
+    began = time.perf_counter()
+    capacities(states, told, len(DELAYS), DELAYS)
+    return time.perf_counter() - began
 
 
 def swept(count: int, steps: int) -> tuple[float, float]:
