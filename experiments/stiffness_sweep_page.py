@@ -83,10 +83,10 @@ def best(rows: Rows) -> str:
     stiffness = sorted({row.stiffness for row in rows[GRID]})
     useful = np.nanmean(values(rows[GRID], lambda row: row.useful_total), axis=(0, 2))
     most = int(np.nanargmax(useful))
-    told = ["Mean over slacks, the body adds nothing above chance to its last commands"]
+    told = ["Mean over slacks, the sensors show nothing above chance beyond taps"]
     if useful[most] > 0:
         at = f"{stiffness[most] / 1e3:.3g} kN/m ({useful[most]:.2f})"
-        told = [f"Mean over slacks, the body adds most to its last commands at {at}"]
+        told = [f"Mean over slacks, the sensors show most beyond taps at {at}"]
     for name in readouts(rows[GRID]):
         every = values(rows[GRID], error_of(name))
         there = np.flatnonzero(~np.isnan(every).all(axis=(0, 2)))
