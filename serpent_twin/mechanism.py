@@ -44,6 +44,12 @@ def side_by_side(models: Sequence[mujoco.MjModel], nthread: int) -> Batch:
     return batch
 
 
+def set_timestep(batch: Batch, timestep: Array) -> None:
+    """Let each run take its own time steps [s], (n,) or (n, 1)."""
+    own = batch.expand("opt.timestep")
+    own[...] = timestep.reshape(np.shape(own))
+
+
 def addresses(
     model: mujoco.MjModel, names: Sequence[str]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

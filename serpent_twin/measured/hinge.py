@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
-import numpy as np
 
 from serpent_twin import effects
 from serpent_twin.arm import Array
 from serpent_twin.effects import Effect
 from serpent_twin.friction import STICKS
 from serpent_twin.history import History
-from serpent_twin.mechanism import addresses, side_by_side
+from serpent_twin.mechanism import addresses, set_timestep, side_by_side
 
 HINGE, SENSOR = "joint1", "marker1"
 """The hinge that is driven and rubs, and the sensor of the angle that is measured"""
@@ -59,9 +58,7 @@ class Turns:
     ) -> None:
         self.batch = side_by_side(models, 1)
         self.dt = timestep.reshape(-1, 1)
-        self.batch.expand("opt.timestep")[...] = timestep.reshape(
-            np.shape(self.batch.expand("opt.timestep"))
-        )
+        set_timestep(self.batch, timestep)
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         self.ctrl, self.applied = self.batch.bind("ctrl"), self.batch.bind("qfrc_applied")
         self.sensors = self.batch.bind("sensordata")

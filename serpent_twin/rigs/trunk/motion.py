@@ -10,7 +10,7 @@ from serpent_twin import effects
 from serpent_twin.arm import Array
 from serpent_twin.effects import Effect
 from serpent_twin.history import History
-from serpent_twin.mechanism import side_by_side
+from serpent_twin.mechanism import set_timestep, side_by_side
 from serpent_twin.rigs.trunk.body import TIME_STEP
 from serpent_twin.rigs.trunk.shape import ENDS_AT, Shape
 
@@ -67,9 +67,7 @@ class Trunks:
         n, T = goal.shape[:2]
         steps = max(1, round(float(period.max()) / TIME_STEP))
         dt = (period / steps)[:, None]
-        self._batch.expand("opt.timestep")[...] = dt.reshape(
-            np.shape(self._batch.expand("opt.timestep"))
-        )
+        set_timestep(self._batch, dt)
         ahead = np.diff(goal, axis=1, append=goal[:, -1:])
         disks, servos = np.empty((n, T, 9)), np.empty((n, T, 6))
         moment = self._moment(goal[:, 0], ahead[:, 0] / (steps * dt), dt)
