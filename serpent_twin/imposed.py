@@ -12,19 +12,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from serpent_twin import mjcf
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
 from serpent_twin.design import Design
+from serpent_twin.driven import DrivenArms, Motors
 from serpent_twin.errors import SerpentError
-from serpent_twin.history import History
-from serpent_twin.mechanism import Mechanism, addresses, side_by_side
 
 TIMESTEP = 0.005
 """[s]; a step of 1 ms moves the markers by about 0.1 mm, and by about 1 ms in time at most (tests)."""
 _SWEEPS = 20
 _SOFT = 7e3  # [N/m]
-STANDING = 0.05
-"""[rad/s] slower than this, a motor's load lies anywhere within its gear friction."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +79,7 @@ class Response:
     """[rad], (D, B, R)"""
     tension: Array
     """In the order of `mjcf.STRANDS` [N], (D, B, R, 20)"""
-    unstable: Array
+    unstable: NDArray[np.bool_]
     """Designs whose simulation gave up; their numbers are NaN; of bool, (D,)"""
 
 
@@ -147,146 +143,77 @@ class _Run:
         nthread: int,
     ) -> None:
         self.s, (self.B, self.R), self.D = stretches, stretches.time.shape, len(designs)
-        self.timestep = timestep
         for model in models:
             model.opt.timestep = timestep
         rows = [n for n in range(self.D) for _ in range(self.B)]
-        self.batch = side_by_side([models[n] for n in rows], nthread)
-        self.arms = Mechanism(self.batch, [designs[n] for n in rows], motors=False)
-        self.arms.earlier = self._rows(np.broadcast_to(stretches.earlier, self.B))[:, None]
-        self.dt = self.batch.expand("opt.timestep")
-        self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
-        self.sensors = self.batch.bind("sensordata")
-        self.history = History(self.batch)
-        self.joints, self.joint_speeds = addresses(models[0], mjcf.JOINTS)
-        self.jaw = addresses(models[0], ("jaw",))[0]
+        self.arms = DrivenArms(
+            [designs[n] for n in rows], [models[n] for n in rows], stretches.servo_lag, nthread
+        )
+        self.arms.earlier = self._rows(np.broadcast_to(stretches.earlier, self.B))
         self.substeps = substeps(stretches, timestep)
-        self.stall = designs[0].arm.servo.stall_torque
         shape = (self.D * self.B, self.R)
-        self.marker = np.empty((*shape, 3 * N_JOINTS))
+        self.marker = np.empty((*shape, N_JOINTS, 3))
         self.load, self.joint = np.empty((*shape, N_MOTORS)), np.empty((*shape, N_JOINTS))
-        self.jaws, self.tension = np.empty(shape), np.empty((*shape, 2 * N_MOTORS))
+        self.jaw, self.tension = np.empty(shape), np.empty((*shape, 2 * N_MOTORS))
 
     def _rows(self, of_stretches: Array) -> Array:
         """(B, …) for all designs, (D B, …)."""
         return np.tile(of_stretches, (self.D,) + (1,) * (of_stretches.ndim - 1))
 
+    def _motors(self, row: int) -> Motors:
+        s = self.s
+        return Motors(*(self._rows(x[:, row]) for x in (s.time, s.motor_angle, s.motor_velocity)))
+
     def restart(self, row: int) -> None:
         """Put the joints where the markers saw them; effects with a long memory keep it."""
         s = self.s
-        if row == 0:
+        if row == 0 and s.past:
             self._remember(s.past)
-        self._pose(s.motor_angle[:, row], s.joint_angle[:, row])
         velocity = np.broadcast_to(s.joint_velocity, s.joint_angle.shape)[:, row]
-        self.qvel[:, self.joint_speeds] = self._rows(velocity)
-        if row == 0 and not s.past:
-            self._start(s.time[:, 0], s.motor_angle[:, 0], s.motor_velocity[:, 0])
-        self._wind(row)
-        self.batch.forward()
-        self.history.fill()
+        joint = self._rows(s.joint_angle[:, row]), self._rows(velocity)
+        self.arms.place(self._motors(row), *joint, anew=row == 0 and not s.past)
 
-    def _pose(self, motor_angle: Array, joint_angle: Array) -> None:
-        """Hold joints [rad], (B, 9), and the jaw, at rest."""
-        self.qpos[...], self.qvel[...] = 0.0, 0.0
-        self.qpos[:, self.joints] = self._rows(joint_angle)
-        passed = self._rows(joint_angle.sum(axis=1, keepdims=True))
-        wound = self.arms.winch_ratio[:, -1:] * self._rows(motor_angle[:, -1:]) - passed
-        self.qpos[:, self.jaw] = self.arms.jaw_at_rest(wound)
-
-    def _start(self, time: Array, motor_angle: Array, motor_velocity: Array) -> None:
-        now = (self._rows(x) for x in (time[:, None], motor_angle, motor_velocity))
-        self.arms.start(*now)
-
-    def _remember(self, past: Past | None) -> None:
+    def _remember(self, past: Past) -> None:
         """Let effects feel the measured poses before the stretches."""
-        if not past:
-            return
         for k in range(past.time.shape[1]):
-            time, angle, velocity = (
-                past.time[:, k],
-                past.motor_angle[:, k],
-                past.motor_velocity[:, k],
+            motors = Motors(
+                *(self._rows(x[:, k]) for x in (past.time, past.motor_angle, past.motor_velocity))
             )
-            self._pose(angle, past.joint_angle[:, k])
-            if k == 0:
-                self._start(time, angle, velocity)
-                continue
-            dt = self._rows((time - past.time[:, k - 1])[:, None])
-            self.arms.act(self._rows(time[:, None]), self._rows(angle), self._rows(velocity), dt)
+            self.arms.feel(motors, self._rows(past.joint_angle[:, k]), anew=k == 0)
 
     def step_to(self, row: int) -> None:
         """Move the motors from the row before to this one."""
-        s, period = self.s, self.s.time[:, row] - self.s.time[:, row - 1]
-        n, interval = self.substeps[row - 1], self._rows(period)
-        before, after = self._rows(s.motor_angle[:, row - 1]), self._rows(s.motor_angle[:, row])
-        self.dt[...] = (interval / n).reshape(self.dt.shape)
-        dt, began = (interval / n)[:, None], self._rows(s.time[:, row - 1])[:, None]
-        path = _Path(before, after, self._rows(s.motor_velocity[:, row - 1]), n * dt, s.servo_lag)
-        for k in range(n):
-            angle, velocity = path.at(k * dt)  # MuJoCo's springs pull as at the step's beginning
-            if self.arms.acting:
-                self.arms.act(began + k * dt, angle, velocity, dt)
-            else:
-                self.arms.wind(self.arms.slack, angle, angle)
-            self.batch.step()
-        self._wind(row)
-        self.batch.forward()
-
-    def _wind(self, row: int) -> None:
-        angle = self._rows(self.s.motor_angle[:, row])
-        self.arms.wind(self.arms.slack, angle, angle)
+        self.arms.move(self._motors(row), int(self.substeps[row - 1]))
 
     def read(self, row: int) -> None:
         """Note what sensors say of the present instant."""
-        angle, velocity = (
-            self._rows(x[:, row]) for x in (self.s.motor_angle, self.s.motor_velocity)
-        )
-        time = self._rows(self.s.time[:, row])[:, None]
-        moment = self.arms.act(time, angle, velocity, 0.0)
-        loss = moment.gear_friction * np.tanh(velocity / (STANDING / 3))
-        self.marker[:, row], self.tension[:, row] = self.sensors, moment.tension
-        self.load[:, row] = (self.arms.horn_torque(moment) + loss) / self.stall
-        self.joint[:, row] = self.qpos[:, self.joints]
-        self.jaws[:, row] = self.qpos[:, self.jaw[0]]
+        now = self.arms.read()
+        for noted, value in (
+            (self.marker, now.marker),
+            (self.load, now.load),
+            (self.joint, now.joint_angle),
+            (self.jaw, now.jaw_angle),
+            (self.tension, now.tension),
+        ):
+            noted[:, row] = value
 
     def response(self) -> Response:
         """All that was noted, by design."""
-        bad = self.batch.warning[..., 1].any(axis=-1).reshape(self.D, self.B).any(axis=1)
+        bad = np.asarray(self.arms.unstable.reshape(self.D, self.B).any(axis=1))
 
-        def by_design(noted: Array, *last: int) -> Array:
-            values = noted.reshape(self.D, self.B, self.R, *last)
+        def by_design(noted: Array) -> Array:
+            values = noted.reshape(self.D, self.B, *noted.shape[1:])
             values[bad] = np.nan
             return values
 
         return Response(
-            marker=by_design(self.marker, N_JOINTS, 3),
-            load=by_design(self.load, N_MOTORS),
-            joint_angle=by_design(self.joint, N_JOINTS),
-            jaw_angle=by_design(self.jaws),
-            tension=by_design(self.tension, 2 * N_MOTORS),
+            marker=by_design(self.marker),
+            load=by_design(self.load),
+            joint_angle=by_design(self.joint),
+            jaw_angle=by_design(self.jaw),
+            tension=by_design(self.tension),
             unstable=bad,
         )
-
-
-class _Path:
-    """How motors go from row to row: their old velocity turns into a new one within the servo's lag.
-
-    x(t) = x₀ + v t + (v₀ − v) τ (1 − exp(−t/τ)), the new velocity v being what ends at the measured angle.
-    """
-
-    def __init__(self, before: Array, after: Array, old: Array, period: Array, lag: float) -> None:
-        self._before, self._lag = before, lag
-        taken = lag * (1 - np.exp(-period / lag)) if lag else 0.0
-        self._new = (after - before - old * taken) / (period - taken)
-        self._change = old - self._new
-
-    def at(self, t: Array) -> tuple[Array, Array]:
-        """Angles [rad] and velocities [rad/s] at times [s] since the row before, (n, 1)."""
-        if not self._lag:
-            return self._before + self._new * t, self._new
-        fading = np.exp(-t / self._lag)
-        angle = self._before + self._new * t + self._change * self._lag * (1 - fading)
-        return angle, self._new + self._change * fading
 
 
 def gaps(time: Array) -> Array:

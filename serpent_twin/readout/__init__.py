@@ -22,13 +22,19 @@ import numpy as np
 from serpent_twin.arm import N_JOINTS, Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
-from serpent_twin.readout.windows import Start, Windows, input_size
+from serpent_twin.readout.belief import Belief, covariance_of
+from serpent_twin.readout.live import Live, LiveWindows
+from serpent_twin.readout.windows import SessionWindows, Start, Windows, input_size
 
 FORMAT_VERSION = 1
 """Version of the files of a saved readout."""
 
 Progress = Callable[[int, int, float], None]
 """Called with epochs done, epochs at most, validation loss."""
+
+
+def _unknown() -> Array:
+    return np.full((N_JOINTS, 3, 3), np.nan)
 
 
 @dataclass(frozen=True)
@@ -62,6 +68,8 @@ class Readout(ABC):
     """Losses of the epochs, empty for a closed form"""
     rate_hz: float | None = field(default=None, init=False)
     """Rows per second of the logs it was trained on; None if that is not known"""
+    covariance: Array = field(default_factory=_unknown, init=False, repr=False)
+    """Of each marker's error over the validation sessions [m²], (9, 3, 3); NaN if that is not known"""
 
     def fit(
         self,
@@ -75,6 +83,7 @@ class Readout(ABC):
         self._require_size(validate.x)
         self.learned, self.history, self.rate_hz = {}, [], train.rate_hz
         self._learn(train, validate, rng, progress)
+        self.covariance = self._spread(validate)
 
     def predict(self, x: Array, start: Start | None = None) -> Array:
         """Marker positions [m], (N, 9, 3), of consecutive windows x, (N, 27H − 9), of one session."""
@@ -84,6 +93,19 @@ class Readout(ABC):
                 f"the readout {self.name} has not been fitted; call fit or load first."
             )
         return self._estimate(np.asarray(x, float), start).reshape(len(x), N_JOINTS, 3)
+
+    def follow(self, session: SessionWindows) -> Belief:
+        """Markers of all windows of a session, and how sure that is."""
+        marker = self.predict(session.x, session.start)
+        return Belief(marker, np.broadcast_to(self.covariance, (len(marker), N_JOINTS, 3, 3)))
+
+    def live(self) -> Live:
+        """An estimator of this readout for one session, which no marker starts."""
+        return LiveWindows(self)
+
+    def _spread(self, validate: Windows) -> Array:
+        off = [self.predict(each.x, each.start) - each.marker for each in validate.sessions]
+        return covariance_of(np.concatenate(off))
 
     _learns: ClassVar[bool] = True
 
@@ -113,6 +135,7 @@ class Readout(ABC):
             "config": self.config(),
             "input_size": input_size(self.window),
             "rate_hz": self.rate_hz,
+            "covariance_m2": self.covariance.tolist(),
             "history": [asdict(epoch) for epoch in self.history],
         }
         write_whole(folder / "readout.json", json.dumps(about, indent=1) + "\n")
@@ -197,6 +220,7 @@ def load(folder: Path, window: int | None = None) -> Readout:
     _require_window(readout, about, folder, window)
     readout.learned = _read_learned(folder / "learned.npz")
     readout.rate_hz = about.get("rate_hz")
+    readout.covariance = np.array(about.get("covariance_m2", _unknown()))
     readout.history = [Epoch(**epoch) for epoch in about["history"]]
     return readout
 

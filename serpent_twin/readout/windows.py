@@ -1,7 +1,7 @@
 """Which numbers does a readout see at each step?"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from serpent_twin.log import Session, refuse_damaged
 from serpent_twin.pose import joints_from_markers
 
 STATE, COMMAND = 2 * N_JOINTS, N_JOINTS
+BUS = ("time", "position", "velocity", "load")
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,22 @@ class Start:
     """Joint angles seen by the cameras [rad], (9,)"""
     motor_angle: Array
     """Motor angles 1 … 9 of the same row [rad], (9,)"""
+
+
+@dataclass(frozen=True)
+class Bus:
+    """What the bus said of all ten motors, row by row."""
+
+    time: Array
+    """[s], (T,)"""
+    position: Array
+    """[rad], (T, 10)"""
+    velocity: Array
+    """[rad/s], (T, 10)"""
+    load: Array
+    """Fraction of the stall torque, (T, 10)"""
+    earlier: float = 0.0
+    """How long the arm's sessions before this one ran [s]"""
 
 
 @dataclass(frozen=True)
@@ -39,6 +56,23 @@ class SessionWindows:
     """Measured marker positions [m], (N, 9, 3), NaN where lost"""
     start: Start
     """Where the session began"""
+    bus: Bus
+    """The session's rows up to the last window's, from the first on: T ≥ N, windows end at the last N"""
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    def some(self, first: int, last: int) -> "SessionWindows":
+        """The windows first … last − 1; the bus keeps its rows before them."""
+        end = len(self.bus.time) - len(self) + last
+        rows = {name: getattr(self.bus, name)[:end] for name in BUS}
+        return replace(
+            self,
+            time=self.time[first:last],
+            x=self.x[first:last],
+            marker=self.marker[first:last],
+            bus=replace(self.bus, **rows),
+        )
 
 
 @dataclass(frozen=True)
@@ -120,7 +154,25 @@ def _cut_session(session: Session, window: int, drop: int, arm: Arm) -> SessionW
     x = stack(motor_state(session), command, window)[first - window + 1 :]
     where = slice(first, None)
     return SessionWindows(
-        session.name, session.time[where], x, session.marker[where], find_start(session, arm)
+        session.name,
+        session.time[where],
+        x,
+        session.marker[where],
+        find_start(session, arm),
+        bus_of(session),
+    )
+
+
+def bus_of(session: Session) -> Bus:
+    """What a session logged of the bus; sessions of a run are of one length."""
+    number = int(session.metadata.get("session", 1))
+    earlier = (number - 1) * float(session.time[-1] - session.time[0])
+    return Bus(
+        session.time,
+        session.motor_position,
+        session.motor_velocity,
+        session.motor_load,
+        earlier,
     )
 
 

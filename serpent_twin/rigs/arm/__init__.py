@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array, joint_from_motor
+from serpent_twin.driven import STANDING
 from serpent_twin.errors import SerpentError
-from serpent_twin.imposed import STANDING
 from serpent_twin.log import Session, read_folder, refuse_damaged
 from serpent_twin.pose import joints_from_markers, marker_offsets
 from serpent_twin.rigs.arm.cable_law import cable_laws

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from serpent_twin.arm import ARM, N_MOTORS, Arm, Array
-from serpent_twin.imposed import STANDING
+from serpent_twin.driven import STANDING
 
 _TYPICAL = np.array([4.0, 4.0, 0.6, 0.6, 0.0, 0.05])  # N/mm, N/mm, mm, mm, 1, N m
 _LOW = np.array([0.2, 0.2, -1.5, -1.5, -0.05, 0.0])

@@ -10,7 +10,8 @@ import numpy as np
 from serpent_twin import design
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array, joint_axis, link_frames
 from serpent_twin.design import NOMINAL_DESIGN
-from serpent_twin.imposed import STANDING, Response, Stretches, bearable, impose
+from serpent_twin.driven import STANDING
+from serpent_twin.imposed import Response, Stretches, bearable, impose
 from serpent_twin.log import Session
 from serpent_twin.pose import joints_from_markers
 from serpent_twin.residual import Comparison

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arm import N_JOINTS, Array, joint_from_motor
+from serpent_twin.driven import STANDING
 from serpent_twin.errors import SerpentError
-from serpent_twin.imposed import STANDING, Past, gaps
+from serpent_twin.imposed import Past, gaps
 from serpent_twin.log import Session
 from serpent_twin.pose import joints_from_markers, marker_offsets
 

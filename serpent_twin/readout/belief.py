@@ -1,0 +1,44 @@
+"""Where are the markers, and how sure is that?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from serpent_twin.arm import Array
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Marker positions of N rows, and the covariance of each one's error."""
+
+    marker: Array
+    """[m], (N, 9, 3)"""
+    covariance: Array
+    """Of what measured markers are off by, the cameras' noise included [m²], (N, 9, 3, 3); NaN where a
+    readout does not know
+    """
+
+    @property
+    def spread(self) -> Array:
+        """Root mean square of the error to expect of each marker [m], (N, 9)."""
+        return np.sqrt(np.trace(self.covariance, axis1=-2, axis2=-1))
+
+    def distance2(self, measured: Array) -> Array:
+        """Squared Mahalanobis distances of measured markers [m], (N, 9, 3); (N, 9), NaN where lost."""
+        off = (measured - self.marker)[..., None]
+        return (np.swapaxes(off, -1, -2) @ np.linalg.solve(self.covariance, off))[..., 0, 0]
+
+    def coverage(self, measured: Array, share: float = 0.95) -> float:
+        """Share of the markers seen that lie within their ellipsoids of that share."""
+        far = self.distance2(measured)
+        return float((far[np.isfinite(far)] <= chi2.ppf(share, 3)).mean())
+
+
+def covariance_of(error: Array) -> Array:
+    """Mean outer products of marker errors [m], (N, 9, 3), about zero, (9, 3, 3); NaN is left out."""
+    seen = np.asarray(np.isfinite(error).all(axis=-1))
+    known = np.where(seen[..., None], error, 0.0)
+    count = np.maximum(seen.sum(axis=0), 1)
+    found = np.einsum("nki,nkj->kij", known, known) / count[:, None, None]
+    return found + 1e-12 * np.eye(3)  # (1 µm)², so that it can be inverted

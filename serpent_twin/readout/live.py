@@ -1,0 +1,55 @@
+"""How does a readout estimate while the arm moves, one control step at a time?"""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from serpent_twin.arm import N_JOINTS, Array
+from serpent_twin.readout.belief import Belief
+
+if TYPE_CHECKING:
+    from serpent_twin.readout import Readout
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What the bus says in one control step."""
+
+    time: float
+    """[s]"""
+    position: Array
+    """[rad], (10,)"""
+    velocity: Array
+    """[rad/s], (10,)"""
+    load: Array
+    """Fraction of the stall torque, (10,)"""
+    command: Array
+    """What was sent after the reading before [rad/s], (10,); 0 for the first"""
+
+
+class Live(Protocol):
+    """An estimator that follows an arm, reading by reading."""
+
+    def update(self, now: Reading) -> Belief | None:
+        """The markers now, a belief of one row; None while it has not seen enough."""
+        ...
+
+
+class LiveWindows:
+    """A readout of windows, given the last H readings each time."""
+
+    def __init__(self, readout: "Readout") -> None:
+        H = readout.window
+        self._readout = readout
+        self._state, self._command = deque[Array](maxlen=H), deque[Array](maxlen=H - 1)
+
+    def update(self, now: Reading) -> Belief | None:
+        """The markers now; None before H readings."""
+        self._state.appendleft(np.r_[now.position[:N_JOINTS], now.load[:N_JOINTS]])
+        self._command.appendleft(now.command[:N_JOINTS])
+        if len(self._state) < self._readout.window:
+            return None
+        x = np.concatenate([*self._state, *self._command])[None]
+        return Belief(self._readout.predict(x), self._readout.covariance[None])
