@@ -175,3 +175,19 @@ class _Path:
         fading = np.exp(-t / self._lag)
         angle = self._before + self._new * t + self._change * self._lag * (1 - fading)
         return angle, self._new + self._change * fading
+
+
+def servo_lag(logs: Sequence[tuple[Array, Array, Array]]) -> float:
+    """Time constant with which the motors take up a new velocity [s], from logs of time, (T,), angles and
+    velocities, (T, 10).
+
+    Between two rows a motor goes v T + (v₀ − v) τ, so τ is a slope; a log without jumps gives 0.
+    """
+    jump, short = [], []
+    for time, angle, v in logs:
+        jump.append((v[:-1] - v[1:]).ravel())
+        short.append((np.diff(angle, axis=0) - v[1:] * np.diff(time)[:, None]).ravel())
+    x, y = np.concatenate(jump), np.concatenate(short)
+    use = np.isfinite(x + y) & (np.abs(x) > 4 * STANDING)
+    slope = float(x[use] @ y[use] / (x[use] @ x[use])) if use.sum() > 100 else 0.0
+    return float(np.clip(slope, 0.0, 0.05))

@@ -68,7 +68,7 @@ def estimate(session: log.Session, folder: Path) -> Estimate:
     trained.require_rate(session.rate_hz)
     seen = cut([session], trained.window, drop=0).sessions[0]
     row = np.arange(len(session) - len(seen.x), len(session))
-    return Estimate(trained.name, row, trained.predict(seen.x, seen.start))
+    return Estimate(trained.name, row, trained.follow(seen).marker)
 
 
 def corrected_twin(path: Path, seen: log.Session) -> Design:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from serpent_twin import cli
+from serpent_twin import cli, design
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
@@ -49,6 +49,8 @@ class Train:
     """Names of the sessions that test; by default the last one."""
     validate: tuple[str, ...] = ()
     """Names of the sessions that validate; by default the two before it, one of less than six."""
+    twin: Path | None = None
+    """A twin.json of python -m serpent_twin.trace, for readouts that have a twin; by default the nominal."""
     drop: int = 100
     """First rows of each session that are not estimated; published: 100."""
     seed: int = 0
@@ -115,6 +117,8 @@ def settings(config: Train, sessions: Split) -> dict[str, Any]:
     """What two runs must share to lie in one folder."""
     kept = {key: getattr(config, key) for key in ("window", "drop", "seed", "epochs", "threads")}
     inputs = {s.name: file_hash(s.path) for s in sessions.all() if s.path}
+    if config.twin:
+        kept["twin_sha256"] = file_hash(config.twin)
     return kept | {"sessions": sessions.names(), "input_sha256": inputs}
 
 
@@ -126,7 +130,8 @@ def _set_threads(threads: int) -> None:
 
 def _trial(config: Train, name: str, window: int) -> Trial:
     place = "models" if window == config.window else f"windows/{window}"
-    return Trial(name, window, config.out / place / name, config.seed, config.epochs)
+    twin = design.to_dict(design.read(config.twin)) if config.twin else None
+    return Trial(name, window, config.out / place / name, config.seed, config.epochs, twin)
 
 
 def _run(trials: list[Trial], sessions: Split, drop: int) -> dict[Trial, Result]:

@@ -34,6 +34,11 @@ class Belief:
         far = self.distance2(measured)
         return float((far[np.isfinite(far)] <= chi2.ppf(share, 3)).mean())
 
+    def scale_to(self, measured: Array, share: float = 0.95) -> Array:
+        """By what each marker's covariance must grow for its ellipsoids of that share to hold it, (9,)."""
+        far = self.distance2(measured)
+        return np.nanquantile(far, share, axis=0) / chi2.ppf(share, 3)
+
 
 def covariance_of(error: Array) -> Array:
     """Mean outer products of marker errors [m], (N, 9, 3), about zero, (9, 3, 3); NaN is left out."""

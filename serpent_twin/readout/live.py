@@ -1,13 +1,15 @@
 """How does a readout estimate while the arm moves, one control step at a time?"""
 
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from serpent_twin.arm import N_JOINTS, Array
+from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
 from serpent_twin.readout.belief import Belief
+from serpent_twin.readout.windows import Bus
 
 if TYPE_CHECKING:
     from serpent_twin.readout import Readout
@@ -27,6 +29,13 @@ class Reading:
     """Fraction of the stall torque, (10,)"""
     command: Array
     """What was sent after the reading before [rad/s], (10,); 0 for the first"""
+
+
+def readings(bus: Bus) -> Iterator[Reading]:
+    """A session's rows as they came."""
+    before = np.vstack([np.zeros(N_MOTORS), bus.command[:-1]])
+    rows = zip(bus.time, bus.position, bus.velocity, bus.load, before, strict=True)
+    return (Reading(*row) for row in rows)
 
 
 class Live(Protocol):

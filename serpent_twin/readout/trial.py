@@ -1,8 +1,10 @@
 """How good is one readout, and what does it cost?"""
 
+import itertools
 import json
 import time
 import zlib
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.readout import Progress, Readout, find, load
+from serpent_twin.readout.live import readings
 from serpent_twin.readout.score import Scores, distances, score
 from serpent_twin.readout.windows import Windows
 
@@ -65,13 +68,17 @@ class Trial:
     """Seed of its first weights and batches; its name and window are mixed in"""
     epochs: int | None = None
     """Passes at most; by default the readout's own"""
+    twin: Mapping[str, Any] | None = None
+    """The twin of readouts that have one, as twin.json holds it; by default the nominal one"""
 
     def untrained(self) -> Readout:
         """The readout before training."""
         kind = find(self.name)
-        limited = self.epochs is not None and any(f.name == "epochs" for f in fields(kind))
-        settings: dict[str, Any] = {"epochs": self.epochs} if limited else {}
-        return kind(self.window, **settings)
+        wanted = {"epochs": self.epochs, "twin": self.twin}
+        known = {f.name for f in fields(kind)}
+        return kind(
+            self.window, **{k: v for k, v in wanted.items() if k in known and v is not None}
+        )
 
     def stored(self) -> bool:
         """Whether it was trained already; an error if it was with other settings."""
@@ -100,7 +107,7 @@ class Trial:
     def result(self, test: Windows) -> Result:
         """Scores and costs of the stored readout."""
         readout = load(self.folder, self.window)
-        estimate = [readout.predict(session.x, session.start) for session in test.sessions]
+        estimate = [readout.follow(session).marker for session in test.sessions]
         cost = json.loads((self.folder / COST).read_text())
         return Result(
             score(np.concatenate(estimate), test.marker),
@@ -112,11 +119,10 @@ class Trial:
 
 
 def latency_ms(readout: Readout, windows: Windows, rows: int = 300) -> float:
-    """Median time of a one-row estimate [ms]."""
-    session, taken = windows.sessions[0], []
-    for k in range(rows):
-        row = session.x[k % len(session.x)][None]
+    """Median time of an estimate while the arm moves [ms]."""
+    live, taken = readout.live(), []
+    for now in itertools.islice(readings(windows.sessions[0].bus), rows):
         began = time.perf_counter()
-        readout.predict(row, session.start)
-        taken.append(time.perf_counter() - began)
+        if live.update(now):
+            taken.append(time.perf_counter() - began)
     return float(np.median(taken)) * 1e3

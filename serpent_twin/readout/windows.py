@@ -13,7 +13,7 @@ from serpent_twin.log import Session, refuse_damaged
 from serpent_twin.pose import joints_from_markers
 
 STATE, COMMAND = 2 * N_JOINTS, N_JOINTS
-BUS = ("time", "position", "velocity", "load")
+BUS = ("time", "position", "velocity", "load", "command")
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,8 @@ class Bus:
     """[rad/s], (T, 10)"""
     load: Array
     """Fraction of the stall torque, (T, 10)"""
+    command: Array
+    """Sent after each row [rad/s], (T, 10)"""
     earlier: float = 0.0
     """How long the arm's sessions before this one ran [s]"""
 
@@ -172,6 +174,7 @@ def bus_of(session: Session) -> Bus:
         session.motor_position,
         session.motor_velocity,
         session.motor_load,
+        session.motor_velocity_command,
         earlier,
     )
 

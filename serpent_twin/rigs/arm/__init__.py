@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array, joint_from_motor
-from serpent_twin.driven import STANDING
+from serpent_twin.driven import STANDING, servo_lag
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Session, read_folder, refuse_damaged
 from serpent_twin.pose import joints_from_markers, marker_offsets
 from serpent_twin.rigs.arm.cable_law import cable_laws
 from serpent_twin.rigs.arm.case import ArmCase
-from serpent_twin.rigs.arm.pieces import servo_lag
 from serpent_twin.rigs.arm.vector import candidates, vector
 from serpent_twin.rigs.rig import Candidate, Point
 
@@ -66,8 +65,9 @@ class ArmRig:
         laws = cable_laws(joint, motor, velocity, load)
         about = vector(laws, offset, error, _FRICTIONS[1], _DAMPINGS[1])
         noise = np.full(N_JOINTS, 1e-3), np.full(N_MOTORS, 5e-3)
+        lag = servo_lag([(s.time, s.motor_position, s.motor_velocity) for s in training])
         known = candidates()
-        case = ArmCase(about, known, _unseen(velocity, known), *noise, servo_lag(training))
+        case = ArmCase(about, known, _unseen(velocity, known), *noise, lag)
         return _with_friction(case, training)
 
 

@@ -143,19 +143,3 @@ def past(pieces: Pieces) -> Past:
     runs = [pieces.run[name] for name in pieces.session]
     past = (np.array([getattr(run, f)[k] for run, k in zip(runs, rows, strict=True)]) for f in RUN)
     return Past(*past)
-
-
-def servo_lag(sessions: Sequence[Session]) -> float:
-    """Time constant with which the motors take up a new velocity [s], from angles and velocities.
-
-    Between two rows a motor goes v T + (v₀ − v) τ, so τ is a slope; a log without jumps gives 0.
-    """
-    jump, short = [], []
-    for session in sessions:
-        v, T = session.motor_velocity, np.diff(session.time)[:, None]
-        jump.append((v[:-1] - v[1:]).ravel())
-        short.append((np.diff(session.motor_position, axis=0) - v[1:] * T).ravel())
-    x, y = np.concatenate(jump), np.concatenate(short)
-    use = np.isfinite(x + y) & (np.abs(x) > 4 * STANDING)
-    slope = float(x[use] @ y[use] / (x[use] @ x[use])) if use.sum() > 100 else 0.0
-    return float(np.clip(slope, 0.0, 0.05))
