@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from serpent_twin import rigs
@@ -19,9 +20,10 @@ from serpent_twin.report import write
 from serpent_twin.rigs.rig import Log
 from serpent_twin.trace.conclude import conclude
 from serpent_twin.trace.diagnosis import Diagnosis
+from serpent_twin.trace.least_squares import drawn
 from serpent_twin.trace.notebook import Notebook
 from serpent_twin.trace.page import page
-from serpent_twin.trace.steps import Tracer
+from serpent_twin.trace.steps import Search, Tracer
 
 SETTINGS = "trace.json"
 _STEPS = 60  # of a usual trace, for the time left: a second effect adds some
@@ -50,12 +52,17 @@ class Trace:
     """Use only the first so many sessions; 0 for all."""
     seed: int = 0
     """Seed of bootstrap and permutations."""
+    twins: int = 0
+    """Also write so many twins that the logs do not tell from the corrected one, OUT/twins/drawn_NN.json:
+    drawn as the fit is uncertain. And OUT/twins/calibrated.json, without effects. May be asked for later."""
 
 
 def trace(config: Trace) -> dict[str, Any]:
     """Trace a folder of logs; returns what diagnosis.json holds."""
     if config.seed < 0:
         raise SerpentError(f"--seed is {config.seed}; give a number of at least 0.")
+    if config.twins < 0:
+        raise SerpentError(f"--twins is {config.twins}; give how many to draw, or 0 for none.")
     if config.sessions < 0:
         raise SerpentError(f"--sessions is {config.sessions}; give how many to use, or 0 for all.")
     rig = rigs.find(config.rig)
@@ -88,9 +95,11 @@ def trace_sessions(
     settings = _settings(config, training, judging)
     with claimed(config.out, SETTINGS, settings):
         began = time.perf_counter()
-        tracer, found = _run(config, rig, training, judging)
+        tracer, search, found = _run(config, rig, training, judging)
         seconds = tracer.notes.seconds + time.perf_counter() - began
         numbers = found.numbers(seconds, tracer.notes.simulated + tracer.case.clock.seconds)
+        if config.twins:
+            _write_twins(config, search, found.arm, settings)
         return found, _write(config, tracer, found, numbers, settings)
 
 
@@ -104,7 +113,7 @@ def _settings(config: Trace, training: Sequence[Log], judging: Sequence[Log]) ->
 
 def _run(
     config: Trace, rig: rigs.Rig, training: Sequence[Log], judging: Sequence[Log]
-) -> tuple[Tracer, Diagnosis]:
+) -> tuple[Tracer, Search, Diagnosis]:
     with tqdm(total=_STEPS, unit="step", desc="first guesses", smoothing=0.1) as bar:
 
         def tell(what: str) -> None:
@@ -121,7 +130,7 @@ def _run(
         found = conclude(tracer, search, arm, [_file(s) for s in judging])
         bar.total = bar.n
         bar.refresh()
-    return tracer, found
+    return tracer, search, found
 
 
 def _file(session: Log) -> str:
@@ -160,6 +169,16 @@ def _write(
     print(f"{numbers['seconds']:.0f} s, {share:.0f} % of it in simulation.")
     print(f"{report}: the figures. {config.out / 'twin.json'}: the corrected twin.")
     return numbers
+
+
+def _write_twins(config: Trace, search: Search, arm: str, settings: Mapping[str, Any]) -> None:
+    """Write the calibrated twin, and those that the logs do not tell from the corrected one."""
+    folder, rng = config.out / "twins", np.random.default_rng([config.seed, 11])
+    folder.mkdir(exist_ok=True)
+    about = {"arm": arm, "provenance": dict(settings) | provenance()}
+    search.case.write(search.calibrated.point, folder / "calibrated.json", about)
+    for n, point in enumerate(drawn(search.case, search.final, rng, config.twins), 1):
+        search.case.write(point, folder / f"drawn_{n:02d}.json", about)
 
 
 def _finite(numbers: Any) -> Any:
