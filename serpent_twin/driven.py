@@ -139,6 +139,11 @@ class DrivenArms:
         self._wind(to)
         self._batch.forward()
 
+    def nudge(self, joint_angle: Array) -> None:
+        """Move the joints to angles [rad], (n, 9), as they are; velocities and memories stay."""
+        self._qpos[:, self._joint_q] = joint_angle
+        self._batch.forward()
+
     def _wind(self, motors: Motors) -> None:
         self._cables.wind(self._cables.slack, motors.angle, motors.angle)
 

@@ -14,10 +14,14 @@ from serpent_twin.readout import Readout, available, find, load
 from serpent_twin.readout import windows as win
 from serpent_twin.readout.decoder import joint_angles
 from serpent_twin.readout.linear import ridge_weights, with_one
+from serpent_twin.readout.live import readings
 from serpent_twin.readout.scale import scale_of, spread_of
 from serpent_twin.readout.score import score
 
-LEARNING = [name for name in available() if name != "analytical"]
+WINDOWED = [
+    name for name in available() if name != "observer"
+]  # it follows sessions: test_observer.py
+LEARNING = [name for name in WINDOWED if name != "analytical"]
 torch.set_num_threads(1)  # networks this small only wait for a second thread
 QUIET = lambda *_: None  # noqa: E731
 
@@ -73,7 +77,7 @@ def data() -> tuple[win.Windows, win.Windows, win.Windows]:
 
 @pytest.fixture(scope="module")
 def fitted(data) -> dict[str, Readout]:
-    readouts = {name: small(name) for name in available()}
+    readouts = {name: small(name) for name in WINDOWED}
     for readout in readouts.values():
         readout.fit(data[0], data[1], np.random.default_rng(0), QUIET)
     return readouts
@@ -84,7 +88,7 @@ def error_mm(readout: Readout, windows: win.Windows) -> float:
     return score(readout.predict(session.x, session.start), session.marker).mean_mm
 
 
-@pytest.mark.parametrize("name", available())
+@pytest.mark.parametrize("name", WINDOWED)
 def test_estimates_are_finite_markers_row_by_row(name, data, fitted):
     session = data[2].sessions[0]
     together = fitted[name].predict(session.x, session.start)
@@ -105,7 +109,7 @@ def test_every_readout_learns_most_of_what_the_loads_do(name, data, fitted):
     assert error_mm(fitted[name], data[2]) < bound
 
 
-@pytest.mark.parametrize("name", available())
+@pytest.mark.parametrize("name", WINDOWED)
 def test_a_saved_readout_comes_back_the_same(name, data, fitted, tmp_path):
     fitted[name].save(tmp_path)
     again = load(tmp_path, window=4)
@@ -126,7 +130,7 @@ def test_the_same_seed_gives_the_same_readout(name, data, fitted):
         np.testing.assert_array_equal(value, fitted[name].learned[key])
 
 
-@pytest.mark.parametrize("name", available())
+@pytest.mark.parametrize("name", WINDOWED)
 def test_windows_of_another_length_are_refused(name, data, fitted, tmp_path):
     other = make_windows(range(1, 2), window=3)
     with pytest.raises(SerpentError, match=r"windows of 4 rows, 99 numbers.*\(390, 72\)"):
@@ -273,3 +277,19 @@ def test_scores_agree_with_hand_arithmetic():
     assert found.per_marker_mm[0] == pytest.approx(3)
     with pytest.raises(SerpentError, match="no marker"):
         score(estimate, np.full((2, 9, 3), np.nan))
+
+
+@pytest.mark.parametrize("name", WINDOWED)
+def test_live_says_row_by_row_what_follow_says_of_a_session(name, data, fitted):
+    session = data[2].sessions[0].some(0, 30)
+    whole = fitted[name].follow(session)
+    live = fitted[name].live()
+    beliefs = [live.update(now) for now in readings(session.bus)]
+    assert all(belief is None for belief in beliefs[:3])
+    marker = np.concatenate([belief.marker for belief in beliefs[-30:] if belief])
+    if name != "analytical":  # which cameras start where there are any
+        np.testing.assert_allclose(marker, whole.marker, atol=2e-6)
+    error = fitted[name].follow(data[1].sessions[0]).marker - data[1].marker
+    np.testing.assert_allclose(
+        whole.spread[0] ** 2, (error**2).sum(axis=-1).mean(axis=0), rtol=1e-6, atol=4e-12
+    )

@@ -75,10 +75,11 @@ class Observer(Readout):
     ) -> None:
         lag = servo_lag([(s.bus.time, s.bus.position, s.bus.velocity) for s in train.sessions])
         self.learned = {
+            **self.learned,
             "servo_lag": np.array(lag),
             "joint": np.zeros((N_JOINTS, N_JOINTS)),
             "rest": np.tile(np.eye(3), (N_JOINTS, 1, 1)),
-            "load": np.full(N_MOTORS, np.inf),
+            "load": self.learned.get("load", np.full(N_MOTORS, np.inf)),
         }
         seen = []
         for done, session in enumerate(validate.sessions, 1):
@@ -168,15 +169,20 @@ class LiveObserver:
                 "the twin with python -m serpent_twin.trace."
             )
         self._interval, self._time = interval, now.time
-        self.sensed: Sensed = self.arms.read()
+        self.sensed = mean_of(self.arms.read())
 
     def belief(self, now: Reading) -> Belief:
         """What the twin says of the markers, less sure the more loads differ from its own."""
-        error = (now.load - self.sensed.load.mean(axis=0)) / self._observer.learned["load"]
+        error = (now.load - self.sensed.load[0]) / self._observer.learned["load"]
         turning = np.abs(now.velocity) > TURNING
         if turning.any():
             fade = np.exp(-self._interval / TRUST)
             self._doubt = fade * self._doubt + (1 - fade) * float((error[turning] ** 2).mean())
-        q = self.sensed.joint_angle.mean(axis=0, keepdims=True)
-        covariance = self._observer.seen_from(q, max(1.0, self._doubt))
-        return Belief(self.sensed.marker.mean(axis=0, keepdims=True), covariance)
+        doubt = max(1.0, self._doubt)
+        covariance = self._observer.seen_from(self.sensed.joint_angle, doubt)
+        return Belief(self.sensed.marker, covariance)
+
+
+def mean_of(members: Sensed) -> Sensed:
+    """What members sense in the mean, as one."""
+    return Sensed(**{n: value.mean(axis=0, keepdims=True) for n, value in vars(members).items()})

@@ -13,6 +13,7 @@ from serpent_twin.log import Session, read_folder, refuse_damaged
 from serpent_twin.pose import joints_from_markers, marker_offsets
 from serpent_twin.rigs.arm.cable_law import cable_laws
 from serpent_twin.rigs.arm.case import ArmCase
+from serpent_twin.rigs.arm.recorder import recorded_by
 from serpent_twin.rigs.arm.vector import candidates, vector
 from serpent_twin.rigs.rig import Candidate, Point
 
@@ -64,6 +65,8 @@ class ArmRig:
         joint = joints_from_markers(marker, start, offset)
         laws = cable_laws(joint, motor, velocity, load)
         about = vector(laws, offset, error, _FRICTIONS[1], _DAMPINGS[1])
+        parameters = recorded_by(about.start.parameters, training, rms)
+        about = replace(about, start=replace(about.start, parameters=parameters))
         noise = np.full(N_JOINTS, 1e-3), np.full(N_MOTORS, 5e-3)
         lag = servo_lag([(s.time, s.motor_position, s.motor_velocity) for s in training])
         known = candidates()

@@ -182,5 +182,7 @@ class ArmCase:
         return 1e3 * float(np.mean(errors))
 
     def write(self, point: Point, path: Path, about: Mapping[str, Any]) -> None:
-        """Write twin.json and twin.xml."""
-        design.write(path, self.vector.design(point), about)
+        """Write twin.json and twin.xml; the loads' noise is what the case's last twin left of them."""
+        found = self.vector.design(point)
+        parameters = replace(found.parameters, load_noise=float(np.median(self.load_noise)))
+        design.write(path, replace(found, parameters=parameters), about)
