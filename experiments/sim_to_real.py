@@ -1,0 +1,184 @@
+"""What is a mended twin good for? Estimates of the real arm's pose: from the twin itself, from readouts
+trained on it, and from readouts that were trained on the arm.
+
+Each arm is traced by its training sessions alone; all routes are then scored on its test session.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from close_the_loop import LOGS, arm_folders
+from serpent_twin.readout.online import Online
+from sim_to_real_arm import study_arm
+from sim_to_real_conditions import MORE_KG, changing, followed, in_conditions, recovery
+from sim_to_real_page import arm_table, page
+from sim_to_real_twins import CORRECTED, FULL, QUICK
+from tqdm import tqdm
+
+from serpent_twin import cli, design
+from serpent_twin.claim import claimed
+from serpent_twin.errors import SerpentError
+from serpent_twin.files import write_whole
+from serpent_twin.log import session_files
+from serpent_twin.provenance import file_hash, provenance
+from serpent_twin.readout import load
+from serpent_twin.report import text_table, write
+
+SETTINGS = "sim_to_real.json"
+HOUR, MINUTES = 14_400, 2_400  # rows at 4 Hz
+CHANGING = (1600, 600)  # rows, and the row at which the payload changes
+
+
+@dataclass(frozen=True)
+class SimToReal:
+    """Compare what mended twins and real windows are worth to pose estimates.
+
+    OUT gets results.json, report.html, report.md, figures, each arm's trace, logs of its twins and all
+    trained readouts. The same command goes on where it stopped.
+    """
+
+    logs: tuple[Path, ...] = (LOGS,)
+    """Folders: of one arm's session logs each, or of such folders."""
+    out: Path = Path("sim_to_real")
+    """Folder for results."""
+    arms: tuple[str, ...] = ()
+    """Which arms, by the names of their folders; all without."""
+    conditions_of: str = ""
+    """The arm whose simulated twin is put into other conditions; without: the first that lacked something."""
+    seed: int = 0
+    """Of simulated sessions, drawn twins and first weights."""
+    quick: bool = False
+    """A quick look: few and short simulated sessions, a 10-minute condition in place of the hour."""
+
+
+def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the config's own
+    folders = _folders(config)
+    size = QUICK if config.quick else FULL
+    with claimed(config.out, SETTINGS, _settings(config, folders)):
+        _one_thread()
+        found: dict[str, Any] = {}
+        with tqdm(total=len(folders) + 2, unit="part", smoothing=0.5) as bar:
+            for name, folder in folders.items():
+                tell = _teller(bar, name)
+                found[name] = study_arm(folder, config.out / name, config.seed, size, tell)
+                bar.update()
+            chosen = _chosen(config, found)
+            hour = MINUTES if config.quick else HOUR
+            others = _other_conditions(config, chosen, hour, _teller(bar, chosen))
+            bar.update()
+            changes = _change(config, chosen, _teller(bar, chosen))
+            bar.update()
+        origin = provenance() | {"settings": _settings(config, folders)}
+        results = {
+            "arms": found,
+            "conditions": {"arm": chosen, "readouts": others},
+            "payload_change": changes,
+        }
+        write_whole(config.out / "results.json", json.dumps(results | origin, indent=1) + "\n")
+        print(text_table(arm_table(found)))
+        report = page(results, origin)
+        print(f"{write(report, config.out)}: the figures. {report.lead}")
+
+
+def _teller(bar: tqdm, name: str) -> Callable[[str], None]:
+    return lambda what: bar.set_description_str(f"{name}, {what}")
+
+
+def _folders(config: SimToReal) -> dict[str, Path]:
+    found: dict[str, Path] = {}
+    for logs in config.logs:
+        here = arm_folders(logs, () if len(config.logs) > 1 else config.arms)
+        if both := sorted(set(here) & set(found)):
+            raise SerpentError(f"two folders are named {', '.join(both)}: rename one of them.")
+        found |= here
+    if unknown := sorted(set(config.arms) - set(found)):
+        raise SerpentError(f"no arms {', '.join(unknown)}; there are: {', '.join(found)}.")
+    chosen = {name: path for name, path in found.items() if not config.arms or name in config.arms}
+    for path in chosen.values():
+        if len(session_files(path)) < 3:
+            raise SerpentError(
+                f"{path} holds fewer than three sessions: one at least must be fitted, one judge and one "
+                "test. Record more."
+            )
+    return chosen
+
+
+def _settings(config: SimToReal, folders: dict[str, Path]) -> dict[str, Any]:
+    inputs = {
+        name: {path.name: file_hash(path) for path in session_files(folder)}
+        for name, folder in folders.items()
+    }
+    return {"seed": config.seed, "quick": config.quick, "input_sha256": inputs}
+
+
+def _one_thread() -> None:
+    """The last digits of networks depend on how many threads train them."""
+    import torch
+
+    torch.set_num_threads(1)
+
+
+def _chosen(config: SimToReal, found: dict[str, Any]) -> str:
+    if config.conditions_of and config.conditions_of not in found:
+        raise SerpentError(
+            f"--conditions-of {config.conditions_of} is no arm; there are: {', '.join(found)}."
+        )
+    lacking = [name for name, arm in found.items() if arm["effects"]]
+    return config.conditions_of or (lacking or list(found))[0]
+
+
+def _other_conditions(
+    config: SimToReal, name: str, hour: int, tell: Callable[[str], None]
+) -> dict[str, Any]:
+    folder = config.out / name
+    done = folder / "conditions.json"
+    if done.exists():
+        return json.loads(done.read_text())
+    models = folder / "models"
+    readouts = {
+        "observer": load(models / f"observer_{CORRECTED}" / "observer"),
+        "twin-trained residual_mlp": load(models / CORRECTED / "residual_mlp"),
+        "arm-trained residual_mlp": load(models / "real" / "residual_mlp"),
+        "arm-trained lstm": load(models / "real" / "lstm"),
+    }
+    arm = design.read(sorted((folder / "trace" / "twins").glob("drawn_*.json"))[-1])
+    found = in_conditions(arm, readouts, config.seed, hour, tell)
+    write_whole(done, json.dumps(found, indent=1) + "\n")
+    return found
+
+
+def _change(config: SimToReal, name: str, tell: Callable[[str], None]) -> dict[str, Any]:
+    """A payload taken up on the way: with markers from then on, and without."""
+    folder = config.out / name
+    done = folder / "payload_change.json"
+    if done.exists():
+        return json.loads(done.read_text())
+    tell("a payload taken up on the way")
+    rows, at = CHANGING
+    arm = design.read(sorted((folder / "trace" / "twins").glob("drawn_*.json"))[-1])
+    session = changing(arm, rows, at, MORE_KG, config.seed)
+    models, found = folder / "models", dict[str, Any]()
+    for label, place in {
+        "observer": models / f"observer_{CORRECTED}" / "observer",
+        "twin-trained residual_mlp": models / CORRECTED / "residual_mlp",
+    }.items():
+        readout = load(place)
+        for how in ("alone", "with markers"):
+            live = readout.live()
+            online = Online(live) if how == "with markers" else None
+            error = followed(online or live, session, online.correct if online else None)
+            error = np.array(list(error))
+            found[f"{label}, {how}"] = recovery(error, at) | {
+                "error_mm": [round(float(each), 4) for each in np.nan_to_num(error)]
+            }
+    found["more_kg"], found["at_row"] = MORE_KG, at
+    write_whole(done, json.dumps(found, indent=1) + "\n")
+    return found
+
+
+if __name__ == "__main__":
+    cli.run(main)

@@ -1,0 +1,189 @@
+"""What becomes of each route in conditions that nobody trained for?
+
+The arm is simulated here: it is a twin that the logs do not tell from the corrected one, with which the
+observer goes on. So an error of all twins is not in these figures; the logged arm's are elsewhere.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arm import ARM
+from serpent_twin.bus.simulated import SimulatedBus
+from serpent_twin.collect.loop import record
+from serpent_twin.control import random_targets
+from serpent_twin.design import Design
+from serpent_twin.effects.payload import Payload
+from serpent_twin.errors import SerpentError
+from serpent_twin.log import Session
+from serpent_twin.mocap.simulated import SimulatedMocap
+from serpent_twin.readout import Readout
+from serpent_twin.readout.belief import Belief
+from serpent_twin.readout.live import Live, readings
+from serpent_twin.readout.score import distances, score
+from serpent_twin.readout.windows import bus_of, cut
+from serpent_twin.twin import Twin
+
+ROWS = 1200
+MORE_KG = 0.03
+_ROW = (
+    "time",
+    "motor_position",
+    "motor_velocity",
+    "motor_load",
+    "motor_velocity_command",
+    "joint_target",
+    "marker",
+)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One way in which a session differs from those trained on."""
+
+    name: str
+    rows: int = ROWS
+    rate_hz: float = 4.0
+    wider: float = 1.0
+    """Times the published range of the targets"""
+    more_kg: float = 0.0
+    """Payload besides what the arm carries"""
+    lost: tuple[int, int] = (0, 0)
+    """Rows that no bus brings"""
+    reboots: tuple[int, ...] = ()
+    """Rows before which three motors trip and are rebooted, their joints loose for two seconds"""
+
+
+def conditions(hour: int) -> tuple[Condition, ...]:
+    """All that are tried; the long one takes so many rows."""
+    return (
+        Condition("as trained"),
+        Condition("10 Hz", rate_hz=10.0),
+        Condition("range × 1.3", wider=1.3),
+        Condition(f"{MORE_KG * 1e3:.0f} g more payload", more_kg=MORE_KG),
+        Condition("10 s without bus", lost=(ROWS // 3, ROWS // 3 + 40)),
+        Condition("three motors rebooted, twice", reboots=(ROWS // 3, ROWS // 2)),
+        Condition(f"{hour / 4 / 3600:.2g} h", rows=hour),
+    )
+
+
+def loaded(design: Design, more_kg: float) -> Design:
+    """The arm with more in its gripper."""
+    held = [each for each in design.effects if isinstance(each, Payload)]
+    mass = sum(each.mass for each in held) + more_kg
+    return design.with_effect(Payload(mass=mass)) if more_kg else design
+
+
+def session_of(arm: Design, condition: Condition, seed: int) -> Session:
+    """A session of a simulated arm."""
+    seeds = np.random.SeedSequence([seed, 17]).spawn(3)
+    for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
+    parameters = arm.parameters
+    twin = Twin(loaded(arm, condition.more_kg))
+    bus = SimulatedBus(twin, for_loads, parameters.load_noise)
+    cameras = SimulatedMocap(twin, for_cameras, parameters.marker_noise)
+    wide = replace(ARM, target_range=condition.wider * ARM.target_range)
+    targets = random_targets(
+        condition.rows, for_targets, wide, hold=round(1.25 * condition.rate_hz)
+    )
+    parts = np.split(targets, condition.reboots)
+    rows = list[dict[str, Any]]()
+    with bus:
+        for n, part in enumerate(parts):
+            if n:
+                bus.reboot([2, 3, 7])
+                bus.wait(2.0)
+            began = bus.time
+            for row in record(
+                bus, cameras, part, parameters.controller_gain, 1 / condition.rate_hz
+            ):
+                rows.append(row | {"time": began + row["time"]})
+    whole = _session(rows, condition.rate_hz)
+    kept = np.ones(len(whole), bool)
+    kept[slice(*condition.lost)] = False
+    return whole if kept.all() else _session([r for r, k in zip(rows, kept, strict=True) if k], 4.0)
+
+
+def _session(rows: list[dict[str, Any]], rate_hz: float) -> Session:
+    metadata = {"schema_version": 1, "backend": "sim", "arm": "simulated", "session": 1}
+    arrays = {name: np.array([row[name] for row in rows], float) for name in _ROW}
+    return Session(None, metadata | {"rate_hz": rate_hz}, **arrays)
+
+
+def in_conditions(
+    arm: Design, readouts: Mapping[str, Readout], seed: int, hour: int, tell: Callable[[str], None]
+) -> dict[str, Any]:
+    """Errors [mm] and coverage of each readout in each condition; what it refuses, it says."""
+    found: dict[str, Any] = {}
+    for condition in conditions(hour):
+        tell(f"condition: {condition.name}")
+        windows = cut([session_of(arm, condition, seed)], 4, 100)
+        test = windows.sessions[0]
+        found[condition.name] = {}
+        for name, readout in readouts.items():
+            try:
+                readout.require_rate(condition.rate_hz)
+            except SerpentError:
+                found[condition.name][name] = None
+                continue
+            belief = readout.follow(test)
+            parts = np.array_split(distances(belief.marker, test.marker).mean(axis=1) * 1e3, 6)
+            found[condition.name][name] = {
+                "mean_mm": score(belief.marker, test.marker).mean_mm,
+                "coverage_95": belief.coverage(test.marker),
+                "by_sixth_mm": [float(part.mean()) for part in parts],
+            }
+    return found
+
+
+# A payload that changes while the arm moves
+
+
+def changing(arm: Design, rows: int, at: int, more_kg: float, seed: int) -> Session:
+    """A session during which the gripper takes something up, at a row."""
+    seeds = np.random.SeedSequence([seed, 19]).spawn(3)
+    for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
+    twin = Twin(loaded(arm, 1e-4))
+    bus = SimulatedBus(twin, for_loads, arm.parameters.load_noise)
+    cameras = SimulatedMocap(twin, for_cameras, arm.parameters.marker_noise)
+    targets, logged = random_targets(rows, for_targets), list[dict[str, Any]]()
+    body = mujoco.mj_name2id(twin.model, mujoco.mjtObj.mjOBJ_BODY, "payload")
+    mass = twin.batch.expand("body_mass")
+    with bus:
+        for n, row in enumerate(
+            record(bus, cameras, targets, arm.parameters.controller_gain, 0.25)
+        ):
+            logged.append(row)
+            if n == at:
+                mass[:, body] += more_kg
+    return _session(logged, 4.0)
+
+
+def followed(
+    live: Live, session: Session, correct: Callable[[Any], None] | None
+) -> Iterator[float]:
+    """Error of each row [mm], before the row's own markers correct anything; NaN before the first."""
+    for now, marker in zip(readings(bus_of(session)), session.marker, strict=True):
+        belief: Belief | None = live.update(now)
+        yield np.nan if belief is None else float(distances(belief.marker[0], marker).mean() * 1e3)
+        if correct:
+            correct(marker)
+
+
+def recovery(error: np.ndarray, at: int, rate_hz: float = 4.0) -> dict[str, float | None]:
+    """Mean errors before and after a change at a row, and how long until 10 s of rows are as good as 1.25 ×
+    those before [s]; None if they never are.
+    """
+    width = round(10 * rate_hz)
+    before = float(np.nanmean(error[at - 4 * width : at]))
+    mean = np.convolve(error[at + 1 :], np.ones(width) / width, "valid")
+    good = np.flatnonzero(mean <= 1.25 * before)
+    return {
+        "before_mm": before,
+        "first_10_s_mm": float(mean[0]),
+        "last_mm": float(np.nanmean(error[-4 * width :])),
+        "recovered_s": float((good[0] + width) / rate_hz) if good.size else None,
+    }

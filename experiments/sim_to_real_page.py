@@ -1,0 +1,315 @@
+"""What does a reader want to know of going from simulation to the arm?"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from sim_to_real_twins import CALIBRATED, CORRECTED, NOMINAL, RANDOMISED, STAGES
+
+from serpent_twin.report import Figure, Report, Section, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
+_COLOUR = {
+    "real alone": "#6f6f6f",
+    NOMINAL: "#b9b9b9",
+    CALIBRATED: "#6b9ac4",
+    CORRECTED: "#d1603d",
+    RANDOMISED: "#e0a458",
+}
+_LABEL = {
+    "real alone": "trained on the arm alone",
+    NOMINAL: "on the nominal twin, then the arm",
+    CALIBRATED: "on the calibrated twin, then the arm",
+    CORRECTED: "on the corrected twin, then the arm",
+    RANDOMISED: "on twins drawn about it, then the arm",
+}
+_ZERO = 30  # where no window at all is drawn on a logarithmic axis
+_UNIT = (
+    "Mean distance between estimated and measured markers over the test session, in mm; no route has seen "
+    "that session, nor has the twin."
+)
+
+
+def page(results: Mapping[str, Any], origin: Mapping[str, Any]) -> Report:
+    """The report."""
+    arms = results["arms"]
+    sections = (
+        Section("The routes", _UNIT, (arm_table(arms),)),
+        Section("Without one real window", _claims(arms), (zero_table(arms),)),
+        Section("With few real windows", "", (Figure("curves", curves(arms), _CURVES),)),
+        Section(
+            "Is it as sure as it says?", _sure(arms), (Figure("coverage", coverage(arms), _COVER),)
+        ),
+        Section("What the loads correct", _filter(arms), (filter_table(arms),)),
+        Section("Conditions not trained for", _CONDITIONS, (condition_table(results),)),
+        Section("A payload taken up on the way", _change(results), _change_blocks(results)),
+        Section("What an estimate costs", "", (cost_table(arms),)),
+    )
+    return Report("From simulation to the arm", lead(arms), sections, _facts(origin))
+
+
+_CURVES = (
+    "Error against the arm's windows that were used, at 4 windows a second; the leftmost points used none. "
+    "Solid: residual_mlp. Dotted: residual, a ridge."
+)
+_COVER = (
+    "Share of the markers inside the regions that the observer states; on the line it is right."
+)
+_CONDITIONS = (
+    "The arm is simulated here: it is a twin drawn as the fit is uncertain, so these figures show what a "
+    "condition costs and not how wrong the twin is. In brackets: share of the markers in the 95 % regions."
+)
+
+
+def lead(arms: Mapping[str, Any]) -> str:
+    """The conclusion."""
+    known = {n: a for n, a in arms.items() if not a["unexplained"]["is"]}
+    shown = known or arms
+    share = [a["observer_mm"] / a["lstm_mm"] for a in shown.values()]
+    zero = [a["zero_shot_mm"][CORRECTED] / a["all_real_mm"] for a in shown.values()]
+    said = (
+        f"The corrected twin, driven by motor angles, is {_span(share)} × as far off as the LSTM that was "
+        f"trained on all of an arm's windows; a readout trained on it alone {_span(zero)} × as far as the "
+        "same readout trained on the arm."
+    )
+    if rest := sorted(set(arms) - set(known)):
+        worse = _span([arms[n]["observer_mm"] / arms[n]["lstm_mm"] for n in rest])
+        said += f" Where something is left that nobody could name ({', '.join(rest)}), that is {worse} ×."
+    return said
+
+
+def _span(values: list[float]) -> str:
+    low, high = min(values), max(values)
+    return f"{low:.2f}" if f"{low:.2f}" == f"{high:.2f}" else f"{low:.2f} … {high:.2f}"
+
+
+def arm_table(arms: Mapping[str, Any]) -> Table:
+    """The routes side by side."""
+    header = (
+        "arm",
+        "observer",
+        "tip",
+        "LSTM, all real",
+        "observer / LSTM",
+        "zero-shot",
+        "500 windows",
+        "all real",
+        "zero-shot / all real",
+        "in 95 % regions",
+    )
+    rows = tuple(
+        (
+            name,
+            f"{a['observer_mm']:.2f}",
+            f"{a['observer_tip_mm']:.2f}",
+            f"{a['lstm_mm']:.2f}",
+            f"{a['observer_mm'] / a['lstm_mm']:.2f}",
+            f"{a['zero_shot_mm'][CORRECTED]:.2f}",
+            f"{a['few_shot_mm'].get('500', np.nan):.2f}",
+            f"{a['all_real_mm']:.2f}",
+            f"{a['zero_shot_mm'][CORRECTED] / a['all_real_mm']:.2f}",
+            f"{100 * a['coverage_95']:.1f} %",
+        )
+        for name, a in arms.items()
+    )
+    readout = next(iter(arms.values()))["readout"]
+    note = f"Zero-shot (trained on the corrected twin), few windows and all real are of {readout}."
+    return Table(header, rows, note)
+
+
+def zero_table(arms: Mapping[str, Any]) -> Table:
+    """Trained on twins alone."""
+    rows = []
+    for name, a in arms.items():
+        for readout, curve in a["curves_mm"].items():
+            cells = tuple(f"{curve[stage]['0']:.2f}" for stage in STAGES)
+            rows.append((name, readout, *cells, f"{curve['real alone']['all']:.2f}"))
+        seen = a["observer_by_stage_mm"]
+        cells = tuple(f"{seen[s]:.2f}" if s in seen else "" for s in STAGES)
+        rows.append((name, "observer", *cells, ""))
+        hybrid = a["hybrid_mm"]
+        rows.append((name, "observer, residual learned", "", "", "", "", f"{hybrid['all']:.2f}"))
+    return Table(("arm", "readout", *STAGES, "all real windows"), tuple(rows))
+
+
+def _claims(arms: Mapping[str, Any]) -> str:
+    told = []
+    for name, a in arms.items():
+        zero, found = a["zero_shot_mm"], a["effects"]
+        lacked = " and ".join(str(each["name"]) for each in found) or "nothing that was found"
+        told.append(
+            f"{name} lacked {lacked}: {zero[CORRECTED] / a['all_real_mm']:.2f} × what the arm's own windows "
+            f"give, {zero[CORRECTED] / zero[NOMINAL]:.2f} × what the nominal twin gives; drawn twins "
+            f"{zero[RANDOMISED]:.2f} in place of {zero[CORRECTED]:.2f} mm."
+        )
+    return " ".join(told)
+
+
+def curves(arms: Mapping[str, Any]) -> "Drawing":
+    """Error against real windows, an arm a panel."""
+    from matplotlib import pyplot as plt
+
+    columns = min(2, len(arms))
+    rows = -(-len(arms) // columns)
+    figure, panels = plt.subplots(rows, columns, figsize=(5.2 * columns, 3.6 * rows), squeeze=False)
+    for axes in panels.ravel()[len(arms) :]:
+        axes.set_visible(False)
+    for axes, (name, a) in zip(panels.ravel(), arms.items(), strict=False):
+        most = a["windows"]["train"]
+        for readout, style in (("residual_mlp", "o-"), ("residual", ".:")):
+            for route, curve in a["curves_mm"][readout].items():
+                at = [_place(count, most) for count in curve]
+                label = _LABEL[route] if style == "o-" else None
+                axes.plot(at, list(curve.values()), style, color=_COLOUR[route], label=label, ms=4)
+        hybrid = {"0": a["observer_mm"]} | a["hybrid_mm"]
+        at = [_place(count, most) for count in hybrid]
+        axes.plot(
+            at, list(hybrid.values()), "s-", color="#344e41", label="the twin as observer", ms=4
+        )
+        axes.axhline(a["lstm_mm"], color="#16425b", lw=1, ls="--", label="LSTM, all windows")
+        axes.set(
+            xscale="log", yscale="log", title=name, xlabel="real windows", ylabel="mean error [mm]"
+        )
+        axes.set_xticks([_ZERO, 100, 500, 2000, most], ["0", "100", "500", "2,000", f"{most:,}"])
+        axes.minorticks_off()
+        axes.set_yticks([0.5, 1, 2, 5, 10, 20], ["0.5", "1", "2", "5", "10", "20"])
+        axes.grid(alpha=0.25)
+        axes.spines[["top", "right"]].set_visible(False)
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=2, frameon=False, fontsize=9)
+    figure.tight_layout(rect=(0, 0.1 if rows > 1 else 0.2, 1, 1))
+    plt.close(figure)
+    return figure
+
+
+def _place(count: str, most: int) -> float:
+    return {"0": float(_ZERO), "all": float(most)}.get(count) or float(count)
+
+
+def coverage(arms: Mapping[str, Any]) -> "Drawing":
+    """Share stated against share found."""
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(4.6, 4.2))
+    axes.plot([0.45, 1], [0.45, 1], color="#9a9a9a", lw=1)
+    for (name, a), colour in zip(
+        arms.items(), plt.get_cmap("tab10").colors * len(arms), strict=False
+    ):  # type: ignore[attr-defined]
+        stated = [float(share) for share in a["coverage"]]
+        axes.plot(stated, list(a["coverage"].values()), "o-", ms=4, label=name, color=colour)
+    axes.set(xlabel="stated share", ylabel="share of markers inside", xlim=(0.45, 1), ylim=(0.3, 1))
+    axes.legend(frameon=False)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.tight_layout()
+    plt.close(figure)
+    return figure
+
+
+def _sure(arms: Mapping[str, Any]) -> str:
+    held = ", ".join(f"{100 * a['coverage_95']:.1f} % ({name})" for name, a in arms.items())
+    return f"Regions stated for 95 % hold {held} of the test session's markers."
+
+
+def _filter(arms: Mapping[str, Any]) -> str:
+    gains = []
+    for name, a in arms.items():
+        for stage in (CALIBRATED, CORRECTED):
+            gain = 1 - a["filtered_mm"][stage] / a["observer_by_stage_mm"][stage]
+            gains.append(f"{100 * gain:+.0f} % ({name}, {stage})")
+    return (
+        "An ensemble Kalman filter corrects the twin's joints by what turning motors' loads differ from its "
+        "own. "
+        f"Error saved: {', '.join(gains)}."
+    )
+
+
+def filter_table(arms: Mapping[str, Any]) -> Table:
+    """With and without the loads' correction."""
+    rows = [
+        (
+            name,
+            stage,
+            f"{a['observer_by_stage_mm'][stage]:.2f}",
+            f"{a['filtered_mm'][stage]:.2f}",
+            f"{1e3 * a['filter_scatter_rad'][stage]:.1f}",
+        )
+        for name, a in arms.items()
+        for stage in (CALIBRATED, CORRECTED)
+    ]
+    header = ("arm", "twin", "motor angles alone, mm", "with loads, mm", "scatter chosen, mrad")
+    return Table(header, tuple(rows))
+
+
+def condition_table(results: Mapping[str, Any]) -> Table:
+    """Errors in each condition."""
+    found = results["conditions"]["readouts"]
+    names = list(next(iter(found.values())))
+    rows = []
+    for condition, of in found.items():
+        cells = [_cell(of[name]) for name in names]
+        rows.append((condition, *cells))
+    note = f"mm, on a twin of {results['conditions']['arm']}; a readout of windows refuses another rate."
+    return Table(("condition", *names), tuple(rows), note)
+
+
+def _cell(one: Mapping[str, Any] | None) -> str:
+    if one is None:
+        return "refused"
+    return f"{one['mean_mm']:.2f} ({100 * one['coverage_95']:.0f} %)"
+
+
+def _change(results: Mapping[str, Any]) -> str:
+    found = results["payload_change"]
+    told = []
+    for name, each in found.items():
+        if not isinstance(each, Mapping):
+            continue
+        after = each["recovered_s"]
+        how = f"is back after {after:.0f} s" if after is not None else "does not come back"
+        told.append(
+            f"{name}: {each['before_mm']:.2f} mm before, {each['first_10_s_mm']:.2f} in the first 10 s after, "
+            f"{how} ({each['last_mm']:.2f} mm at the end)."
+        )
+    return f"The gripper takes up {1e3 * found['more_kg']:.0f} g while the arm moves. " + " ".join(
+        told
+    )
+
+
+def _change_blocks(results: Mapping[str, Any]) -> tuple[Figure, ...]:
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(8, 3.4))
+    found = results["payload_change"]
+    for name, each in found.items():
+        if isinstance(each, Mapping):
+            error = np.array(each["error_mm"])
+            mean = np.convolve(error, np.ones(20) / 20, "valid")
+            axes.plot((np.arange(len(mean)) + 10) / 4, mean, lw=1.2, label=name)
+    axes.axvline(found["at_row"] / 4, color="#9a9a9a", lw=1)
+    axes.set(xlabel="time [s]", ylabel="error, mean of 5 s [mm]", yscale="log")
+    axes.legend(frameon=False, fontsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.tight_layout()
+    plt.close(figure)
+    caption = (
+        "Error around the change, at the line; with markers, these correct from the first row on."
+    )
+    return (Figure("payload_change", figure, caption),)
+
+
+def cost_table(arms: Mapping[str, Any]) -> Table:
+    """Milliseconds an estimate, on one core."""
+    names = list(next(iter(arms.values()))["latency_ms"])
+    rows = tuple(
+        (arm, f"{a['observer_latency_ms']:.2f}", *(f"{a['latency_ms'][n]:.3f}" for n in names))
+        for arm, a in arms.items()
+    )
+    note = "Median milliseconds from a reading to its estimate at the logs' rate, on one core."
+    return Table(("arm", "observer", *names), rows, note)
+
+
+def _facts(origin: Mapping[str, Any]) -> dict[str, str]:
+    facts = {"commit": str(origin["git_commit"]), "seed": str(origin["settings"]["seed"])}
+    return facts | {"versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items())}
