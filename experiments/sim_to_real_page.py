@@ -269,7 +269,7 @@ def _change(results: Mapping[str, Any]) -> str:
         after = each["recovered_s"]
         how = f"is back after {after:.0f} s" if after is not None else "does not come back"
         told.append(
-            f"{name}: {each['before_mm']:.2f} mm before, {each['first_10_s_mm']:.2f} in the first 10 s after, "
+            f"{name}: {each['before_mm']:.2f} mm before, {each['first_10_s_mm']:.2f} in the first 10 s, "
             f"{how} ({each['last_mm']:.2f} mm at the end)."
         )
     return f"The gripper takes up {1e3 * found['more_kg']:.0f} g while the arm moves. " + " ".join(
