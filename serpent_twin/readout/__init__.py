@@ -12,7 +12,7 @@ import json
 import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, ClassVar
 from zipfile import BadZipFile
@@ -168,7 +168,12 @@ def part(learned: Mapping[str, Array], prefix: str) -> dict[str, Array]:
 
 @functools.cache
 def available() -> dict[str, type[Readout]]:
-    """All readouts by name."""
+    """All readouts by name that logs alone can train; others are made of a trained one."""
+    return {name: kind for name, kind in _kinds().items() if _makes_itself(kind)}
+
+
+@functools.cache
+def _kinds() -> dict[str, type[Readout]]:
     found: dict[str, type[Readout]] = {}
     for module in pkgutil.iter_modules(__path__):
         if module.ispkg:
@@ -186,6 +191,11 @@ def _is_readout(member: object) -> bool:
     )
 
 
+def _makes_itself(kind: type[Readout]) -> bool:
+    needed = [f for f in fields(kind) if f.init and f.default is f.default_factory is MISSING]
+    return not needed
+
+
 def _rank(name: str) -> tuple[int, str]:  # published ones first, then from simple to elaborate
     told = ("analytical", "linear", "mlp", "no_load", "lstm", "residual", "residual_mlp", "decoder")
     return (told.index(name) if name in told else len(told), name)
@@ -201,6 +211,11 @@ def find(name: str) -> type[Readout]:
     raise SerpentError(f"there is no readout {name!r}; there are {', '.join(known)}.{hint}")
 
 
+def kind_of(name: str) -> type[Readout]:
+    """The readout of a saved name, also if it is made of a trained one."""
+    return _kinds().get(name) or find(name)
+
+
 def load(folder: Path, window: int | None = None) -> Readout:
     """A readout saved by `Readout.save`; with `window`, one for windows of that many rows."""
     about = _read_about(folder)
@@ -209,7 +224,7 @@ def load(folder: Path, window: int | None = None) -> Readout:
             f"{folder} holds a readout of format version {about.get('format_version')}, this program "
             f"reads version {FORMAT_VERSION}. Train it again."
         )
-    kind = find(about["name"])
+    kind = kind_of(about["name"])
     try:
         readout = kind(**about["config"])
     except TypeError as error:

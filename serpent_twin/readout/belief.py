@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, f
 
 from serpent_twin.arm import Array
 
@@ -47,3 +47,11 @@ def covariance_of(error: Array) -> Array:
     count = np.maximum(seen.sum(axis=0), 1)
     found = np.einsum("nki,nkj->kij", known, known) / count[:, None, None]
     return found + 1e-12 * np.eye(3)  # (1 µm)², so that it can be inverted
+
+
+def growth(errors: float, share: float = 0.95) -> float:
+    """By what a covariance that so few independent errors showed must grow, for its ellipsoids of that share
+    to hold the next one (Hotelling).
+    """
+    n = max(errors, 4.0)
+    return float(3 * n / (n - 2) * f.ppf(share, 3, n - 2) / chi2.ppf(share, 3))

@@ -79,8 +79,8 @@ def normal_equations(x: Array, y: Array) -> list[Block]:
     return blocks
 
 
-def solve(blocks: list[Block], penalty: float) -> Array:
-    """Weights (C, K) with a penalty on their squares."""
+def solve(blocks: list[Block], penalty: float | Array) -> Array:
+    """Weights (C, K) with a penalty on their squares, one for all or one for each feature, (C,)."""
     size = len(blocks[0].gram), sum(len(block.columns) for block in blocks)
     weight = np.empty(size)
     for block in blocks:

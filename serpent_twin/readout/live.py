@@ -46,19 +46,30 @@ class Live(Protocol):
         ...
 
 
+class RecentWindow:
+    """The window that ends at the newest reading."""
+
+    def __init__(self, window: int) -> None:
+        self._state, self._command = deque[Array](maxlen=window), deque[Array](maxlen=window - 1)
+
+    def add(self, now: Reading) -> Array | None:
+        """The window now, (1, 27H − 9); None before H readings."""
+        self._state.appendleft(np.r_[now.position[:N_JOINTS], now.load[:N_JOINTS]])
+        self._command.appendleft(now.command[:N_JOINTS])
+        if len(self._state) < (self._state.maxlen or 0):
+            return None
+        return np.concatenate([*self._state, *self._command])[None]
+
+
 class LiveWindows:
     """A readout of windows, given the last H readings each time."""
 
     def __init__(self, readout: "Readout") -> None:
-        H = readout.window
-        self._readout = readout
-        self._state, self._command = deque[Array](maxlen=H), deque[Array](maxlen=H - 1)
+        self._readout, self._recent = readout, RecentWindow(readout.window)
 
     def update(self, now: Reading) -> Belief | None:
         """The markers now; None before H readings."""
-        self._state.appendleft(np.r_[now.position[:N_JOINTS], now.load[:N_JOINTS]])
-        self._command.appendleft(now.command[:N_JOINTS])
-        if len(self._state) < self._readout.window:
+        x = self._recent.add(now)
+        if x is None:
             return None
-        x = np.concatenate([*self._state, *self._command])[None]
         return Belief(self._readout.predict(x), self._readout.covariance[None])
