@@ -5,7 +5,11 @@ Each arm is traced by its training sessions alone; all routes are then scored on
 """
 
 import json
-from collections.abc import Callable
+import multiprocessing as mp
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,10 +17,10 @@ from typing import Any
 import numpy as np
 from close_the_loop import LOGS, arm_folders
 from serpent_twin.readout.online import Online
-from sim_to_real_arm import study_arm
+from sim_to_real_arm import STEPS, study_arm
 from sim_to_real_conditions import MORE_KG, changing, followed, in_conditions, recovery
 from sim_to_real_page import arm_table, page
-from sim_to_real_twins import CORRECTED, FULL, QUICK
+from sim_to_real_twins import CORRECTED, FULL, QUICK, Size
 from tqdm import tqdm
 
 from serpent_twin import cli, design
@@ -51,6 +55,8 @@ class SimToReal:
     """The arm whose simulated twin is put into other conditions; without: the first that lacked something."""
     seed: int = 0
     """Of simulated sessions, drawn twins and first weights."""
+    workers: int = 0
+    """Arms studied side by side; 0 for one a core."""
     quick: bool = False
     """A quick look: few and short simulated sessions, a 10-minute condition in place of the hour."""
 
@@ -59,19 +65,12 @@ def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the
     folders = _folders(config)
     size = QUICK if config.quick else FULL
     with claimed(config.out, SETTINGS, _settings(config, folders)):
-        _one_thread()
-        found: dict[str, Any] = {}
-        with tqdm(total=len(folders) + 2, unit="part", smoothing=0.5) as bar:
-            for name, folder in folders.items():
-                tell = _teller(bar, name)
-                found[name] = study_arm(folder, config.out / name, config.seed, size, tell)
-                bar.update()
-            chosen = _chosen(config, found)
+        found = _study_all(config, folders, size)
+        chosen = _chosen(config, found)
+        with _progress(chosen, 9, 0) as tell:
             hour = MINUTES if config.quick else HOUR
-            others = _other_conditions(config, chosen, hour, _teller(bar, chosen))
-            bar.update()
-            changes = _change(config, chosen, _teller(bar, chosen))
-            bar.update()
+            others = _other_conditions(config, chosen, hour, tell)
+            changes = _change(config, chosen, tell)
         origin = provenance() | {"settings": _settings(config, folders)}
         results = {
             "arms": found,
@@ -84,8 +83,37 @@ def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the
         print(f"{write(report, config.out)}: the figures. {report.lead}")
 
 
-def _teller(bar: tqdm, name: str) -> Callable[[str], None]:
-    return lambda what: bar.set_description_str(f"{name}, {what}")
+def _study_all(config: SimToReal, folders: dict[str, Path], size: Size) -> dict[str, Any]:
+    """All arms, side by side; one that fails stops none that runs, and all that was done is kept."""
+    workers = min(config.workers or os.cpu_count() or 1, len(folders))
+    with ProcessPoolExecutor(workers, mp.get_context("spawn")) as pool:
+        jobs = {
+            name: pool.submit(_study, name, folder, config, size, n)
+            for n, (name, folder) in enumerate(folders.items())
+        }
+        try:
+            return {name: job.result() for name, job in jobs.items()}
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _study(name: str, folder: Path, config: SimToReal, size: Size, line: int) -> dict[str, Any]:
+    _one_thread()
+    with _progress(name, STEPS, line) as tell:
+        return study_arm(folder, config.out / name, config.seed, size, tell)
+
+
+@contextmanager
+def _progress(name: str, steps: int, line: int) -> Iterator[Callable[[str], None]]:
+    """A bar that is told what begins."""
+    with tqdm(total=steps, unit="step", position=line, smoothing=0.1) as bar:
+
+        def tell(what: str) -> None:
+            bar.set_description_str(f"{name}, {what}", refresh=False)
+            bar.update()
+
+        yield tell
 
 
 def _folders(config: SimToReal) -> dict[str, Path]:

@@ -2,12 +2,11 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from serpent_twin.readout.adapted import Adapted
 from sim_to_real_twins import (
     CALIBRATED,
     CORRECTED,
@@ -30,6 +29,7 @@ from serpent_twin import design
 from serpent_twin.files import write_whole
 from serpent_twin.log import read_folder
 from serpent_twin.readout import Readout, find
+from serpent_twin.readout.adapted import Adapted
 from serpent_twin.readout.jitter import command_error
 from serpent_twin.readout.score import score
 from serpent_twin.readout.split import split
@@ -44,6 +44,9 @@ COUNTS = (100, 500, 2000)
 ALL = "all"
 SHARES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 LONGEST = 1000  # windows that choose the filter's scatter
+
+STEPS = 63
+"""Of one arm, for the time left"""
 
 Tell = Callable[[str], None]
 
@@ -91,6 +94,8 @@ class Study:
     ) -> Readout:
         """A readout of that name trained on windows, kept under a place."""
         self.tell(f"{place}: {name}")
+        if self.size.epochs and any(f.name == "epochs" for f in fields(find(name))):
+            settings["epochs"] = self.size.epochs
         return kept(
             self.out / "models" / place / name,
             lambda: find(name)(WINDOW, **settings),

@@ -32,10 +32,12 @@ class Size:
     """Rows of each"""
     drawn: int
     """Twins drawn as the fit is uncertain"""
+    epochs: int | None = None
+    """Passes of networks; by default each one's own"""
 
 
 FULL = Size(10, 1200, 12)
-QUICK = Size(3, 400, 2)
+QUICK = Size(3, 400, 2, epochs=3)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,55 @@
+"""Do loads correct a twin that is wrong, and leave one alone that is right?"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from serpent_twin import design
+from serpent_twin.collect import Collect, collect
+from serpent_twin.design import Design
+from serpent_twin.effects.payload import Payload
+from serpent_twin.log import read_folder
+from serpent_twin.parameters import NOMINAL
+from serpent_twin.readout import find
+from serpent_twin.readout.score import score
+from serpent_twin.readout.windows import cut
+
+SOFT = Design(
+    replace(NOMINAL, strand_stiffness=4e3, strand_slack=6e-4, marker_noise=2e-4, load_noise=2e-3)
+)
+HEAVY = SOFT.with_effect(Payload(mass=0.05))
+
+
+@pytest.fixture(scope="module")
+def sessions(tmp_path_factory):
+    """Of an arm that carries 50 g."""
+    folder = tmp_path_factory.mktemp("heavy")
+    design.write(folder / "twin.json", HEAVY, {})
+    collect(Collect(folder / "logs", sessions=3, steps=240, workers=1, twin=folder / "twin.json"))
+    return read_folder(folder / "logs")
+
+
+def errors_mm(sessions, twin, **settings):
+    """Of the observer, and of the filter, with the scatter that the latter chose [rad]."""
+    train, validate, test = (cut([each], 4, 40) for each in sessions)
+    found = []
+    for name, given in (("observer", {}), ("filtered_observer", settings)):
+        made = find(name)(4, twin=design.to_dict(twin), **given)
+        made.fit(train, validate, np.random.default_rng(0))
+        told = made.follow(test.sessions[0])
+        found.append(score(told.marker, test.marker).mean_mm)
+    return *found, float(made.learned["scatter"])
+
+
+def test_loads_correct_a_twin_that_knows_nothing_of_the_payload(sessions):
+    observer, filtered, scatter = errors_mm(sessions, SOFT, scatters=(0.0, 4e-3), members=16)
+    assert observer > 2
+    assert scatter == 4e-3
+    assert filtered < 0.95 * observer
+
+
+def test_a_twin_that_is_right_is_left_alone(sessions):
+    observer, filtered, scatter = errors_mm(sessions, HEAVY, scatters=(0.0, 8e-3), members=16)
+    assert scatter == 0
+    assert filtered == pytest.approx(observer, abs=1e-9)

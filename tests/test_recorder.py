@@ -1,0 +1,36 @@
+"""Does the twin learn from logs what controller and sensors made them?"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from serpent_twin.collect import Collect, collect
+from serpent_twin.log import read_folder
+from serpent_twin.parameters import NOMINAL
+from serpent_twin.rigs.arm.recorder import controller_gain, recorded_by
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    out = tmp_path_factory.mktemp("logs")
+    parameters = replace(NOMINAL, controller_gain=1.4)
+    collect(Collect(out, sessions=2, steps=200, workers=1, parameters=parameters))
+    return read_folder(out)
+
+
+def test_finds_the_gain_that_made_the_commands(logs):
+    assert controller_gain(logs) == pytest.approx(1.4, rel=2e-3)
+
+
+def test_commands_of_another_controller_leave_the_gain_as_it_was(logs):
+    rng = np.random.default_rng(0)
+    other = [replace(s, motor_velocity_command=rng.normal(size=(len(s), 10))) for s in logs]
+    assert controller_gain(other) is None
+    kept = recorded_by(NOMINAL, other, 3e-4)
+    assert kept == replace(NOMINAL, marker_noise=3e-4)
+
+
+def test_motors_that_were_never_commanded_tell_nothing(logs):
+    still = [replace(s, motor_velocity_command=0 * s.motor_velocity_command) for s in logs]
+    assert controller_gain(still) is None
