@@ -1,5 +1,6 @@
 """From which twins do readouts learn, and what do they see of them?"""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -59,7 +60,10 @@ class Twins:
 def trace_arm(folder: Path, parts: Split, out: Path, seed: int, size: Size) -> Twins:
     """Trace an arm by its training sessions, its validation sessions judging: the test stays unseen."""
     config = Trace(folder, out, judge="validation", seed=seed, twins=size.drawn)
-    diagnosis = trace_sessions(config, rigs.find("arm"), parts.train, parts.validate)[1]
+    done = out / "diagnosis.json"
+    if not done.exists():
+        trace_sessions(config, rigs.find("arm"), parts.train, parts.validate)
+    diagnosis = json.loads(done.read_text())
     drawn = sorted((out / "twins").glob("drawn_*.json"))[: size.drawn]
     return Twins(
         design.read(out / "twin.json"),
