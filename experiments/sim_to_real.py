@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from close_the_loop import LOGS, arm_folders
-from serpent_twin.readout.online import Online
 from sim_to_real_arm import STEPS, study_arm
 from sim_to_real_conditions import MORE_KG, changing, followed, in_conditions, recovery
 from sim_to_real_page import arm_table, page
@@ -30,6 +29,7 @@ from serpent_twin.files import write_whole
 from serpent_twin.log import session_files
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.readout import load
+from serpent_twin.readout.online import Online
 from serpent_twin.report import text_table, write
 
 SETTINGS = "sim_to_real.json"

@@ -13,7 +13,7 @@ from serpent_twin.arm import N_JOINTS, Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.readout import Epoch, Progress, Readout, kind_of, part
 from serpent_twin.readout.analytical import stiff_pose
-from serpent_twin.readout.belief import Belief, covariance_of, growth
+from serpent_twin.readout.belief import Belief, covariance_of, growth, root_of
 from serpent_twin.readout.linear import Block, normal_equations, solve, with_one
 from serpent_twin.readout.live import Live, Reading, RecentWindow
 from serpent_twin.readout.scale import Scale, spread_of
@@ -74,7 +74,7 @@ class Adapted(Readout):
 
     def corrected(self, belief: Belief, x: Array) -> Belief:
         """What the base believes of windows x, (N, 27H − 9), corrected."""
-        root = _root(belief.covariance)
+        root = root_of(belief.covariance)
         spread = root @ self.learned["spread"] @ np.swapaxes(root, -1, -2)
         return Belief(belief.marker + self._correction(x), spread)
 
@@ -93,7 +93,7 @@ class Adapted(Readout):
         folds = Folds(features, miss, self.blocks, self.window)
         best = self._choose(folds, progress)
         left = folds.left(best).reshape(-1, N_JOINTS, 3)
-        root = _root(np.concatenate([each.covariance for each in told]))
+        root = root_of(np.concatenate([each.covariance for each in told]))
         few = growth(len(features) / self.window)  # windows of H rows overlap
         self.learned |= {
             "penalty": np.array(best),
@@ -218,9 +218,3 @@ def _blocks(rows: int, count: int, gap: int) -> Iterator[tuple[slice, NDArray[np
     for first, end in itertools.pairwise(edges.tolist()):
         near = slice(max(0, first - gap), end + gap)
         yield slice(first, end), np.delete(np.arange(rows), near)
-
-
-def _root(covariance: Array) -> Array:
-    """L of L Lᵀ = covariance, (..., 3, 3); 1 where that is not known."""
-    unknown = ~np.isfinite(covariance).all(axis=(-2, -1), keepdims=True)
-    return np.linalg.cholesky(np.where(unknown, np.eye(3), covariance))

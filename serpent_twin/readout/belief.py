@@ -55,3 +55,9 @@ def growth(errors: float, share: float = 0.95) -> float:
     """
     n = max(errors, 4.0)
     return float(3 * n / (n - 2) * f.ppf(share, 3, n - 2) / chi2.ppf(share, 3))
+
+
+def root_of(covariance: Array) -> Array:
+    """L of L Lᵀ = covariance, (..., 3, 3); 1 where that is not known."""
+    unknown = ~np.isfinite(covariance).all(axis=(-2, -1), keepdims=True)
+    return np.linalg.cholesky(np.where(unknown, np.eye(3), covariance))
