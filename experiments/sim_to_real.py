@@ -86,6 +86,7 @@ def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the
 def _study_all(config: SimToReal, folders: dict[str, Path], size: Size) -> dict[str, Any]:
     """All arms, side by side; one that fails stops none that runs, and all that was done is kept."""
     workers = min(config.workers or os.cpu_count() or 1, len(folders))
+    os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")  # of the workers
     with ProcessPoolExecutor(workers, mp.get_context("spawn")) as pool:
         jobs = {
             name: pool.submit(_study, name, folder, config, size, n)

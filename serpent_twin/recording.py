@@ -1,5 +1,6 @@
 """How is a session drawn in rerun?"""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from serpent_twin.mjcf import STRANDS
 Rows = NDArray[np.intp]
 
 _SLACK, _HALF, _TIGHT = (40, 85, 205), (235, 215, 205), (225, 30, 30)
-_MEASURED, _ESTIMATED, _TWIN = (70, 215, 120), (255, 150, 30), (150, 165, 190)
+MEASURED, ESTIMATED, TWIN = (70, 215, 120), (255, 150, 30), (150, 165, 190)
 _NOMINAL, _CORRECTED = (235, 90, 90), (80, 160, 255)
 
 
@@ -66,28 +67,28 @@ def write(
     stream = rr.RecordingStream("serpent_twin", recording_id=identity)
     stream.save(part, default_blueprint=blueprint(session.name))
     stream.send_recording_name(session.name)
-    writer = _Writer(stream, session.time, arm)
+    writer = Writer(stream, session.time, arm)
     posed, rows = corrected or moved, np.arange(len(session))
-    twins = [Overlay("twin", "grey", _TWIN, moved)]
+    twins = [Overlay("twin", "grey", TWIN, moved)]
     if corrected:
         twins = [
             Overlay("nominal_twin", "red", _NOMINAL, moved),
             Overlay("corrected_twin", "blue", _CORRECTED, corrected),
         ]
-        writer.chain("measured", session.marker, _MEASURED)
+        writer.chain("measured", session.marker, MEASURED)
     writer.about(session, twins, guess)
     writer.shapes()
-    writer.motion(session.motor_position, posed)
+    writer.motion(session.motor_position, posed.joint_angle, posed.jaw_angle)
     writer.cables(posed.tension)
-    writer.markers("measured", session.marker, rows, _MEASURED, 0.0050)
+    writer.markers("measured", session.marker, rows, MEASURED, 0.0050)
     for each in twins:
         writer.markers(each.name, each.moved.marker, rows, each.colour, 0.0030)
         writer.error(each.name, each.moved.marker - session.marker, rows, each.colour)
         if corrected:
             writer.chain(each.name, each.moved.marker, each.colour)
     if guess:
-        writer.markers("estimated", guess.marker, guess.row, _ESTIMATED, 0.0048)
-        writer.error(guess.name, guess.marker - session.marker[guess.row], guess.row, _ESTIMATED)
+        writer.markers("estimated", guess.marker, guess.row, ESTIMATED, 0.0048)
+        writer.error(guess.name, guess.marker - session.marker[guess.row], guess.row, ESTIMATED)
     for j in range(N_MOTORS):
         writer.curve(f"plots/load/motor{j + 1}", 100 * session.motor_load[:, j], hue(j))
     for n, name in enumerate(STRANDS):
@@ -118,8 +119,8 @@ def tension_colour(tension: Array, full: float) -> np.ndarray:
     return np.stack([*channels, np.full_like(share, 255)], axis=-1).astype(np.uint8)
 
 
-def blueprint(title: str) -> rrb.Blueprint:
-    """The arm large, plots beside it, in a quiet window."""
+def blueprint(title: str, plots: Sequence[rrb.TimeSeriesView] | None = None) -> rrb.Blueprint:
+    """The arm large, plots beside it, those of a session unless told, in a quiet window."""
     eye = rrb.EyeControls3D(
         position=(0.12, 0.46, 0.62), look_target=(0.135, 0.01, 0.0), eye_up=(-1, 0, 0)
     )
@@ -127,14 +128,9 @@ def blueprint(title: str) -> rrb.Blueprint:
         origin="/", contents=["arm/**", "markers/**"], name=title, eye_controls=eye,
         background=(28, 31, 36), line_grid=False,
     )  # fmt: skip
-    legend = rrb.PlotLegend(visible=False)
-    plots = [
-        rrb.TimeSeriesView(origin="plots/error", name="Marker error, mean of nine [mm]"),
-        rrb.TimeSeriesView(origin="plots/load", name="Motor load [% of stall]", plot_legend=legend),
-        rrb.TimeSeriesView(origin="plots/tension", name="Strand tension [N]", plot_legend=legend),
-    ]
     about = rrb.TextDocumentView(origin="about", name="About")
-    side = rrb.Vertical(*plots, about, row_shares=[6, 5, 5, 5])
+    plots = _plots() if plots is None else plots
+    side = rrb.Vertical(*plots, about, row_shares=[6] + [5] * len(plots))
     return rrb.Blueprint(
         rrb.Horizontal(scene, side, column_shares=[5, 4]),
         rrb.TimePanel(state="collapsed", timeline="time"),
@@ -143,13 +139,27 @@ def blueprint(title: str) -> rrb.Blueprint:
     )
 
 
+def _plots() -> list[rrb.TimeSeriesView]:
+    legend = rrb.PlotLegend(visible=False)
+    return [
+        rrb.TimeSeriesView(origin="plots/error", name="Marker error, mean of nine [mm]"),
+        rrb.TimeSeriesView(origin="plots/load", name="Motor load [% of stall]", plot_legend=legend),
+        rrb.TimeSeriesView(origin="plots/tension", name="Strand tension [N]", plot_legend=legend),
+    ]
+
+
 @dataclass(frozen=True)
-class _Writer:
+class Writer:
     """Puts columns of a session's rows on both timelines of a recording."""
 
     recording: rr.RecordingStream
+    """What is written to"""
     time: Array
-    arm: Arm
+    """Of the rows [s], (T,)"""
+    arm: Arm = ARM
+    """Whose shapes they are"""
+    first: int = 0
+    """Which row of the session the first of these is"""
 
     def about(self, session: log.Session, twins: list[Overlay], guess: Estimate | None) -> None:
         """A page that says what is shown."""
@@ -180,19 +190,19 @@ class _Writer:
             )
             self.recording.log(f"arm/{piece.body}/{piece.name}", mesh, static=True)
 
-    def motion(self, motor: Array, moved: twin.Replay) -> None:
-        """Poses of horns, links and jaw in the base frame."""
+    def motion(self, motor: Array, joint: Array, jaw: Array) -> None:
+        """Poses of horns, links and jaw in the base frame, at their angles [rad]."""
         turn = np.zeros((len(self.time), 3))
         for j in range(N_MOTORS):
             turn[:, 2] = motor[:, j]
             place = np.broadcast_to(self.arm.motor_place[j], turn.shape)
             self._pose(f"arm/motor{j + 1}", place, Rotation.from_rotvec(turn))
-        origin, rotation = link_frames(moved.joint_angle, self.arm)
+        origin, rotation = link_frames(joint, self.arm)
         for i in range(N_JOINTS):
             turned = Rotation.from_matrix(rotation[:, i])
             self._pose(f"arm/link{i + 1}", origin[:, i], turned)
         hinge = origin[:, -1] + rotation[:, -1] @ [self.arm.jaw_joint, 0.0, 0.0]
-        opened = Rotation.from_rotvec(np.outer(moved.jaw_angle, [0.0, 1.0, 0.0]))
+        opened = Rotation.from_rotvec(np.outer(jaw, [0.0, 1.0, 0.0]))
         self._pose("arm/jaw", hinge, Rotation.from_matrix(rotation[:, -1]) * opened)
 
     def cables(self, tension: Array) -> None:
@@ -204,7 +214,7 @@ class _Writer:
                 path = f"arm/{body}/{name}"
                 shape = rr.LineStrips3D([line], radii=rr.Radius.ui_points(0.7))
                 self.recording.log(path, shape, static=True)
-                self._send(path, rr.LineStrips3D.columns(colors=colours[:, n]))
+                self.send(path, rr.LineStrips3D.columns(colors=colours[:, n]))
 
     def markers(
         self, kind: str, marker: Array, row: Rows, colour: tuple[int, int, int], radius: float
@@ -216,7 +226,7 @@ class _Writer:
                 path, rr.Points3D.from_fields(colors=[colour], radii=[radius]), static=True
             )
             points = rr.Points3D.columns(positions=marker[seen, i])
-            self._send(path, points.partition(seen.astype(int)), row)
+            self.send(path, points.partition(seen.astype(int)), row)
 
     def chain(self, kind: str, marker: Array, colour: tuple[int, int, int]) -> None:
         """A line from the base through the markers that are seen, (T, 9, 3)."""
@@ -225,7 +235,7 @@ class _Writer:
         self.recording.log(path, look, static=True)
         base = np.zeros((1, 3))
         lines = [np.vstack([base, each[np.isfinite(each).all(axis=-1)]]) for each in marker]
-        self._send(path, rr.LineStrips3D.columns(strips=lines))
+        self.send(path, rr.LineStrips3D.columns(strips=lines))
 
     def error(self, name: str, off: Array, row: Rows, colour: tuple[int, int, int]) -> None:
         """Mean distance of the markers seen [mm], from their differences [m], (N, 9, 3)."""
@@ -238,20 +248,25 @@ class _Writer:
     def curve(
         self, path: str, value: Array, colour: tuple[int, int, int], row: Rows | None = None
     ) -> None:
-        """One line of a plot."""
+        """One line of a plot, in its style."""
+        self.style(path, colour)
+        self.send(path, rr.Scalars.columns(scalars=value), row)
+
+    def style(self, path: str, colour: tuple[int, int, int]) -> None:
+        """How a line of a plot looks."""
         style = rr.SeriesLines(colors=[colour], names=path.rsplit("/", 1)[-1], widths=[1.3])
         self.recording.log(path, style, static=True)
-        self._send(path, rr.Scalars.columns(scalars=value), row)
 
     def _pose(self, path: str, place: Array, turned: Rotation) -> None:
         pose = rr.Transform3D.columns(translation=place, quaternion=turned.as_quat())
-        self._send(path, pose)
+        self.send(path, pose)
 
-    def _send(self, path: str, columns: rr.ComponentColumnList, row: Rows | None = None) -> None:
+    def send(self, path: str, columns: rr.ComponentColumnList, row: Rows | None = None) -> None:
+        """Columns of an entity at some rows, or all."""
         row = np.arange(len(self.time)) if row is None else row
         clocks = [
             rr.TimeColumn("time", duration=self.time[row]),
-            rr.TimeColumn("step", sequence=row),
+            rr.TimeColumn("step", sequence=self.first + row),
         ]
         rr.send_columns(path, clocks, columns, recording=self.recording)
 

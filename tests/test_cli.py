@@ -10,7 +10,7 @@ import pytest
 from serpent_twin import cli
 from serpent_twin.errors import SerpentError
 
-COMMANDS = ("collect", "log", "mjcf", "replay", "train")
+COMMANDS = ("collect", "estimate", "log", "mjcf", "replay", "train")
 
 
 def raising(error):

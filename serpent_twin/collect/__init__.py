@@ -78,7 +78,7 @@ class Collect:
 
 def collect(config: Collect) -> list[Path]:
     """Collect what is missing of a run; returns the paths of all its sessions."""
-    _check(config)
+    check(config)
     paths = [session_path(config, n) for n in range(1, config.sessions + 1)]
     with claimed(config.out, SETTINGS, settings(config)):
         missing = [index + 1 for index in run_folder.missing(paths)]
@@ -139,7 +139,8 @@ def _twin_file(config: Collect) -> dict[str, Any]:
     return {"twin": {"path": str(config.twin), "sha256": file_hash(config.twin)}}
 
 
-def _check(config: Collect) -> None:
+def check(config: Collect) -> None:
+    """Refuse what cannot be collected, before anything is written or moves."""
     for name in ("sessions", "steps"):
         if getattr(config, name) < 1:
             raise SerpentError(f"--{name} is {getattr(config, name)}; give a number of at least 1.")

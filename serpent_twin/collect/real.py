@@ -1,7 +1,6 @@
 """How is a session of the real arm recorded?"""
 
 import contextlib
-import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,17 +12,16 @@ import numpy as np
 from tqdm import tqdm
 
 from serpent_twin import run_folder
-from serpent_twin.arm import N_MOTORS, Array
-from serpent_twin.bus import MotorState
+from serpent_twin.arm import N_MOTORS
 from serpent_twin.bus.dynamixel.bus import DynamixelBus
 from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup, is_pseudo_terminal
-from serpent_twin.bus.dynamixel.shutdown import STOPPING, uninterrupted
 from serpent_twin.collect import Collect, metadata, session_path
-from serpent_twin.collect.loop import record
+from serpent_twin.collect.ending import loop_times, sealed, stopped_by_signals
+from serpent_twin.collect.loop import NOTHING, Beside, Step, record
 from serpent_twin.control import random_targets
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Journal
-from serpent_twin.mocap import MarkerFrame, Mocap, NoMocap
+from serpent_twin.mocap import Mocap, NoMocap
 
 FURTHER = ("motor1_tick_ms", "recoveries")
 """Columns of every real log: motor 1's own clock, and what the bus overcame since the row before."""
@@ -34,13 +32,13 @@ MOST_EVENTS = 200
 Show = Callable[[int, str], None]
 
 
-def record_all(config: Collect, missing: list[int]) -> None:
+def record_all(config: Collect, missing: list[int], beside: Beside = NOTHING) -> None:
     """Record the sessions 1, 2, … that are missing, one after the other."""
     setup = arm_of(config)
     if is_pseudo_terminal(setup.port):
         print(f"{setup.port} is a pseudo-terminal: the motors on it are simulated.")
     total = len(missing) * config.steps
-    with _stopped_by_signals(), tqdm(total=total, unit="row", disable=not missing) as bar:
+    with stopped_by_signals(), tqdm(total=total, unit="row", disable=not missing) as bar:
         for session in missing:
 
             def show(rows: int, state: str, session: int = session) -> None:
@@ -49,7 +47,7 @@ def record_all(config: Collect, missing: list[int]) -> None:
                 )
                 bar.update(rows)
 
-            record_session(config, setup, session, show)
+            record_session(config, setup, session, show, beside)
 
 
 def arm_of(config: Collect) -> ArmSetup:
@@ -84,7 +82,9 @@ def settings_of_arm(config: Collect) -> dict[str, Any]:
     }
 
 
-def record_session(config: Collect, setup: ArmSetup, session: int, show: Show) -> None:
+def record_session(
+    config: Collect, setup: ArmSetup, session: int, show: Show, beside: Beside = NOTHING
+) -> None:
     """Record one session; however it ends, its rows are sealed, and why it ended is said in them."""
     path = session_path(config, session)
     rng = np.random.default_rng(
@@ -92,31 +92,32 @@ def record_session(config: Collect, setup: ArmSetup, session: int, show: Show) -
     )
     targets = random_targets(config.steps, rng)
     bus = DynamixelBus(setup)
-    further = FURTHER + (FURTHER_OF_CAMERAS if config.real.mocap != "none" else ())
+    of_bus = FURTHER + (FURTHER_OF_CAMERAS if config.real.mocap != "none" else ())
+    values = _further(bus, of_bus)
     gain, period = config.parameters.controller_gain, 1 / config.rate_hz
     times: list[float] = []
-    ended: dict[str, Any] = {"complete": False}
-    with Journal(path, metadata(config, session) | _about(config, setup), further) as journal:
-        try:
-            with cameras_of(config) as cameras, bus, _kept_on_disk(journal):
-                for row in record(bus, cameras, targets, gain, period, _further(bus, further)):
-                    journal.append(row)
-                    times.append(row["time"])
-                    show(1, _state(times, period, bus))
-            ended = {"complete": True}
-        except BaseException as error:
-            by_hand = isinstance(error, KeyboardInterrupt)
-            ended["ended"] = "stopped by hand" if by_hand else str(error) or type(error).__name__
-            if journal.rows and isinstance(error, SerpentError):
-                error.add_note(f"The {journal.rows} rows until then are kept in {path}.")
-            raise
-        finally:
-            with uninterrupted():
-                if journal.rows:
-                    loop = {"loop": loop_times(np.array(times), period, bus.missed)}
-                    journal.seal(ended | loop | {"bus": _account(bus)})
-                else:
-                    journal.discard()
+
+    def further(step: Step) -> dict[str, float]:
+        return values(step) | dict(beside.further(step))
+
+    def account() -> dict[str, Any]:
+        loop = loop_times(np.array(times), period, bus.missed)
+        told = {"loop": loop, "bus": _account(bus)}
+        beside.end(told)
+        return told
+
+    about = metadata(config, session) | _about(config, setup) | dict(beside.about)
+    with (
+        sealed(path, about, of_bus + beside.columns, account) as journal,
+        cameras_of(config) as cameras,
+        bus,
+        _kept_on_disk(journal),
+    ):
+        for row in record(bus, cameras, targets, gain, period, further):
+            journal.append(row)
+            times.append(row["time"])
+            beside.see(row)
+            show(1, _state(times, period, bus))
     run_folder.drop_what_came_again(path)
 
 
@@ -139,18 +140,6 @@ def _kept_on_disk(journal: Journal, every: float = 1.0) -> Iterator[None]:
         thread.join()
 
 
-def loop_times(time: Array, period: float, missed: int) -> dict[str, float]:
-    """How evenly rows at `time` [s], (T,), came: jitter is a step's difference from the period [s]."""
-    jitter = np.abs(np.diff(time) - period) if len(time) > 1 else np.zeros(1)
-    return {
-        "period_s": period,
-        "jitter_mean_s": float(jitter.mean()),
-        "jitter_p99_s": float(np.quantile(jitter, 0.99)),
-        "jitter_max_s": float(jitter.max()),
-        "missed_deadlines": missed,
-    }
-
-
 def _state(times: list[float], period: float, bus: DynamixelBus) -> str:
     jitter = abs(times[-1] - times[-2] - period) if len(times) > 1 else 0.0
     return (
@@ -159,19 +148,17 @@ def _state(times: list[float], period: float, bus: DynamixelBus) -> str:
     )
 
 
-def _further(
-    bus: DynamixelBus, names: tuple[str, ...]
-) -> Callable[[MotorState, MarkerFrame], dict[str, float]]:
+def _further(bus: DynamixelBus, names: tuple[str, ...]) -> Callable[[Step], dict[str, float]]:
     told = 0
 
-    def columns(state: MotorState, frame: MarkerFrame) -> dict[str, float]:
+    def columns(step: Step) -> dict[str, float]:
         nonlocal told
         known, told = told, sum(bus.recovery.counts.values())
         values = {
-            "motor1_tick_ms": float(state.registers.realtime_tick[0]),
+            "motor1_tick_ms": float(step.state.registers.realtime_tick[0]),
             "recoveries": float(told - known),
-            "camera_time": frame.camera_time,
-            "marker_age": frame.age,
+            "camera_time": step.frame.camera_time,
+            "marker_age": step.frame.age,
         }
         return {name: values[name] for name in names}
 
@@ -204,18 +191,3 @@ def cameras_of(config: Collect) -> Mocap:
     from serpent_twin.mocap.natnet.live import NatNetMocap
 
     return NatNetMocap(config.real.natnet, Rigid.load(config.real.frame))
-
-
-@contextmanager
-def _stopped_by_signals() -> Iterator[None]:
-    """Have SIGTERM and SIGHUP unwind as Ctrl-C does, so that the arm stops and the log is sealed."""
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    before = {number: signal.signal(number, interrupt) for number in STOPPING}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -15,6 +15,7 @@ import numpy as np
 from tqdm import tqdm
 
 from serpent_twin import run_folder
+from serpent_twin.arm import Array
 from serpent_twin.bus.simulated import SimulatedBus
 from serpent_twin.collect import Collect, metadata, session_path
 from serpent_twin.collect.loop import record
@@ -30,18 +31,24 @@ def simulate_all(config: Collect, missing: list[int]) -> None:
         _simulate_all(config, missing, show)
 
 
-def simulate_session(config: Collect, session: int, tick: Callable[[int], None]) -> Path:
-    """Record one session of the twin; `tick` is told the number of rows logged so far."""
+def bench(config: Collect, session: int) -> tuple[SimulatedBus, SimulatedMocap, Array]:
+    """The twin's bus, cameras that see it, and the joint targets of one session [rad], (steps, 9)."""
     seeds = np.random.SeedSequence(config.seed, spawn_key=(session,)).spawn(3)
     for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
     arm, earlier = config.simulated(), (session - 1) * config.steps / config.rate_hz
     parameters = arm.design.parameters
     bus = SimulatedBus(arm.twin(earlier), for_loads, parameters.load_noise)
     cameras = SimulatedMocap(bus.twin, for_cameras, parameters.marker_noise, config.marker_loss)
-    targets = random_targets(config.steps, for_targets)
+    return bus, cameras, random_targets(config.steps, for_targets)
+
+
+def simulate_session(config: Collect, session: int, tick: Callable[[int], None]) -> Path:
+    """Record one session of the twin; `tick` is told the number of rows logged so far."""
+    bus, cameras, targets = bench(config, session)
+    gain = config.simulated().design.parameters.controller_gain
     path = session_path(config, session)
     with bus, Journal(path, metadata(config, session)) as journal:
-        rows = record(bus, cameras, targets, parameters.controller_gain, 1 / config.rate_hz)
+        rows = record(bus, cameras, targets, gain, 1 / config.rate_hz)
         for n, row in enumerate(rows, 1):
             journal.append(row)
             tick(n)

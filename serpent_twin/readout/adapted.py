@@ -169,7 +169,7 @@ class LiveAdapted:
     def __init__(self, adapted: Adapted) -> None:
         self._adapted = adapted
         self._base: Live = adapted.trained.live()
-        self._recent = RecentWindow(adapted.window)
+        self._recent = RecentWindow(adapted.window, adapted.rate_hz)
 
     def update(self, now: Reading) -> Belief | None:
         """The markers now; None before H readings."""

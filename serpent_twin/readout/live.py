@@ -14,6 +14,9 @@ from serpent_twin.readout.windows import Bus
 if TYPE_CHECKING:
     from serpent_twin.readout import Readout
 
+GAP = 1.5
+"""Periods after which a reading is no neighbour of the one before"""
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -47,13 +50,20 @@ class Live(Protocol):
 
 
 class RecentWindow:
-    """The window that ends at the newest reading."""
+    """The window that ends at the newest reading.
 
-    def __init__(self, window: int) -> None:
+    A gap in time begins it anew, if it is known how often rows come.
+    """
+
+    def __init__(self, window: int, rate_hz: float | None = None) -> None:
+        self._time, self._gap = np.nan, GAP / rate_hz if rate_hz else np.inf
         self._state, self._command = deque[Array](maxlen=window), deque[Array](maxlen=window - 1)
 
     def add(self, now: Reading) -> Array | None:
-        """The window now, (1, 27H − 9); None before H readings."""
+        """The window now, (1, 27H − 9); None before H readings without a gap."""
+        if now.time - self._time > self._gap:
+            self._state.clear()
+        self._time = now.time
         self._state.appendleft(np.r_[now.position[:N_JOINTS], now.load[:N_JOINTS]])
         self._command.appendleft(now.command[:N_JOINTS])
         if len(self._state) < (self._state.maxlen or 0):
@@ -65,10 +75,11 @@ class LiveWindows:
     """A readout of windows, given the last H readings each time."""
 
     def __init__(self, readout: "Readout") -> None:
-        self._readout, self._recent = readout, RecentWindow(readout.window)
+        self._readout = readout
+        self._recent = RecentWindow(readout.window, readout.rate_hz)
 
     def update(self, now: Reading) -> Belief | None:
-        """The markers now; None before H readings."""
+        """The markers now; None before H readings without a gap."""
         x = self._recent.add(now)
         if x is None:
             return None

@@ -1,7 +1,7 @@
 """Where does the twin stand, if its motors go where the bus says?"""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -56,6 +56,17 @@ class Observer(Readout):
     def live(self, earlier: float = 0.0) -> "LiveObserver":
         """An estimator for one session of an arm that ran for so long before [s]."""
         return LiveObserver(self, earlier)
+
+    def require_rate(self, rate_hz: float) -> None:
+        """Take rows of any rate: the twin goes from each to the next, however long that takes."""
+
+    def with_twin(self, arm: design.Design) -> "Observer":
+        """The same observer with another twin; how sure it is stays what training found with its own."""
+        other = replace(self, twin=design.to_dict(arm))
+        for each in fields(self):
+            if not each.init:
+                setattr(other, each.name, getattr(self, each.name))
+        return other
 
     @cached_property
     def arm(self) -> design.Design:

@@ -1,0 +1,142 @@
+"""Where is the arm now, if only its motor bus is asked?"""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from serpent_twin import arm_file, collect, design, readout
+from serpent_twin.claim import claimed
+from serpent_twin.collect import Collect, Real
+from serpent_twin.collect.ending import why
+from serpent_twin.errors import SerpentError
+from serpent_twin.estimate.figures import Course, figures, told
+from serpent_twin.estimate.follower import Follower
+from serpent_twin.estimate.run import Plan, run
+from serpent_twin.files import write_whole
+from serpent_twin.parameters import NOMINAL, Parameters
+from serpent_twin.provenance import file_hash, provenance
+from serpent_twin.readout.observer import Observer
+
+SETTINGS = "estimate.json"
+RESULTS = "results.json"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimate where the arm is while it moves, from its motor bus alone, and log that.
+
+    The arm follows random joint targets as in `collect`. OUT gets the log with the estimates as further
+    columns (session_01.parquet), what is known at the end (results.json), and a recording for rerun
+    (session_01.rrd). A run that is stopped keeps its rows; it is not gone on with.
+    """
+
+    model: Path
+    """A trained readout, OUT/models/NAME of python -m serpent_twin.train."""
+    out: Path
+    """Folder for log, results and recording; made if it does not exist."""
+    backend: Literal["sim", "real"] = "sim"
+    """sim: the twin, as fast as it computes. real: the arm on its motor bus, in real time; see --port."""
+    twin: Path | None = None
+    """A twin.json. For an observer: its twin, in place of the one that it was trained with. Another
+    readout has no twin: then it is the arm to simulate, as if given to --simulate."""
+    simulate: Path | None = None
+    """The arm to simulate, for --backend sim: a twin.json, with all of its effects, or an MJCF file; without:
+    one of the parameters below. It is never what estimates."""
+    steps: int = 2100
+    """Control steps, that is rows."""
+    rate_hz: float = 4.0
+    """Control steps per second. A readout of windows takes the rate it was trained for; an observer takes
+    any, but how sure it is holds at its own."""
+    seed: int = 0
+    """Seed of targets and noise."""
+    arm: str = ""
+    """Name of the arm, stored in the log; without: twin, or the setup file's name."""
+    markers: bool = True
+    """Let simulated cameras look on, so that the error is told. No readout ever sees them."""
+    record: bool = True
+    """Write OUT/session_01.rrd for rerun."""
+    view: bool = False
+    """Show it in rerun's viewer while it happens."""
+    real: Real = field(default_factory=Real)
+    """The real arm, for --backend real."""
+    parameters: Parameters = field(default=NOMINAL)
+    """The simulated arm's free parameters; the controller's gain is also the real arm's."""
+
+
+def estimate(config: Estimate) -> dict[str, Any]:
+    """Drive, estimate and log; returns what results.json holds, which a run that is stopped has, too."""
+    plan = planned(config)
+    follower, course = Follower(plan.readout, config.steps), Course(config.steps)
+    said = settings(plan)
+    with claimed(config.out, SETTINGS, said):
+        _refuse_second(plan)
+        ended = None
+        try:
+            run(plan, follower, course)
+        except BaseException as error:
+            ended = why(error)
+            raise
+        finally:
+            results = {"complete": ended is None, "ended": ended, "rate_hz": config.rate_hz}
+            if course.rows:
+                results |= figures(course, follower, 1 / config.rate_hz)
+                print(told(results))
+                results |= {"seed": config.seed, "settings": said} | provenance()
+                write_whole(config.out / RESULTS, json.dumps(results, indent=1) + "\n")
+    return results
+
+
+def planned(config: Estimate) -> Plan:
+    """Readout and arm of a config, checked; nothing is written and nothing moves."""
+    estimator, simulated = readout.load(config.model), config.simulate
+    if config.twin and isinstance(estimator, Observer):
+        estimator = estimator.with_twin(design.read(config.twin))
+    elif config.twin:
+        if simulated or config.backend == "real":
+            raise SerpentError(
+                f"--twin {config.twin}: the readout {estimator.name} in {config.model} has no twin that "
+                "could be replaced. Leave --twin out, or give a trained observer as --model."
+            )
+        simulated = config.twin
+    if config.simulate and config.backend == "real":
+        raise SerpentError("--simulate is the arm to simulate; leave it out with --backend real.")
+    if config.backend == "sim":
+        arm_file.read(simulated, config.parameters, "--simulate")
+    drive = Collect(
+        out=config.out,
+        backend=config.backend,
+        sessions=1,
+        steps=config.steps,
+        rate_hz=config.rate_hz,
+        seed=config.seed,
+        arm=config.arm,
+        twin=simulated,
+        real=config.real,
+        parameters=config.parameters,
+    )
+    collect.check(drive)
+    estimator.require_rate(config.rate_hz)
+    return Plan(config, estimator, drive)
+
+
+def settings(plan: Plan) -> dict[str, Any]:
+    """What was asked for, and the hashes of the files that it was asked of."""
+    config = plan.config
+    files = ("readout.json", "learned.npz")
+    return collect.settings(plan.drive) | {
+        "readout": plan.readout.name,
+        "readout_sha256": {name: file_hash(config.model / name) for name in files},
+        "twin_sha256": config.twin and file_hash(config.twin),
+        "simulate_sha256": config.simulate and file_hash(config.simulate),
+        "markers": config.real.mocap if config.backend == "real" else config.markers,
+    }
+
+
+def _refuse_second(plan: Plan) -> None:
+    names = (f"{plan.session.stem}.*", RESULTS)
+    if found := [path for name in names for path in sorted(plan.config.out.glob(name))]:
+        raise SerpentError(
+            f"{plan.config.out} holds a run already ({', '.join(path.name for path in found)}), and an "
+            "arm that moved is not gone on with. Nothing was changed: choose another --out."
+        )

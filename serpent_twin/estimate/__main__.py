@@ -1,0 +1,19 @@
+"""`python -m serpent_twin.estimate`."""
+
+import sys
+
+from serpent_twin import cli
+from serpent_twin.estimate import Estimate, estimate
+
+
+def main(config: Estimate) -> None:  # noqa: D103 tyro would print it above the config's own
+    try:
+        estimate(config)
+    except KeyboardInterrupt:
+        print(f"\nStopped. The rows until then are in {config.out}.", file=sys.stderr)
+        sys.exit(130)
+    print(f"{config.out}: the log, its figures and its recording")
+
+
+if __name__ == "__main__":
+    cli.run(main)

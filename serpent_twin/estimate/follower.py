@@ -1,0 +1,63 @@
+"""Where are the markers after each reading, and how long does it take to say so?"""
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
+from serpent_twin.bus import MotorState
+from serpent_twin.collect.loop import Step
+from serpent_twin.readout import Readout
+from serpent_twin.readout.belief import Belief
+from serpent_twin.readout.live import Reading
+
+MARKERS = tuple(f"estimate{i}_{axis}" for i in range(1, N_JOINTS + 1) for axis in "xyz")
+SPREADS = tuple(f"estimate{i}_spread" for i in range(1, N_JOINTS + 1))
+LATENCY = "estimate_latency_ms"
+COLUMNS = (*MARKERS, *SPREADS, LATENCY)
+"""Further columns of a log: markers [m], the root mean square of the error to expect of each [m], and the
+time from the reading to its estimate [ms], in which the command is sent, too. NaN where there is no estimate.
+"""
+
+
+class Follower:
+    """A readout that follows one session, and keeps all that it said: one row a step, NaN where nothing."""
+
+    def __init__(self, readout: Readout, rows: int) -> None:
+        _warm_up(readout)
+        self._live = readout.live()
+        self.rows = 0
+        self.marker = np.full((rows, N_JOINTS, 3), np.nan)
+        self.covariance = np.full((rows, N_JOINTS, 3, 3), np.nan)
+        self.update_ms = np.full(rows, np.nan)
+
+    def columns(self, step: Step) -> dict[str, float]:
+        """The log's columns of a step; of what the cameras saw, nothing is used."""
+        belief = self._update(step.time, step.state, step.before)
+        latency, k = 1e3 * (time.perf_counter() - step.read_at), self.rows
+        self.rows += 1
+        if belief is None:
+            return dict.fromkeys(COLUMNS, np.nan)
+        self.marker[k], self.covariance[k] = belief.marker[0], belief.covariance[0]
+        values = [*belief.marker.ravel(), *belief.spread.ravel(), latency]
+        return dict(zip(COLUMNS, values, strict=True))
+
+    def belief(self, where: NDArray[np.intp]) -> Belief:
+        """What was said in these rows."""
+        return Belief(self.marker[where], self.covariance[where])
+
+    def _update(self, now: float, state: MotorState, before: Array) -> Belief | None:
+        reading = Reading(now, state.position, state.velocity, state.load, before)
+        began = time.perf_counter()
+        belief = self._live.update(reading)
+        if belief is not None:
+            self.update_ms[self.rows] = 1e3 * (time.perf_counter() - began)
+        return belief
+
+
+def _warm_up(readout: Readout) -> None:
+    """Let the readout load all that it needs before a motor turns."""
+    live, still = readout.live(), np.zeros(N_MOTORS)
+    for k in range(readout.window + 1):
+        live.update(Reading(k / (readout.rate_hz or 4.0), still, still, still, still))

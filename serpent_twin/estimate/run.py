@@ -1,0 +1,87 @@
+"""How does a readout go along while the arm moves?"""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
+
+from serpent_twin import collect
+from serpent_twin.collect import Collect, simulated
+from serpent_twin.collect.ending import sealed, stopped_by_signals
+from serpent_twin.collect.loop import Beside, Row, record
+from serpent_twin.estimate.figures import Course
+from serpent_twin.estimate.follower import COLUMNS, Follower
+from serpent_twin.estimate.stream import Page, Stream
+from serpent_twin.mocap import NoMocap
+from serpent_twin.readout import Readout
+
+if TYPE_CHECKING:
+    from serpent_twin.estimate import Estimate
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a config comes to."""
+
+    config: "Estimate"
+    """The config"""
+    readout: Readout
+    """What estimates"""
+    drive: Collect
+    """What moves, and where its log goes"""
+
+    @property
+    def session(self) -> Path:
+        """The log."""
+        return collect.session_path(self.drive, 1)
+
+
+def run(plan: Plan, follower: Follower, course: Course) -> None:
+    """Drive the arm, let the readout follow it, log both, and show them."""
+    about: dict[str, Any] = {
+        "estimate": {"readout": plan.readout.name, "model": str(plan.config.model)}
+    }
+    with ExitStack() as stack:
+        stream = _stream(plan, stack) if plan.config.record or plan.config.view else None
+
+        def see(row: Row) -> None:
+            course.see(row)
+            if stream:
+                stream.see(row, follower.covariance[follower.rows - 1])
+
+        beside = Beside(COLUMNS, follower.columns, about, see, course.end)
+        if plan.config.backend == "real":
+            from serpent_twin.collect import real  # not before its port is known to be meant
+
+            real.record_all(plan.drive, [1], beside)
+        else:
+            _simulate(plan, beside)
+
+
+def _simulate(plan: Plan, beside: Beside) -> None:
+    drive = plan.drive
+    bus, cameras, targets = simulated.bench(drive, 1)
+    if not plan.config.markers:
+        cameras = NoMocap()
+    markers = "simulated" if plan.config.markers else "none"
+    about = collect.metadata(drive, 1) | {"markers": markers} | dict(beside.about)
+    gain = drive.simulated().design.parameters.controller_gain
+    with (
+        stopped_by_signals(),
+        tqdm(total=drive.steps, unit="row") as bar,
+        sealed(plan.session, about, beside.columns, dict) as journal,
+        bus,
+    ):
+        for row in record(bus, cameras, targets, gain, 1 / drive.rate_hz, beside.further):
+            journal.append(row)
+            beside.see(row)
+            bar.update()
+
+
+def _stream(plan: Plan, stack: ExitStack) -> Stream:
+    config, drive = plan.config, plan.drive
+    about = f"{drive.arm_name}, backend `{config.backend}`, {config.rate_hz:g} Hz"
+    file = plan.session.with_suffix(".rrd") if config.record else None
+    return stack.enter_context(Stream(Page(plan.readout.name, about, file, config.view)))
