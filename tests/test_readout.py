@@ -19,7 +19,7 @@ from serpent_twin.readout.scale import scale_of, spread_of
 from serpent_twin.readout.score import score
 
 WINDOWED = [
-    name for name in available() if name != "observer"
+    name for name in available() if "observer" not in name
 ]  # it follows sessions: test_observer.py
 LEARNING = [name for name in WINDOWED if name != "analytical"]
 torch.set_num_threads(1)  # networks this small only wait for a second thread
