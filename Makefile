@@ -33,6 +33,7 @@ bench: setup  ## Speed and memory, as ratios against bare MuJoCo
 	$(BIN)/python experiments/collect_speed.py
 	$(BIN)/python experiments/trace_speed.py
 	$(BIN)/python experiments/sweep_speed.py
+	$(BIN)/python experiments/estimate_speed.py
 
 faults: setup  ## Every fault of the bus through the collect loop: some five minutes
 	$(BIN)/python experiments/fault_matrix.py --out fault_matrix
