@@ -65,7 +65,7 @@ _CONDITIONS = (
 
 def lead(arms: Mapping[str, Any]) -> str:
     """The conclusion."""
-    known = {n: a for n, a in arms.items() if not a["unexplained"]["is"]}
+    known = {n: a for n, a in arms.items() if a["effects"] or not a["unexplained"]["is"]}
     shown = known or arms
     share = [a["observer_mm"] / a["lstm_mm"] for a in shown.values()]
     zero = [a["zero_shot_mm"][CORRECTED] / a["all_real_mm"] for a in shown.values()]
@@ -76,7 +76,7 @@ def lead(arms: Mapping[str, Any]) -> str:
     )
     if rest := sorted(set(arms) - set(known)):
         worse = _span([arms[n]["observer_mm"] / arms[n]["lstm_mm"] for n in rest])
-        said += f" Where something is left that nobody could name ({', '.join(rest)}), that is {worse} ×."
+        said += f" Where nothing that is known explains what is left ({', '.join(rest)}), that is {worse} ×."
     return said
 
 

@@ -368,3 +368,26 @@ def one_row_windows(session: Session):
     stiff = replace(session, marker=np.zeros_like(session.marker))
     windows: Windows = cut([stiff], 1, drop=0)
     return windows.sessions[0]
+
+
+def test_markers_correct_a_readout_that_is_told_to_learn_and_no_other(models, tmp_path):
+    """An arm whose strands give way more than those of the arm that the readout was trained on."""
+    softer = replace(NOMINAL, strand_stiffness=0.6 * NOMINAL.strand_stiffness, marker_noise=2e-4)
+    kept = {
+        name: estimate(
+            Estimate(
+                models / "observer",
+                tmp_path / name,
+                steps=4 * STEPS,
+                record=False,
+                learn=name == "learns",
+                parameters=softer,
+            )
+        )
+        for name in ("is told nothing", "learns")
+    }
+    alone, learnt = (estimated(logged(tmp_path / name)) for name in kept)
+    measured = logged(tmp_path / "learns").marker
+    np.testing.assert_array_equal(alone[0], learnt[0])
+    off = [np.nanmean(np.linalg.norm(m - measured, axis=-1)[2 * STEPS :]) for m in (alone, learnt)]
+    assert off[1] < 0.7 * off[0]

@@ -53,7 +53,10 @@ class Estimate:
     arm: str = ""
     """Name of the arm, stored in the log; without: twin, or the setup file's name."""
     markers: bool = True
-    """Let simulated cameras look on, so that the error is told. No readout ever sees them."""
+    """Let simulated cameras look on, so that the error is told. No readout sees them, but for --learn."""
+    learn: bool = False
+    """Let the markers of each step correct later estimates while there are any, by recursive least squares:
+    for an arm that has changed since the readout was trained. The correction is held when they go."""
     record: bool = True
     """Write OUT/session_01.rrd for rerun."""
     view: bool = False
@@ -67,7 +70,7 @@ class Estimate:
 def estimate(config: Estimate) -> dict[str, Any]:
     """Drive, estimate and log; returns what results.json holds, which a run that is stopped has, too."""
     plan = planned(config)
-    follower, course = Follower(plan.readout, config.steps), Course(config.steps)
+    follower, course = Follower(plan.readout, config.steps, config.learn), Course(config.steps)
     said = settings(plan)
     with claimed(config.out, SETTINGS, said):
         _refuse_second(plan)
@@ -129,6 +132,7 @@ def settings(plan: Plan) -> dict[str, Any]:
         "readout_sha256": {name: file_hash(config.model / name) for name in files},
         "twin_sha256": config.twin and file_hash(config.twin),
         "simulate_sha256": config.simulate and file_hash(config.simulate),
+        "learn": config.learn,
         "markers": config.real.mocap if config.backend == "real" else config.markers,
     }
 

@@ -11,6 +11,7 @@ from serpent_twin.collect.loop import Step
 from serpent_twin.readout import Readout
 from serpent_twin.readout.belief import Belief
 from serpent_twin.readout.live import Reading
+from serpent_twin.readout.online import Online
 
 MARKERS = tuple(f"estimate{i}_{axis}" for i in range(1, N_JOINTS + 1) for axis in "xyz")
 SPREADS = tuple(f"estimate{i}_spread" for i in range(1, N_JOINTS + 1))
@@ -24,16 +25,18 @@ time from the reading to its estimate [ms], in which the command is sent, too. N
 class Follower:
     """A readout that follows one session, and keeps all that it said: one row a step, NaN where nothing."""
 
-    def __init__(self, readout: Readout, rows: int) -> None:
+    def __init__(self, readout: Readout, rows: int, learns: bool = False) -> None:
+        """`learns`: what `learn` is told of the markers corrects later estimates."""
         _warm_up(readout)
-        self._live = readout.live()
+        self._online = Online(readout.live()) if learns else None
+        self._live = self._online or readout.live()
         self.rows = 0
         self.marker = np.full((rows, N_JOINTS, 3), np.nan)
         self.covariance = np.full((rows, N_JOINTS, 3, 3), np.nan)
         self.update_ms = np.full(rows, np.nan)
 
     def columns(self, step: Step) -> dict[str, float]:
-        """The log's columns of a step; of what the cameras saw, nothing is used."""
+        """The log's columns of a step; what the cameras see now is not used."""
         belief = self._update(step.time, step.state, step.before)
         latency, k = 1e3 * (time.perf_counter() - step.read_at), self.rows
         self.rows += 1
@@ -42,6 +45,11 @@ class Follower:
         self.marker[k], self.covariance[k] = belief.marker[0], belief.covariance[0]
         values = [*belief.marker.ravel(), *belief.spread.ravel(), latency]
         return dict(zip(COLUMNS, values, strict=True))
+
+    def learn(self, marker: Array) -> None:
+        """Take the markers of the step that was estimated last [m], (9, 3), NaN where lost."""
+        if self._online:
+            self._online.correct(marker)
 
     def belief(self, where: NDArray[np.intp]) -> Belief:
         """What was said in these rows."""

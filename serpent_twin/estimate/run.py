@@ -47,6 +47,7 @@ def run(plan: Plan, follower: Follower, course: Course) -> None:
         stream = _stream(plan, stack) if plan.config.record or plan.config.view else None
 
         def see(row: Row) -> None:
+            follower.learn(row["marker"])
             course.see(row)
             if stream:
                 stream.see(row, follower.covariance[follower.rows - 1])
