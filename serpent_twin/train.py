@@ -2,13 +2,14 @@
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
+from serpent_twin import adapt as adapting
 from serpent_twin import cli, design
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
@@ -16,7 +17,7 @@ from serpent_twin.files import write_whole
 from serpent_twin.log import read_folder
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.readout import available, find
-from serpent_twin.readout.page import page, score_table
+from serpent_twin.readout.page import adapt_table, page, score_table
 from serpent_twin.readout.split import Split, split
 from serpent_twin.readout.trial import COST, Result, Trial
 from serpent_twin.report import text_table, write
@@ -40,7 +41,7 @@ class Train:
     out: Path
     """Folder for results; made if it does not exist."""
     readout: tuple[str, ...] = ()
-    """Names of readouts; by default all there are."""
+    """Names of readouts; by default all there are, those that have a twin only with --twin."""
     window: int = 4
     """Rows of the log that a readout sees at a time, H; the published one is 4."""
     windows: str = ""
@@ -59,24 +60,49 @@ class Train:
     """Passes over the training windows at most, for a quick look; by default each readout's own."""
     threads: int = 2
     """Threads of torch; the last digits of the results depend on it."""
+    adapt: Path | None = None
+    """Folder with the session logs of another arm: readouts trained on --logs are corrected by its first
+    windows and scored on its last session. --test and --validate then name its sessions."""
+    adapt_windows: str = adapting.ALL
+    """Numbers of its windows to correct by, such as 0,100,500,all; 0 scores the readouts as they are."""
 
 
 def train(config: Train) -> dict[str, Any]:
     """Train and score what the config asks for; returns what scores.json holds."""
     _check(config)
-    names = list(config.readout) or list(available())
-    for name in names:
-        find(name)
+    names = readouts_of(config)
     swept = [(name, h) for name in SWEPT for h in parse_windows(config.windows)]
     wanted = list(dict.fromkeys([(name, config.window) for name in names] + swept))
-    sessions = split(read_folder(config.logs), config.validate, config.test)
+    plan = _adaptation(config)
+    asked = ((), ()) if plan else (config.validate, config.test)
+    sessions = split(read_folder(config.logs), *asked)
+    if plan:
+        plan.refuse(sessions)
     for window in {h for _, h in wanted}:
         sessions.windows(window, config.drop)  # what cannot be cut must not claim a folder
     with claimed(config.out, SETTINGS, settings(config, sessions)):
         _set_threads(config.threads)
         wanted = list(dict.fromkeys(wanted + _trained_before(config)))
         results = _run([_trial(config, *one) for one in wanted], sessions, config.drop)
-        return _conclude(config, sessions, results)
+        models = [trial.name for trial in results if trial.window == config.window]
+        real = adapting.adapt(plan, models, config.out) if plan else adapting.earlier(config.out)
+        return _conclude(config, sessions, results, real)
+
+
+def readouts_of(config: Train) -> list[str]:
+    """Names of the readouts that the config asks for."""
+    known = {name: {f.name for f in fields(kind)} for name, kind in available().items()}
+    names = list(config.readout) or [n for n in known if config.twin or "twin" not in known[n]]
+    return [find(name).name for name in names]
+
+
+def _adaptation(config: Train) -> adapting.Adaptation | None:
+    if config.adapt is None:
+        if config.adapt_windows != adapting.ALL:
+            raise SerpentError("--adapt-windows is of use with --adapt LOGS only; give both.")
+        return None
+    how = config.adapt_windows, config.window, config.drop
+    return adapting.read(config.adapt, *how, config.validate, config.test)
 
 
 def _check(config: Train) -> None:
@@ -156,7 +182,9 @@ def _show(bar: tqdm, done: int, most: int, loss: float) -> None:
     bar.update(done - bar.n)
 
 
-def _conclude(config: Train, sessions: Split, results: dict[Trial, Result]) -> dict[str, Any]:
+def _conclude(
+    config: Train, sessions: Split, results: dict[Trial, Result], real: dict[str, Any] | None
+) -> dict[str, Any]:
     """Write scores.json and the report, print the table; returns what scores.json holds."""
     table = {t.name: r for t, r in results.items() if t.window == config.window}
     by_window: dict[str, dict[str, Any]] = {}
@@ -171,11 +199,13 @@ def _conclude(config: Train, sessions: Split, results: dict[Trial, Result]) -> d
         "readouts": {name: result.summary() for name, result in table.items()},
         "windows": by_window,
         "provenance": settings(config, sessions) | provenance(),
-    }
+    } | ({"adapt": real} if real else {})
     write_whole(config.out / "scores.json", json.dumps(scores, indent=1) + "\n")
     tested = sessions.windows(config.window, config.drop)[2]
     report = write(page(scores, {n: r.error_mm for n, r in table.items()}, tested), config.out)
     print(text_table(score_table(scores["readouts"])))
+    if real:
+        print(f"\n{text_table(adapt_table(real))}")
     total = sum(readout["train_s"] for readout in scores["readouts"].values())
     print(f"\nThe table took {total:.0f} s of training.")
     print(f"\n{report}: the figures. {config.out / 'models'}: the trained readouts.")

@@ -65,7 +65,7 @@ def other() -> tuple[Windows, Windows]:
 def watched() -> Adapted:
     """A correction of an observer, whose covariance changes with the pose."""
     observer = Observer()
-    few = some(make_windows(range(1, 2), rows=120), 100)
+    few = make_windows(range(1, 2), rows=120).first(100)
     observer.fit(few, few, np.random.default_rng(0), QUIET)
     return adapt(observer, few)
 
@@ -82,15 +82,6 @@ def markers_moved(windows: Windows, by: np.ndarray) -> Windows:
     return Windows(windows.window, moved, windows.rate_hz)
 
 
-def some(windows: Windows, count: int) -> Windows:
-    """The first windows of several sessions."""
-    left = np.clip(count - np.cumsum([0, *map(len, windows.sessions)]), 0, None)
-    few = tuple(
-        s.some(0, min(n, len(s))) for s, n in zip(windows.sessions, left, strict=False) if n
-    )
-    return Windows(windows.window, few, windows.rate_hz)
-
-
 def adapt(readout: Readout, windows: Windows) -> Adapted:
     adapted = Adapted.of(readout)
     adapted.fit(windows, windows, np.random.default_rng(0), QUIET)
@@ -105,7 +96,7 @@ def error_mm(readout: Readout, windows: Windows) -> float:
 def test_more_windows_of_the_arm_lessen_the_error(base, other):
     real, test = other
     before = error_mm(base, test)
-    few, some_more, most = (error_mm(adapt(base, some(real, n)), test) for n in (100, 390, 1170))
+    few, some_more, most = (error_mm(adapt(base, real.first(n)), test) for n in (100, 390, 1170))
     assert most < 0.65 * before
     assert most < some_more < 0.9 * before
     assert few < 1.05 * before
@@ -126,7 +117,7 @@ def test_an_error_that_drifts_past_all_features_is_at_most_an_offset(base, other
     wave = 5e-3 * np.sin(np.arange(len(session)) / 25)[:, None, None] * np.ones((9, 3))
     marker = base.follow(session).marker + wave
     real = Windows(4, (replace(session, marker=marker),), 4.0)
-    adapted = adapt(base, some(real, 160))
+    adapted = adapt(base, real.first(160))
     far = real.sessions[0].some(160, 390)
     missed = score(adapted.follow(far).marker, far.marker).mean_mm
     assert missed < 1.5 * score(base.follow(far).marker, far.marker).mean_mm
@@ -168,7 +159,7 @@ def test_what_folds_leave_agrees_with_least_squares_by_rows():
 
 def test_it_says_how_sure_it_is(base, other):
     real, test = other
-    for windows in (some(real, 100), real):
+    for windows in (real.first(100), real):
         adapted, session = adapt(base, windows), test.sessions[0]
         belief = adapted.follow(session)
         assert 0.88 < belief.coverage(session.marker) < 0.995
@@ -185,7 +176,7 @@ def test_the_growth_of_a_covariance_from_few_errors_holds_the_next_one():
 
 
 def test_a_covariance_that_changes_keeps_its_shape(watched):
-    session = some(make_windows(range(1, 2), rows=120), 100).sessions[0]
+    session = make_windows(range(1, 2), rows=120).first(100).sessions[0]
     before, after = watched.trained.follow(session), watched.follow(session)
     assert np.ptp(before.spread, axis=0).max() > 1e-5
     inner = np.linalg.inv(np.linalg.cholesky(before.covariance))
@@ -198,7 +189,7 @@ def test_a_covariance_that_changes_keeps_its_shape(watched):
 
 @pytest.mark.parametrize("which", ["window", "observer", "twice"])
 def test_saved_and_loaded_it_is_the_same(which, base, other, watched, tmp_path):
-    once = adapt(base, some(other[0], 100))
+    once = adapt(base, other[0].first(100))
     kinds = {"window": lambda: once, "observer": lambda: watched}
     adapted = kinds.get(which, lambda: adapt(once, other[0]))()
     adapted.save(tmp_path)
@@ -211,7 +202,7 @@ def test_saved_and_loaded_it_is_the_same(which, base, other, watched, tmp_path):
 
 @pytest.mark.parametrize("which", ["window", "observer"])
 def test_row_by_row_it_says_what_it_says_of_a_session(which, base, other, watched):
-    adapted = watched if which == "observer" else adapt(base, some(other[0], 100))
+    adapted = watched if which == "observer" else adapt(base, other[0].first(100))
     session = other[1].sessions[0].some(0, 60)
     live = adapted.live()
     told = [live.update(now) for now in readings(session.bus)]
@@ -240,7 +231,7 @@ def test_what_cannot_be_adapted_is_refused(base, other):
     with pytest.raises(
         SerpentError, match="39 windows are too few to adapt a readout: give at least 40"
     ):
-        adapt(base, some(real, 39))
+        adapt(base, real.first(39))
     with pytest.raises(SerpentError, match="show no marker"):
         adapt(base, markers_moved(real, np.full(real.marker.shape, np.nan)))
     with pytest.raises(SerpentError, match="trained on rows at 4 Hz, these come at 20 Hz"):

@@ -20,6 +20,7 @@ from serpent_twin.readout.scale import Scale, spread_of
 from serpent_twin.readout.score import distances
 from serpent_twin.readout.windows import STATE, SessionWindows, Start, Windows
 
+BLOCKS = 10
 FREE, HELD = 1e-9, 1e12
 """Penalties that leave a weight to the windows, and that leave nothing of it"""
 SHARP = 5.0
@@ -44,7 +45,7 @@ class Adapted(Readout):
     """Its settings"""
     penalties: tuple[float, ...] = tuple(10 ** (k / 2) for k in range(-12, 5))
     """Penalties per window to choose from"""
-    blocks: int = 10
+    blocks: int = BLOCKS
     """Blocks of consecutive windows, each of which judges once"""
 
     @classmethod
@@ -161,6 +162,11 @@ class Adapted(Readout):
 
     def _estimate(self, x: Array, start: Start | None) -> Array:
         return self.trained.predict(x, start) + self._correction(x)
+
+
+def least_windows(window: int) -> int:
+    """How many windows of H rows it takes to learn from."""
+    return BLOCKS * window
 
 
 class LiveAdapted:

@@ -68,6 +68,18 @@ def by_window(results: Mapping[str, Mapping[int, Mapping[str, Any]]]) -> "Figure
     return _finish(figure, left, legend=False)
 
 
+def by_real_windows(curves: Mapping[str, Mapping[int, float]]) -> "Figure":
+    """Mean error [mm] by windows of the arm that a correction learned from; dotted without any."""
+    figure, axes = _axes(9, 4.4)
+    colour = colours(list(curves))
+    for name, curve in curves.items():
+        axes.axhline(curve[0], ls=":", lw=0.8, color=colour[name])
+        some = {count: error for count, error in curve.items() if count}
+        axes.plot(some.keys(), some.values(), "o-", color=colour[name], label=name, ms=4, lw=1.6)
+    axes.set(xlabel="windows of the arm", ylabel="mean error [mm]", xscale="log", yscale="log")
+    return _finish(figure, axes)
+
+
 def smooth(values: Array, width: int) -> Array:
     """Mean over a centred window of `width` steps, NaN left out; shorter at the ends."""
     known = np.isfinite(values)

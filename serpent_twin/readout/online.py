@@ -65,6 +65,7 @@ class Online:
         believed, interval = self._live.update(now), now.time - self._time
         self._time, self._open = now.time, None
         if believed is None:
+            self._marker = np.full((N_JOINTS, 3), np.nan)
             return None
         speed = np.nan_to_num((believed.marker[0] - self._marker) / interval)
         self._marker = believed.marker[0]

@@ -56,7 +56,9 @@ def page(scores: Mapping[str, Any], error_mm: Mapping[str, Array], test: Windows
     ]
     if scores["windows"]:
         sections.append(Section("How much of the past", "", (_by_window(scores["windows"]),)))
-    title = f"Pose readouts on {scores['logs'].rstrip('/').split('/')[-1]}"
+    if "adapt" in scores:
+        sections.append(_adapted(scores["adapt"]))
+    title = f"Pose readouts on {_folder(scores['logs'])}"
     return Report(title, _lead(scores), tuple(sections), _facts(scores))
 
 
@@ -108,10 +110,52 @@ def _by_window(windows: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Figure
     return Figure("error_by_window", figures.by_window(results), caption)
 
 
+def adapt_table(real: Mapping[str, Any]) -> Table:
+    """Mean errors of readouts corrected by more and more windows of another arm."""
+    counts = list(dict.fromkeys(count for of in real["windows"].values() for count in of))
+    header = ("mm, windows of the arm", *counts)
+    rows = tuple(
+        (name, *(f"{of[count]['mean_mm']:.2f}" for count in counts))
+        for name, of in real["windows"].items()
+    )
+    return Table(header, rows)
+
+
+def _adapted(real: Mapping[str, Any]) -> Section:
+    text = (
+        f"The same readouts on {', '.join(real['test_sessions'])} of {_folder(real['logs'])}, another arm: "
+        "as they were trained (0), and corrected by its first windows."
+    )
+    caption = (
+        "Mean error on the arm by how many of its windows a correction learned from; dotted: none."
+    )
+    curves = {name: _curve(of) for name, of in real["windows"].items()}
+    drawing = figures.by_real_windows(curves)
+    return Section(
+        "On the arm itself",
+        text,
+        (adapt_table(real), Figure("error_by_real_windows", drawing, caption)),
+    )
+
+
+def _curve(of_counts: Mapping[str, Mapping[str, Any]]) -> dict[int, float]:
+    points = sorted((each["real_windows"], each["mean_mm"]) for each in of_counts.values())
+    return dict(points)
+
+
+def _folder(logs: str) -> str:
+    return logs.rstrip("/").split("/")[-1]
+
+
 def _facts(scores: Mapping[str, Any]) -> dict[str, str]:
     origin = scores["provenance"]
     facts = {f"{part} sessions": ", ".join(n) for part, n in origin["sessions"].items()}
     facts |= {key: str(origin[key]) for key in ("window", "drop", "seed", "epochs", "threads")}
     facts |= {"commit": origin["git_commit"]}
     facts |= {"versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items())}
-    return facts | {f"sha256 of {name}": h for name, h in origin["input_sha256"].items()}
+    facts |= {f"sha256 of {name}": h for name, h in origin["input_sha256"].items()}
+    if "adapt" not in scores:
+        return facts
+    real = scores["adapt"]["provenance"]
+    facts |= {f"the arm's {part} sessions": ", ".join(n) for part, n in real["sessions"].items()}
+    return facts | {f"sha256 of the arm's {n}": h for n, h in real["input_sha256"].items()}

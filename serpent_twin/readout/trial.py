@@ -106,16 +106,15 @@ class Trial:
 
     def result(self, test: Windows) -> Result:
         """Scores and costs of the stored readout."""
-        readout = load(self.folder, self.window)
-        estimate = [readout.follow(session).marker for session in test.sessions]
         cost = json.loads((self.folder / COST).read_text())
-        return Result(
-            score(np.concatenate(estimate), test.marker),
-            distances(np.concatenate(estimate), test.marker) * 1e3,
-            cost["train_s"],
-            latency_ms(readout, test),
-            readout,
-        )
+        return judged(load(self.folder, self.window), test, cost["train_s"])
+
+
+def judged(readout: Readout, test: Windows, train_s: float) -> Result:
+    """Scores of a readout that took so long to train."""
+    marker = np.concatenate([readout.follow(session).marker for session in test.sessions])
+    error = distances(marker, test.marker) * 1e3
+    return Result(score(marker, test.marker), error, train_s, latency_ms(readout, test), readout)
 
 
 def latency_ms(readout: Readout, windows: Windows, rows: int = 300) -> float:

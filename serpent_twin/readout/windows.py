@@ -88,6 +88,12 @@ class Windows:
     rate_hz: float | None = None
     """Rows per second of the logs; None if they differ"""
 
+    def first(self, count: int) -> "Windows":
+        """The first windows."""
+        left = np.clip(count - np.cumsum([0, *map(len, self.sessions)]), 0, None)
+        taken = zip(self.sessions, left[:-1].tolist(), strict=True)
+        return replace(self, sessions=tuple(s.some(0, min(n, len(s))) for s, n in taken if n))
+
     @cached_property
     def x(self) -> Array:
         """All windows stacked, (N, 27H − 9)."""
