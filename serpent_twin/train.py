@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from serpent_twin.files import write_whole
 from serpent_twin.log import read_folder
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.readout import available, find
+from serpent_twin.readout.jitter import command_error, jittered
 from serpent_twin.readout.page import adapt_table, page, score_table
 from serpent_twin.readout.split import Split, split
 from serpent_twin.readout.trial import COST, Result, Trial
@@ -65,6 +66,9 @@ class Train:
     windows and scored on its last session. --test and --validate then name its sessions."""
     adapt_windows: str = adapting.ALL
     """Numbers of its windows to correct by, such as 0,100,500,all; 0 scores the readouts as they are."""
+    command_jitter: float | None = None
+    """Train as if commands were off by normal errors of this size [rad/s]: simulated servos are not the
+    arm's. By default what the servos of --adapt miss their commands by, else 0."""
 
 
 def train(config: Train) -> dict[str, Any]:
@@ -80,10 +84,12 @@ def train(config: Train) -> dict[str, Any]:
         plan.refuse(sessions)
     for window in {h for _, h in wanted}:
         sessions.windows(window, config.drop)  # what cannot be cut must not claim a folder
+    if config.command_jitter is None:
+        config = replace(config, command_jitter=_servo_error(plan))
     with claimed(config.out, SETTINGS, settings(config, sessions)):
         _set_threads(config.threads)
         wanted = list(dict.fromkeys(wanted + _trained_before(config)))
-        results = _run([_trial(config, *one) for one in wanted], sessions, config.drop)
+        results = _run([_trial(config, *one) for one in wanted], sessions, config)
         models = [trial.name for trial in results if trial.window == config.window]
         real = adapting.adapt(plan, models, config.out) if plan else adapting.earlier(config.out)
         return _conclude(config, sessions, results, real)
@@ -105,8 +111,15 @@ def _adaptation(config: Train) -> adapting.Adaptation | None:
     return adapting.read(config.adapt, *how, config.validate, config.test)
 
 
+def _servo_error(plan: adapting.Adaptation | None) -> float:
+    """What the arm's servos miss their commands by [rad/s], to a tenth of a milliradian per second."""
+    if plan is None or plan.window < 2:
+        return 0.0
+    return round(command_error(plan.learn), 4)
+
+
 def _check(config: Train) -> None:
-    least = {"window": 1, "drop": 0, "seed": 0, "threads": 1, "epochs": 1}
+    least = {"window": 1, "drop": 0, "seed": 0, "threads": 1, "epochs": 1, "command_jitter": 0}
     for name, low in least.items():
         value = getattr(config, name)
         if value is not None and value < low:
@@ -143,6 +156,8 @@ def settings(config: Train, sessions: Split) -> dict[str, Any]:
     """What two runs must share to lie in one folder."""
     kept = {key: getattr(config, key) for key in ("window", "drop", "seed", "epochs", "threads")}
     inputs = {s.name: file_hash(s.path) for s in sessions.all() if s.path}
+    if config.command_jitter:
+        kept["command_jitter_rad_s"] = config.command_jitter
     if config.twin:
         kept["twin_sha256"] = file_hash(config.twin)
     return kept | {"sessions": sessions.names(), "input_sha256": inputs}
@@ -160,18 +175,21 @@ def _trial(config: Train, name: str, window: int) -> Trial:
     return Trial(name, window, config.out / place / name, config.seed, config.epochs, twin)
 
 
-def _run(trials: list[Trial], sessions: Split, drop: int) -> dict[Trial, Result]:
+def _run(trials: list[Trial], sessions: Split, config: Train) -> dict[Trial, Result]:
     """Train what is not stored yet, then score everything."""
     missing = [trial for trial in trials if not trial.stored()]
     for number, trial in enumerate(missing, 1):
-        learn, steer, _ = sessions.windows(trial.window, drop)
+        learn, steer = (
+            jittered(part, config.command_jitter or 0.0, np.random.default_rng([config.seed, n]))
+            for n, part in enumerate(sessions.windows(trial.window, config.drop)[:2])
+        )
         with tqdm(
             desc=f"[{number}/{len(missing)}] {trial.name}, H = {trial.window}",
             unit="epoch",
             leave=True,
         ) as bar:
             trial.train(learn, steer, lambda *told, bar=bar: _show(bar, *told))
-    tested = {h: sessions.windows(h, drop)[2] for h in {trial.window for trial in trials}}
+    tested = {h: sessions.windows(h, config.drop)[2] for h in {trial.window for trial in trials}}
     return {trial: trial.result(tested[trial.window]) for trial in trials}
 
 

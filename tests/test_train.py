@@ -15,9 +15,11 @@ from test_readout import make_session
 
 from serpent_twin import log, report
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import write_session
+from serpent_twin.log import read_folder, write_session
 from serpent_twin.readout import load
+from serpent_twin.readout.jitter import command_error
 from serpent_twin.readout.score import score
+from serpent_twin.readout.split import split
 from serpent_twin.readout.windows import cut
 from serpent_twin.train import Train, parse_windows, readouts_of, train
 
@@ -199,6 +201,7 @@ def test_markers_lost_for_a_while_do_not_spoil_training(logs, tmp_path):
 def test_readouts_from_simulation_are_adapted_to_the_arm(logs, arm, tmp_path, capsys):
     plain = run(Train(logs, tmp_path / "plain", ("analytical", "residual")))
     config = Train(logs, tmp_path / "out", ("analytical", "residual"), adapt=arm)
+    config = replace(config, command_jitter=0.0)
     run(replace(config, adapt_windows="all,100"))
     scores = json.loads((tmp_path / "out" / "scores.json").read_text())
     assert numbers(scores) == json.loads(json.dumps(numbers(plain)))
@@ -330,3 +333,17 @@ def test_a_page_is_escaped_and_its_numbers_stand_right(tmp_path):
     assert "| --- | ---: |" in markdown and "(figures/line.png)" in markdown
     assert (tmp_path / "figures" / "line.png").read_bytes().startswith(b"\x89PNG")
     assert report.text_table(table).splitlines() == ["name           mm", "a < b  1.50 ± 0.2", "c"]
+
+
+def test_commands_are_jittered_by_what_the_arm_s_servos_miss(logs, arm, tmp_path):
+    config = Train(logs, tmp_path / "out", ("residual",), adapt=arm, adapt_windows="0")
+    found = run(config)["provenance"]["command_jitter_rad_s"]
+    sessions = split(read_folder(arm))
+    seen = cut([*sessions.train, *sessions.validate], 4, 100)
+    assert found == round(command_error(seen), 4) > 0
+    plain = run(replace(config, out=tmp_path / "plain", command_jitter=0.0))
+    assert "command_jitter_rad_s" not in plain["provenance"]
+    with pytest.raises(SerpentError, match="command_jitter_rad_s was"):
+        run(replace(config, command_jitter=0.0))
+    with pytest.raises(SerpentError, match="--command_jitter is -1"):
+        run(replace(config, command_jitter=-1.0))

@@ -43,7 +43,7 @@ class Adapted(Readout):
     """Name of the readout that is corrected"""
     settings: dict[str, Any] = field(kw_only=True)
     """Its settings"""
-    penalties: tuple[float, ...] = tuple(10 ** (k / 2) for k in range(-12, 5))
+    penalties: tuple[float, ...] = tuple(10.0**k for k in range(-6, 3))
     """Penalties per window to choose from"""
     blocks: int = BLOCKS
     """Blocks of consecutive windows, each of which judges once"""
@@ -105,7 +105,7 @@ class Adapted(Readout):
 
     def _choose(self, folds: "Folds", progress: Progress) -> tuple[float, float]:
         """Penalties of slopes and offset that leave least, none if that is not beyond chance."""
-        choices = [(p, offset) for p in (*self.penalties, HELD) for offset in (FREE, p)]
+        choices = [(p, FREE) for p in (*self.penalties, HELD)] + [(HELD, HELD)]
         distance = []
         for done, choice in enumerate(choices, 1):
             distance.append(folds.distance(choice))

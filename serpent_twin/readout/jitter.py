@@ -28,7 +28,9 @@ def command_error(windows: Windows) -> float:
 
 
 def jittered(windows: Windows, size: float, rng: np.random.Generator) -> Windows:
-    """The same windows, all commands off by normal errors of a size [rad/s]."""
+    """The same windows, all commands off by normal errors of a size [rad/s]; 0 leaves them as they are."""
+    if not size:
+        return windows
     commands = COMMAND * (windows.window - 1)
 
     def jitter(x: Array) -> Array:
