@@ -13,7 +13,7 @@ from matplotlib.figure import Figure as Drawing
 from test_adapted import wandering
 from test_readout import make_session
 
-from serpent_twin import log, report
+from serpent_twin import design, log, report
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import read_folder, write_session
 from serpent_twin.readout import load
@@ -298,6 +298,18 @@ def test_a_folder_adapted_to_one_arm_is_not_adapted_to_another(logs, arm, tmp_pa
     run(config)
     with pytest.raises(SerpentError, match=r"out/adapted holds a run with other settings"):
         run(replace(config, adapt=other))
+
+
+def test_a_twin_is_given_to_the_readouts_that_have_one(tmp_path):
+    path, few = tmp_path / "twin.json", tmp_path / "logs"
+    soft = replace(design.NOMINAL_DESIGN.parameters, strand_stiffness=9000.0)
+    design.write(path, replace(design.NOMINAL_DESIGN, parameters=soft), {})
+    few.mkdir()
+    for number in (1, 2, 3):
+        write(few, make_session(number, rows=120))
+    found = run(Train(few, tmp_path / "out", ("residual", "observer"), twin=path))["readouts"]
+    assert found["observer"]["config"]["twin"]["parameters"]["strand_stiffness"] == 9000
+    assert "twin" not in found["residual"]["config"]
 
 
 def test_readouts_with_a_twin_are_trained_unasked_only_with_one(tmp_path):

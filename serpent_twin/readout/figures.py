@@ -77,6 +77,9 @@ def by_real_windows(curves: Mapping[str, Mapping[int, float]]) -> "Figure":
         some = {count: error for count, error in curve.items() if count}
         axes.plot(some.keys(), some.values(), "o-", color=colour[name], label=name, ms=4, lw=1.6)
     axes.set(xlabel="windows of the arm", ylabel="mean error [mm]", xscale="log", yscale="log")
+    counts = sorted({count for curve in curves.values() for count in curve if count})
+    axes.set_xticks(counts, map(str, counts))
+    axes.set_xticks([], minor=True)
     return _finish(figure, axes)
 
 

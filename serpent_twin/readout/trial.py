@@ -5,7 +5,7 @@ import json
 import time
 import zlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +68,7 @@ class Trial:
     """Seed of its first weights and batches; its name and window are mixed in"""
     epochs: int | None = None
     """Passes at most; by default the readout's own"""
-    twin: Mapping[str, Any] | None = None
+    twin: Mapping[str, Any] | None = field(default=None, hash=False)
     """The twin of readouts that have one, as twin.json holds it; by default the nominal one"""
 
     def untrained(self) -> Readout:
