@@ -24,6 +24,7 @@ from serpent_twin.readout.trial import COST, Result, Trial
 from serpent_twin.report import text_table, write
 
 SETTINGS = "train.json"
+JITTER = "command_jitter_rad_s"
 SWEPT = ("linear", "mlp")
 """The readouts whose window --windows varies."""
 
@@ -85,7 +86,7 @@ def train(config: Train) -> dict[str, Any]:
     for window in {h for _, h in wanted}:
         sessions.windows(window, config.drop)  # what cannot be cut must not claim a folder
     if config.command_jitter is None:
-        config = replace(config, command_jitter=_servo_error(plan))
+        config = replace(config, command_jitter=_servo_error(plan, config.out / SETTINGS))
     with claimed(config.out, SETTINGS, settings(config, sessions)):
         _set_threads(config.threads)
         wanted = list(dict.fromkeys(wanted + _trained_before(config)))
@@ -111,11 +112,12 @@ def _adaptation(config: Train) -> adapting.Adaptation | None:
     return adapting.read(config.adapt, *how, config.validate, config.test)
 
 
-def _servo_error(plan: adapting.Adaptation | None) -> float:
-    """What the arm's servos miss their commands by [rad/s], to a tenth of a milliradian per second."""
-    if plan is None or plan.window < 2:
-        return 0.0
-    return round(command_error(plan.learn), 4)
+def _servo_error(plan: adapting.Adaptation | None, earlier: Path) -> float:
+    """What the arm's servos miss their commands by [rad/s]; without an arm, as an earlier run had it."""
+    if plan is None:
+        kept = json.loads(earlier.read_text()) if earlier.exists() else {}
+        return kept.get(JITTER, 0.0)
+    return round(command_error(plan.learn), 4) if plan.window > 1 else 0.0
 
 
 def _check(config: Train) -> None:
@@ -157,7 +159,7 @@ def settings(config: Train, sessions: Split) -> dict[str, Any]:
     kept = {key: getattr(config, key) for key in ("window", "drop", "seed", "epochs", "threads")}
     inputs = {s.name: file_hash(s.path) for s in sessions.all() if s.path}
     if config.command_jitter:
-        kept["command_jitter_rad_s"] = config.command_jitter
+        kept[JITTER] = config.command_jitter
     if config.twin:
         kept["twin_sha256"] = file_hash(config.twin)
     return kept | {"sessions": sessions.names(), "input_sha256": inputs}

@@ -295,9 +295,11 @@ def test_a_folder_adapted_to_one_arm_is_not_adapted_to_another(logs, arm, tmp_pa
     for number in range(1, 4):
         write(other, wandering(number, rows=300))
     config = Train(logs, tmp_path / "out", ("residual",), adapt=arm, adapt_windows="0")
-    run(config)
-    with pytest.raises(SerpentError, match=r"out/adapted holds a run with other settings"):
+    kept = run(config)["provenance"]
+    with pytest.raises(SerpentError, match="out holds a run with other settings: command_jitter"):
         run(replace(config, adapt=other))
+    with pytest.raises(SerpentError, match="out/adapted holds a run with other settings"):
+        run(replace(config, adapt=other, command_jitter=kept["command_jitter_rad_s"]))
 
 
 def test_a_twin_is_given_to_the_readouts_that_have_one(tmp_path):
