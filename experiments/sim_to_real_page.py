@@ -166,13 +166,20 @@ def curves(arms: Mapping[str, Any]) -> "Drawing":
         hybrid = {"0": a["observer_mm"]} | a["hybrid_mm"]
         at = [_place(count, most) for count in hybrid]
         axes.plot(
-            at, list(hybrid.values()), "s-", color="#344e41", label="the twin as observer", ms=4
+            at,
+            list(hybrid.values()),
+            "s-",
+            color="#344e41",
+            label="the twin as observer, then corrected",
+            ms=4,
         )
         axes.axhline(a["lstm_mm"], color="#16425b", lw=1, ls="--", label="LSTM, all windows")
         axes.set(
             xscale="log", yscale="log", title=name, xlabel="real windows", ylabel="mean error [mm]"
         )
-        axes.set_xticks([_ZERO, 100, 500, 2000, most], ["0", "100", "500", "2,000", f"{most:,}"])
+        axes.set_xticks(
+            [_ZERO, 100, 500, 2000, most], ["0", "100", "500", "2,000", f"{most:,}"], fontsize=8
+        )
         axes.minorticks_off()
         axes.set_yticks([0.5, 1, 2, 5, 10, 20], ["0.5", "1", "2", "5", "10", "20"])
         axes.grid(alpha=0.25)

@@ -80,6 +80,13 @@ def by_real_windows(curves: Mapping[str, Mapping[int, float]]) -> "Figure":
     counts = sorted({count for curve in curves.values() for count in curve if count})
     axes.set_xticks(counts, map(str, counts))
     axes.set_xticks([], minor=True)
+    errors = [error for curve in curves.values() for error in curve.values()]
+    low, high = min(errors) / 1.5, 1.5 * max(errors)
+    round_ones = [m * 10.0**k for k in range(-3, 4) for m in (1, 2, 5)]
+    shown = [each for each in round_ones if low <= each <= high]
+    axes.set(ylim=(low, high))
+    axes.set_yticks(shown, [f"{each:g}" for each in shown])
+    axes.set_yticks([], minor=True)
     return _finish(figure, axes)
 
 
