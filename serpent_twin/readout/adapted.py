@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from serpent_twin.arm import N_JOINTS, Array
 from serpent_twin.errors import SerpentError
@@ -91,14 +92,17 @@ class Adapted(Readout):
         told = [base.follow(session) for session in train.sessions]
         miss = (train.marker - np.concatenate([each.marker for each in told])).reshape(-1, 27)
         features = self._fit_features(train.x)
-        folds = Folds(features, miss, self.blocks, self.window)
-        best = self._choose(folds, progress)
-        left = folds.left(best).reshape(-1, N_JOINTS, 3)
+        with threadpool_limits(
+            1, "blas"
+        ):  # of many small systems, threads only wait for each other
+            folds = Folds(features, miss, self.blocks, self.window)
+            best = self._choose(folds, progress)
+            left, weight = folds.left(best).reshape(-1, N_JOINTS, 3), folds.weight(best)
         root = root_of(np.concatenate([each.covariance for each in told]))
         few = growth(len(features) / self.window)  # windows of H rows overlap
         self.learned |= {
             "penalty": np.array(best),
-            "weight": folds.weight(best),
+            "weight": weight,
             "spread": few * covariance_of(np.linalg.solve(root, left[..., None])[..., 0]),
             "covariance": few * covariance_of(left),
         }
