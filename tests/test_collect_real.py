@@ -64,7 +64,7 @@ def test_over_the_wire_a_session_has_the_rows_of_the_twin(bench, tmp_path):
 
 def test_a_log_without_markers_says_so_and_is_read(bench, tmp_path):
     _, setup = bench("--realtime")
-    done = run(tmp_path / "logs", setup, "--steps", 20, "--rate-hz", 20)
+    done = run(tmp_path / "logs", setup, "--steps", 10, "--rate-hz", 4)
     assert done.returncode == 0, done.stderr
     assert "pseudo-terminal" in done.stdout
     session = read_session(tmp_path / "logs" / "session_01.parquet")
