@@ -76,7 +76,7 @@ def lead(arms: Mapping[str, Any]) -> str:
     )
     if rest := sorted(set(arms) - set(known)):
         worse = _span([arms[n]["observer_mm"] / arms[n]["lstm_mm"] for n in rest])
-        said += f" Where nothing that is known explains what is left ({', '.join(rest)}), that is {worse} ×."
+        said += f" Where no known effect explains what is left ({', '.join(rest)}), the first is {worse} ×."
     return said
 
 
