@@ -97,6 +97,12 @@ class Session:
         """Control steps per second."""
         return float(self.metadata["rate_hz"])
 
+    @property
+    def earlier(self) -> float:
+        """How long the arm ran before [s]; sessions of a run are of one length."""
+        number = int(self.metadata.get("session", 1))
+        return (number - 1) * float(self.time[-1] - self.time[0])
+
 
 def session_from_columns(
     path: Path | None, metadata: dict[str, Any], columns: Mapping[str, np.ndarray]

@@ -172,16 +172,14 @@ def _cut_session(session: Session, window: int, drop: int, arm: Arm) -> SessionW
 
 
 def bus_of(session: Session) -> Bus:
-    """What a session logged of the bus; sessions of a run are of one length."""
-    number = int(session.metadata.get("session", 1))
-    earlier = (number - 1) * float(session.time[-1] - session.time[0])
+    """What a session logged of the bus."""
     return Bus(
         session.time,
         session.motor_position,
         session.motor_velocity,
         session.motor_load,
         session.motor_velocity_command,
-        earlier,
+        session.earlier,
     )
 
 

@@ -86,7 +86,7 @@ def cut(sessions: Sequence[Session], offset: Array) -> Pieces:
         raise SerpentError(
             f"no session has {SEGMENT:g} s without a gap in time. Record longer sessions."
         )
-    earlier = {s.name: _earlier(s) for s in sessions}
+    earlier = {s.name: s.earlier for s in sessions}
     runs = {s.name: _run(s, offset) for s in sessions}
 
     def of(name: str) -> Array:
@@ -128,12 +128,6 @@ def _run(session: Session, offset: Array) -> Run:
     motor = session.motor_position
     joint = joints_from_markers(session.marker, joint_from_motor(motor[:, :N_JOINTS]), offset)
     return Run(session.time, motor, session.motor_velocity, joint)
-
-
-def _earlier(session: Session) -> float:
-    """How long the arm ran before [s]; sessions of a run are of one length."""
-    number = int(session.metadata.get("session", 1))
-    return (number - 1) * float(session.time[-1] - session.time[0])
 
 
 def past(pieces: Pieces) -> Past:
