@@ -18,7 +18,6 @@ from sim_to_real_twins import (
     Twins,
     after,
     bearing,
-    first,
     joined,
     kept,
     simulated,
@@ -66,7 +65,7 @@ class Real:
 
     def few(self, count: str) -> Windows:
         """The first so many of them."""
-        return self.all if count == ALL else first(self.all, int(count))
+        return self.all if count == ALL else self.all.first(int(count))
 
     @property
     def counts(self) -> tuple[str, ...]:
@@ -181,7 +180,7 @@ def _from_scratch(study: Study, name: str) -> dict[str, float]:
     errors = {}
     for count in study.real.counts[:-1]:
         few, learned = study.real.few(count), 4 * int(count) // 5
-        readout = study.train(f"real_{count}", name, (first(few, learned), after(few, learned)))
+        readout = study.train(f"real_{count}", name, (few.first(learned), after(few, learned)))
         errors[count] = study.error_mm(readout)
     return errors
 
@@ -200,7 +199,7 @@ def _observers(study: Study) -> dict[str, Any]:
         stage: study.train(f"observer_{stage}", "observer", data, twin=design.to_dict(arm))
         for stage, arm in stages.items()
     }
-    short = (first(real.train, LONGEST), first(real.validate, LONGEST))
+    short = (real.train.first(LONGEST), real.validate.first(LONGEST))
     filtered = {
         stage: study.train(
             f"filtered_{stage}", "filtered_observer", short, twin=design.to_dict(stages[stage])

@@ -102,18 +102,8 @@ def bearing(windows: Windows, servo_error: float, seed: int) -> Windows:
     return jittered(windows, servo_error, np.random.default_rng([seed, 3]))
 
 
-def first(windows: Windows, count: int) -> Windows:
-    """The first windows, session after session."""
-    sessions, left = [], count
-    for each in windows.sessions:
-        if left > 0:
-            sessions.append(each.some(0, min(left, len(each))))
-            left -= len(each)
-    return replace(windows, sessions=tuple(sessions))
-
-
 def after(windows: Windows, count: int) -> Windows:
-    """The windows that `first` leaves."""
+    """The windows that `Windows.first` leaves."""
     sessions, left = [], count
     for each in windows.sessions:
         if left < len(each):
