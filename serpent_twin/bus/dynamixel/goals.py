@@ -15,8 +15,10 @@ from serpent_twin.bus.dynamixel.registers import TRIES, MotorRegisters
 from serpent_twin.bus.dynamixel.wire import PortLostError
 from serpent_twin.bus.xl430 import Words
 
-VERIFY_EVERY = 0.1
-"""Goals are read back this often at most [s]; Velocity Trajectory (136) is compared every time."""
+UNSURE_AFTER = 0.1
+"""Goals are read back when the last ones that are known to have arrived are this old [s]. Each reading tells
+it of those sent before it, by Velocity Trajectory (136): a fast loop has no need to ask.
+"""
 _GOAL = TABLE["goal_velocity"]
 
 
@@ -37,7 +39,7 @@ class Goals:
         self.driven = False
         self._registers, self._wire, self._reader = registers, registers.wire, reader
         self._recovery, self._now = recovery, now
-        self._verified = -np.inf
+        self._sent = self._arrived = -np.inf
         self._trust_trajectory = True
 
     def release(self) -> None:
@@ -48,6 +50,7 @@ class Goals:
         """Send `words` to all motors; after a port was lost and regained they are zero, for what was to
         be sent was meant for another moment.
         """
+        self._sent = self._now()
         goals = dict(zip(self._registers.ids, map(int, self.words), strict=True))
         try:
             self._wire.sync_write(_GOAL, goals)
@@ -62,17 +65,17 @@ class Goals:
             self._wire.sync_write(_GOAL, dict.fromkeys(self._registers.ids, 0))
 
     def verify(self, always: bool = False) -> None:
-        """Read goals back if it is time, and write those anew that did not arrive.
+        """Read goals back if that is needed, and write those anew that did not arrive.
 
         A motor that stays silent here is for the next reading to insist on.
         """
-        if not always and self._now() - self._verified < VERIFY_EVERY:
+        if not always and self._now() - self._arrived < UNSURE_AFTER:
             return
         for _ in range(TRIES):
             try:
                 deaf = self._reader.attempt_goals() != self.words
                 if not deaf.any():
-                    self._verified = self._now()
+                    self._arrived = self._sent
                     return
                 self._repair(deaf)
             except PortLostError as error:
@@ -85,7 +88,9 @@ class Goals:
         if not (self.driven and self._trust_trajectory) or found.registers.hardware_error.any():
             return
         other = found.registers.velocity_trajectory != self.words
-        if other.any() and not self._repair(other):
+        if not other.any():
+            self._arrived = self._sent
+        elif not self._repair(other):
             self._trust_trajectory = False
             self._recovery.note("firmware", "Velocity Trajectory (136) is not the goal: not used")
 
