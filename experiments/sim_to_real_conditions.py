@@ -18,7 +18,7 @@ from serpent_twin.control import random_targets
 from serpent_twin.design import Design
 from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import Session
+from serpent_twin.log import FIELDS, Session
 from serpent_twin.mocap.simulated import SimulatedMocap
 from serpent_twin.readout import Readout
 from serpent_twin.readout.belief import Belief
@@ -29,15 +29,6 @@ from serpent_twin.twin import Twin
 
 ROWS = 1200
 MORE_KG = 0.03
-_ROW = (
-    "time",
-    "motor_position",
-    "motor_velocity",
-    "motor_load",
-    "motor_velocity_command",
-    "joint_target",
-    "marker",
-)
 
 
 @dataclass(frozen=True)
@@ -77,14 +68,20 @@ def loaded(design: Design, more_kg: float) -> Design:
     return design.with_effect(Payload(mass=mass)) if more_kg else design
 
 
+def _bench(
+    arm: Design, seed: list[int]
+) -> tuple[SimulatedBus, SimulatedMocap, np.random.Generator]:
+    """An arm's bus, cameras that see it, and what draws its targets."""
+    seeds = np.random.SeedSequence(seed).spawn(3)
+    for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
+    bus = SimulatedBus(Twin(arm), for_loads, arm.parameters.load_noise)
+    return bus, SimulatedMocap(bus.twin, for_cameras, arm.parameters.marker_noise), for_targets
+
+
 def session_of(arm: Design, condition: Condition, seed: int) -> Session:
     """A session of a simulated arm."""
-    seeds = np.random.SeedSequence([seed, 17]).spawn(3)
-    for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
-    parameters = arm.parameters
-    twin = Twin(loaded(arm, condition.more_kg))
-    bus = SimulatedBus(twin, for_loads, parameters.load_noise)
-    cameras = SimulatedMocap(twin, for_cameras, parameters.marker_noise)
+    bus, cameras, for_targets = _bench(loaded(arm, condition.more_kg), [seed, 17])
+    gain = arm.parameters.controller_gain
     wide = replace(ARM, target_range=condition.wider * ARM.target_range)
     targets = random_targets(
         condition.rows, for_targets, wide, hold=round(1.25 * condition.rate_hz)
@@ -97,9 +94,7 @@ def session_of(arm: Design, condition: Condition, seed: int) -> Session:
                 bus.reboot([2, 3, 7])
                 bus.wait(2.0)
             began = bus.time
-            for row in record(
-                bus, cameras, part, parameters.controller_gain, 1 / condition.rate_hz
-            ):
+            for row in record(bus, cameras, part, gain, 1 / condition.rate_hz):
                 rows.append(row | {"time": began + row["time"]})
     whole = _session(rows, condition.rate_hz)
     kept = np.ones(len(whole), bool)
@@ -109,7 +104,7 @@ def session_of(arm: Design, condition: Condition, seed: int) -> Session:
 
 def _session(rows: list[dict[str, Any]], rate_hz: float) -> Session:
     metadata = {"schema_version": 1, "backend": "sim", "arm": "simulated", "session": 1}
-    arrays = {name: np.array([row[name] for row in rows], float) for name in _ROW}
+    arrays = {name: np.array([row[name] for row in rows], float) for name in FIELDS}
     return Session(None, metadata | {"rate_hz": rate_hz}, **arrays)
 
 
@@ -144,11 +139,8 @@ def in_conditions(
 
 def changing(arm: Design, rows: int, at: int, more_kg: float, seed: int) -> Session:
     """A session during which the gripper takes something up, at a row."""
-    seeds = np.random.SeedSequence([seed, 19]).spawn(3)
-    for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
-    twin = Twin(loaded(arm, 1e-4))
-    bus = SimulatedBus(twin, for_loads, arm.parameters.load_noise)
-    cameras = SimulatedMocap(twin, for_cameras, arm.parameters.marker_noise)
+    bus, cameras, for_targets = _bench(loaded(arm, 1e-4), [seed, 19])
+    twin = bus.twin
     targets, logged = random_targets(rows, for_targets), list[dict[str, Any]]()
     body = mujoco.mj_name2id(twin.model, mujoco.mjtObj.mjOBJ_BODY, "payload")
     mass = twin.batch.expand("body_mass")

@@ -13,7 +13,7 @@ from serpent_twin.control import random_targets
 from serpent_twin.design import NOMINAL_DESIGN, Design
 from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import Session, read_folder
+from serpent_twin.log import FIELDS, Session, read_folder
 from serpent_twin.mocap.simulated import SimulatedMocap
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.readout import find, load
@@ -113,17 +113,7 @@ def test_is_not_lost_by_motors_that_reboot():
         None,
         {"schema_version": 1, "backend": "sim", "arm": "x", "session": 1, "rate_hz": 4.0},
         time=time,
-        **{
-            name: np.array([row[name] for row in rows])
-            for name in (
-                "motor_position",
-                "motor_velocity",
-                "motor_load",
-                "motor_velocity_command",
-                "joint_target",
-                "marker",
-            )
-        },
+        **{name: np.array([row[name] for row in rows]) for name in FIELDS if name != "time"},
     )
     readout = trained([session, session])
     assert error_mm(readout, windows(session, drop=108)) < 1.0

@@ -25,7 +25,8 @@ from serpent_twin.bus.dynamixel.shutdown import STOPPING
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimate.stream import Page, Sample
 from serpent_twin.pose import joints_from_markers
-from serpent_twin.readout.score import distances
+from serpent_twin.readout.belief import Belief
+from serpent_twin.readout.score import distances, step_means
 from serpent_twin.recording import ESTIMATED, MEASURED, Writer, blueprint, hue
 
 EVERY = 0.2
@@ -106,9 +107,11 @@ class Drawing:
         self._points(writer, "measured", measured)
         self._points(writer, "estimated", estimated)
         self._ellipsoids(writer, estimated, covariance)
-        spread = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1))
-        self._curve(writer, "plots/error/measured", _mean(1e3 * distances(estimated, measured)))
-        self._curve(writer, "plots/error/expected_rms", _mean(1e3 * spread))
+        spread = Belief(estimated, covariance).spread
+        self._curve(
+            writer, "plots/error/measured", step_means(1e3 * distances(estimated, measured))
+        )
+        self._curve(writer, "plots/error/expected_rms", step_means(1e3 * spread))
         self._curve(writer, "plots/latency/ms", latency)
         for j in range(N_MOTORS):
             self._curve(writer, f"plots/load/motor{j + 1}", 100 * load[:, j])
@@ -212,13 +215,6 @@ def open_viewer(patience: float = 20.0) -> None:
 def _listens() -> bool:
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", PORT)) == 0
-
-
-def _mean(values: Array) -> Array:
-    """Mean of what is known in each row, (N, 9) to (N,)."""
-    known = np.isfinite(values)
-    total = np.where(known, values, 0.0).sum(axis=1)
-    return np.where(known.any(axis=1), total / np.maximum(known.sum(axis=1), 1), np.nan)
 
 
 def _plots() -> list[rrb.TimeSeriesView]:

@@ -1,6 +1,6 @@
 """How much do the measured loads tell the twin that its motors' angles do not?"""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from serpent_twin.arm import Array
 from serpent_twin.readout import Progress
 from serpent_twin.readout.live import Reading
-from serpent_twin.readout.observer import TURNING, LiveObserver, Observer, mean_of
+from serpent_twin.readout.observer import TURNING, LiveObserver, Observer
 from serpent_twin.readout.windows import Windows
 
 
@@ -28,8 +28,6 @@ class FilteredObserver(Observer):
     """Runs of the twin side by side"""
     scatters: tuple[float, ...] = (0.0, 5e-4, 1e-3, 2e-3, 4e-3)
     """Of each joint in a control step, to choose from [rad]"""
-    tried_mm: list[float] = field(default_factory=list, init=False, repr=False)
-    """Rms error on the validation sessions with each scatter [mm]"""
 
     def live(self, earlier: float = 0.0) -> LiveObserver:
         """An estimator for one session of an arm that ran for so long before [s]."""
@@ -42,17 +40,17 @@ class FilteredObserver(Observer):
         self, train: Windows, validate: Windows, rng: np.random.Generator, progress: Progress
     ) -> None:
         best: dict[str, Array] = {}
-        load, self.tried_mm = None, []
+        load, tried_mm = None, list[float]()  # the rms error with each scatter
         for done, scatter in enumerate(self.scatters, 1):
             self.learned = {"scatter": np.array(scatter)} | ({} if load is None else {"load": load})
             super()._learn(train, validate, rng, lambda *_: None)
             load = self.learned["load"] if load is None else load
             error = _rms_mm(self.learned["covariance"])
-            if error < min(self.tried_mm, default=np.inf):
+            if error < min(tried_mm, default=np.inf):
                 best = self.learned
-            self.tried_mm.append(error)
+            tried_mm.append(error)
             progress(done, len(self.scatters), error)
-        self.learned = best | {"tried_mm": np.array(self.tried_mm)}
+        self.learned = best | {"tried_mm": np.array(tried_mm)}
 
 
 def _rms_mm(covariance: Array) -> float:
@@ -74,13 +72,13 @@ class LiveFilter(LiveObserver):
         turning[-1] = False  # the gripper's cable pulls at the jaw
         if not turning.any():
             return
-        joint = self.arms.read().joint_angle
+        joint = self.members.joint_angle
         joint = joint + self._scatter * self._rng.standard_normal(joint.shape)
         self.arms.nudge(joint)
         predicted, noise = self.arms.read().load[:, turning], self._noise[turning]
         seen = now.load[turning] + noise * self._rng.standard_normal(predicted.shape)
         off_joint, off_load = joint - joint.mean(axis=0), predicted - predicted.mean(axis=0)
-        among = off_load.T @ off_load / (self.members - 1) + np.diag(noise**2)
-        gain = np.linalg.solve(among, off_load.T @ off_joint / (self.members - 1)).T
+        among = off_load.T @ off_load / (len(joint) - 1) + np.diag(noise**2)
+        gain = np.linalg.solve(among, off_load.T @ off_joint / (len(joint) - 1)).T
         self.arms.nudge(joint + (seen - predicted) @ gain.T)
-        self.sensed = mean_of(self.arms.read())
+        self.members = self.arms.read()

@@ -152,7 +152,7 @@ class LiveObserver:
         lag = float(observer.learned["servo_lag"])
         self.arms = DrivenArms([arm] * members, [model] * members, lag)
         self.arms.earlier = np.full(members, earlier)
-        self.members, self._observer, self._time = members, observer, np.nan
+        self._count, self._observer, self._time = members, observer, np.nan
         self._doubt = 1.0  # squared, of the loads' errors over those in training
 
     def update(self, now: Reading) -> Belief:
@@ -162,8 +162,8 @@ class LiveObserver:
 
     def step(self, now: Reading) -> None:
         """Let the twin go to this reading; the first one lets it hang there as stiff cables would."""
-        position, velocity = (np.tile(x, (self.members, 1)) for x in (now.position, now.velocity))
-        to = Motors(np.full(self.members, now.time), position, velocity)
+        position, velocity = (np.tile(x, (self._count, 1)) for x in (now.position, now.velocity))
+        to = Motors(np.full(self._count, now.time), position, velocity)
         interval = now.time - self._time
         if np.isnan(interval):
             before = Motors(to.time - SETTLE, position, np.zeros_like(velocity))
@@ -180,20 +180,22 @@ class LiveObserver:
                 "the twin with python -m serpent_twin.trace."
             )
         self._interval, self._time = interval, now.time
-        self.sensed = mean_of(self.arms.read())
+        self.members = self.arms.read()
+
+    @property
+    def sensed(self) -> Sensed:
+        """What the members sense in the mean, as one."""
+        each = vars(self.members).items()
+        return Sensed(**{name: value.mean(axis=0, keepdims=True) for name, value in each})
 
     def belief(self, now: Reading) -> Belief:
         """What the twin says of the markers, less sure the more loads differ from its own."""
-        error = (now.load - self.sensed.load[0]) / self._observer.learned["load"]
+        sensed = self.sensed
+        error = (now.load - sensed.load[0]) / self._observer.learned["load"]
         turning = np.abs(now.velocity) > TURNING
         if turning.any():
             fade = np.exp(-self._interval / TRUST)
             self._doubt = fade * self._doubt + (1 - fade) * float((error[turning] ** 2).mean())
         doubt = max(1.0, self._doubt)
-        covariance = self._observer.seen_from(self.sensed.joint_angle, doubt)
-        return Belief(self.sensed.marker, covariance)
-
-
-def mean_of(members: Sensed) -> Sensed:
-    """What members sense in the mean, as one."""
-    return Sensed(**{n: value.mean(axis=0, keepdims=True) for n, value in vars(members).items()})
+        covariance = self._observer.seen_from(sensed.joint_angle, doubt)
+        return Belief(sensed.marker, covariance)

@@ -7,6 +7,7 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.readout import figures
+from serpent_twin.readout.score import step_means
 from serpent_twin.readout.windows import Windows
 from serpent_twin.report import Figure, Report, Section, Table
 
@@ -90,15 +91,9 @@ def _along_the_arm(readouts: Mapping[str, Mapping[str, Any]]) -> tuple[Table, Fi
 
 def _over_time(error_mm: Mapping[str, Array], test: Windows) -> Figure:
     first = test.sessions[0]
-    of_steps = {name: _step_means(error[: len(first.x)]) for name, error in error_mm.items()}
+    of_steps = {name: step_means(error[: len(first.x)]) for name, error in error_mm.items()}
     drawing = figures.over_time(first.time, of_steps)
     return Figure("error_over_time", drawing, f"Error averaged over markers during {first.name}.")
-
-
-def _step_means(error: Array) -> Array:
-    seen = np.isfinite(error)
-    total = np.where(seen, error, 0.0).sum(axis=1)
-    return np.divide(total, seen.sum(axis=1), out=np.full(len(error), np.nan), where=seen.any(1))
 
 
 def _by_window(windows: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Figure:

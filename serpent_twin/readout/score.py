@@ -53,3 +53,10 @@ def score(estimate: Array, measured: Array) -> Scores:
         tip_mm=per_marker[-1],
         per_marker_mm=per_marker,
     )
+
+
+def step_means(values: Array) -> Array:
+    """Mean of what is known of each step's markers, (N, 9); (N,), NaN where nothing is."""
+    known = np.isfinite(values)
+    total = np.where(known, values, 0.0).sum(axis=1)
+    return np.divide(total, known.sum(axis=1), out=np.full(len(values), np.nan), where=known.any(1))
