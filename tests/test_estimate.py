@@ -3,12 +3,12 @@
 import json
 import subprocess
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rerun.chunk import RrdReader
+from live_runs import STEPS, estimated, logged, spread, train_few
 
 from serpent_twin import design
 from serpent_twin.bus.device import running
@@ -16,55 +16,31 @@ from serpent_twin.collect import Collect, Real, collect
 from serpent_twin.design import NOMINAL_DESIGN
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimate import Estimate, estimate
-from serpent_twin.estimate.draw import Drawing, ellipsoids
-from serpent_twin.estimate.follower import COLUMNS, LATENCY, MARKERS, SPREADS, Follower
-from serpent_twin.estimate.stream import Page, Sample, Stream
-from serpent_twin.log import Session, examine, read_folder, read_session
+from serpent_twin.estimate.follower import LATENCY, Follower
+from serpent_twin.log import Session, examine, read_session
 from serpent_twin.parameters import NOMINAL
-from serpent_twin.readout import Readout, find, load
+from serpent_twin.readout import Readout, load
 from serpent_twin.readout.belief import Belief
-from serpent_twin.readout.live import LiveWindows, Reading
-from serpent_twin.readout.windows import Windows, cut, input_size
-
-STEPS = 60
+from serpent_twin.readout.windows import Windows, cut
 
 
 @pytest.fixture(scope="module")
 def models(tmp_path_factory):
     """A readout of windows and an observer, trained on a few rows of the twin at 4 Hz."""
     folder = tmp_path_factory.mktemp("trained")
-    collect(Collect(folder / "logs", sessions=2, steps=70, workers=1, seed=5))
-    train, validate = (cut([s], 4, drop=10) for s in read_folder(folder / "logs"))
-    for name in ("residual", "observer"):
-        trained = find(name)()
-        trained.fit(train, validate, np.random.default_rng(0))
-        trained.save(folder / name)
+    train_few(folder, ("residual", "observer"))
     return folder
 
 
 @pytest.fixture(scope="module")
 def runs(models, tmp_path_factory):
-    """One run of each, the first one drawn."""
+    """One run of each."""
     folder = tmp_path_factory.mktemp("runs")
     results = {
-        name: estimate(
-            Estimate(models / name, folder / name, steps=STEPS, record=name == "residual")
-        )
+        name: estimate(Estimate(models / name, folder / name, steps=STEPS, record=False))
         for name in ("residual", "observer")
     }
     return folder, results
-
-
-def logged(folder: Path) -> Session:
-    return read_session(folder / "session_01.parquet")
-
-
-def estimated(session: Session) -> np.ndarray:
-    return np.stack([session.extra[name] for name in MARKERS], axis=1).reshape(-1, 9, 3)
-
-
-def spread(session: Session) -> np.ndarray:
-    return np.stack([session.extra[name] for name in SPREADS], axis=1)
 
 
 def followed(trained: Readout, session: Session) -> Belief:
@@ -209,120 +185,6 @@ def test_a_run_that_is_stopped_keeps_its_rows_and_its_figures(models, tmp_path, 
     found = json.loads((tmp_path / "out" / "results.json").read_text())
     assert len(session) == found["rows"] == 20 and found["rows_estimated"] == 17
     assert (found["complete"], found["ended"]) == (False, "stopped by hand")
-
-
-# Gaps
-
-
-@dataclass
-class Echo(Readout):
-    """A readout whose first marker is the first three numbers of its window's oldest command."""
-
-    name = "echo"
-    about = "for tests"
-    _learns = False
-
-    def _learn(self, train, validate, rng, progress): ...
-
-    def _estimate(self, x, start):
-        return np.tile(x[:, -9:-6], (1, 9))
-
-
-@pytest.mark.parametrize(("step", "blind"), [(1.4, 0), (1.6, 2), (20.0, 2)])
-def test_a_gap_begins_a_window_anew(step, blind):
-    echo = Echo(window=3)
-    echo.rate_hz = 10.0
-    live, time, said = LiveWindows(echo), 0.0, []
-    for k in range(12):
-        time += (step if k == 6 else 1.0) / 10
-        now = Reading(time, np.zeros(10), np.zeros(10), np.zeros(10), np.full(10, float(k)))
-        said.append(live.update(now))
-    seen = [each is not None for each in said]
-    assert seen == [False] * 2 + [True] * 4 + [False] * blind + [True] * (6 - blind)
-    for k, each in enumerate(said):
-        if each is not None:  # the oldest command is that before the row before
-            assert each.marker[0, 0, 0] == k - 1
-    assert input_size(3) == 72
-
-
-def test_without_a_known_rate_there_is_no_gap():
-    live = LiveWindows(Echo(window=1 + 1))
-    none = np.zeros(10)
-    said = [live.update(Reading(t, none, none, none, none)) for t in (0.0, 1.0, 50.0)]
-    assert [each is not None for each in said] == [False, True, True]
-
-
-# Rerun
-
-
-def test_the_recording_holds_what_the_log_says(runs):
-    session, path = logged(runs[0] / "residual"), runs[0] / "residual" / "session_01.rrd"
-    live = estimated(session)
-    for kind, marker in (("estimated", live), ("measured", session.marker)):
-        steps, points = column(path, f"/markers/{kind}", "Points3D:positions")
-        assert steps == list(range(STEPS))
-        for k in range(STEPS):
-            known = marker[k][np.isfinite(marker[k]).all(axis=-1)]
-            np.testing.assert_allclose(np.reshape(points[k], (-1, 3)), known, atol=1e-6)
-    steps, far = column(path, "/plots/error/measured", "Scalars:scalars")
-    distance = 1e3 * np.linalg.norm(live - session.marker, axis=-1)[3:].mean(axis=-1)
-    assert steps == list(range(3, STEPS))
-    np.testing.assert_allclose(np.ravel(far), distance, rtol=1e-5)
-    steps, expected = column(path, "/plots/error/expected_rms", "Scalars:scalars")
-    np.testing.assert_allclose(
-        np.ravel(expected), 1e3 * spread(session)[3:].mean(axis=1), rtol=1e-5
-    )
-    steps, half = column(path, "/markers/expected", "Ellipsoids3D:half_sizes")
-    size = np.sqrt((np.array(half[5]) ** 2).sum(axis=-1) / 7.814728)  # 95 % of chi² of three
-    np.testing.assert_allclose(size, spread(session)[5], rtol=1e-4)
-    assert column(path, "/arm/link9", "Transform3D:translation")[0] == steps
-
-
-def column(path, entity, component):
-    """Steps and values of one component, from all batches."""
-    found = []
-    for chunk in RrdReader(path).stream().to_chunks():
-        if chunk.entity_path == entity and not chunk.is_static:
-            batch = chunk.to_record_batch()
-            if component in batch.schema.names:
-                found += zip(batch["step"].to_pylist(), batch[component].to_pylist(), strict=True)
-    found.sort(key=lambda pair: pair[0])
-    return [step for step, _ in found], [value for _, value in found]
-
-
-def test_ellipsoids_hold_their_share():
-    rng = np.random.default_rng(3)
-    roots = rng.normal(size=(4, 3, 3))
-    half, turned = ellipsoids(roots @ np.swapaxes(roots, 1, 2))
-    for n, root in enumerate(roots):
-        error = turned[n].inv().apply(rng.standard_normal((20_000, 3)) @ root.T)
-        assert (((error / half[n]) ** 2).sum(axis=1) <= 1).mean() == pytest.approx(0.95, abs=0.01)
-
-
-def sample(k: int) -> Sample:
-    unknown = np.full((9, 3, 3), np.nan)
-    return Sample(
-        k / 4, np.zeros(10), np.zeros(10), unknown[..., 0], unknown[..., 0], unknown, np.nan
-    )
-
-
-def test_a_recording_without_rows_leaves_no_file(tmp_path):
-    drawing = Drawing(Page("x", "y", tmp_path / "a.rrd", view=False))
-    assert drawing.end() == "" and not list(tmp_path.iterdir())
-    drawing = Drawing(Page("x", "y", tmp_path / "a.rrd", view=False))
-    drawing.add([sample(0), sample(1)])
-    assert drawing.end() == "" and [path.name for path in tmp_path.iterdir()] == ["a.rrd"]
-
-
-def test_a_drawing_process_that_dies_stops_no_arm(tmp_path, capsys):
-    row = dict.fromkeys(COLUMNS, np.nan) | {"time": 0.0, "marker": np.zeros((9, 3))}
-    row |= {"motor_position": np.zeros(10), "motor_load": np.zeros(10)}
-    with Stream(Page("x", "y", tmp_path / "a.rrd", view=False)) as stream:
-        stream._process.kill()
-        stream._process.join()
-        for _ in range(200):
-            stream.see(row, np.full((9, 3, 3), np.nan))
-    assert "the recording is not whole" in capsys.readouterr().out
 
 
 # Over the wire

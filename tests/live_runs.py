@@ -1,0 +1,36 @@
+"""A few rows of the twin, readouts that learnt them, and what a live estimate's log says."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from serpent_twin.collect import Collect, collect
+from serpent_twin.estimate.follower import MARKERS, SPREADS
+from serpent_twin.log import Session, read_folder, read_session
+from serpent_twin.readout import find
+from serpent_twin.readout.windows import cut
+
+STEPS = 60
+
+
+def train_few(folder: Path, names: Iterable[str]) -> None:
+    """Readouts trained on a few rows of the twin at 4 Hz, each in FOLDER/NAME."""
+    collect(Collect(folder / "logs", sessions=2, steps=70, workers=1, seed=5))
+    train, validate = (cut([s], 4, drop=10) for s in read_folder(folder / "logs"))
+    for name in names:
+        trained = find(name)()
+        trained.fit(train, validate, np.random.default_rng(0))
+        trained.save(folder / name)
+
+
+def logged(folder: Path) -> Session:
+    return read_session(folder / "session_01.parquet")
+
+
+def estimated(session: Session) -> np.ndarray:
+    return np.stack([session.extra[name] for name in MARKERS], axis=1).reshape(-1, 9, 3)
+
+
+def spread(session: Session) -> np.ndarray:
+    return np.stack([session.extra[name] for name in SPREADS], axis=1)

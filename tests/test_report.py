@@ -1,0 +1,25 @@
+"""Does a report say what it is given, in HTML and in Markdown?"""
+
+from matplotlib.figure import Figure as Drawing
+
+from serpent_twin import report
+
+
+def test_a_page_is_escaped_and_its_numbers_stand_right(tmp_path):
+    drawing = Drawing()
+    drawing.subplots().plot([1, 2])
+    table = report.Table(
+        ("name", "mm"), (("a < b", "1.50 ± 0.2"), ("c", "")), marked=frozenset({1})
+    )
+    blocks = (table, report.Figure("line", drawing, "A <line>"))
+    page = report.Report(
+        "T & U", "Lead.", (report.Section("S", "One.\n\nTwo.", blocks),), {"seed": "0"}
+    )
+    html = report.write(page, tmp_path).read_text()
+    assert "<h1>T &amp; U</h1>" in html and "a &lt; b" in html and "A &lt;line&gt;" in html
+    assert html.count("<p>") == 2 and '<td class="number">1.50 ± 0.2</td>' in html
+    assert "<td>a &lt; b</td>" in html and '<tr class="marked">' in html
+    markdown = (tmp_path / "report.md").read_text()
+    assert "| --- | ---: |" in markdown and "(figures/line.png)" in markdown
+    assert (tmp_path / "figures" / "line.png").read_bytes().startswith(b"\x89PNG")
+    assert report.text_table(table).splitlines() == ["name           mm", "a < b  1.50 ± 0.2", "c"]

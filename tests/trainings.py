@@ -1,0 +1,26 @@
+"""Training runs whose results can be compared."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from serpent_twin import log
+from serpent_twin.log import write_session
+from serpent_twin.train import Train, train
+
+
+def write(folder: Path, session: log.Session) -> None:
+    write_session(folder / f"{session.name}.parquet", session)
+
+
+def run(config: Train) -> dict:
+    """Train with one thread: networks this small only wait for a second one."""
+    return train(replace(config, threads=1))
+
+
+def numbers(scores: dict) -> dict:
+    """What must come out the same again: all but the times."""
+    timed = ("train_s", "latency_ms", "seconds_per_epoch")
+    return {
+        name: {key: value for key, value in result.items() if key not in timed}
+        for name, result in scores["readouts"].items()
+    }
