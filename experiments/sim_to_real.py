@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 from close_the_loop import LOGS, arm_folders
-from sim_to_real_arm import STEPS, study_arm
-from sim_to_real_conditions import MORE_KG, changing, followed, in_conditions, recovery
+from sim_to_real_arm import FOLLOWED, STEPS, study_arm
+from sim_to_real_conditions import CHANGES, changing, followed, in_conditions, recovery
 from sim_to_real_page import arm_table, page
 from sim_to_real_twins import CORRECTED, FULL, QUICK, Size
 from tqdm import tqdm
@@ -34,7 +34,7 @@ from serpent_twin.report import text_table, write
 
 SETTINGS = "sim_to_real.json"
 HOUR, MINUTES = 14_400, 2_400  # rows at 4 Hz
-CHANGING = (1600, 600)  # rows, and the row at which the payload changes
+CHANGING = (1600, 600)  # rows, and the row at which the arm changes
 
 
 @dataclass(frozen=True)
@@ -67,15 +67,15 @@ def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the
     with claimed(config.out, SETTINGS, _settings(config, folders)):
         found = _study_all(config, folders, size)
         chosen = _chosen(config, found)
-        with _progress(chosen, 9, 0) as tell:
+        with _progress(chosen, 7 + len(CHANGES), 0) as tell:
             hour = MINUTES if config.quick else HOUR
             others = _other_conditions(config, chosen, hour, tell)
-            changes = _change(config, chosen, tell)
+            changes = _changes(config, chosen, tell)
         origin = provenance() | {"settings": _settings(config, folders)}
         results = {
             "arms": found,
             "conditions": {"arm": chosen, "readouts": others},
-            "payload_change": changes,
+            "changes": changes,
         }
         write_whole(config.out / "results.json", json.dumps(results | origin, indent=1) + "\n")
         print(text_table(arm_table(found)))
@@ -170,6 +170,7 @@ def _other_conditions(
     models = folder / "models"
     readouts = {
         "observer": load(models / f"observer_{CORRECTED}" / "observer"),
+        "… that weighs": load(models / "weighing_payload" / "weighing_observer"),
         "twin-trained residual_mlp": load(models / CORRECTED / "residual_mlp"),
         "arm-trained residual_mlp": load(models / "real" / "residual_mlp"),
         "arm-trained lstm": load(models / "real" / "lstm"),
@@ -180,31 +181,31 @@ def _other_conditions(
     return found
 
 
-def _change(config: SimToReal, name: str, tell: Callable[[str], None]) -> dict[str, Any]:
-    """A payload taken up on the way: with markers from then on, and without."""
+def _changes(config: SimToReal, name: str, tell: Callable[[str], None]) -> dict[str, Any]:
+    """An arm that changes on the way: with markers from then on, without, and followed by loads alone."""
     folder = config.out / name
-    done = folder / "payload_change.json"
+    done = folder / "changes.json"
     if done.exists():
         return json.loads(done.read_text())
-    tell("a payload taken up on the way")
     rows, at = CHANGING
     arm = design.read(sorted((folder / "trace" / "twins").glob("drawn_*.json"))[-1])
-    session = changing(arm, rows, at, MORE_KG, config.seed)
     models, found = folder / "models", dict[str, Any]()
-    for label, place in {
-        "observer": models / f"observer_{CORRECTED}" / "observer",
-        "twin-trained residual_mlp": models / CORRECTED / "residual_mlp",
-    }.items():
-        readout = load(place)
-        for how in ("alone", "with markers"):
-            live = readout.live()
-            online = Online(live) if how == "with markers" else None
-            error = followed(online or live, session, online.correct if online else None)
-            error = np.array(list(error))
-            found[f"{label}, {how}"] = recovery(error, at) | {
-                "error_mm": [round(float(each), 4) for each in np.nan_to_num(error)]
-            }
-    found["more_kg"], found["at_row"] = MORE_KG, at
+    readouts = {
+        "observer": load(models / f"observer_{CORRECTED}" / "observer"),
+        "twin-trained residual_mlp": load(models / CORRECTED / "residual_mlp"),
+    }
+    weighing = {n: load(models / f"weighing_{n}" / "weighing_observer") for n in FOLLOWED}
+    for what, (change, text) in CHANGES.items():
+        tell(text)
+        session = changing(arm, rows, at, change, config.seed)
+        estimators = {f"{n}, alone": r.live() for n, r in readouts.items()}
+        estimators |= {f"observer that follows {n}": r.live() for n, r in weighing.items()}
+        estimators |= {f"{n}, with markers": Online(r.live()) for n, r in readouts.items()}
+        found[what] = {"what": text, "at_row": at, "estimators": {}}
+        for label, live in estimators.items():
+            error = np.array(list(followed(live, session, getattr(live, "correct", None))))
+            curve = [round(float(each), 4) for each in np.nan_to_num(error)]
+            found[what]["estimators"][label] = recovery(error, at) | {"error_mm": curve}
     write_whole(done, json.dumps(found, indent=1) + "\n")
     return found
 

@@ -42,9 +42,11 @@ HEADLINE = "residual_mlp"
 COUNTS = (100, 500, 2000)
 ALL = "all"
 SHARES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
-LONGEST = 1000  # windows that choose the filter's scatter
+FOLLOWED = {"payload": ("payload",), "payload and tilt": ("payload", "base_tilt")}
+"""By loads alone, on the way"""
+LONGEST = 1000  # windows that choose the filter's scatter and how fast is followed
 
-STEPS = 63
+STEPS = 65
 """Of one arm, for the time left"""
 
 Tell = Callable[[str], None]
@@ -206,6 +208,16 @@ def _observers(study: Study) -> dict[str, Any]:
         )
         for stage in (CALIBRATED, CORRECTED)
     }
+    weighing = {
+        what: study.train(
+            f"weighing_{what}",
+            "weighing_observer",
+            short,
+            twin=design.to_dict(stages[CORRECTED]),
+            unknown=unknown,
+        )
+        for what, unknown in FOLLOWED.items()
+    }
     best = observers[CORRECTED]
     hybrid = {n: study.adapt("hybrid", best, n) for n in real.counts}
     beliefs = [best.follow(each) for each in real.test.sessions]
@@ -228,6 +240,8 @@ def _observers(study: Study) -> dict[str, Any]:
     found["coverage_95"] = found["coverage"]["0.95"]
     found["filtered_mm"] = {n: study.error_mm(each) for n, each in filtered.items()}
     found["filter_scatter_rad"] = {n: float(f.learned["scatter"]) for n, f in filtered.items()}
+    found["weighing_mm"] = {n: study.error_mm(each) for n, each in weighing.items()}
+    found["weighing_latency_ms"] = {n: latency_ms(r, real.test) for n, r in weighing.items()}
     found["hybrid_mm"] = {n: study.error_mm(each) for n, each in hybrid.items()}
     found["observer_latency_ms"] = latency_ms(best, real.test)
     return found

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from serpent_twin.arm import ARM
@@ -16,9 +15,11 @@ from serpent_twin.bus.simulated import SimulatedBus
 from serpent_twin.collect.loop import record
 from serpent_twin.control import random_targets
 from serpent_twin.design import Design
+from serpent_twin.effects.base_tilt import BaseTilt
 from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import FIELDS, Session
+from serpent_twin.mechanism import Variation
 from serpent_twin.mocap.simulated import SimulatedMocap
 from serpent_twin.readout import Readout
 from serpent_twin.readout.belief import Belief
@@ -134,24 +135,49 @@ def in_conditions(
     return found
 
 
-# A payload that changes while the arm moves
+# An arm that changes while it moves
 
 
-def changing(arm: Design, rows: int, at: int, more_kg: float, seed: int) -> Session:
-    """A session during which the gripper takes something up, at a row."""
-    bus, cameras, for_targets = _bench(loaded(arm, 1e-4), [seed, 19])
-    twin = bus.twin
-    targets, logged = random_targets(rows, for_targets), list[dict[str, Any]]()
-    body = mujoco.mj_name2id(twin.model, mujoco.mjtObj.mjOBJ_BODY, "payload")
-    mass = twin.batch.expand("body_mass")
+@dataclass(frozen=True)
+class Change:
+    """What becomes of an arm while it moves."""
+
+    more_kg: float = 0.0
+    """Taken up by the gripper"""
+    tilt: tuple[float, float] = (0.0, 0.0)
+    """About the base's y and z [rad], in addition to what the arm has"""
+
+
+CHANGES = {
+    "payload": (Change(more_kg=MORE_KG), f"the gripper takes up {1e3 * MORE_KG:.0f} g"),
+    "tilt": (Change(tilt=(0.04, -0.03)), "the stand is knocked askew by 2.9°"),
+}
+"""Each with what happens, in words"""
+
+
+def changing(arm: Design, rows: int, at: int, change: Change, seed: int) -> Session:
+    """A session during which the arm changes, at a row."""
+    before, after = _held(arm, Change()), _held(arm, change)
+    bus, cameras, for_targets = _bench(before, [seed, 19])
+    gain, logged = arm.parameters.controller_gain, list[dict[str, Any]]()
     with bus:
+        models = [each.spec().compile() for each in (before, after)]
+        variation = Variation(bus.twin.batch, models)
         for n, row in enumerate(
-            record(bus, cameras, targets, arm.parameters.controller_gain, 0.25)
+            record(bus, cameras, random_targets(rows, for_targets), gain, 0.25)
         ):
             logged.append(row)
             if n == at:
-                mass[:, body] += more_kg
+                variation.set(np.ones((1, 1)))
     return _session(logged, 4.0)
+
+
+def _held(arm: Design, change: Change) -> Design:
+    """The arm after a change, built as it is before one: with a payload and a tilt, however small."""
+    tilted = next((each for each in arm.effects if isinstance(each, BaseTilt)), BaseTilt())
+    about_y, about_z = (max(abs(x), 1e-9) * (np.sign(x) or 1) for x in change.tilt)
+    lean = BaseTilt(tilted.about_y + about_y, tilted.about_z + about_z)
+    return loaded(arm, change.more_kg + 1e-6).with_effect(lean)
 
 
 def followed(

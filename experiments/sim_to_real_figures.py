@@ -89,17 +89,19 @@ def coverage(arms: Mapping[str, Any]) -> Figure:
 
 
 def changes(found: Mapping[str, Any]) -> Figure:
-    """Error while the payload changes, an estimator a line."""
-    figure, axes = plt.subplots(figsize=(8, 3.4))
-    for name, each in found.items():
-        if isinstance(each, Mapping):
-            error = np.array(each["error_mm"])
-            mean = np.convolve(error, np.ones(20) / 20, "valid")
+    """Error while an arm changes, a change a panel, an estimator a line."""
+    figure, panels = plt.subplots(len(found), 1, figsize=(8, 3.2 * len(found)), squeeze=False)
+    for axes, of in zip(panels.ravel(), found.values(), strict=True):
+        for name, each in of["estimators"].items():
+            mean = np.convolve(np.array(each["error_mm"]), np.ones(20) / 20, "valid")
             axes.plot((np.arange(len(mean)) + 10) / 4, mean, lw=1.2, label=name)
-    axes.axvline(found["at_row"] / 4, color="#9a9a9a", lw=1)
-    axes.set(xlabel="time [s]", ylabel="error, mean of 5 s [mm]", yscale="log")
-    axes.legend(frameon=False, fontsize=8)
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.tight_layout()
+        axes.axvline(of["at_row"] / 4, color="#9a9a9a", lw=1)
+        axes.set(
+            xlabel="time [s]", ylabel="error, mean of 5 s [mm]", yscale="log", title=of["what"]
+        )
+        axes.spines[["top", "right"]].set_visible(False)
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=2, frameon=False, fontsize=8)
+    figure.tight_layout(rect=(0, 0.24 / len(found), 1, 1))
     plt.close(figure)
     return figure

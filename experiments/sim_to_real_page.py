@@ -26,8 +26,9 @@ def page(results: Mapping[str, Any], origin: Mapping[str, Any]) -> Report:
             "Is it as sure as it says?", _sure(arms), (Figure("coverage", coverage(arms), _COVER),)
         ),
         Section("What the loads correct", _filter(arms), (filter_table(arms),)),
+        Section("What it costs to follow a change", _FOLLOWS, (weighing_table(arms),)),
         Section("Conditions not trained for", _CONDITIONS, (condition_table(results),)),
-        Section("A payload taken up on the way", _change(results), _change_blocks(results)),
+        Section("An arm that changes on the way", _changes(results), _change_blocks(results)),
         Section("What an estimate costs", "", (cost_table(arms),)),
     )
     return Report("From simulation to the arm", lead(arms), sections, _facts(origin))
@@ -39,6 +40,10 @@ _CURVES = (
 )
 _COVER = (
     "Share of the markers inside the regions that the observer states; on the line it is right."
+)
+_FOLLOWS = (
+    "Weighing observers let loads say what the gripper holds and how the stand leans. In sessions in which "
+    "nothing changes, all that they have to follow is noise:"
 )
 _CONDITIONS = (
     "The arm is simulated here: it is a twin drawn as the fit is uncertain, so these figures show what a "
@@ -183,29 +188,38 @@ def _cell(one: Mapping[str, Any] | None) -> str:
     return f"{one['mean_mm']:.2f} ({100 * one['coverage_95']:.0f} %)"
 
 
-def _change(results: Mapping[str, Any]) -> str:
-    found = results["payload_change"]
+def _changes(results: Mapping[str, Any]) -> str:
     told = []
-    for name, each in found.items():
-        if not isinstance(each, Mapping):
-            continue
-        after = each["recovered_s"]
-        how = f"is back after {after:.0f} s" if after is not None else "does not come back"
-        told.append(
-            f"{name}: {each['before_mm']:.2f} mm before, {each['first_10_s_mm']:.2f} in the first 10 s, "
-            f"{how} ({each['last_mm']:.2f} mm at the end)."
-        )
-    return f"The gripper takes up {1e3 * found['more_kg']:.0f} g while the arm moves. " + " ".join(
-        told
-    )
+    for of in results["changes"].values():
+        told.append(f"At row {of['at_row']:,}, {of['what']}:")
+        for name, each in of["estimators"].items():
+            after = each["recovered_s"]
+            how = f"back after {after:.0f} s" if after is not None else "not back"
+            told[-1] += (
+                f" {name}, {each['before_mm']:.2f} mm before, {each['first_10_s_mm']:.2f} in the first 10 s, "
+                f"{how}, {each['last_mm']:.2f} mm at the end;"
+            )
+        told[-1] = told[-1].rstrip(";") + "."
+    return "\n\n".join(told)
 
 
 def _change_blocks(results: Mapping[str, Any]) -> tuple[Figure, ...]:
-    drawing = changes(results["payload_change"])
     caption = (
-        "Error around the change, at the line; with markers, these correct from the first row on."
+        "Error around the change, at the line. With markers: these correct from the first row on. One that "
+        "follows has motor angles and loads alone."
     )
-    return (Figure("payload_change", drawing, caption),)
+    return (Figure("changes", changes(results["changes"]), caption),)
+
+
+def weighing_table(arms: Mapping[str, Any]) -> Table:
+    """On sessions in which nothing changes."""
+    names = list(next(iter(arms.values()))["weighing_mm"])
+    rows = [
+        (name, f"{a['observer_mm']:.2f}", *(f"{a['weighing_mm'][n]:.2f}" for n in names))
+        for name, a in arms.items()
+    ]
+    header = ("arm", "observer, mm", *(f"that follows {n}, mm" for n in names))
+    return Table(header, tuple(rows))
 
 
 def cost_table(arms: Mapping[str, Any]) -> Table:

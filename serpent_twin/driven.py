@@ -11,7 +11,7 @@ from serpent_twin import mjcf
 from serpent_twin.arm import N_JOINTS, Array
 from serpent_twin.design import Design
 from serpent_twin.history import History
-from serpent_twin.mechanism import Mechanism, addresses, set_timestep, side_by_side
+from serpent_twin.mechanism import Mechanism, Variation, addresses, set_timestep, side_by_side
 
 STANDING = 0.05
 """[rad/s] slower than this, a motor's load lies anywhere within its gear friction."""
@@ -60,7 +60,7 @@ class DrivenArms:
     ) -> None:
         """`servo_lag` is the time constant with which a motor takes up a new velocity [s]."""
         self._lag, self._stall = servo_lag, designs[0].arm.servo.stall_torque
-        self._batch = side_by_side(models, nthread)
+        self._batch, self._models = side_by_side(models, nthread), models
         self._cables = Mechanism(self._batch, designs, motors=False)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._sensors = self._batch.bind("sensordata")
@@ -138,6 +138,10 @@ class DrivenArms:
         self._motors = to
         self._wind(to)
         self._batch.forward()
+
+    def variation(self) -> Variation:
+        """The arms as what differs between the first and each further one: it can be set anew at any time."""
+        return Variation(self._batch, self._models)
 
     def nudge(self, joint_angle: Array) -> None:
         """Move the joints to angles [rad], (n, 9), as they are; velocities and memories stay."""

@@ -44,6 +44,42 @@ def side_by_side(models: Sequence[mujoco.MjModel], nthread: int) -> Batch:
     return batch
 
 
+_DERIVED = (
+    "dof_invweight0",
+    "tendon_invweight0",
+    "body_invweight0",
+    "dof_M0",
+    "dof_solref",
+    "dof_solimp",
+)
+"""By what MuJoCo scales its constraints, and what hinge friction is softened by in turn"""
+
+
+class Variation:
+    """Models of a batch as a first one, and by how much K further ones differ from it.
+
+    Masses and gravity only; raises a `SerpentError` if anything else does.
+    """
+
+    def __init__(self, batch: Batch, models: Sequence[mujoco.MjModel]) -> None:
+        self._fields: list[tuple[Array, Array, Array]] = []
+        for name in mujoco.batch.MODEL_FIELDS:
+            owner, _, field = name.rpartition(".")
+            all_of = np.array([getattr(m.opt if owner == "opt" else m, field) for m in models])
+            if name in _DERIVED or not (all_of != all_of[0]).any():
+                continue
+            if name not in ("body_mass", "body_subtreemass", "opt.gravity"):
+                raise SerpentError(
+                    f"models that differ in {name} cannot be varied while they run, only masses and gravity."
+                )
+            self._fields.append((batch.expand(name), all_of[0], all_of[1:] - all_of[0]))
+
+    def set(self, share: Array) -> None:
+        """Give every run the first model and shares of what the others differ by, (n, K)."""
+        for own, first, change in self._fields:
+            own[...] = (first + np.tensordot(share, change, 1)).reshape(np.shape(own))
+
+
 def set_timestep(batch: Batch, timestep: Array) -> None:
     """Let each run take its own time steps [s], (n,) or (n, 1)."""
     own = batch.expand("opt.timestep")

@@ -15,7 +15,15 @@ from serpent_twin.readout.belief import Belief
 from serpent_twin.readout.online import Online
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "experiments"))
-from sim_to_real_conditions import Condition, changing, followed, loaded, recovery, session_of
+from sim_to_real_conditions import (
+    Change,
+    Condition,
+    changing,
+    followed,
+    loaded,
+    recovery,
+    session_of,
+)
 from sim_to_real_twins import after, joined
 
 ARM = replace(NOMINAL_DESIGN, parameters=replace(NOMINAL, marker_noise=0.0, load_noise=0.0))
@@ -73,11 +81,12 @@ def test_more_payload_adds_to_what_is_held():
     assert loaded(held, 0.0) is held
 
 
-def test_a_payload_taken_up_shows_from_its_row_on():
-    change = changing(ARM, 80, 40, 0.05, seed=1)
-    none = changing(ARM, 80, 40, 0.0, seed=1)
+@pytest.mark.parametrize("change", [Change(more_kg=0.05), Change(tilt=(0.05, 0.0))])
+def test_a_change_shows_from_its_row_on_and_is_what_it_says(change):
+    none = changing(ARM, 80, 40, Change(), seed=1)
+    change = changing(ARM, 80, 40, change, seed=1)
     off = 1e3 * abs(change.marker - none.marker).max(axis=(1, 2))
-    assert off[:41].max() == 0 < 1.0 < off[50:].min()
+    assert off[:41].max() == 0 < 2.0 < off[50:].mean()
 
 
 class Off:

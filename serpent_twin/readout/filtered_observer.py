@@ -61,7 +61,7 @@ class LiveFilter(LiveObserver):
     """Members of one session, corrected together row by row."""
 
     def __init__(self, observer: FilteredObserver, scatter: float, earlier: float) -> None:
-        super().__init__(observer, earlier, observer.members)
+        super().__init__(observer, earlier, [observer.arm] * observer.members)
         self._scatter, self._rng = scatter, np.random.default_rng(0)
         self._noise: Any = observer.learned["load"]
 

@@ -1,6 +1,6 @@
 """Where does the twin stand, if its motors go where the bus says?"""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -144,15 +144,18 @@ class Observer(Readout):
 class LiveObserver:
     """The twin of one session, a row at a time."""
 
-    def __init__(self, observer: Observer, earlier: float = 0.0, members: int = 1) -> None:
-        arm = observer.arm
-        model = arm.spec(motors=False).compile()
-        self._timestep = TIMESTEP * bearable([arm])
-        model.opt.timestep = self._timestep
+    def __init__(
+        self, observer: Observer, earlier: float = 0.0, members: Sequence[design.Design] = ()
+    ) -> None:
+        members = members or (observer.arm,)
+        models = {id(arm): arm.spec(motors=False).compile() for arm in members}
+        self._timestep = TIMESTEP * bearable(list(members))
+        for model in models.values():
+            model.opt.timestep = self._timestep
         lag = float(observer.learned["servo_lag"])
-        self.arms = DrivenArms([arm] * members, [model] * members, lag)
-        self.arms.earlier = np.full(members, earlier)
-        self._count, self._observer, self._time = members, observer, np.nan
+        self.arms = DrivenArms(members, [models[id(arm)] for arm in members], lag)
+        self.arms.earlier = np.full(len(members), earlier)
+        self._count, self._observer, self._time = len(members), observer, np.nan
         self._doubt = 1.0  # squared, of the loads' errors over those in training
 
     def update(self, now: Reading) -> Belief:
