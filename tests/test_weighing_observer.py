@@ -14,6 +14,7 @@ from serpent_twin.driven import DrivenArms, Motors
 from serpent_twin.effects.base_tilt import BaseTilt
 from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimate import Estimate, estimate
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.readout import find, load
 from serpent_twin.readout.score import score
@@ -100,6 +101,16 @@ def test_nothing_weighs_less_than_nothing(weighing):
     (mass,) = live.followed
     assert mass.value == 0.02 and mass.bounds[0] == pytest.approx(-0.02 / 0.03)
     assert -0.02 / 0.03 <= live.amount[0] < -0.4
+
+
+def test_a_live_run_says_what_it_weighed(weighing, tmp_path, capsys):
+    weighing.save(tmp_path / "model")
+    design.write(tmp_path / "heavy.json", ARM.with_effect(Payload(mass=0.03)), {})
+    config = Estimate(tmp_path / "model", tmp_path / "out", steps=80, record=False)
+    found = estimate(replace(config, simulate=tmp_path / "heavy.json"))["weighed"]
+    assert found["payload.mass"]["value"] == pytest.approx(0.03, abs=0.006)
+    assert 0 < found["payload.mass"]["std"] < 0.01 and found["payload.mass"]["unit"] == "kg"
+    assert "By loads at the end: payload.mass 0.0" in capsys.readouterr().out
 
 
 def test_a_saved_one_says_the_same(weighing, tmp_path):

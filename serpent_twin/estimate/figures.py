@@ -48,6 +48,7 @@ def figures(course: Course, follower: Follower, period: float) -> dict[str, Any]
         "estimates_later_than_a_period": int((latency[where] > 1e3 * period).sum()),
         "missed_deadlines": course.missed,
         "mean_spread_mm": _mean(1e3 * follower.belief(where).spread),
+        "weighed": follower.weighed(),
     } | _against(course.measured[:rows], follower, where)
 
 
@@ -70,6 +71,10 @@ def told(found: dict[str, Any]) -> str:
         lines.append(f"Expected by the readout: {found['mean_spread_mm']:.2f} mm rms.")
     if found["coverage_95"] is not None:
         lines.append(f"Its 95 % ellipsoids held {100 * found['coverage_95']:.1f} % of the markers.")
+    for name, each in found["weighed"].items():
+        lines.append(
+            f"By loads at the end: {name} {each['value']:.4f} ± {each['std']:.4f} {each['unit']}."
+        )
     return "\n".join(lines)
 
 

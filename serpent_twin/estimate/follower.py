@@ -12,6 +12,7 @@ from serpent_twin.readout import Readout
 from serpent_twin.readout.belief import Belief
 from serpent_twin.readout.live import Reading
 from serpent_twin.readout.online import Online
+from serpent_twin.readout.weighing_observer import LiveWeighing
 
 MARKERS = tuple(f"estimate{i}_{axis}" for i in range(1, N_JOINTS + 1) for axis in "xyz")
 SPREADS = tuple(f"estimate{i}_spread" for i in range(1, N_JOINTS + 1))
@@ -28,8 +29,10 @@ class Follower:
     def __init__(self, readout: Readout, rows: int, learns: bool = False) -> None:
         """`learns`: what `learn` is told of the markers corrects later estimates."""
         _warm_up(readout)
-        self._online = Online(readout.live()) if learns else None
-        self._live = self._online or readout.live()
+        live = readout.live()
+        self._weighing = live if isinstance(live, LiveWeighing) else None
+        self._online = Online(live) if learns else None
+        self._live = self._online or live
         self.rows = 0
         self.marker = np.full((rows, N_JOINTS, 3), np.nan)
         self.covariance = np.full((rows, N_JOINTS, 3, 3), np.nan)
@@ -50,6 +53,10 @@ class Follower:
         """Take the markers of the step that was estimated last [m], (9, 3), NaN where lost."""
         if self._online:
             self._online.correct(marker)
+
+    def weighed(self) -> dict[str, dict[str, float | str]]:
+        """What the loads have told of the arm's parameters, if the readout asks them."""
+        return self._weighing.weighed() if self._weighing else {}
 
     def belief(self, where: NDArray[np.intp]) -> Belief:
         """What was said in these rows."""

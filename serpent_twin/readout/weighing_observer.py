@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,6 +22,8 @@ PRIOR = 1.0
 """Standard deviation of what nobody has told yet, in typical values of the parameter"""
 WALK = 0.045
 """By how much it may change in a second, in the same"""
+FURTHEST = 5.0
+"""How far it may be from what the twin has, in the same"""
 COST = 1.05
 """Times the least error on the validation sessions that following faster may cost"""
 
@@ -92,7 +94,7 @@ class Followed:
     def bounds(self) -> tuple[float, float]:
         """How far it may go from what the twin has, in typical values."""
         low, high = self.within.low - self.value, self.within.high - self.value
-        return low / self.typical, high / self.typical
+        return max(-FURTHEST, low / self.typical), min(FURTHEST, high / self.typical)
 
     def added(self, arm: Design, more: float) -> Design:
         """The arm with so much more of it."""
@@ -133,8 +135,9 @@ class LiveWeighing(LiveObserver):
         count = len(self.followed)
         self.amount, self.covariance = np.zeros(count), PRIOR**2 * np.eye(count)
         """What is known of the parameters beyond the twin's own, in typical values, (K,) and (K, K)"""
+        self._bounds = np.transpose([each.bounds for each in self.followed])
         self._news = np.zeros(count)
-        self._noise: Any = observer.learned["noise"] ** 2
+        self._noise: Array = observer.learned["noise"] ** 2
 
     def step(self, now: Reading) -> None:
         """Let the twins go to this reading, and learn from its loads what they hold."""
@@ -149,11 +152,22 @@ class LiveWeighing(LiveObserver):
             seen = slope @ self.covariance
             among = seen @ slope.T + np.diag(self._noise[turning])
             gain = np.linalg.solve(among, seen).T
-            low, high = np.transpose([each.bounds for each in self.followed])
-            self.amount = np.clip(before + gain @ (now.load[turning] - load[0]), low, high)
+            self.amount = np.clip(before + gain @ (now.load[turning] - load[0]), *self._bounds)
             self.covariance = self.covariance - gain @ seen
         self._news = self.amount - before
         self._variation.set(self.amount + np.vstack([0 * before, np.eye(len(before))]))
+
+    def weighed(self) -> dict[str, dict[str, float | str]]:
+        """What loads have told so far: each parameter's value, standard deviation and unit, JSON-ready."""
+        spread = np.sqrt(np.diag(self.covariance))
+        return {
+            f"{effects.name_of(each.kind)}.{each.name}": {
+                "value": each.value + each.typical * float(amount),
+                "std": each.typical * float(std),
+                "unit": each.within.unit,
+            }
+            for each, amount, std in zip(self.followed, self.amount, spread, strict=True)
+        }
 
     @property
     def sensed(self) -> Sensed:
