@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 from sim_to_real_twins import CALIBRATED, CORRECTED, NOMINAL, RANDOMISED
 
 _COLOUR = {
@@ -99,6 +100,9 @@ def changes(found: Mapping[str, Any]) -> Figure:
         axes.set(
             xlabel="time [s]", ylabel="error, mean of 5 s [mm]", yscale="log", title=of["what"]
         )
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_locator(NullLocator())
         axes.spines[["top", "right"]].set_visible(False)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=2, frameon=False, fontsize=8)

@@ -22,9 +22,11 @@ PRIOR = 1.0
 """Standard deviation of what nobody has told yet, in typical values of the parameter"""
 WALK = 0.045
 """By how much it may change in a second, in the same"""
+NEAR = 0.05
+"""How far neighbours are from the twin, in the same; where an arm buckles, far ones tell of another pose"""
 FURTHEST = 5.0
 """How far it may be from what the twin has, in the same"""
-COST = 1.05
+COST = 1.1
 """Times the least error on the validation sessions that following faster may cost"""
 
 
@@ -32,8 +34,8 @@ COST = 1.05
 class WeighingObserver(Observer):
     """Ours: the observer that weighs: the loads say how heavy the payload is, the twin holds as much.
 
-    An extended Kalman filter of parameters of the twin: next to it run twins that differ by a typical value
-    of one parameter each, and show what that does to loads and pose. Loads are believed as far as validation
+    An extended Kalman filter of parameters of the twin: next to it run twins that differ a little in one
+    parameter each, and show what that does to loads and pose. Loads are believed as far as validation
     sessions bear it; of an arm that does not change it knows a little less than the observer, for all it has
     to follow is noise. Source: Anderson and Moore, Optimal Filtering (1979), chapter 8, with secants for
     derivatives.
@@ -123,7 +125,7 @@ class LiveWeighing(LiveObserver):
         base = observer.arm
         for each in self.followed:  # there must be some of it, for all to be built alike
             base = each.added(base, 1e-6 * each.typical)
-        further = [each.added(base, each.typical) for each in self.followed]
+        further = [each.added(base, NEAR * each.typical) for each in self.followed]
         super().__init__(observer, earlier, [base, *further])
         try:
             self._variation = self.arms.variation()
@@ -148,14 +150,14 @@ class LiveWeighing(LiveObserver):
         before = self.amount
         if turning.any():
             load = self.members.load[:, turning]
-            slope = (load[1:] - load[0]).T
+            slope = (load[1:] - load[0]).T / NEAR
             seen = slope @ self.covariance
             among = seen @ slope.T + np.diag(self._noise[turning])
             gain = np.linalg.solve(among, seen).T
             self.amount = np.clip(before + gain @ (now.load[turning] - load[0]), *self._bounds)
             self.covariance = self.covariance - gain @ seen
         self._news = self.amount - before
-        self._variation.set(self.amount + np.vstack([0 * before, np.eye(len(before))]))
+        self._variation.set(self.amount / NEAR + np.vstack([0 * before, np.eye(len(before))]))
 
     def weighed(self) -> dict[str, dict[str, float | str]]:
         """What loads have told so far: each parameter's value, standard deviation and unit, JSON-ready."""
@@ -174,11 +176,12 @@ class LiveWeighing(LiveObserver):
         """What the twin senses, with what this reading's loads have told it."""
         each = vars(self.members).items()
         return Sensed(
-            **{n: (v[0] + np.tensordot(self._news, v[1:] - v[0], 1))[None] for n, v in each}
+            **{n: (v[0] + np.tensordot(self._news / NEAR, v[1:] - v[0], 1))[None] for n, v in each}
         )
 
     def belief(self, now: Reading) -> Belief:
         """What the twin says of the markers, less sure the less is known of what it holds."""
-        known, moved = super().belief(now), self.members.marker[1:] - self.members.marker[0]
+        marker = self.members.marker
+        known, moved = super().belief(now), (marker[1:] - marker[0]) / NEAR
         unknown = np.einsum("kmi,kl,lmj->mij", moved, self.covariance, moved)
         return Belief(known.marker, known.covariance + unknown)
