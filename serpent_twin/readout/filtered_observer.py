@@ -45,16 +45,12 @@ class FilteredObserver(Observer):
             self.learned = {"scatter": np.array(scatter)} | ({} if load is None else {"load": load})
             super()._learn(train, validate, rng, lambda *_: None)
             load = self.learned["load"] if load is None else load
-            error = _rms_mm(self.learned["covariance"])
+            error = self._rms_mm()
             if error < min(tried_mm, default=np.inf):
                 best = self.learned
             tried_mm.append(error)
             progress(done, len(self.scatters), error)
         self.learned = best | {"tried_mm": np.array(tried_mm)}
-
-
-def _rms_mm(covariance: Array) -> float:
-    return 1e3 * float(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1).mean()))
 
 
 class LiveFilter(LiveObserver):

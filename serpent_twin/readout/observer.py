@@ -118,6 +118,11 @@ class Observer(Readout):
         of_joints = each @ self.learned["joint"] @ np.swapaxes(each, -1, -2)
         return self.learned.get("scale", 1.0) * (doubt * of_joints + self.learned["rest"])
 
+    def _rms_mm(self) -> float:
+        """Error of a marker on the validation sessions [mm]."""
+        square = np.trace(self.learned["covariance"], axis1=-2, axis2=-1)
+        return 1e3 * float(np.sqrt(square.mean()))
+
     def _compared(self, session: SessionWindows) -> tuple[Array, Array, Array, Array, Array]:
         """Joint angles; their errors, the markers' beside, turning motors' loads', the markers'."""
         rows = [sensed for sensed, _ in self._run(session)]

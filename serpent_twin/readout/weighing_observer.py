@@ -61,20 +61,16 @@ class WeighingObserver(Observer):
         self, train: Windows, validate: Windows, rng: np.random.Generator, progress: Progress
     ) -> None:
         super()._learn(train, validate, rng, lambda *_: None)
-        load, errors = self.learned["load"], [_rms_mm(self.learned["covariance"])]
+        load, errors = self.learned["load"], [self._rms_mm()]
         tried = list[dict[str, Array]]()
         for caution in self.cautions:
             self.learned = {"noise": np.sqrt(caution) * load}
             super()._learn(train, validate, rng, lambda *_: None)
             tried.append(self.learned)
-            errors.append(_rms_mm(self.learned["covariance"]))
+            errors.append(self._rms_mm())
             progress(len(tried), len(self.cautions), errors[-1])
         fastest = int(np.flatnonzero(errors[1:] <= COST * np.min(errors[1:]))[-1])
         self.learned = tried[fastest] | {"tried_mm": np.array(errors)}
-
-
-def _rms_mm(covariance: Array) -> float:
-    return 1e3 * float(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1).mean()))
 
 
 @dataclass(frozen=True)
