@@ -170,7 +170,7 @@ def _other_conditions(
     models = folder / "models"
     readouts = {
         "observer": load(models / f"observer_{CORRECTED}" / "observer"),
-        "… that weighs": load(models / "weighing_payload" / "weighing_observer"),
+        "observer that weighs": load(models / "weighing_payload" / "weighing_observer"),
         "twin-trained residual_mlp": load(models / CORRECTED / "residual_mlp"),
         "arm-trained residual_mlp": load(models / "real" / "residual_mlp"),
         "arm-trained lstm": load(models / "real" / "lstm"),
