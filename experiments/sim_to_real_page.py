@@ -45,7 +45,10 @@ _FOLLOWS = (
     "Weighing observers let loads say what the gripper holds and how the stand leans. In sessions in which "
     "nothing changes, all that they have to follow is noise:"
 )
-_CHANGES = "With markers: these correct from the first row on. One that follows has motor angles and loads alone."
+_CHANGES = (
+    "With markers: these correct from the first row on. An observer that follows has motor angles and loads "
+    "alone."
+)
 _CONDITIONS = (
     "The arm is simulated here: it is a twin drawn as the fit is uncertain, so these figures show what a "
     "condition costs and not how wrong the twin is. In brackets: share of the markers in the 95 % regions."
