@@ -52,7 +52,8 @@ def test_an_error_of_a_job_is_raised_and_lost_workers_are_said():
 
 def test_processes_end_with_their_parent_at_once():
     script = (
-        "from fragile import fragile\nfrom serpent_twin.sweep.processes import processes\n"
+        "import signal\nfrom fragile import fragile\nfrom serpent_twin.sweep.processes import processes\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run behind\n"
         "if __name__ == '__main__':\n"
         "    with processes(1) as pool:\n"
         "        pool.submit(fragile, ('say', 'at work')).result()\n"
