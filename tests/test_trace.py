@@ -93,8 +93,8 @@ def test_what_the_catalogue_lacks_is_left_unexplained(diagnosis):
 
 @pytest.mark.slow
 def test_committed_logs_of_an_arm_that_is_not_the_twin_name_cable_friction(tmp_path):
-    logs = changed(DATA / "arm_a", tmp_path / "logs", lambda session: session[:700])
-    found = trace(Trace(logs, tmp_path / "out", sessions=2))
+    logs = changed(DATA / "arm_a", tmp_path / "logs", lambda session: session[:1000])
+    found = trace(Trace(logs, tmp_path / "out"))
     assert [effect["name"] for effect in found["effects"]] == ["cable_friction"]
     assert found["error_mm"]["corrected"] < 0.6 * found["error_mm"]["calibrated"]
 
