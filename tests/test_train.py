@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from test_readout import make_session
-from trainings import numbers, run, write
+from trainings import numbers, run, write, write_five
 
 from serpent_twin import design, log
 from serpent_twin.errors import SerpentError
@@ -23,10 +23,7 @@ REAL = Path(__file__).resolve().parents[1] / "data" / "arm_a"
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("logs")
-    for number in range(1, 6):
-        write(folder, make_session(number, rows=300, lost=0.01))
-    return folder
+    return write_five(tmp_path_factory.mktemp("logs"))
 
 
 def test_scores_hold_what_was_promised(logs, tmp_path, capsys):

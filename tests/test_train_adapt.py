@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_adapted import wandering
 from test_readout import make_session
-from trainings import numbers, run, write
+from trainings import numbers, run, write, write_five
 
 from serpent_twin import log
 from serpent_twin.errors import SerpentError
@@ -23,10 +23,7 @@ from serpent_twin.train import Train
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("logs")
-    for number in range(1, 6):
-        write(folder, make_session(number, rows=300, lost=0.01))
-    return folder
+    return write_five(tmp_path_factory.mktemp("logs"))
 
 
 @pytest.fixture(scope="module")

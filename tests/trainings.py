@@ -3,6 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
+from test_readout import make_session
+
 from serpent_twin import log
 from serpent_twin.log import write_session
 from serpent_twin.train import Train, train
@@ -10,6 +12,13 @@ from serpent_twin.train import Train, train
 
 def write(folder: Path, session: log.Session) -> None:
     write_session(folder / f"{session.name}.parquet", session)
+
+
+def write_five(folder: Path) -> Path:
+    """Sessions 1 … 5 of the arm of `make_session`, in a folder."""
+    for number in range(1, 6):
+        write(folder, make_session(number, rows=300, lost=0.01))
+    return folder
 
 
 def run(config: Train) -> dict:
