@@ -64,9 +64,8 @@ def conditions(hour: int) -> tuple[Condition, ...]:
 
 def loaded(design: Design, more_kg: float) -> Design:
     """The arm with more in its gripper."""
-    held = [each for each in design.effects if isinstance(each, Payload)]
-    mass = sum(each.mass for each in held) + more_kg
-    return design.with_effect(Payload(mass=mass)) if more_kg else design
+    held = design.effect_of(Payload)
+    return design.with_effect(replace(held, mass=held.mass + more_kg)) if more_kg else design
 
 
 def _bench(
@@ -174,7 +173,7 @@ def changing(arm: Design, rows: int, at: int, change: Change, seed: int) -> Sess
 
 def _held(arm: Design, change: Change) -> Design:
     """The arm after a change, built as it is before one: with a payload and a tilt, however small."""
-    tilted = next((each for each in arm.effects if isinstance(each, BaseTilt)), BaseTilt())
+    tilted = arm.effect_of(BaseTilt)
     about_y, about_z = (max(abs(x), 1e-9) * (np.sign(x) or 1) for x in change.tilt)
     lean = BaseTilt(tilted.about_y + about_y, tilted.about_z + about_z)
     return loaded(arm, change.more_kg + 1e-6).with_effect(lean)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import mujoco
 import numpy as np
@@ -20,6 +20,8 @@ from serpent_twin.tolerances import EXACT, Tolerances
 
 KIND = "serpent_twin design"
 """What twin.json says it is."""
+
+E = TypeVar("E", bound=Effect)
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,10 @@ class Design:
             effect.edit(spec, self.arm)
         friction.soften(spec, dict(zip(mjcf.JOINTS, self.transition_velocity, strict=True)))
         return spec
+
+    def effect_of(self, kind: type[E]) -> E:
+        """The arm's effect of one kind, as it would be were there none if there is none."""
+        return next((each for each in self.effects if type(each) is kind), kind())
 
     def with_effect(self, effect: Effect) -> "Design":
         """The same arm with one effect added, or replaced where it has one of its kind."""

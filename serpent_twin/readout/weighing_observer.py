@@ -96,7 +96,7 @@ class Followed:
 
     def added(self, arm: Design, more: float) -> Design:
         """The arm with so much more of it."""
-        held = next((e for e in arm.effects if type(e) is self.kind), self.kind())
+        held = arm.effect_of(self.kind)
         return arm.with_effect(replace(held, **{self.name: getattr(held, self.name) + more}))
 
 
@@ -104,7 +104,7 @@ def followed(arm: Design, unknown: Sequence[str]) -> list[Followed]:
     """The fitted parameters of those effects, with what an arm has of them."""
     found = []
     for kind in map(effects.by_name, unknown):
-        held = next((e for e in arm.effects if type(e) is kind), kind())
+        held = arm.effect_of(kind)
         found += [
             Followed(kind, name, within, getattr(held, name))
             for name, within in ranges(kind).items()
