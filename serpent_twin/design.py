@@ -67,6 +67,7 @@ class Design:
     def xml(self) -> str:
         """The arm as MJCF that stands alone; a comment names what MJCF cannot express."""
         python = [effects.name_of(effect) for effect in self.active if effect.acts()]
+        python += ["servo_lag"] if self.parameters.servo_lag else []
         note = "all of this arm's effects are in this file"
         if python:
             note = f"MJCF cannot express these effects, which twin.json holds: {', '.join(python)}"
@@ -74,7 +75,9 @@ class Design:
 
     def fingerprint(self) -> str:
         """SHA-256 of all that the arm's physics depends on."""
-        said = json.dumps([effects.to_dict(effect) for effect in self.active])
+        lag = self.parameters.servo_lag
+        told = [effects.to_dict(effect) for effect in self.active]
+        said = json.dumps(told + [{"servo_lag": lag}] * (lag > 0))
         bare = replace(self, effects=())
         return hashlib.sha256((bare.spec().to_xml() + said).encode()).hexdigest()
 

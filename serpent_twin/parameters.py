@@ -26,6 +26,10 @@ class Parameters:
     hinge creeps [rad/s]; at zero it sticks"""
     gear_friction: float = 0.0269
     """Coulomb friction of each servo's gearbox, at the horn [N m]"""
+    servo_lag: float = 0.0
+    """Time constant with which a servo takes up a new goal velocity [s], beside the millisecond of its PI
+    control
+    """
     controller_gain: float = 2.29
     """Gain of the P controller of the joint angles [1/s]"""
     marker_noise: float = 1.4e-3

@@ -29,8 +29,8 @@ class Twin:
     """`nsim` runs of one arm, stepped side by side; every array below has their rows in front.
 
     A run starts straight and hanging, at rest, all angles zero. Readings are of the present
-    instant. All of the state lies in MuJoCo's state rows, the integrated velocity goals, and what the
-    effects remember.
+    instant. All of the state lies in MuJoCo's state rows, the servos' goals, and what the effects
+    remember.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Twin:
         )
         self._gain = self.batch.expand("actuator_gainprm")
         self._firmware_gain = self._gain.copy()
-        self._goal = np.zeros((nsim, N_MOTORS))
+        self._goal, self._pace = np.zeros((2, nsim, N_MOTORS))
         self.mechanism = Mechanism(self.batch, [design] * nsim, motors=True)
         self.mechanism.earlier = earlier
         self.mechanism.start(self._time[:, None].copy(), self.motor_angle, self.motor_velocity)
@@ -114,6 +114,7 @@ class Twin:
         for gain in (_GAIN_I, _GAIN_P):
             self._gain[:, :, gain] = np.where(on, self._firmware_gain[:, :, gain], 0.0)
         self._goal = np.where(on & was_on, self._goal, self.motor_angle)
+        self._pace = np.where(on & was_on, self._pace, 0.0)
 
     def advance(self, velocity: ArrayLike, duration: float) -> Array:
         """Hold goal velocities [rad/s], broadcast to (nsim, 10), for a duration [s].
@@ -127,16 +128,26 @@ class Twin:
         most = self.arm.servo.stall_torque / self.arm.servo.velocity_i
         angle = self.qpos[:, self._motor_q]
         self._goal = np.clip(self._goal, angle - most, angle + most)
-        elapsed = self.model.opt.timestep * np.arange(substeps)
         control = np.empty((len(angle), substeps, 2 * N_MOTORS))
-        control[:, :, 0::2] = self._goal[:, None] + velocity[:, None] * elapsed[:, None]
-        control[:, :, 1::2] = velocity[:, None]
+        elapsed = self.model.opt.timestep * np.arange(substeps)
+        control[:, :, 0::2], control[:, :, 1::2] = self._held_to(velocity, elapsed)
+        ahead = self._held_to(velocity, np.array([duration]))
         torque = self._step(control) if self.mechanism.acting else self._roll(control)
-        self._goal = self._goal + velocity * duration
-        self._ctrl[:, 0::2] = self._goal  # what is read now belongs to now, not to a step ago
+        self._goal, self._pace = (each[:, 0] for each in ahead)
+        # what is read now belongs to now, not to a step ago
+        self._ctrl[:, 0::2], self._ctrl[:, 1::2] = self._goal, self._pace
         self._look()
         self._refuse_divergence()
         return torque
+
+    def _held_to(self, velocity: Array, elapsed: Array) -> tuple[Array, Array]:
+        """Angles and velocities to which servos that take up new goal velocities, (nsim, 10), are held after
+        so many times (n,) [s]; each (nsim, n, 10).
+        """
+        lag, elapsed = self.design.parameters.servo_lag, elapsed[:, None]
+        fading = np.exp(-elapsed / lag) if lag else np.zeros_like(elapsed)
+        goal, new, old = (x[:, None] for x in (self._goal, velocity, self._pace - velocity))
+        return goal + new * elapsed + old * lag * (1 - fading), new + old * fading
 
     def _roll(self, control: Array) -> Array:
         """All substeps at once: nothing acts in Python."""

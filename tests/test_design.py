@@ -74,7 +74,8 @@ def test_fingerprint_tells_physics_apart():
     same = Design(effects=(CATALOGUE["cable_creep"](0.0, time=20.0),))
     prints = {d.fingerprint() for d in (NOMINAL_DESIGN, unlike(), unlike(1))}
     prints |= {NOMINAL_DESIGN.with_effect(e).fingerprint() for e in (PAYLOAD, FRICTION)}
-    assert len(prints) == 5
+    prints |= {Design(replace(NOMINAL, servo_lag=0.02)).fingerprint()}
+    assert len(prints) == 6
     assert same.fingerprint() == NOMINAL_DESIGN.fingerprint()
 
 

@@ -1,4 +1,4 @@
-"""Does the twin learn from logs what controller and sensors made them?"""
+"""Does the twin learn from logs what controller, servos and sensors made them?"""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from serpent_twin.rigs.arm.recorder import controller_gain, recorded_by
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
     out = tmp_path_factory.mktemp("logs")
-    parameters = replace(NOMINAL, controller_gain=1.4)
+    parameters = replace(NOMINAL, controller_gain=1.4, servo_lag=0.02)
     collect(Collect(out, sessions=2, steps=200, workers=1, parameters=parameters))
     return read_folder(out)
 
@@ -28,7 +28,12 @@ def test_commands_of_another_controller_leave_the_gain_as_it_was(logs):
     other = [replace(s, motor_velocity_command=rng.normal(size=(len(s), 10))) for s in logs]
     assert controller_gain(other) is None
     kept = recorded_by(NOMINAL, other, 3e-4)
-    assert kept == replace(NOMINAL, marker_noise=3e-4)
+    assert kept == replace(NOMINAL, marker_noise=3e-4, servo_lag=kept.servo_lag)
+
+
+def test_finds_how_late_the_servos_obey(logs):
+    """Their PI control takes a millisecond besides."""
+    assert recorded_by(NOMINAL, logs, 3e-4).servo_lag == pytest.approx(0.02, abs=1.5e-3)
 
 
 def test_motors_that_were_never_commanded_tell_nothing(logs):

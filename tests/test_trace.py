@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from bench_arm import NONE, Job, draw, inject, record_many
 
 SESSIONS, STEPS = 2, 560
+LAG = 0.03  # of the arms' servos [s]
 ARMS = {"none": 0.0, "base_tilt": 0.08, "outside_force": 0.5}
 DATA = Path(__file__).resolve().parent.parent / "data"
 
@@ -31,7 +32,7 @@ def logs(tmp_path_factory):
     jobs = []
     for number, (name, strength) in enumerate(ARMS.items()):
         rng = np.random.default_rng([11, number])
-        arm = replace(draw(rng), marker_noise=2e-4)
+        arm = replace(draw(rng), marker_noise=2e-4, velocity_lag=LAG)
         effects = inject(name, strength, rng) if strength else NONE
         jobs.append(Job(root / f"arm_{number}", arm, effects, 40 + number, SESSIONS, STEPS))
     record_many(jobs)
@@ -80,6 +81,7 @@ def test_a_tilted_base_is_named_with_its_angle(diagnosis):
     assert found["error_mm"]["corrected"] < 0.5 * found["error_mm"]["calibrated"]
     twin = design.read(out / "twin.json")
     assert [type(effect).__name__ for effect in twin.effects] == ["BaseTilt"]
+    assert twin.parameters.servo_lag == pytest.approx(LAG, abs=3e-3)
     assert "<mujoco" in (out / "twin.xml").read_text()
     assert (out / "report.html").stat().st_size > 100_000
 

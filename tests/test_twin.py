@@ -185,6 +185,33 @@ def test_servo_holds_its_velocity_under_load():
     assert twin.motor_angle[0, 0] - start == pytest.approx(0.4, abs=0.01)
 
 
+@pytest.mark.parametrize("steps", [1, 5])
+def test_servos_take_up_new_velocities_within_their_lag(steps):
+    """First order: of a change Δv, Δv τ (1 − exp(−T / τ)) is missed in a time T, however that is cut."""
+    lag, period, told = 0.03, 0.25, 0.4 * np.array([1, -1, 2])
+    twin = Twin(Design(replace(NOMINAL, servo_lag=lag)))
+    angle, before = 0.0, 0.0
+    for velocity in told:
+        for _ in range(steps):
+            twin.advance(np.full(10, velocity), period / steps)
+        change = before - velocity
+        before = velocity + change * np.exp(-period / lag)
+        angle += velocity * period + change * lag * (1 - np.exp(-period / lag))
+        assert twin.motor_angle[0] == pytest.approx(np.full(10, angle), abs=2e-3)
+        assert twin.motor_velocity[0] == pytest.approx(np.full(10, before), abs=0.05)
+
+
+def test_a_servo_that_was_off_has_forgotten_how_fast_it_was():
+    twin = Twin(Design(replace(NOMINAL, servo_lag=0.03)))
+    twin.advance(np.full(10, 0.4), 0.25)
+    twin.power(False)
+    twin.advance(np.zeros(10), 1.0)
+    twin.power(True)
+    before = twin.motor_angle[0]
+    twin.advance(np.zeros(10), 0.25)
+    assert twin.motor_angle[0] == pytest.approx(before, abs=2e-3)
+
+
 def lift(twin):
     """Turn all motors by 0.6 rad, and let the arm come to rest."""
     twin.advance(np.full(10, 0.6), 1.0)

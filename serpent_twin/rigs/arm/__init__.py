@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array, joint_from_motor
-from serpent_twin.driven import STANDING, servo_lag
+from serpent_twin.driven import STANDING
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Session, read_folder, refuse_damaged
 from serpent_twin.pose import joints_from_markers, marker_offsets
@@ -68,9 +68,8 @@ class ArmRig:
         parameters = recorded_by(about.start.parameters, training, rms)
         about = replace(about, start=replace(about.start, parameters=parameters))
         noise = np.full(N_JOINTS, 1e-3), np.full(N_MOTORS, 5e-3)
-        lag = servo_lag([(s.time, s.motor_position, s.motor_velocity) for s in training])
         known = candidates()
-        case = ArmCase(about, known, _unseen(velocity, known), *noise, lag)
+        case = ArmCase(about, known, _unseen(velocity, known), *noise)
         return _with_friction(case, training)
 
 

@@ -34,8 +34,6 @@ class ArmCase:
     """Weighs each marker's coordinates [m], (9,)"""
     load_noise: Array
     """Weighs each motor's load [fraction of stall], (10,)"""
-    servo_lag: float = 0.0
-    """Time constant with which the motors take up a new velocity [s]"""
     clock: Stopwatch = field(default_factory=Stopwatch)
     """Time spent in simulation"""
     channels: int = 3 * N_JOINTS + N_MOTORS
@@ -97,7 +95,7 @@ class ArmCase:
                 pieces.motor_velocity,
                 pieces.joint_angle,
                 restart,
-                self.servo_lag,
+                self.vector.start.parameters.servo_lag,
                 pieces.earlier,
                 joint_velocity=pieces.joint_velocity,
                 past=past(pieces) if remember else None,

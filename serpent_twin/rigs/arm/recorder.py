@@ -1,7 +1,7 @@
-"""What do logs tell of the controller and the sensors that made them?
+"""What do logs tell of the controller, the servos and the sensors that made them?
 
-Nothing of it moves the arm while motors' angles drive the twin; but logs that the twin makes are like the
-arm's only if its controller pulls as hard and its sensors scatter as much.
+Nothing of it is fitted; but logs that the twin makes are like the arm's only if its controller pulls as hard,
+its servos obey as late and its sensors scatter as much.
 """
 
 from collections.abc import Sequence
@@ -11,6 +11,7 @@ import numpy as np
 
 from serpent_twin.arm import N_JOINTS
 from serpent_twin.control import joint_p_control
+from serpent_twin.driven import servo_lag
 from serpent_twin.log import Session
 from serpent_twin.parameters import Parameters
 
@@ -21,10 +22,15 @@ _SURE = 0.9
 def recorded_by(
     parameters: Parameters, sessions: Sequence[Session], marker_noise: float
 ) -> Parameters:
-    """The parameters with the controller's gain and the cameras' noise [m] as the logs have them."""
+    """The parameters with the controller's gain, the servos' lag and the cameras' noise [m] as the logs have
+    them.
+    """
     gain = controller_gain(sessions)
     return replace(
-        parameters, marker_noise=marker_noise, controller_gain=gain or parameters.controller_gain
+        parameters,
+        marker_noise=marker_noise,
+        controller_gain=gain or parameters.controller_gain,
+        servo_lag=servo_lag([(s.time, s.motor_position, s.motor_velocity) for s in sessions]),
     )
 
 
