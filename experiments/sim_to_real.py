@@ -5,12 +5,12 @@ Each arm is traced by its training sessions alone; all routes are then scored on
 """
 
 import json
-import multiprocessing as mp
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import FIRST_EXCEPTION, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.readout import load
 from serpent_twin.readout.online import Online
 from serpent_twin.report import text_table, write
+from serpent_twin.sweep.processes import processes
 
 SETTINGS = "sim_to_real.json"
 HOUR, MINUTES = 14_400, 2_400  # rows at 4 Hz
@@ -85,24 +86,20 @@ def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the
 
 def _study_all(config: SimToReal, folders: dict[str, Path], size: Size) -> dict[str, Any]:
     """All arms, side by side; one that fails stops none that runs, and all that was done is kept."""
-    workers = min(config.workers or os.cpu_count() or 1, len(folders))
-    os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")  # of the workers
-    with ProcessPoolExecutor(workers, mp.get_context("spawn")) as pool:
-        jobs = {
-            name: pool.submit(_study, name, folder, config, size, n)
-            for n, (name, folder) in enumerate(folders.items())
-        }
-        try:
-            return {name: job.result() for name, job in jobs.items()}
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    study = partial(_study, config, folders, size)
+    with processes(min(config.workers or os.cpu_count() or 1, len(folders))) as pool:
+        jobs = {name: pool.submit(study, name) for name in folders}
+        wait(jobs.values(), return_when=FIRST_EXCEPTION)
+        for job in jobs.values():
+            job.cancel()
+        wait(jobs.values())
+        return {name: job.result() for name, job in jobs.items() if not job.cancelled()}
 
 
-def _study(name: str, folder: Path, config: SimToReal, size: Size, line: int) -> dict[str, Any]:
+def _study(config: SimToReal, folders: dict[str, Path], size: Size, name: str) -> dict[str, Any]:
     _one_thread()
-    with _progress(name, STEPS, line) as tell:
-        return study_arm(folder, config.out / name, config.seed, size, tell)
+    with _progress(name, STEPS, list(folders).index(name)) as tell:
+        return study_arm(folders[name], config.out / name, config.seed, size, tell)
 
 
 @contextmanager

@@ -80,7 +80,9 @@ def diagnosis(markers=True, loads=True, **found):
         effects=(),
         candidates=TRIED,
         unexplained=Unexplained(False, 0.0, ""),
-        error={**sizes, "noise_floor": 0.64, "expected": 0.7} if markers else nothing,
+        error={**sizes, "noise_floor": 0.64, "expected": sizes["corrected"]}
+        if markers
+        else nothing,
         load_error=percent if loads else dict.fromkeys(percent, NAN),
         cautions=("Slack of cable1_plus and stiffness of cable 1 cannot be told apart.",),
         calibration=CALIBRATION,
@@ -152,6 +154,18 @@ def test_nothing_missing_and_nothing_explained_are_told_apart():
     assert "37 %" in lead(diagnosis(effects=(PAYLOAD,), unexplained=REST))
 
 
+def test_an_error_that_follows_nothing_leaves_a_doubt():
+    """Loads alone leave none: how large they would be is not known."""
+    sure = diagnosis()
+    large = {**sure.error, "expected": sure.error["corrected"] / 1.8}
+    doubtful = replace(sure, error=large)
+    assert "1.8 × what a twin that lacks nothing leaves (" in doubtful.doubt
+    assert "nothing was found missing" in doubtful.sentence() and doubtful.doubt in lead(doubtful)
+    assert "nothing is missing" in sure.sentence() and not sure.doubt
+    assert not replace(doubtful, unexplained=REST).doubt
+    assert not diagnosis(markers=False).doubt
+
+
 def test_without_markers_the_loads_lead():
     said = lead(diagnosis(markers=False, effects=(PAYLOAD,)))
     assert "6.00 % of stall nominal, 3.00 % of stall calibrated and 0.90 % of stall" in said
@@ -211,7 +225,7 @@ def test_the_residual_is_drawn_before_and_after_where_something_was_added():
 def test_what_is_left_is_described_and_judged():
     left = sections(diagnosis(effects=(PAYLOAD,)))["What is left"].text
     assert left.startswith("Calibrated: The markers are off by") and "\n\nCorrected: The" in left
-    assert left.endswith("mm, where a twin that lacks nothing leaves 0.70 mm.")
+    assert left.endswith("mm, where a twin that lacks nothing leaves 1.06 mm.")
     rest = sections(diagnosis(unexplained=REST))["What is left"].text
     assert "Unexplained is 37 %" in rest and "a hose" in rest
 

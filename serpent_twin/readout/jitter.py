@@ -1,6 +1,6 @@
 """How does a readout trained on simulated windows bear that the arm's servos differ a little?
 
-In simulation a motor goes where it was told to within a fraction of a count, so that a readout may lean on
+A simulated motor misses its command by little and always in the same way, so that a readout may lean on
 small differences between commands and angles which on the arm are its servos' own. Commands that are jittered
 by as much as the arm's motors miss them say nothing that angles do not say better.
 """

@@ -12,6 +12,7 @@ from serpent_twin.trace.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
     REJECTED,
+    SUSPECT,
     Diagnosis,
     Estimate,
     Named,
@@ -26,10 +27,8 @@ from serpent_twin.trace.steps import Round, Search, Tracer, seen, why_not
 Case = AnyCase[Any]
 BEYOND = 2.0
 """Times the error of a twin that lacks nothing, above which an error is unexplained in any case"""
-SUSPECT = 1.25
-"""And above which it is, if it follows something"""
 FOLLOWS = 0.25
-"""Share of what is above the noise that must follow something"""
+"""Share of what is above the noise that must follow something, for an error that is only suspect"""
 LOAD_BEYOND = 1.15
 """Times the loads' noise"""
 _DRAWS = 4  # of twins that the data do not tell apart

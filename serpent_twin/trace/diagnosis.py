@@ -10,6 +10,8 @@ from serpent_twin.residual import LOADS, MARKERS, Comparison, Findings, Measure
 from serpent_twin.residual.learned import Learned
 
 ACCEPTED, REJECTED, NOT_EXCITED = "accepted", "rejected", "not excited"
+SUSPECT = 1.25
+"""Times the error of a twin that lacks nothing, above which an error is suspect"""
 
 
 @dataclass(frozen=True)
@@ -158,6 +160,20 @@ class Diagnosis:
             each.verdict == NOT_EXCITED for each in self.candidates
         )
 
+    @property
+    def doubt(self) -> str:
+        """What is to be said of an error that is too large for a twin that lacks nothing and is still not
+        called unexplained, for it follows nothing; else nothing.
+        """
+        left, expected = self.error["corrected"], self.error.get("expected", float("nan"))
+        if self.unexplained.is_ or not left > SUSPECT * expected:
+            return ""
+        return (
+            f"What is left is {left / expected:.1f} × what a twin that lacks nothing leaves "
+            f"({expected:.2f} {self.marker.unit}), but follows nothing that was looked at: something small "
+            "may be missing."
+        )
+
     def sentence(self) -> str:
         """The diagnosis in a line or two."""
         error = self.error
@@ -166,15 +182,15 @@ class Diagnosis:
             f"{error['corrected']:.2f} corrected ({self.marker.noise}: {error['noise_floor']:.2f})"
         )
         if not self.effects:
-            what = "nothing is missing"
+            what = "nothing was found missing" if self.doubt else "nothing is missing"
             if self.unexplained.is_:
                 what = "no known effect explains it"
             elif self.blind:
                 what = "these logs cannot show whether anything is missing"
         else:
             what = "it lacked " + " and ".join(map(_told, self.effects))
-        rest = f" Unexplained: {self.unexplained.depends_on}" if self.unexplained.is_ else ""
-        return f"{self.arm}: {what}. {course}.{rest}"
+        rest = f"Unexplained: {self.unexplained.depends_on}" if self.unexplained.is_ else self.doubt
+        return f"{self.arm}: {what}. {course}. {rest}".strip()
 
 
 def _told(effect: Named) -> str:

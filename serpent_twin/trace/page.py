@@ -54,8 +54,8 @@ def _found(diagnosis: Diagnosis) -> str:
     if diagnosis.blind:
         return "These logs cannot show whether anything is missing: they excite no effect of the catalogue."
     return (
-        "Nothing is missing: no effect of the catalogue betters the calibrated twin beyond chance and by "
-        "enough to be worth its parameters."
+        f"Nothing {'was found' if diagnosis.doubt else 'is'} missing: no effect of the catalogue betters "
+        "the calibrated twin beyond chance and by enough to be worth its parameters."
     )
 
 
@@ -83,7 +83,7 @@ def _course(diagnosis: Diagnosis) -> str:
 def _rest(diagnosis: Diagnosis) -> str:
     rest = diagnosis.unexplained
     if not rest.is_:
-        return ""
+        return diagnosis.doubt
     share = f"{100 * rest.share:.0f} % of the squared error stays unexplained."
     return f"{share} {rest.depends_on}".strip()
 
@@ -197,7 +197,8 @@ def _verdict(diagnosis: Diagnosis, told: Mapping[str, str]) -> str:
         known = np.isfinite(error) and np.isfinite(clean)
         unit = diagnosis.marker.unit
         beside = f": {error:.2f} {unit}, where a twin that lacks nothing leaves {clean:.2f} {unit}"
-        return f"What is left is too little to call unexplained{beside if known else ''}."
+        plain = f"What is left is too little to call unexplained{beside if known else ''}."
+        return diagnosis.doubt or plain
     share = f"Unexplained is {100 * rest.share:.0f} % of the squared error."
     repeated = any(rest.depends_on in said for said in told.values())
     return share if repeated else f"{share} {rest.depends_on}"
