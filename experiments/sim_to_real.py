@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -98,6 +99,7 @@ def _study_all(config: SimToReal, folders: dict[str, Path], size: Size) -> dict[
 
 def _study(config: SimToReal, folders: dict[str, Path], size: Size, name: str) -> dict[str, Any]:
     _one_thread()
+    tqdm.set_lock(RLock())  # a semaphore of the system would be left behind by Ctrl-C
     with _progress(name, STEPS, list(folders).index(name)) as tell:
         return study_arm(folders[name], config.out / name, config.seed, size, tell)
 
