@@ -166,24 +166,28 @@ class DrivenArms:
 
 
 class _Path:
-    """How motors go from row to row: their old velocity turns into a new one within the servo's lag.
-
-    x(t) = x₀ + v t + (v₀ − v) τ (1 − exp(−t/τ)), the new velocity v being what ends at the measured angle.
-    """
+    """How motors go from row to row: they take up the new velocity that ends at the measured angle."""
 
     def __init__(self, before: Array, after: Array, old: Array, period: Array, lag: float) -> None:
-        self._before, self._lag = before, lag
+        self._before, self._old, self._lag = before, old, lag
         taken = lag * (1 - np.exp(-period / lag)) if lag else 0.0
         self._new = (after - before - old * taken) / (period - taken)
-        self._change = old - self._new
 
     def at(self, t: Array) -> tuple[Array, Array]:
         """Angles [rad] and velocities [rad/s] at times [s] since the row before, (n, 1)."""
-        if not self._lag:
-            return self._before + self._new * t, self._new
-        fading = np.exp(-t / self._lag)
-        angle = self._before + self._new * t + self._change * self._lag * (1 - fading)
-        return angle, self._new + self._change * fading
+        return taken_up(self._before, self._old, self._new, t, self._lag)
+
+
+def taken_up(before: Array, old: Array, new: Array, t: Array, lag: float) -> tuple[Array, Array]:
+    """Angles [rad] and velocities [rad/s] a time t [s] after motors at angles `before` were told to turn at
+    new velocities in place of old ones, with a lag of first order [s]; shapes broadcast.
+
+    x(t) = x₀ + v t + (v₀ − v) τ (1 − exp(−t/τ)).
+    """
+    if not lag:
+        return before + new * t, new
+    change, fading = old - new, np.exp(-t / lag)
+    return before + new * t + change * lag * (1 - fading), new + change * fading
 
 
 def servo_lag(logs: Sequence[tuple[Array, Array, Array]]) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from serpent_twin import mjcf
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array, joint_from_motor
 from serpent_twin.design import NOMINAL_DESIGN, Design
+from serpent_twin.driven import taken_up
 from serpent_twin.errors import SerpentError
 from serpent_twin.history import History
 from serpent_twin.imposed import Stretches, impose
@@ -142,12 +143,10 @@ class Twin:
 
     def _held_to(self, velocity: Array, elapsed: Array) -> tuple[Array, Array]:
         """Angles and velocities to which servos that take up new goal velocities, (nsim, 10), are held after
-        so many times (n,) [s]; each (nsim, n, 10).
+        so many times (n,) [s]; (nsim, n, 10) and what broadcasts to it.
         """
-        lag, elapsed = self.design.parameters.servo_lag, elapsed[:, None]
-        fading = np.exp(-elapsed / lag) if lag else np.zeros_like(elapsed)
-        goal, new, old = (x[:, None] for x in (self._goal, velocity, self._pace - velocity))
-        return goal + new * elapsed + old * lag * (1 - fading), new + old * fading
+        goal, old, new = (x[:, None] for x in (self._goal, self._pace, velocity))
+        return taken_up(goal, old, new, elapsed[:, None], self.design.parameters.servo_lag)
 
     def _roll(self, control: Array) -> Array:
         """All substeps at once: nothing acts in Python."""
