@@ -98,7 +98,6 @@ def _study_all(config: SimToReal, folders: dict[str, Path], size: Size) -> dict[
 
 
 def _study(config: SimToReal, folders: dict[str, Path], size: Size, name: str) -> dict[str, Any]:
-    _one_thread()
     tqdm.set_lock(RLock())  # a semaphore of the system would be left behind by Ctrl-C
     with _progress(name, STEPS, list(folders).index(name)) as tell:
         return study_arm(folders[name], config.out / name, config.seed, size, tell)
@@ -141,13 +140,6 @@ def _settings(config: SimToReal, folders: dict[str, Path]) -> dict[str, Any]:
         for name, folder in folders.items()
     }
     return {"seed": config.seed, "quick": config.quick, "input_sha256": inputs}
-
-
-def _one_thread() -> None:
-    """The last digits of networks depend on how many threads train them."""
-    import torch
-
-    torch.set_num_threads(1)
 
 
 def _chosen(config: SimToReal, found: dict[str, Any]) -> str:
