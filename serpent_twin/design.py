@@ -123,6 +123,17 @@ def read(path: Path) -> Design:
         ) from error
 
 
+def simulated_by(metadata: Mapping[str, Any]) -> Design | None:
+    """The design that a log was simulated from, by its metadata; None where they do not hold it."""
+    try:
+        config, twin = metadata["config"], metadata.get("twin") or {}
+        parts = {"tolerances": {}, "effects": [], "parameters": config.get("parameters", {})}
+        found = from_dict(twin.get("design") or {"kind": KIND} | parts)
+        return found if found.fingerprint() == config["model_sha256"] else None
+    except (SerpentError, ValueError, KeyError, TypeError, AttributeError):
+        return None  # of the real arm, of another recorder, or of MJCF
+
+
 def _known(kind: type, values: Mapping[str, Any]) -> Mapping[str, Any]:
     if unknown := set(values) - {each.name for each in fields(kind)}:
         raise SerpentError(f"{kind.__name__.lower()} are unknown: {', '.join(sorted(unknown))}.")

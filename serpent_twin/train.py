@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from serpent_twin.log import read_folder
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.readout import available, find
 from serpent_twin.readout.jitter import command_error, jittered
+from serpent_twin.readout.known_twin import KnownTwin, known_twin
 from serpent_twin.readout.page import adapt_table, page, score_table
 from serpent_twin.readout.split import Split, split
 from serpent_twin.readout.trial import COST, Result, Trial
@@ -43,7 +44,8 @@ class Train:
     out: Path
     """Folder for results; made if it does not exist."""
     readout: tuple[str, ...] = ()
-    """Names of readouts; by default all there are, those that have a twin only with --twin."""
+    """Names of readouts; by default all there are. Of those that have a twin, the observer is trained where
+    the twin is known, by --twin or because it made the logs, and the others with --twin."""
     window: int = 4
     """Rows of the log that a readout sees at a time, H; the published one is 4."""
     windows: str = ""
@@ -53,7 +55,8 @@ class Train:
     validate: tuple[str, ...] = ()
     """Names of the sessions that validate; by default the two before it, one of less than six."""
     twin: Path | None = None
-    """A twin.json of python -m serpent_twin.trace, for readouts that have a twin; by default the nominal."""
+    """A twin.json of python -m serpent_twin.trace, for readouts that have a twin; by default the twin that
+    made the logs, or the nominal one."""
     drop: int = 100
     """First rows of each session that are not estimated; published: 100."""
     seed: int = 0
@@ -72,35 +75,55 @@ class Train:
     arm's. By default what the servos of --adapt miss their commands by, else 0."""
 
 
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a config comes to, checked."""
+
+    config: Train
+    """The config, its command jitter known"""
+    sessions: Split
+    """The logs to train on"""
+    wanted: list[tuple[str, int]]
+    """Readouts and windows"""
+    twin: KnownTwin
+    """Of readouts that have one"""
+    adaptation: adapting.Adaptation | None
+    """Another arm to adapt to"""
+
+
 def train(config: Train) -> dict[str, Any]:
     """Train and score what the config asks for; returns what scores.json holds."""
-    _check(config)
-    names = readouts_of(config)
-    swept = [(name, h) for name in SWEPT for h in parse_windows(config.windows)]
-    wanted = list(dict.fromkeys([(name, config.window) for name in names] + swept))
-    plan = _adaptation(config)
-    asked = ((), ()) if plan else (config.validate, config.test)
-    sessions = split(read_folder(config.logs), *asked)
-    if plan:
-        plan.refuse(sessions)
-    for window in {h for _, h in wanted}:
-        sessions.windows(window, config.drop)  # what cannot be cut must not claim a folder
-    if config.command_jitter is None:
-        config = replace(config, command_jitter=_servo_error(plan, config.out / SETTINGS))
+    plan = planned(config)
+    config, sessions, real = plan.config, plan.sessions, plan.adaptation
     with claimed(config.out, SETTINGS, settings(config, sessions)):
         _set_threads(config.threads)
-        wanted = list(dict.fromkeys(wanted + _trained_before(config)))
-        results = _run([_trial(config, *one) for one in wanted], sessions, config)
+        wanted = list(dict.fromkeys(plan.wanted + _trained_before(config)))
+        results = _run([_trial(plan, *one) for one in wanted], sessions, config)
         models = [trial.name for trial in results if trial.window == config.window]
-        real = adapting.adapt(plan, models, config.out) if plan else adapting.earlier(config.out)
-        return _conclude(config, sessions, results, real)
+        adapted = adapting.adapt(real, models, config.out) if real else None
+        return _conclude(plan, results, adapted or adapting.earlier(config.out))
 
 
-def readouts_of(config: Train) -> list[str]:
-    """Names of the readouts that the config asks for."""
-    known = {name: {f.name for f in fields(kind)} for name, kind in available().items()}
-    names = list(config.readout) or [n for n in known if config.twin or "twin" not in known[n]]
-    return [find(name).name for name in names]
+def planned(config: Train) -> Plan:
+    """What a config comes to; what cannot be done is refused before a folder is claimed."""
+    _check(config)
+    for name in config.readout:
+        find(name)
+    adaptation = _adaptation(config)
+    asked = ((), ()) if adaptation else (config.validate, config.test)
+    sessions = split(read_folder(config.logs), *asked)
+    if adaptation:
+        adaptation.refuse(sessions)
+    twin = known_twin(sessions, config.twin)
+    names = list(config.readout) or twin.readouts()
+    swept = [(name, h) for name in SWEPT for h in parse_windows(config.windows)]
+    wanted = list(dict.fromkeys([(name, config.window) for name in names] + swept))
+    for window in {h for _, h in wanted}:
+        sessions.windows(window, config.drop)
+    if config.command_jitter is None:
+        jitter = _servo_error(adaptation, config.out / SETTINGS)
+        config = replace(config, command_jitter=jitter)
+    return Plan(config, sessions, wanted, twin, adaptation)
 
 
 def _adaptation(config: Train) -> adapting.Adaptation | None:
@@ -171,9 +194,10 @@ def _set_threads(threads: int) -> None:
     torch.set_num_threads(threads)
 
 
-def _trial(config: Train, name: str, window: int) -> Trial:
+def _trial(plan: Plan, name: str, window: int) -> Trial:
+    config = plan.config
     place = "models" if window == config.window else f"windows/{window}"
-    twin = design.to_dict(design.read(config.twin)) if config.twin else None
+    twin = design.to_dict(plan.twin.design) if plan.twin.design else None
     return Trial(name, window, config.out / place / name, config.seed, config.epochs, twin)
 
 
@@ -203,9 +227,10 @@ def _show(bar: tqdm, done: int, most: int, loss: float) -> None:
 
 
 def _conclude(
-    config: Train, sessions: Split, results: dict[Trial, Result], real: dict[str, Any] | None
+    plan: Plan, results: dict[Trial, Result], real: dict[str, Any] | None
 ) -> dict[str, Any]:
     """Write scores.json and the report, print the table; returns what scores.json holds."""
+    config, sessions = plan.config, plan.sessions
     table = {t.name: r for t, r in results.items() if t.window == config.window}
     by_window: dict[str, dict[str, Any]] = {}
     for trial, result in results.items():
@@ -218,12 +243,15 @@ def _conclude(
         "window": config.window,
         "readouts": {name: result.summary() for name, result in table.items()},
         "windows": by_window,
+        "note": plan.twin.note(list(table)),
         "provenance": settings(config, sessions) | provenance(),
     } | ({"adapt": real} if real else {})
     write_whole(config.out / "scores.json", json.dumps(scores, indent=1) + "\n")
     tested = sessions.windows(config.window, config.drop)[2]
     report = write(page(scores, {n: r.error_mm for n, r in table.items()}, tested), config.out)
     print(text_table(score_table(scores["readouts"])))
+    if scores["note"]:
+        print(f"\n{scores['note']}")
     if real:
         print(f"\n{text_table(adapt_table(real))}")
     total = sum(readout["train_s"] for readout in scores["readouts"].values())

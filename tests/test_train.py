@@ -15,7 +15,7 @@ from trainings import numbers, run, write, write_five
 from serpent_twin import design, log
 from serpent_twin.errors import SerpentError
 from serpent_twin.readout import load
-from serpent_twin.train import Train, parse_windows, readouts_of
+from serpent_twin.train import Train, parse_windows
 
 QUICK = ("analytical", "linear", "residual")
 REAL = Path(__file__).resolve().parents[1] / "data" / "arm_a"
@@ -172,13 +172,6 @@ def test_a_twin_is_given_to_the_readouts_that_have_one(tmp_path):
     found = run(Train(few, tmp_path / "out", ("residual", "observer"), twin=path))["readouts"]
     assert found["observer"]["config"]["twin"]["parameters"]["strand_stiffness"] == 9000
     assert "twin" not in found["residual"]["config"]
-
-
-def test_readouts_with_a_twin_are_trained_unasked_only_with_one(tmp_path):
-    unasked = readouts_of(Train(tmp_path, tmp_path))
-    assert "observer" not in unasked and "residual" in unasked
-    assert "observer" in readouts_of(Train(tmp_path, tmp_path, twin=tmp_path / "twin.json"))
-    assert readouts_of(Train(tmp_path, tmp_path, ("observer",))) == ["observer"]
 
 
 def test_on_a_foreign_arm_our_ridge_beats_the_published_one(tmp_path):

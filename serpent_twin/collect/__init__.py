@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from serpent_twin import arm_file, run_folder
+from serpent_twin import arm_file, design, run_folder
 from serpent_twin.arm_file import ArmFile
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
@@ -136,7 +136,9 @@ def settings(config: Collect) -> dict[str, Any]:
 def _twin_file(config: Collect) -> dict[str, Any]:
     if config.twin is None:
         return {}
-    return {"twin": {"path": str(config.twin), "sha256": file_hash(config.twin)}}
+    about = {"path": str(config.twin), "sha256": file_hash(config.twin)}
+    arm = config.simulated()
+    return {"twin": about if arm.model else about | {"design": design.to_dict(arm.design)}}
 
 
 def check(config: Collect) -> None:

@@ -73,7 +73,7 @@ def _lead(scores: Mapping[str, Any]) -> str:
     if "lstm" in readouts and best != "lstm":
         share = readouts[best]["mean_mm"] / readouts["lstm"]["mean_mm"]
         lead += f" That is {share:.2f} times the error of the LSTM."
-    return lead
+    return f"{lead} {scores.get('note', '')}".strip()
 
 
 def _what_is_what(readouts: Mapping[str, Mapping[str, Any]]) -> Table:
