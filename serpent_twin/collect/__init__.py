@@ -83,9 +83,10 @@ def collect(config: Collect) -> list[Path]:
     with claimed(config.out, SETTINGS, settings(config)):
         missing = [index + 1 for index in run_folder.missing(paths)]
         if config.backend == "real":
-            from serpent_twin.collect import real  # not before its port is known to be meant
+            from serpent_twin.collect import lost_markers, real  # not before its port is meant
 
             real.record_all(config, missing)
+            lost_markers.conclude(paths)
         else:
             from serpent_twin.collect import simulated
 

@@ -15,7 +15,7 @@ from serpent_twin import run_folder
 from serpent_twin.arm import N_MOTORS
 from serpent_twin.bus.dynamixel.bus import DynamixelBus
 from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup, is_pseudo_terminal
-from serpent_twin.collect import Collect, metadata, session_path
+from serpent_twin.collect import Collect, lost_markers, metadata, session_path
 from serpent_twin.collect.ending import loop_times, sealed, stopped_by_signals
 from serpent_twin.collect.loop import NOTHING, Beside, Step, record
 from serpent_twin.control import random_targets
@@ -91,7 +91,7 @@ def record_session(
         np.random.SeedSequence(config.seed, spawn_key=(session,)).spawn(3)[0]
     )
     targets = random_targets(config.steps, rng)
-    bus = DynamixelBus(setup)
+    bus, cameras, watch = DynamixelBus(setup), cameras_of(config), lost_markers.Watch()
     of_bus = FURTHER + (FURTHER_OF_CAMERAS if config.real.mocap != "none" else ())
     values = _further(bus, of_bus)
     gain, period = config.parameters.controller_gain, 1 / config.rate_hz
@@ -103,13 +103,15 @@ def record_session(
     def account() -> dict[str, Any]:
         loop = loop_times(np.array(times), period, bus.missed)
         told = {"loop": loop, "bus": _account(bus)}
+        if config.real.mocap != "none":
+            told |= {"cameras": dict(cameras.account()), lost_markers.KEY: watch.account()}
         beside.end(told)
         return told
 
     about = metadata(config, session) | _about(config, setup) | dict(beside.about)
     with (
         sealed(path, about, of_bus + beside.columns, account) as journal,
-        cameras_of(config) as cameras,
+        cameras,
         bus,
         _kept_on_disk(journal),
     ):
@@ -117,7 +119,9 @@ def record_session(
             journal.append(row)
             times.append(row["time"])
             beside.see(row)
-            show(1, _state(times, period, bus))
+            watch.see(row["time"], row["marker"])
+            lost = watch.state() if config.real.mocap != "none" else ""
+            show(1, _state(times, period, bus) + lost)
     run_folder.drop_what_came_again(path)
 
 

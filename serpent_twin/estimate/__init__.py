@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from serpent_twin import arm_file, collect, design, readout
 from serpent_twin.claim import claimed
-from serpent_twin.collect import Collect, Real
+from serpent_twin.collect import Collect, Real, lost_markers
 from serpent_twin.collect.ending import why
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimate.figures import Course, figures, told
@@ -87,6 +87,7 @@ def estimate(config: Estimate) -> dict[str, Any]:
                 print(told(results))
                 results |= {"seed": config.seed, "settings": said} | provenance()
                 write_whole(config.out / RESULTS, json.dumps(results, indent=1) + "\n")
+        lost_markers.conclude([plan.session])
     return results
 
 

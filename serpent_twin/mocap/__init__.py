@@ -1,8 +1,9 @@
 """Where are the markers, whoever measures them?"""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -30,6 +31,10 @@ class Mocap(Protocol):
         """Return the newest frame at once, all NaN if there is none."""
         ...
 
+    def account(self) -> Mapping[str, Any]:
+        """What a log's metadata tell of the cameras at its end."""
+        ...
+
     def __enter__(self) -> Self: ...
 
     def __exit__(
@@ -47,6 +52,10 @@ class NoMocap:
     def read(self) -> MarkerFrame:
         """Return a frame in which every marker is lost."""
         return MarkerFrame(np.full((N_JOINTS, 3), np.nan), age=float("nan"))
+
+    def account(self) -> Mapping[str, Any]:
+        """Nothing: there are none."""
+        return {}
 
     def __enter__(self) -> Self:
         return self

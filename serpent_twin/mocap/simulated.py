@@ -1,6 +1,7 @@
 """What would cameras see of the twin?"""
 
-from typing import Self
+from collections.abc import Mapping
+from typing import Any, Self
 
 import numpy as np
 
@@ -22,6 +23,10 @@ class SimulatedMocap:
         seen = truth + self._noise * self._rng.standard_normal(truth.shape)
         seen[self._rng.random(len(seen)) < self._loss] = np.nan
         return MarkerFrame(seen)
+
+    def account(self) -> Mapping[str, Any]:
+        """Nothing: they never fail as a whole."""
+        return {}
 
     def __enter__(self) -> Self:
         return self

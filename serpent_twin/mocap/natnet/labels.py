@@ -2,39 +2,21 @@
 
 import re
 from collections.abc import Sequence
-from typing import Any
 
 from serpent_twin.arm import N_JOINTS
+from serpent_twin.mocap.natnet.packets import Id
+from serpent_twin.mocap.natnet.reading import Model
 
-Id = tuple[int, int]
-"""Motive's ids of the asset and of the marker in it."""
 
-
-def ids_by_name(data: Any) -> dict[str, Id]:
-    """(model, marker) ids by `name` and `model:name`, from Motive's description of its assets."""
-    models = [
-        (
-            asset.name,
-            asset.asset_id,
-            [(m.name, m.marker_id & 0xFFFF) for m in asset.marker_descriptions],
-        )
-        for asset in data.assets
-    ]
-    models += [
-        (body.name, body.id_num, [(m.name, n) for n, m in enumerate(body.markers, 1) if m.name])
-        for body in data.rigid_bodies
-    ]
-    known = {name for name, _, _ in models} | {"all"}
-    models += [
-        (s.name, -1, [(name, n) for n, name in enumerate(s.marker_names, 1)])
-        for s in data.marker_sets
-        if s.name not in known
-    ]
+def ids_by_name(models: Sequence[Model]) -> dict[str, Id]:
+    """(model, marker) ids by `name` and `model:name`, from Motive's description of its models."""
+    known = {each.name for each in models if each.model >= 0} | {"all"}
+    named = [each for each in models if each.model >= 0 or each.name not in known]
     return {
-        key: (model, marker)
-        for name, model, markers in models
-        for label, marker in markers
-        for key in (label, f"{name}:{label}")
+        key: (each.model, marker)
+        for each in sorted(named, key=lambda each: each.model < 0)
+        for label, marker in each.markers
+        for key in (label, f"{each.name}:{label}")
     }
 
 

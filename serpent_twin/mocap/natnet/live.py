@@ -1,120 +1,85 @@
 """What do OptiTrack's cameras see now?"""
 
-import threading
 import time
-from collections import deque
-from dataclasses import dataclass
+from collections import Counter
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
 
-from serpent_twin.arm import N_JOINTS, Array
+from serpent_twin.arm import N_JOINTS
 from serpent_twin.errors import SerpentError
 from serpent_twin.mocap import MarkerFrame
 from serpent_twin.mocap.frame import IDENTITY, Rigid
-from serpent_twin.mocap.natnet.labels import Id, chosen, ids_by_name
+from serpent_twin.mocap.natnet.labels import chosen, ids_by_name
+from serpent_twin.mocap.natnet.packets import Id
+from serpent_twin.mocap.natnet.stream import STALE, Frame, NatNet, Stream
 
-STALE = 0.25  # s without a frame after which no marker counts as seen
-REVIVED = 1.0  # s without a frame after which the connection is made anew
-KEPT = 240  # frames of the ring: two seconds at 120 Hz
+REVIVED = 1.0  # s without any of the arm's markers after which the server is asked anew
 
+_HERE = NatNet()
 
-@dataclass(frozen=True)
-class NatNet:
-    """Where Motive streams, and which of its markers are the arm's."""
-
-    server: str = "127.0.0.1"
-    """Address of the computer on which Motive runs."""
-    local: str = "0.0.0.0"
-    """Address of this computer's network card towards it; 0.0.0.0 for any."""
-    multicast: bool = False
-    """Motive's setting under Streaming: multicast, else unicast."""
-    multicast_address: str = "239.255.42.99"
-    """Motive's multicast group."""
-    command_port: int = 1510
-    """Motive's command port."""
-    data_port: int = 1511
-    """Motive's data port, which matters for multicast."""
-    labels: tuple[str, ...] = ()
-    """Markers 1 … 9, base to tip: names, or ids as MODEL:MARKER. Without: the one asset that has nine
-    labelled markers, in their order."""
-    timeout: float = 3.0
-    """How long to wait for Motive [s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """A frame as it came in."""
-
-    arrival: float
-    """Monotonic clock of this computer [s]."""
-    camera_time: float
-    """Motive's clock [s]."""
-    latency: float
-    """Exposure to sending [s]; 0 if the stream does not tell."""
-    markers: dict[Id, Array]
-    """Labelled markers in the cameras' frame [m], (3,), by (model, marker); NaN where occluded."""
+__all__ = ["Frame", "NatNet", "NatNetMocap"]
 
 
 class NatNetMocap:
-    """A `Mocap` on Motive's live stream, NatNet 3.1 to 4.1; a context manager.
+    """A `Mocap` on Motive's live stream, NatNet 3.0 and later; a context manager.
 
-    Threads of the `natnet` library receive; `read` only looks at the newest frame. When none has come
-    for `STALE` seconds, all markers are NaN and `stale_reads` counts; a broken connection is made
-    anew in the background.
+    A thread receives; `read` only looks at the newest frame. When none has come for `STALE` seconds, all
+    markers are NaN and `stale_reads` counts; the server is asked anew until its stream is back.
     """
 
-    def __init__(self, config: NatNet = NatNet(), frame: Rigid = IDENTITY) -> None:
+    def __init__(self, config: NatNet = _HERE, frame: Rigid = IDENTITY) -> None:
         self.config, self.frame = config, frame
-        self.stale_reads = 0
-        self._ring: deque[Frame] = deque(maxlen=KEPT)
-        self._names: dict[str, Id] = {}
+        self.stale_reads = self.asked_anew = 0
         self._wanted: list[Id] = []
-        self._client: Any = None
-        self._reviver: threading.Thread | None = None
-        self._last_try = 0.0
-        self._origin: tuple[float, int] | None = None
+        self._stream: Stream | None = None
+        self._heard = self._asked = 0.0
 
     def connect(self) -> None:
         """Connect, wait for a frame, and find the arm's markers in it, or raise a `SerpentError`."""
-        self._client = _client(self.config)
-        self._client.on_data_frame_received_event.handlers.append(self._take_in)
-        self._client.on_data_description_received_event.handlers.append(self._learn)
         try:
-            self._client.connect(timeout=self.config.timeout)
-            _run_as_daemons(self._client)
-            self._client.request_modeldef()
-            self._await_labels()
-        except (TimeoutError, OSError, _library().NatNetError) as error:
-            self.close()
-            raise SerpentError(_unreachable(self.config, error)) from None
+            self._stream = Stream(self.config)
+        except OSError as error:
+            raise SerpentError(_unreachable(self.config, f"failed: {error.strerror}")) from None
+        try:
+            self._await_labels(self._stream)
         except BaseException:
             self.close()
             raise
 
     def read(self) -> MarkerFrame:
         """Return the newest frame's markers in the base frame; NaN where lost, or if all is stale."""
-        newest, now = self._ring[-1] if self._ring else None, time.monotonic()
-        silent = now - newest.arrival if newest else np.inf
-        if silent > REVIVED:
-            self._revive(now)
-        if newest is None or silent > STALE:
+        frames, now = self.frames, time.monotonic()
+        newest = frames[-1] if frames else None
+        if newest and any(key in newest.markers for key in self._wanted):
+            self._heard = newest.arrival
+        if self._stream and now - max(self._heard, self._asked) > REVIVED:
+            self._asked, self.asked_anew = now, self.asked_anew + 1
+            self._stream.ask()
+        if newest is None or now - newest.arrival > STALE:
             self.stale_reads += 1
             return MarkerFrame(np.full((N_JOINTS, 3), np.nan), age=float("nan"))
         nowhere = np.full(3, np.nan)
         seen = np.array([newest.markers.get(key, nowhere) for key in self._wanted])
-        return MarkerFrame(self.frame.apply(seen), newest.camera_time, silent + newest.latency)
+        age = now - newest.arrival + newest.latency
+        return MarkerFrame(self.frame.apply(seen), newest.camera_time, age)
+
+    def account(self) -> dict[str, Any]:
+        """What a log tells of the stream: reads without a frame, and packets dropped, by reason."""
+        dropped = dict(self._stream.dropped) if self._stream else {}
+        reads = {"stale_reads": self.stale_reads, "asked_anew": self.asked_anew}
+        return reads | {"packets_dropped": {why: n for why, n in dropped.items() if n}}
 
     @property
     def frames(self) -> list[Frame]:
         """The frames of the last two seconds, oldest first."""
-        return list(self._ring)
+        return list(self._stream.frames) if self._stream else []
 
     @property
     def labels(self) -> list[str]:
         """What Motive calls markers 1 … 9; their ids where it gives no names."""
-        names = {key: name for name, key in self._names.items() if ":" not in name}
+        names = {key: name for name, key in self._names().items() if ":" not in name}
         return [names.get(key, f"{key[0]}:{key[1]}") for key in self._wanted]
 
     @property
@@ -124,11 +89,8 @@ class NatNetMocap:
 
     def close(self) -> None:
         """Stop receiving; closing twice is harmless."""
-        client, self._client = self._client, None
-        if self._reviver:
-            self._reviver.join()
-        if client is not None:
-            client.shutdown()
+        if self._stream:
+            self._stream.close()
 
     def __enter__(self) -> Self:
         self.connect()
@@ -142,102 +104,55 @@ class NatNetMocap:
     ) -> None:
         self.close()
 
-    def _take_in(self, data: Any) -> None:
-        arrival = time.monotonic()
-        markers = {
-            (m.model_id, m.marker_id): np.full(3, np.nan) if m.occluded else np.array(m.pos, float)
-            for m in data.labeled_markers or ()
-            if not m.unlabeled
-        }
-        before = self._ring[-1] if self._ring else None
-        stamp, latency = data.suffix.timestamp, 0.0
-        ticks = data.suffix.stamp_camera_mid_exposure, data.suffix.stamp_transmit
-        if all(ticks):
-            latency = self._seconds(ticks[1] - ticks[0], stamp, ticks[0], before)
-        self._ring.append(Frame(arrival, stamp, latency, markers))
+    def _names(self) -> dict[str, Id]:
+        return ids_by_name(self._stream.models) if self._stream else {}
 
-    def _seconds(self, ticks: int, stamp: float, exposed: int, before: Frame | None) -> float:
-        """A difference of stamps in seconds; their rate follows from the time stamps' own."""
-        if self._origin is None or stamp <= self._origin[0]:
-            self._origin = stamp, exposed
-            return before.latency if before else 0.0
-        rate = (exposed - self._origin[1]) / (stamp - self._origin[0])
-        return ticks / rate if rate > 0 and 0 <= ticks < rate else 0.0
-
-    def _learn(self, data: Any) -> None:
-        self._names |= ids_by_name(data)
-
-    def _await_labels(self) -> None:
-        until, problem = time.monotonic() + self.config.timeout, "no frame came in"
+    def _await_labels(self, stream: Stream) -> None:
+        until, asked, problem = time.monotonic() + self.config.timeout, time.monotonic(), ""
         while time.monotonic() < until:
             time.sleep(0.02)
-            seen = sorted({key for frame in self.frames for key in frame.markers})
-            if self._ring:
-                found = chosen(self.config.labels, seen, self._names)
-                if isinstance(found, list):
-                    self._wanted = found
+            found = Counter(key for frame in self.frames for key in frame.markers)
+            if any(count > 1 for count in found.values()):  # what comes once may be damaged
+                seen = sorted(key for key, count in found.items() if count > 1)
+                ids = chosen(self.config.labels, seen, self._names())
+                if isinstance(ids, list):
+                    self._wanted, self._heard = ids, time.monotonic()
                     return
-                problem = found
-        raise SerpentError(
-            f"Motive at {self.config.server} answers, but {problem}. In Motive, under Streaming, "
-            "switch on Labeled Markers, label the nine markers as one asset, and play or go live."
+                problem = ids
+            elif time.monotonic() - asked > REVIVED / 2:  # a datagram may be lost
+                asked = time.monotonic()
+                stream.ask()
+        raise SerpentError(_silence(self.config, stream, problem))
+
+
+def _silence(config: NatNet, stream: Stream, problem: str) -> str:
+    """Why no markers were found in a stream."""
+    if stream.unreadable and not stream.info:
+        spoken = ".".join(map(str, stream.unreadable))
+        return (
+            f"Motive at {config.server} speaks NatNet {spoken}, of which 3.0 … 4.x can be read. "
+            "Use a Motive of 2017 or later."
         )
-
-    def _revive(self, now: float) -> None:
-        """Make the connection anew in a thread of its own, at most once in `REVIVED` seconds."""
-        busy = self._reviver is not None and self._reviver.is_alive()
-        if self._client is not None and not busy and now - self._last_try > REVIVED:
-            self._last_try = now
-            self._reviver = threading.Thread(target=_restart, args=(self._client,), daemon=True)
-            self._reviver.start()
-
-
-def _library() -> Any:
-    try:
-        import natnet
-    except ImportError:
-        raise SerpentError(
-            "live markers need the package natnet, which is not installed. "
-            "Install it: pip install 'serpent-twin[mocap]'"
-        ) from None
-    return natnet
-
-
-def _client(config: NatNet) -> Any:
-    return _library().NatNetClient(
-        server_ip_address=config.server,
-        local_ip_address=config.local,
-        multicast_address=config.multicast_address,
-        command_port=config.command_port,
-        data_port=config.data_port,
-        use_multicast=config.multicast,
+    if not stream.info:
+        others = ", ".join(stream.strangers)
+        hint = f" Answers came from {others}: if that is Motive, give it as --server."
+        return _unreachable(config, "did not answer") + hint * bool(others)
+    if not problem and stream.info.multicast != config.multicast:
+        problem = "no frame came in: its streaming is set to " + _kind(stream.info.multicast)
+    elif not problem:
+        problem = "no frame came in" if not stream.frames else "its frames show no labelled marker"
+    return (
+        f"Motive at {config.server} answers, but {problem}. In Motive, under Streaming, "
+        "switch on Labeled Markers, label the nine markers as one asset, and play or go live."
     )
 
 
-def _run_as_daemons(client: Any) -> None:
-    """Start the library's threads so that they cannot keep the program alive.
-
-    A thread inherits being a daemon from the one that starts it.
-    """
-    starter = threading.Thread(target=client.run_async, daemon=True)
-    starter.start()
-    starter.join()
+def _kind(multicast: bool) -> str:
+    return "multicast" if multicast else "unicast"
 
 
-def _restart(client: Any) -> None:
-    """Threads that died of a bad packet start again, and a server that restarted learns of us."""
-    try:
-        client.stop_async()
-        _run_as_daemons(client)
-        client.send_request(client.NAT_CONNECT)
-        client.request_modeldef()
-    except (OSError, AttributeError):  # the network is down, or the client was closed meanwhile
-        return
-
-
-def _unreachable(config: NatNet, error: Exception) -> str:
-    kind = "multicast" if config.multicast else "unicast"
-    reason = "did not answer" if isinstance(error, TimeoutError) else f"failed: {error}"
+def _unreachable(config: NatNet, reason: str) -> str:
+    kind = _kind(config.multicast)
     return (
         f"Motive at {config.server}, command port {config.command_port}, {kind}, {reason}. Check that "
         "Motive runs with Streaming (Broadcast Frame Data) on, that it is set to "

@@ -17,6 +17,8 @@ OCCLUDED, HAS_MODEL = 0x01, 0x08
 MARKER_SET, ASSET, TRAINED_MARKER_SET = 0, 6, 1
 
 Version = tuple[int, int]
+Id = tuple[int, int]
+"""Motive's ids of the asset and of the marker in it."""
 
 
 def message(kind: int, body: bytes) -> bytes:
