@@ -8,6 +8,7 @@ from typing import Any
 import tyro
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.option_groups import grouped
 
 
 def run(
@@ -21,12 +22,21 @@ def run(
     """
     try:
         if callable(main):
-            tyro.cli(main, args=argv, prog=_program(), config=(tyro.conf.OmitArgPrefixes,))
+            tyro.cli(
+                grouped(main, _name(main)),
+                args=argv,
+                prog=_program(),
+                config=(tyro.conf.OmitArgPrefixes,),
+            )
         else:
             description = sys.modules["__main__"].__doc__
-            commands = dict(main)
+            commands = {name: grouped(each, name) for name, each in main.items()}
             tyro.extras.subcommand_cli_from_dict(
-                commands, args=argv, prog=_program(), description=description
+                commands,
+                args=argv,
+                prog=_program(),
+                description=description,
+                config=(tyro.conf.OmitArgPrefixes,),
             )
         sys.stdout.flush()  # so that a reader who left is noticed here
     except SerpentError as error:
@@ -53,6 +63,12 @@ def _program() -> str | None:
     """How the user starts the module run, such as `python -m serpent_twin.log`."""
     spec = getattr(sys.modules["__main__"], "__spec__", None)
     return f"python -m {spec.name.removesuffix('.__main__')}" if spec else None
+
+
+def _name(main: Callable[..., Any]) -> str:
+    """What people call the command, such as `log`."""
+    program = _program()
+    return program.rpartition(".")[-1] if program else main.__name__
 
 
 def _system_error(error: OSError) -> str:

@@ -26,12 +26,14 @@ from serpent_twin.readout.windows import cut
 from serpent_twin.recording import Estimate
 from serpent_twin.twin import replay_motors
 
+_Optional = Annotated[Path | None, tyro.conf.arg(help_behavior_hint="")]
+
 
 def main(
     session: Annotated[Path, tyro.conf.Positional],
     out: Path,
-    readout: Path | None = None,
-    twin: Path | None = None,
+    readout: _Optional = None,
+    twin: _Optional = None,
     view: bool = False,
 ) -> None:
     """Make a recording of a session that rerun shows: arm, cables, markers, loads, errors.

@@ -4,7 +4,7 @@ import json
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from tqdm import tqdm
@@ -15,6 +15,7 @@ from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.log import read_folder
+from serpent_twin.option_groups import Group
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.readout import available, find
 from serpent_twin.readout.jitter import command_error, jittered
@@ -28,6 +29,7 @@ SETTINGS = "train.json"
 JITTER = "command_jitter_rad_s"
 SWEPT = ("linear", "mlp")
 """The readouts whose window --windows varies."""
+_SPLIT, _WINDOW, _FIT, _ADAPT = map(Group, ("session split", "window", "training", "adaptation"))
 
 
 @dataclass(frozen=True)
@@ -46,31 +48,31 @@ class Train:
     readout: tuple[str, ...] = ()
     """Names of readouts; by default all there are. Of those that have a twin, the observer is trained where
     the twin is known, by --twin or because it made the logs, and the others with --twin."""
-    window: int = 4
+    window: Annotated[int, _WINDOW] = 4
     """Rows of the log that a readout sees at a time, H; the published one is 4."""
-    windows: str = ""
+    windows: Annotated[str, _WINDOW] = ""
     """Also compare windows, such as 1..8 or 1,2,4: trains linear and mlp for each."""
-    test: tuple[str, ...] = ()
+    test: Annotated[tuple[str, ...], _SPLIT] = ()
     """Names of the sessions that test; by default the last one."""
-    validate: tuple[str, ...] = ()
+    validate: Annotated[tuple[str, ...], _SPLIT] = ()
     """Names of the sessions that validate; by default the two before it, one of less than six."""
     twin: Path | None = None
     """A twin.json of python -m serpent_twin.trace, for readouts that have a twin; by default the twin that
     made the logs, or the nominal one."""
-    drop: int = 100
+    drop: Annotated[int, _SPLIT] = 100
     """First rows of each session that are not estimated; published: 100."""
-    seed: int = 0
+    seed: Annotated[int, _FIT] = 0
     """Seed of first weights and batches."""
-    epochs: int | None = None
+    epochs: Annotated[int | None, _FIT] = None
     """Passes over the training windows at most, for a quick look; by default each readout's own."""
-    threads: int = 2
+    threads: Annotated[int, _FIT] = 2
     """Threads of torch; the last digits of the results depend on it."""
-    adapt: Path | None = None
+    adapt: Annotated[Path | None, _ADAPT] = None
     """Folder with the session logs of another arm: readouts trained on --logs are corrected by its first
     windows and scored on its last session. --test and --validate then name its sessions."""
-    adapt_windows: str = adapting.ALL
+    adapt_windows: Annotated[str, _ADAPT] = adapting.ALL
     """Numbers of its windows to correct by, such as 0,100,500,all; 0 scores the readouts as they are."""
-    command_jitter: float | None = None
+    command_jitter: Annotated[float | None, _ADAPT] = None
     """Train as if commands were off by normal errors of this size [rad/s]: simulated servos are not the
     arm's. By default what the servos of --adapt miss their commands by, else 0."""
 

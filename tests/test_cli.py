@@ -1,16 +1,12 @@
 """Do commands tell a person what went wrong, and exit as a shell expects?"""
 
 import os
-import subprocess
-import sys
 from contextlib import redirect_stdout
 
 import pytest
 
 from serpent_twin import cli
 from serpent_twin.errors import SerpentError
-
-COMMANDS = ("collect", "estimate", "log", "mjcf", "replay", "train")
 
 
 def raising(error):
@@ -38,16 +34,6 @@ def test_errors_become_one_sentence_and_a_status(error, status, text, capsys):
 def test_a_defect_of_ours_keeps_its_traceback():
     with pytest.raises(ZeroDivisionError):
         cli.run(raising(ZeroDivisionError()), argv=[])
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_explains_itself(command):
-    done = subprocess.run(
-        [sys.executable, "-m", f"serpent_twin.{command}", "--help"], capture_output=True, text=True
-    )
-    assert done.returncode == 0
-    assert f"usage: python -m serpent_twin.{command}" in done.stdout
-    assert "--config." not in done.stdout
 
 
 def test_a_reader_that_has_enough_is_no_error():

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from serpent_twin import arm_file, design, run_folder
 from serpent_twin.arm_file import ArmFile
@@ -10,10 +10,12 @@ from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import SCHEMA_VERSION
 from serpent_twin.mocap.natnet.live import NatNet
+from serpent_twin.option_groups import Group
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import file_hash, provenance
 
 SETTINGS = "collect.json"
+REAL, CAMERAS, SIMULATED = Group("real arm"), Group("camera"), Group("simulated arm")
 
 
 @dataclass(frozen=True)
@@ -24,11 +26,11 @@ class Real:
     """Serial port of the motors, such as /dev/serial/by-id/…; else the one in --setup."""
     setup: Path = Path("arm.toml")
     """The arm's setup: ids, directions, zero and limits; python -m serpent_twin.bus.zero writes it."""
-    mocap: Literal["none", "natnet"] = "none"
+    mocap: Annotated[Literal["none", "natnet"], CAMERAS] = "none"
     """natnet: markers from Motive, live. none: a log without markers; merge a take afterwards."""
-    natnet: NatNet = field(default_factory=NatNet)
+    natnet: Annotated[NatNet, CAMERAS] = field(default_factory=NatNet)
     """Where Motive streams, for --mocap natnet."""
-    frame: Path = Path("frame.json")
+    frame: Annotated[Path, CAMERAS] = Path("frame.json")
     """Where the cameras see the arm's base; python -m serpent_twin.mocap frame writes it."""
 
 
@@ -54,17 +56,17 @@ class Collect:
     """Seed of targets and noise; session n of seed s is always the same."""
     arm: str = ""
     """Name of the arm, stored in the logs; without: twin, or the setup file's name."""
-    marker_loss: float = 0.0
+    marker_loss: Annotated[float, SIMULATED] = 0.0
     """Share of marker readings that the simulated cameras lose."""
-    workers: int = 0
+    workers: Annotated[int, SIMULATED] = 0
     """Processes that simulate side by side; 0 for one a core. The logs do not depend on it."""
-    twin: Path | None = None
+    twin: Annotated[Path | None, SIMULATED] = None
     """The arm to simulate, in place of the parameters below: a twin.json, with all of its effects, or
     its twin.xml, which takes its noise and the controller's gain from them."""
-    real: Real = field(default_factory=Real)
+    real: Annotated[Real, REAL] = field(default_factory=Real)
     """The real arm, for --backend real."""
-    parameters: Parameters = field(default=NOMINAL)
-    """The simulated arm's free parameters; the controller's gain is also the real arm's."""
+    parameters: Annotated[Parameters, SIMULATED] = field(default=NOMINAL)
+    """For --backend sim: the arm's free parameters. The controller's gain is also the real arm's."""
 
     @property
     def arm_name(self) -> str:

@@ -3,23 +3,25 @@
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from serpent_twin import arm_file, collect, design, readout
 from serpent_twin.claim import claimed
-from serpent_twin.collect import Collect, Real, lost_markers
+from serpent_twin.collect import REAL, SIMULATED, Collect, Real, lost_markers
 from serpent_twin.collect.ending import why
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimate.figures import Course, figures, told
 from serpent_twin.estimate.follower import Follower
 from serpent_twin.estimate.run import Plan, run
 from serpent_twin.files import write_whole
+from serpent_twin.option_groups import Group
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.readout.observer import Observer
 
 SETTINGS = "estimate.json"
 RESULTS = "results.json"
+_SHOWN = Group("recording")
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class Estimate:
     twin: Path | None = None
     """A twin.json. For an observer: its twin, in place of the one that it was trained with. Another
     readout has no twin: then it is the arm to simulate, as if given to --simulate."""
-    simulate: Path | None = None
+    simulate: Annotated[Path | None, SIMULATED] = None
     """The arm to simulate, for --backend sim: a twin.json, with all of its effects, or an MJCF file; without:
     one of the parameters below. It is never what estimates."""
     steps: int = 2100
@@ -52,19 +54,19 @@ class Estimate:
     """Seed of targets and noise."""
     arm: str = ""
     """Name of the arm, stored in the log; without: twin, or the setup file's name."""
-    markers: bool = True
+    markers: Annotated[bool, SIMULATED] = True
     """Let simulated cameras look on, so that the error is told. No readout sees them, but for --learn."""
     learn: bool = False
     """Let the markers of each step correct later estimates while there are any, by recursive least squares:
     for an arm that has changed since the readout was trained. The correction is held when they go."""
-    record: bool = True
+    record: Annotated[bool, _SHOWN] = True
     """Write OUT/session_01.rrd for rerun."""
-    view: bool = False
+    view: Annotated[bool, _SHOWN] = False
     """Show it in rerun's viewer while it happens."""
-    real: Real = field(default_factory=Real)
+    real: Annotated[Real, REAL] = field(default_factory=Real)
     """The real arm, for --backend real."""
-    parameters: Parameters = field(default=NOMINAL)
-    """The simulated arm's free parameters; the controller's gain is also the real arm's."""
+    parameters: Annotated[Parameters, SIMULATED] = field(default=NOMINAL)
+    """For --backend sim: the arm's free parameters. The controller's gain is also the real arm's."""
 
 
 def estimate(config: Estimate) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What is in a session log, is it sound, and can a cut-off recording be saved?"""
+"""Look into session logs, check them, or recover a recording that was cut off."""
 
 from pathlib import Path
 

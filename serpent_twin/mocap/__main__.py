@@ -1,4 +1,4 @@
-"""Where are the markers? Find the base frame, or fill session logs from a Motive take."""
+"""Find the cameras' base frame, or fill session logs from a Motive take."""
 
 import tyro
 

@@ -14,6 +14,11 @@ def available() -> list[str]:
     return sorted(file.name for file in pkgutil.iter_modules(here) if file.name != "rig")
 
 
+def described() -> str:
+    """Every rig's name and what it is, for the command line."""
+    return "; ".join(f"{name}, {find(name).about}" for name in available())
+
+
 def find(name: str) -> Rig:
     """The rig of a name; raises a `SerpentError` that lists what there is."""
     if name not in available():

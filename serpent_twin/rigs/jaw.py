@@ -226,6 +226,7 @@ class JawRig:
     """The bench, judged by its jaw's angle and its spindle's torque."""
 
     name: str = "jaw"
+    about: str = "a surgical tool's jaw on cables"
 
     def read(self, folder: Path) -> list[Recording]:
         """The runs of a folder."""

@@ -204,6 +204,9 @@ class Rig(Protocol):
     """One kind of machine."""
 
     name: str
+    """By which the command line knows it"""
+    about: str
+    """What it is, for people who choose one"""
 
     def read(self, folder: Path) -> Sequence[Log]:
         """A folder's sessions; raises a `SerpentError` on logs that are not of this machine."""

@@ -173,6 +173,7 @@ class Xl330Rig:
     """The bench, judged by its horn's angle."""
 
     name: str = "xl330"
+    about: str = "a Dynamixel XL330 that swings a mass"
 
     def read(self, folder: Path) -> list[Recording]:
         """The runs of a folder."""

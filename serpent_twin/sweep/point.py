@@ -3,11 +3,12 @@
 import hashlib
 import json
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 from serpent_twin.arm import N_JOINTS
 from serpent_twin.design import Design
 from serpent_twin.errors import SerpentError
+from serpent_twin.option_groups import Group
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.readout import find
 from serpent_twin.reservoir.basis import fine_cut
@@ -18,6 +19,7 @@ FORMAT = 1
 """Of a point's file; raised when what is measured changes otherwise than by settings"""
 WINDOW, DROP = 4, 100
 """Rows that a readout sees, and first rows of a session that are not estimated. P"""
+_POSE = Group("pose error")
 
 
 @dataclass(frozen=True)
@@ -111,15 +113,15 @@ class Measuring:
     """Command periods of each stream for the ranks."""
     coarsest: float = 0.1
     """Refuse so few steps that chance reaches capacities above this."""
-    sessions: int = 5
+    sessions: Annotated[int, _POSE] = 5
     """Sessions of the published protocol, for the pose error; the last one tests."""
-    session_steps: int = 600
+    session_steps: Annotated[int, _POSE] = 600
     """Control steps of each session."""
-    session_rate: float | None = None
+    session_rate: Annotated[float | None, _POSE] = None
     """Control steps per second [Hz]; by default as many as a point's command periods."""
-    readouts: tuple[str, ...] = ("analytical", "linear", "residual")
+    readouts: Annotated[tuple[str, ...], _POSE] = ("analytical", "linear", "residual")
     """Readouts to train and score; others: mlp, lstm, decoder, ensemble, … take longer, up to minutes."""
-    epochs: int | None = None
+    epochs: Annotated[int | None, _POSE] = None
     """Passes of a network over the training windows; by default its own."""
     body: bool = True
     """Measure memory and capacities; without, the pose errors alone."""

@@ -9,13 +9,14 @@ from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from tqdm import tqdm
 
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.option_groups import Group
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import provenance, versions
 from serpent_twin.sweep.cluster import cluster
@@ -25,6 +26,7 @@ from serpent_twin.sweep.point import Measuring, Point, key
 from serpent_twin.sweep.processes import processes
 
 SETTINGS = "sweep.json"
+_GRID, _WHERE = Group("grid"), Group("computing")
 
 
 @dataclass(frozen=True)
@@ -38,27 +40,27 @@ class Sweep:
 
     out: Path
     """Folder for results; made if it does not exist."""
-    stiffness: tuple[float, ...] = (NOMINAL.strand_stiffness,)
+    stiffness: Annotated[tuple[float, ...], _GRID] = (NOMINAL.strand_stiffness,)
     """Stiffness of each strand [N/m]."""
-    slack: tuple[float, ...] = (NOMINAL.strand_slack,)
+    slack: Annotated[tuple[float, ...], _GRID] = (NOMINAL.strand_slack,)
     """Slack of each strand [m]."""
-    damping: tuple[float, ...] = (NOMINAL.joint_damping,)
+    damping: Annotated[tuple[float, ...], _GRID] = (NOMINAL.joint_damping,)
     """Viscous damping of each hinge [N m s/rad]."""
-    rate: tuple[float, ...] = (4.0,)
+    rate: Annotated[tuple[float, ...], _GRID] = (4.0,)
     """Commands per second [Hz]."""
-    amplitude: tuple[float, ...] = (0.07,)
+    amplitude: Annotated[tuple[float, ...], _GRID] = (0.07,)
     """Joint targets lie within ± this [rad]; the servos' speed limits it, at 4 Hz to 0.0706."""
-    load_noise: tuple[float, ...] = (NOMINAL.load_noise,)
+    load_noise: Annotated[tuple[float, ...], _GRID] = (NOMINAL.load_noise,)
     """Noise of load readings, standard deviation as a share of the stall torque."""
-    seeds: tuple[int, ...] = (0,)
+    seeds: Annotated[tuple[int, ...], _GRID] = (0,)
     """Seeds of inputs and noise; points of one seed have the same inputs."""
     steps: int = 20_000
     """Commands that each point is measured over; a capacity needs about 20,000."""
-    rigid: bool = False
+    rigid: Annotated[bool, _GRID] = False
     """Also measure an arm on rigid cables, for each rate, amplitude and seed, as a control."""
-    workers: int = 0
+    workers: Annotated[int, _WHERE] = 0
     """Processes side by side; 0 for one a core. The points do not depend on it."""
-    cluster: str = ""
+    cluster: Annotated[str, _WHERE] = ""
     """Address of a Dask scheduler, tcp://HOST:PORT, whose workers measure instead."""
     measuring: Measuring = field(default_factory=Measuring)
     """How points are measured; the same for all points of a folder."""

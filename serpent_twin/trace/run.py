@@ -6,15 +6,17 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from tqdm import tqdm
+from tyro.conf import arg
 
 from serpent_twin import rigs
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.option_groups import Group
 from serpent_twin.provenance import file_hash, provenance, versions
 from serpent_twin.report import write
 from serpent_twin.rigs.rig import Log
@@ -26,6 +28,7 @@ from serpent_twin.trace.page import page
 from serpent_twin.trace.steps import Search, Tracer
 
 SETTINGS = "trace.json"
+_SESSIONS = Group("session")
 _STEPS = 60  # of a usual trace, for the time left: a second effect adds some
 
 
@@ -42,13 +45,13 @@ class Trace:
     """Folder with the session logs of one machine."""
     out: Path
     """Folder for results; made if it does not exist."""
-    rig: str = "arm"
-    """The kind of machine."""
-    held_out: int = 1
+    rig: Annotated[str, arg(help=f"The kind of machine: {rigs.described()}.")] = "arm"
+    """Name of the kind of machine."""
+    held_out: Annotated[int, _SESSIONS] = 1
     """Sessions, the last ones, that nothing is fitted to and that judge."""
-    judge: str = ""
+    judge: Annotated[str, _SESSIONS] = ""
     """Names of the files that judge in place of the last ones, such as kp200_*.parquet."""
-    sessions: int = 0
+    sessions: Annotated[int, _SESSIONS] = 0
     """Use only the first so many sessions; 0 for all."""
     seed: int = 0
     """Seed of bootstrap and permutations."""

@@ -18,6 +18,7 @@ from serpent_twin.bus.motors import SimulatedMotors
 from serpent_twin.errors import SerpentError
 from serpent_twin.mocap.frame import Rigid
 from serpent_twin.mocap.natnet.server import SimulatedCameras
+from serpent_twin.option_groups import Group
 from serpent_twin.parameters import NOMINAL, Parameters
 
 CAMERAS = Rigid(
@@ -30,6 +31,7 @@ _FAULT_HELP = (
     + help_text()
 )
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
+_TIME, _ARM = Group("time"), Group("simulated arm")
 
 
 @dataclass(frozen=True)
@@ -48,12 +50,12 @@ class Options:
 
     link: Path | None = None
     """A path that always leads to the port, such as /tmp/arm; the terminal's own number varies."""
-    realtime: Flag = False
+    realtime: Annotated[Flag, _TIME] = False
     """Time follows the wall clock. This is the default."""
-    lockstep: Flag = False
+    lockstep: Annotated[Flag, _TIME] = False
     """Time stands still but for one control period after each group write of goals, which passes as
     fast as it computes: lengthen your port handler's timeout."""
-    rate_hz: float = 4.0
+    rate_hz: Annotated[float, _TIME] = 4.0
     """Control periods per second of the motors' time, in lockstep."""
     fault: Annotated[
         tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(help=_FAULT_HELP)
@@ -62,11 +64,11 @@ class Options:
     seed: int = 0
     """numpy.random.default_rng(SEED) draws the load noise, default_rng([SEED, 1]) the faults,
     default_rng([SEED, 2]) the cameras' noise."""
-    start_counts: tuple[int, ...] = (0,)
+    start_counts: Annotated[tuple[int, ...], _ARM] = (0,)
     """What the positions read at the start, with the arm straight: one number for all motors, or ten."""
-    paced: Flag = False
+    paced: Annotated[Flag, _TIME] = False
     """Let packets take their time on the wire, and return delays; the default in real time."""
-    no_paced: Flag = False
+    no_paced: Annotated[Flag, _TIME] = False
     """Answer at once; the default in lockstep."""
     cameras: int = 0
     """Port on which simulated cameras stream the arm's markers as Motive does (NatNet, unicast, y up), in
@@ -75,10 +77,10 @@ class Options:
     """A new file for what really happened, as JSON lines: group reads, goals, faults, velocities."""
     until_eof: Flag = False
     """End when standard input ends, as it does when the program dies that started the device."""
-    model: Path | None = None
+    model: Annotated[Path | None, _ARM] = None
     """A twin.json, with all of its effects, or an MJCF file, instead of the arm built from the parameters
     below. MJCF still takes its load and marker noise from them."""
-    parameters: Parameters = field(default=NOMINAL)
+    parameters: Annotated[Parameters, _ARM] = field(default=NOMINAL)
     """The simulated arm's free parameters."""
 
 

@@ -31,6 +31,7 @@ class ArmRig:
     """The arm of `arm.py`, driven by its motors' angles, seen by cameras and motor loads."""
 
     name: str = "arm"
+    about: str = "the cable-driven serpentine arm"
 
     def read(self, folder: Path) -> list[Session]:
         """The sessions of a folder, checked."""

@@ -1,0 +1,147 @@
+"""Does help find every command, every machine and every option, in groups that a newcomer can read?"""
+
+import importlib
+import re
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import pytest
+from tyro.conf import Positional, arg
+
+from serpent_twin import cli, rigs
+from serpent_twin.__main__ import verbs
+from serpent_twin.option_groups import Group
+
+COMMANDS = [
+    "bus.device", "bus.doctor", "bus.zero", "collect", "estimate", "log", "mjcf", "mocap", "replay",
+    "sweep", "trace", "train",
+]  # fmt: skip
+MOST = 14  # options of a group: the simulated arm has ten parameters, its file, and what is random
+
+
+def run(*words):
+    command = [sys.executable, "-X", "utf8", "-m", *words]  # with boxes, whatever the locale
+    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8")
+
+
+def said(text):
+    """Without the boxes, rules and line breaks."""
+    return " ".join(re.sub("[│─╭╮╰╯•]|-{5,}", " ", text).split())
+
+
+def test_the_package_lists_its_commands_as_each_describes_itself():
+    done = run("serpent_twin")
+    assert done.returncode == 0 and "--help" in done.stdout
+    listed = said(done.stdout)
+    assert set(COMMANDS) <= set(verbs())
+    for name, text in verbs().items():
+        assert f"{name} {text}" in listed
+    assert max(map(len, done.stdout.splitlines())) < 90
+
+
+@pytest.mark.parametrize("command", [name for name in COMMANDS if name not in ("log", "mocap")])
+def test_a_command_says_first_what_the_list_says_of_it_and_groups_its_options(command, capsys):
+    name = f"serpent_twin.{command}"
+    module = importlib.import_module(
+        f"{name}.__main__" if find_spec(name).submodule_search_locations else name
+    )
+    with pytest.raises(SystemExit):
+        cli.run(module.main, ["--help"])
+    shown = capsys.readouterr().out
+    assert verbs()[command] in said(shown) and "config" not in shown
+    assert "{None}" not in shown and "(default: None)" not in said(shown)
+    assert "(default: )" not in said(shown)
+    for group in re.split(r"^.* options .*$", shown, flags=re.M)[1:]:
+        assert 1 <= len(re.findall(r"^[│ ] -", group, re.M)) <= MOST, group
+
+
+@pytest.mark.parametrize(
+    ("words", "call"),
+    [
+        (["collect", "--out", "a b"], "python -m serpent_twin.collect --out 'a b'"),
+        (["bus", "doctor", "--port", "x"], "python -m serpent_twin.bus.doctor --port x"),
+        (["trian"], "python -m serpent_twin.train"),
+        (["nonsense"], "`python -m serpent_twin` lists them"),
+    ],
+)
+def test_a_command_without_its_dot_is_answered_by_how_to_call_it(words, call):
+    done = run("serpent_twin", *words)
+    assert done.returncode == 1 and call in done.stderr and "Traceback" not in done.stderr
+
+
+def test_mocap_says_what_its_commands_do():
+    text = said(run("serpent_twin.mocap", "--help").stdout)
+    assert text.startswith("usage: python -m serpent_twin.mocap [-h]")
+    assert "merge Fill the markers of session logs from a take" in text
+    assert "frame Find the base frame: Motive streams while the arm hangs straight" in text
+
+
+def test_trace_says_which_machines_there_are():
+    text = said(run("serpent_twin.trace", "--help").stdout)
+    for name in rigs.available():
+        assert f"{name}, {rigs.find(name).about}" in text
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera."""
+
+    server: str = "here"
+    """Where it is."""
+    rate: Annotated[float, Group("time")] = 4.0
+    """Pictures a second,
+    at most."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Look.
+
+    And look again,
+    until it is seen.
+    """
+
+    take: Annotated[Positional[Path], arg(metavar="TAKE")]
+    """What to look at."""
+    out: Path
+    """Where it goes."""
+    seed: Annotated[int, Group("time")] = 3
+    """Seed."""
+    camera: Camera = field(default=Camera("there"))
+    """The camera that looks."""
+    labels: tuple[str, ...] = ()
+    """Names; by default none."""
+
+
+def asked(*words):
+    got = []
+
+    def look(config: Config) -> None:
+        got.append(config)
+
+    cli.run(look, argv=list(words))
+    return got[0]
+
+
+def test_options_in_groups_make_the_config_that_a_caller_would_write():
+    assert asked("t", "--out", "o") == Config(Path("t"), Path("o"))
+    options = ["--seed", "7", "--rate", "2.5", "--server", "away", "--labels", "a", "b"]
+    wanted = Config(Path("t"), Path("o"), 7, Camera("away", 2.5), ("a", "b"))
+    assert asked("t", "--out", "o", *options) == wanted
+
+
+def test_groups_hold_their_options_with_texts_in_one_piece(capsys):
+    with pytest.raises(SystemExit):
+        asked("--help")
+    shown = said(capsys.readouterr().out)
+    assert "Look." in shown and " options And look again, until it is seen. --out PATH" in shown
+    time = "--seed INT Seed. (default: 3) --rate FLOAT Pictures a second, at most. (default: 4.0)"
+    assert f"time options {time}" in shown
+    assert (
+        "camera options The camera that looks. --server STR Where it is. (default: there)" in shown
+    )
+    assert "Names; by default none." in shown and "(default: )" not in shown
