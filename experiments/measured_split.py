@@ -9,6 +9,7 @@ from measured_bench import BENCHES, Bench
 
 from serpent_twin import rigs
 from serpent_twin.errors import SerpentError
+from serpent_twin.log import refuse_repeated
 from serpent_twin.measured import Recording
 
 Split = tuple[list[Recording], list[Recording]]
@@ -120,6 +121,7 @@ def _named(data: Path, held_out: str) -> tuple[str, Asked]:
         training = [r for r in _runs(data, name)[0] if r.path and r.path.resolve() not in named]
         if not training:
             raise SerpentError(f"nothing is left to fit in {data / name}. Name fewer files.")
+        refuse_repeated([*training, *judging])
         changed = judging if bench.unchanged != "*" else []
         return name, Asked([(training, judging)], changed)
     raise SerpentError(f"no rig reads {files[0]}: {' '.join(dict.fromkeys(reasons))}")

@@ -15,7 +15,7 @@ from tqdm import tqdm
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
-from serpent_twin.log import read_folder
+from serpent_twin.log import read_folder, refuse_repeated
 from serpent_twin.provenance import file_hash
 from serpent_twin.readout import Readout, load
 from serpent_twin.readout.adapted import Adapted, least_windows
@@ -67,6 +67,7 @@ class Adaptation:
                 f"the logs to train on come at {told[0]} Hz, {self.logs} at {told[1]} Hz: a window would "
                 "span another time. Collect with --rate-hz as the arm was logged."
             )
+        refuse_repeated([*trained_on.all(), *self.sessions.all()])
         there, least = len(self.learn.x), least_windows(self.window)
         for count in map(int, set(self.counts) - {NONE, ALL}):
             if not least <= count <= there:

@@ -4,6 +4,7 @@ from serpent_twin.log.check import Finding, examine, refuse_damaged
 from serpent_twin.log.journal import Journal
 from serpent_twin.log.parquet import read_folder, read_session, session_files, write_session
 from serpent_twin.log.recovery import recover
+from serpent_twin.log.repeated import readings_hash, refuse_repeated
 from serpent_twin.log.session import COLUMNS, FIELDS, SCHEMA_VERSION, UNITS, Session, columns_of
 from serpent_twin.log.stream import read_journal
 
@@ -20,8 +21,10 @@ __all__ = [
     "read_folder",
     "read_journal",
     "read_session",
+    "readings_hash",
     "recover",
     "refuse_damaged",
+    "refuse_repeated",
     "session_files",
     "write_session",
 ]

@@ -98,6 +98,15 @@ class Session:
         return float(self.metadata["rate_hz"])
 
     @property
+    def readings(self) -> Array:
+        """Motor angles, velocities and loads of the rows in which a motor turns, (≤ T, 30); of all rows where
+        none does.
+        """
+        read = (self.motor_position, self.motor_velocity, self.motor_load)
+        turning = (self.motor_velocity != 0).any(axis=1)
+        return np.concatenate(read, axis=1)[turning if turning.any() else slice(None)]
+
+    @property
     def earlier(self) -> float:
         """How long the arm ran before [s]; sessions of a run are of one length."""
         number = int(self.metadata.get("session", 1))

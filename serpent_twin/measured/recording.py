@@ -42,6 +42,11 @@ class Recording:
         """File name without its ending, unless it is told."""
         return self.label or (self.path.stem if self.path else "run")
 
+    @property
+    def readings(self) -> Array:
+        """All columns but the time, (T, N)."""
+        return np.stack([values for name, values in self.columns.items() if name != "time"], axis=1)
+
 
 def read(path: Path, columns: Sequence[str], metadata: Sequence[str] = ()) -> Recording:
     """Read one run that must have these columns and metadata, or raise a `SerpentError`."""

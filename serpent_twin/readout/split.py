@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import Session
+from serpent_twin.log import Session, refuse_repeated
 from serpent_twin.readout.windows import Windows, cut
 
 
@@ -40,7 +40,10 @@ class Split:
 def split(
     sessions: Sequence[Session], validate: Sequence[str] = (), test: Sequence[str] = ()
 ) -> Split:
-    """Sessions to train, validate and test: the last tests, one or two before it validate."""
+    """Sessions to train, validate and test: the last tests, one or two before it validate.
+
+    Sessions that repeat each other are refused.
+    """
     by_name = {session.name: session for session in sessions}
     if unknown := [name for name in (*validate, *test) if name not in by_name]:
         raise SerpentError(
@@ -59,4 +62,5 @@ def split(
             f"{len(sessions)} sessions are too few: at least one each must train, validate and test. "
             "Collect three or more, or name fewer in --validate and --test."
         )
+    refuse_repeated(sessions)
     return Split(*([by_name[name] for name in names] for names in (train, validate, test)))

@@ -143,6 +143,11 @@ class Log(Protocol):
         """What the recorder said of it."""
         ...
 
+    @property
+    def readings(self) -> Array:
+        """What the machine's own sensors read, row by row, (T, N)."""
+        ...
+
 
 class Case(Protocol[P]):
     """A machine with the first guesses that its training logs allow: what the fit works on."""

@@ -16,6 +16,7 @@ from serpent_twin import rigs
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.log import refuse_repeated
 from serpent_twin.option_groups import Group
 from serpent_twin.provenance import file_hash, provenance, versions
 from serpent_twin.report import write
@@ -95,6 +96,7 @@ def trace_sessions(
     config: Trace, rig: rigs.Rig, training: Sequence[Log], judging: Sequence[Log]
 ) -> tuple[Diagnosis, dict[str, Any]]:
     """Trace sessions that are split already; returns besides what diagnosis.json holds."""
+    refuse_repeated([*training, *judging])
     settings = _settings(config, training, judging)
     with claimed(config.out, SETTINGS, settings):
         began = time.perf_counter()
