@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 from measured_bench import BENCHES
-from measured_named import point_of
 from measured_page import effect_told
 from measured_split import by_time
 
-from serpent_twin import rigs
-from serpent_twin.measured import Recording
+from serpent_twin import rigs, stored
+from serpent_twin.measured import Recording, read_twin
 from serpent_twin.provenance import file_hash
 from serpent_twin.rigs.rig import Point
 from serpent_twin.trace import Trace
@@ -48,10 +47,10 @@ def changed(
 def _before(name: str, twin: Path, runs: Sequence[Recording], path: Path) -> Path:
     """The twin of the machine as it was, fitted anew to all its runs, with its parameters' errors."""
     of = {run.name: file_hash(run.path) for run in runs if run.path} | {"twin": _digest(twin)}
-    if path.exists() and json.loads(path.read_text())["fitted_to"] == of:
+    if path.exists() and read_twin(path, name).fitted_to == of:
         return path
     case = rigs.find(name).open(runs)
-    pieces, at = case.pieces(runs), point_of(json.loads(twin.read_text()))
+    pieces, at = case.pieces(runs), read_twin(twin, name).point
     case = case.reweighted(at, pieces)
     moves = moves_of(case, list(at.effects))
     found = fit(case, pieces, at, moves, _DERIVATIVES, case.segments[1])
@@ -102,7 +101,7 @@ def carried(
         return None
     case = rig.open(runs)
     pieces = case.pieces(runs)
-    own = json.loads(twin.read_text())["standard_error"].get(_WEIGHT, 0.0)
+    own = read_twin(twin, "trunk").standard_error.get(_WEIGHT, 0.0)
     ends = []
     for variant in case.candidates["payload"].variants:
         values = {name: np.array(of) for name, of in found.items()} | {"payload": variant}
@@ -117,7 +116,7 @@ def carried(
 
 def _digest(twin: Path) -> str:
     """Of what a twin is, so that a trace which began with another one does not go on."""
-    told = json.loads(twin.read_text())
+    told = stored.read_json(twin)
     for origin in ("provenance", "fitted_to"):
         told.pop(origin, None)
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]

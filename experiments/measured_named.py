@@ -4,8 +4,7 @@ The effects are those that a trace on the other runs accepts; all parameters are
 the other runs.
 """
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin import rigs
-from serpent_twin.effects import by_name, ranges
-from serpent_twin.measured import Recording
+from serpent_twin.measured import Recording, read_twin
 from serpent_twin.residual import Comparison
 from serpent_twin.rigs.rig import Case, Point
 from serpent_twin.trace.conclude import estimates
@@ -40,7 +38,7 @@ def judge(
 ) -> Judged:
     """Fit the effects of a traced twin, twin.json, to all training runs; compare on those that judge."""
     case = rigs.find(rig).open(training)
-    named = point_of(json.loads(twin.read_text())).effects
+    named = read_twin(twin, rig).point.effects
     bare = _fitted(case, training, Point(np.zeros(len(case.declared))))
     whole = _fitted(case, training, replace(bare.point, effects=named)) if named else bare
     points = {"nominal": None, "calibrated": bare.point, "corrected": whole.point}
@@ -49,15 +47,6 @@ def judge(
         {stage: case.compare(point, runs) for stage, point in points.items()},
         {effect: estimates(case, whole, effect) for effect in named},
     )
-
-
-def point_of(told: Mapping[str, Any]) -> Point:
-    """Where a twin.json lies in the fit's coordinates."""
-    effects = {
-        entry["name"]: np.array([entry[n] for n in ranges(by_name(entry["name"]))])
-        for entry in told["effects"]
-    }
-    return Point(np.array([each["value"] for each in told["declared"].values()]), effects)
 
 
 def _fitted(case: Case[Any], training: Sequence[Recording], start: Point) -> Fit:

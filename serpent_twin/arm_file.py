@@ -5,13 +5,13 @@ from pathlib import Path
 
 import mujoco
 
-from serpent_twin import design
+from serpent_twin import design, stored
 from serpent_twin.arm import N_JOINTS, N_MOTORS
 from serpent_twin.design import Design
 from serpent_twin.errors import SerpentError
 from serpent_twin.mjcf import STRANDS
 from serpent_twin.parameters import NOMINAL, Parameters
-from serpent_twin.provenance import file_hash
+from serpent_twin.provenance import model_hash
 from serpent_twin.twin import Twin
 
 _MOTORS = [f"motor{j}" for j in range(1, N_MOTORS + 1)]
@@ -25,6 +25,7 @@ _IN_ORDER = {  # names in the order in which the twin addresses them
         *(f"marker{i}" for i in _LINKS),
     ],
 }
+_MOST = 100_000_000  # bytes of an MJCF file, without what it includes
 _HINGE = mujoco.mjtJoint.mjJNT_HINGE
 
 
@@ -41,8 +42,8 @@ class ArmFile:
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of the arm's physics."""
-        return file_hash(self.path) if self.model and self.path else self.design.fingerprint()
+        """SHA-256 of the arm's physics, also of what an MJCF file includes."""
+        return model_hash(self.model) if self.model else self.design.fingerprint()
 
     @property
     def note(self) -> str:
@@ -81,10 +82,12 @@ def read(path: Path | None, parameters: Parameters = NOMINAL, flag: str = "--twi
 
 
 def _model(path: Path) -> mujoco.MjModel:
+    stored.require_file(path, _MOST, "Give a twin.json or a model in MJCF.")
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
-        raise SerpentError(f"{path} is no model that MuJoCo can load: {error}") from error
+        why = " ".join(str(error).split())
+        raise SerpentError(f"{path} is no model that MuJoCo can load: {why}") from error
     for kind, names in _IN_ORDER.items():
         found = [mujoco.mj_id2name(model, kind, n) for n in range(len(names))]
         _refuse(path, kind, names, [a for a, b in zip(names, found, strict=True) if a != b])

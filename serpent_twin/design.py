@@ -3,16 +3,17 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import mujoco
 import numpy as np
+from msgspec import field
 
-from serpent_twin import effects, files, friction, mjcf
-from serpent_twin.arm import ARM, Arm, Array
+from serpent_twin import effects, files, friction, mjcf, stored
+from serpent_twin.arm import ARM, N_JOINTS, Arm, Array
 from serpent_twin.effects import Effect, Several
 from serpent_twin.errors import SerpentError
 from serpent_twin.parameters import NOMINAL, Parameters
@@ -20,6 +21,18 @@ from serpent_twin.tolerances import EXACT, Tolerances
 
 KIND = "serpent_twin design"
 """What twin.json says it is."""
+VERSION = 2
+"""Of twin.json"""
+_LATER = (
+    {("parameters", "servo_lag"): 0.0},
+    {("tolerances", "jaw_held"): [0.0]},
+    {
+        ("parameters", "transition_velocity"): 0.0,
+        ("tolerances", "transition_velocity"): [0.0] * N_JOINTS,
+    },
+)
+"""Keys that were added while files had no version, the last first, and what held before"""
+_ADVICE = "Give the twin.json that `python -m serpent_twin.trace` wrote."
 
 E = TypeVar("E", bound=Effect)
 
@@ -85,24 +98,41 @@ class Design:
 NOMINAL_DESIGN = Design()
 
 
+class TwinFile(stored.Form, frozen=True):
+    """What twin.json holds."""
+
+    kind: str
+    schema_version: Literal[2]
+    parameters: Parameters
+    tolerances: Tolerances
+    effects: tuple[effects.Stored, ...]
+    arm: str = ""
+    """Name of the arm whose logs made it"""
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        effects.require_distinct(self.effects)
+
+    @property
+    def design(self) -> Design:
+        """The design that it stores."""
+        return Design(self.parameters, self.tolerances, tuple(map(effects.restored, self.effects)))
+
+
 def to_dict(design: Design) -> dict[str, Any]:
     """A design as twin.json stores it; the arm's own numbers are the project's and not stored."""
     return {
         "kind": KIND,
-        "parameters": asdict(design.parameters),
-        "tolerances": asdict(design.tolerances),
+        "schema_version": VERSION,
+        "parameters": {n: float(value) for n, value in vars(design.parameters).items()},
+        "tolerances": {n: [*map(float, each)] for n, each in vars(design.tolerances).items()},
         "effects": [effects.to_dict(effect) for effect in design.effects],
     }
 
 
-def from_dict(stored: Mapping[str, Any]) -> Design:
-    """A design out of twin.json; raises a `SerpentError` on what is not one."""
-    if stored.get("kind") != KIND:
-        raise SerpentError(f"it is no twin: its `kind` is not {KIND!r}.")
-    parameters = Parameters(**_known(Parameters, stored["parameters"]))
-    arrays = {n: tuple(map(float, v)) for n, v in _known(Tolerances, stored["tolerances"]).items()}
-    found = tuple(effects.from_dict(entry) for entry in stored["effects"])
-    return Design(parameters, Tolerances(**arrays), found)
+def from_dict(values: Mapping[str, Any], where: str = "the twin") -> Design:
+    """A design out of what twin.json holds; raises a `SerpentError` that names the key at fault."""
+    return _taken(stored.take(values, dict[str, Any], where, _ADVICE), where).design
 
 
 def write(path: Path, design: Design, about: Mapping[str, Any]) -> None:
@@ -113,28 +143,41 @@ def write(path: Path, design: Design, about: Mapping[str, Any]) -> None:
 
 def read(path: Path) -> Design:
     """Read twin.json; raises a `SerpentError` that names the file and what is wrong with it."""
-    try:
-        return from_dict(json.loads(path.read_text()))
-    except OSError as error:
-        raise SerpentError(f"{path} cannot be read: {error.strerror}. Give a twin.json.") from error
-    except (SerpentError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise SerpentError(
-            f"{path}: {error} Give the twin.json that `python -m serpent_twin.trace` wrote."
-        ) from error
+    return read_file(path).design
 
 
 def simulated_by(metadata: Mapping[str, Any]) -> Design | None:
     """The design that a log was simulated from, by its metadata; None where they do not hold it."""
+    config, twin = metadata.get("config"), metadata.get("twin")
+    config, twin = ({} if not isinstance(each, dict) else each for each in (config, twin))
+    bare = {name: to_dict(NOMINAL_DESIGN)[name] for name in ("kind", "tolerances", "effects")}
     try:
-        config, twin = metadata["config"], metadata.get("twin") or {}
-        parts = {"tolerances": {}, "effects": [], "parameters": config.get("parameters", {})}
-        found = from_dict(twin.get("design") or {"kind": KIND} | parts)
-        return found if found.fingerprint() == config["model_sha256"] else None
-    except (SerpentError, ValueError, KeyError, TypeError, AttributeError):
+        found = from_dict(twin.get("design") or bare | {"parameters": config.get("parameters")})
+    except SerpentError:
         return None  # of the real arm, of another recorder, or of MJCF
+    return found if found.fingerprint() == config.get("model_sha256") else None
 
 
-def _known(kind: type, values: Mapping[str, Any]) -> Mapping[str, Any]:
-    if unknown := set(values) - {each.name for each in fields(kind)}:
-        raise SerpentError(f"{kind.__name__.lower()} are unknown: {', '.join(sorted(unknown))}.")
-    return values
+def read_file(path: Path) -> TwinFile:
+    """All that twin.json holds."""
+    return _taken(stored.read_json(path, advice=_ADVICE), str(path))
+
+
+def _taken(values: dict[str, Any], where: str) -> TwinFile:
+    stored.require_kind(values, KIND, where, _ADVICE)
+    if "schema_version" not in values:
+        values = _of_now(values)
+    return stored.take(values, TwinFile, where, _ADVICE)
+
+
+def _of_now(values: dict[str, Any]) -> dict[str, Any]:
+    """A file without a version, with the keys that it is too old to have."""
+    groups = [name for name, value in values.items() if isinstance(value, dict)]
+    values = {n: dict(v) if n in groups else v for n, v in values.items()}
+    for added in _LATER:
+        if any(group in groups and key in values[group] for group, key in added):
+            break
+        for (group, key), before in added.items():
+            if group in groups:
+                values[group][key] = before
+    return values | {"schema_version": VERSION}

@@ -8,8 +8,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import mujoco
+import numpy as np
+
 import serpent_twin
 
+_OF_FILES = ("paths", "npaths", "nbuffer", "signature")
+"""Fields of a compiled model that depend on where its meshes lie"""
 _REPORTED = ("mujoco", "numpy", "scipy", "torch", "pyarrow", "dm-control")
 
 
@@ -49,3 +54,18 @@ def file_hash(path: Path) -> str:
     """SHA-256 of a file's bytes, hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def model_hash(model: mujoco.MjModel) -> str:
+    """SHA-256 of a compiled model, hexadecimal: of all fields that do not say where its files lie."""
+    digest = hashlib.sha256()
+    for owner in (model, model.opt):
+        for name in sorted(n for n in dir(owner) if not n.startswith("_")):
+            value = getattr(owner, name)
+            if name in _OF_FILES or name.endswith("pathadr"):
+                continue
+            if isinstance(value, np.ndarray):
+                digest.update(f"{name} {value.dtype} {value.shape}".encode() + value.tobytes())
+            elif isinstance(value, bytes | int | float):
+                digest.update(f"{name} {value!r}".encode())
+    return digest.hexdigest()

@@ -6,7 +6,6 @@ All becomes one recording for rerun.
 """
 
 import hashlib
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -75,11 +74,11 @@ def estimate(session: log.Session, folder: Path) -> Estimate:
 
 def corrected_twin(path: Path, seen: log.Session) -> Design:
     """The design in a twin.json, which must be of the session's arm if it names one."""
-    found = design.read(path)
-    arm, its = seen.metadata.get("arm"), json.loads(path.read_text()).get("arm")
+    file = design.read_file(path)
+    found, arm, its = file.design, seen.metadata.get("arm"), file.arm
     collected_by = seen.metadata.get("config") or {}
     made_by_it = collected_by.get("model_sha256") == found.fingerprint()
-    if its not in (None, arm) and not made_by_it:
+    if its not in ("", arm) and not made_by_it:
         raise SerpentError(
             f"{path} is the twin of the arm {its}, and {seen.name} is of the arm {arm}. "
             "Give the twin that was traced on that arm's logs."

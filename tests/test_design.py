@@ -15,6 +15,7 @@ from serpent_twin.parameters import NOMINAL
 from serpent_twin.tolerances import EXACT, Tolerances
 
 PAYLOAD, FRICTION = CATALOGUE["payload"](0.04), CATALOGUE["cable_friction"](0.1)
+PAYLOAD_FILE = {"name": "payload", "mass": 0.04, "place": 0.09}
 
 
 def unlike(seed=0):
@@ -22,6 +23,7 @@ def unlike(seed=0):
     rng = np.random.default_rng(seed)
     sizes = {name: len(value) for name, value in vars(EXACT).items()}
     parts = {name: tuple(rng.normal(0, 1e-3, size).tolist()) for name, size in sizes.items()}
+    parts["jaw_held"] = (1.0,)
     return Design(
         replace(NOMINAL, strand_stiffness=1.5e4), Tolerances(**parts), (PAYLOAD, FRICTION)
     )
@@ -79,26 +81,98 @@ def test_fingerprint_tells_physics_apart():
     assert same.fingerprint() == NOMINAL_DESIGN.fingerprint()
 
 
+def stored():
+    return design.to_dict(NOMINAL_DESIGN.with_effect(PAYLOAD))
+
+
+def without(key, group=None):
+    values = stored()
+    del (values[group] if group else values)[key]
+    return values
+
+
+def having(value, *path):
+    values = part = stored()
+    for step in path[:-1]:
+        part = part[step]
+    part[path[-1]] = value
+    return values
+
+
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("values", "message"),
     [
-        ({"kind": "a cake"}, "it is no twin"),
-        ({"effects": [{"name": "gremlins"}]}, "no effect 'gremlins'"),
+        (having("a cake", "kind"), 'kind is the text "a cake"; it must be "serpent_twin design"'),
+        (having(3, "schema_version"), "schema_version is 3; it must be 2"),
         (
-            {"effects": [{"name": "payload", "mass": 9.0}]},
-            "mass is 9 kg; it must lie within 0 … 2 kg",
+            having([{"name": "gremlins"}], "effects"),
+            r'effects\[0\].name is the text "gremlins"; .*payl',
         ),
-        ({"parameters": {"colour": 1.0}}, "parameters are unknown: colour"),
-        ({"tolerances": {"marker": [0.0]}}, "marker must be 27 finite numbers"),
-        ({"tolerances": {"marker": [float("nan")] * 27}}, "marker must be 27 finite numbers"),
+        (having(9.0, "effects", 0, "mass"), r"effects\[0\].mass is 9.0; .* from 0 to 2 kg"),
+        (having([PAYLOAD_FILE, PAYLOAD_FILE], "effects"), "effects has payload twice"),
+        (having([{"name": "payload", "mass": 0.1}], "effects"), r"effects\[0\] lacks place"),
+        (having(1.0, "parameters", "colour"), "parameters has colour, which is unknown"),
+        (having([0.0], "tolerances", "marker"), "marker is a list of 1 value; .* 27 numbers"),
+        (having(float("nan"), "tolerances", "marker", 3), r"marker\[3\] is NaN; .* to 0.1 m"),
+        (
+            having(1.0, "tolerances", "marker", 26),
+            r"tolerances.marker\[26\] is 1.0; .* from -0.1 to",
+        ),
+        (having(-1.2, "tolerances", "winch_radius", 2), r"winch_radius\[2\] is -1.2; .* from -0.5"),
+        (having(800.0, "tolerances", "strand_stiffness", 0), "from -10 to 10"),
+        (having([0.5], "tolerances", "jaw_held"), "jaw_held is 0.5; it must be 0 or 1"),
+        (having([2.0], "tolerances", "jaw_held"), r"jaw_held\[0\] is 2.0"),
+        (having(-0.1, "parameters", "joint_damping"), "joint_damping is -0.1; .* to 10 N m s/rad"),
+        (having(1e30, "parameters", "strand_stiffness"), "from 0 to 1e.09 N/m"),
+        (
+            having(True, "parameters", "servo_lag"),
+            "parameters.servo_lag is true; .* from 0 to 10 s",
+        ),
+        (having("5", "parameters", "servo_lag"), 'parameters.servo_lag is the text "5"'),
+        (having(None, "tolerances"), "tolerances is null; it must be a table of keys"),
+        (having(1, "colour"), "it has colour, which is unknown"),
     ],
 )
-def test_what_is_no_twin_is_refused(tmp_path, change, message):
+def test_what_is_no_twin_is_refused(tmp_path, values, message):
     file = tmp_path / "twin.json"
-    file.write_text(json.dumps(design.to_dict(NOMINAL_DESIGN) | change))
+    file.write_text(json.dumps(values))
     with pytest.raises(SerpentError, match=message) as error:
         design.read(file)
     assert str(file) in str(error.value)
+
+
+@pytest.mark.parametrize("versioned", [True, False])
+def test_a_twin_that_lacks_any_key_is_refused_by_name(tmp_path, versioned):
+    """Without a version one may be from before servos lagged, with one it may not."""
+    whole = stored()
+    paths = [(group, key) for group in ("parameters", "tolerances") for key in whole[group]]
+    for group, key in [*paths, *((None, k) for k in ("kind", "effects", "parameters"))]:
+        values = without(key, group)
+        if not versioned:
+            del values["schema_version"]
+        (tmp_path / "twin.json").write_text(json.dumps(values))
+        if not versioned and key == "servo_lag":
+            assert design.read(tmp_path / "twin.json").parameters.servo_lag == 0.0
+            continue
+        with pytest.raises(SerpentError, match=f"{group or 'it'} lacks {key}"):
+            design.read(tmp_path / "twin.json")
+
+
+def test_the_earliest_files_are_read_as_what_they_said(tmp_path):
+    """From before hinges crept, jaws were held and servos lagged."""
+    values = stored()
+    del values["schema_version"], values["parameters"]["servo_lag"]
+    del values["parameters"]["transition_velocity"], values["tolerances"]["transition_velocity"]
+    del values["tolerances"]["jaw_held"]
+    (tmp_path / "twin.json").write_text(json.dumps(values))
+    assert design.read(tmp_path / "twin.json") == NOMINAL_DESIGN.with_effect(PAYLOAD)
+
+
+def test_a_key_that_is_given_twice_is_refused(tmp_path):
+    text = json.dumps(stored()).replace('"gear_friction": 0.0269', '"servo_lag": 0.1')
+    (tmp_path / "twin.json").write_text(text)
+    with pytest.raises(SerpentError, match="parameters has servo_lag twice"):
+        design.read(tmp_path / "twin.json")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"kind": "serpent_twin design"}', "3"])

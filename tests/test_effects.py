@@ -9,7 +9,7 @@ import pytest
 from motion import wander
 from numpy.testing import assert_allclose, assert_array_equal
 
-from serpent_twin import design, effects
+from serpent_twin import design, effects, stored
 from serpent_twin.design import NOMINAL_DESIGN, Design
 from serpent_twin.effects import CATALOGUE
 from serpent_twin.errors import SerpentError
@@ -137,5 +137,6 @@ def test_order_of_acting_is_the_cables_way():
 def test_an_unknown_effect_or_parameter_is_named():
     with pytest.raises(SerpentError, match="no effect 'gremlins'; there are: base_tilt, "):
         effects.by_name("gremlins")
-    with pytest.raises(SerpentError, match="payload has no parameter colour; it has mass, place"):
-        effects.from_dict({"name": "payload", "mass": 0.1, "colour": 1.0})
+    entry = {"name": "payload", "mass": 0.1, "place": 0.09, "colour": 1.0}
+    with pytest.raises(SerpentError, match=r"has colour, .* known are name, mass, place"):
+        stored.take(entry, effects.Stored, "an effect")

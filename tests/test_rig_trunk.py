@@ -210,7 +210,7 @@ def test_refusals_say_what_to_do(tmp_path):
         case.pieces([log(moving(11))])
     other = tmp_path / "twin.json"
     other.write_text(json.dumps({"kind": "jaw"}))
-    with pytest.raises(SerpentError, match=r"not of a trunk\. Name"):
+    with pytest.raises(SerpentError, match=r'kind is the text "jaw"; it must be "trunk"'):
         RIG.changed(other).open([])
 
 

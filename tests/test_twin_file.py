@@ -1,5 +1,6 @@
 """Is the arm of a twin.json the same arm in a collected run, on the bus, and behind a port?"""
 
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -136,15 +137,48 @@ def test_what_excludes_the_file_is_said(logs, tmp_path, change, message):
 
 def test_a_file_that_is_no_arm_is_refused(tmp_path):
     (tmp_path / "twin.json").write_text("{}")
+    (tmp_path / "empty.xml").write_text("")
     (tmp_path / "one.xml").write_text("<mujoco/>")
     text = mjcf.build().to_xml()
     (tmp_path / "slide.xml").write_text(text.replace('name="joint1"', 'name="joint1" type="slide"'))
     for name, message in (
-        ("twin.json", "it is no twin"),
+        ("twin.json", r"twin\.json: it lacks kind, parameters, tolerances"),
         ("gone.json", r"gone\.json cannot be read"),
-        ("gone.xml", "no model that MuJoCo can load"),
+        ("gone.xml", "there is no such file"),
+        ("empty.xml", "no model that MuJoCo can load"),
         ("one.xml", "actuators must be motor1, motor2, .* missing or elsewhere: motor1"),
         ("slide.xml", "joints that are no hinges"),
     ):
         with pytest.raises(SerpentError, match=message):
             arm_file.read(tmp_path / name)
+
+
+def test_the_hash_of_an_arm_in_mjcf_is_of_its_physics_not_of_a_file(tmp_path):
+    """Parts in included files and meshes count, the folder does not."""
+    head = '<body name="base"'
+    here, there = tmp_path / "here", tmp_path / "there" / "deeper"
+    mjcf.write(here)
+    whole = (here / "serpent.xml").read_text()
+    bodies = whole[whole.index("<tendon>") : whole.index("</tendon>") + len("</tendon>")]
+    assert head in whole
+    (here / "cables.xml").write_text(f"<mujoco>{bodies}</mujoco>")
+    (here / "arm.xml").write_text(whole.replace(bodies, '<include file="cables.xml"/>'))
+    shutil.copytree(here, there)
+
+    def prints(folder, name="arm.xml"):
+        return arm_file.read(folder / name).fingerprint
+
+    before = prints(here)
+    assert prints(there) == before == prints(here, "serpent.xml") == prints(here)
+    (there / "cables.xml").write_text(
+        (there / "cables.xml").read_text().replace("0.02", "0.021", 1)
+    )
+    mesh = here / "assets" / "link1_body.stl"
+    mesh.write_bytes(_moved(mesh.read_bytes()))
+    assert len({before, prints(there), prints(here)}) == 3
+
+
+def _moved(stl):
+    """A mesh with one corner elsewhere: of each triangle, a normal and three corners in float32."""
+    corners = np.frombuffer(stl[84 + 12 : 84 + 24], np.float32) + np.float32(1e-3)
+    return stl[: 84 + 12] + corners.tobytes() + stl[84 + 24 :]

@@ -105,6 +105,7 @@ def session_path(config: Collect, session: int) -> Path:
 
 def metadata(config: Collect, session: int) -> dict[str, Any]:
     """What a session's file says about itself."""
+    said = settings(config)
     return (
         {
             "schema_version": SCHEMA_VERSION,
@@ -113,9 +114,9 @@ def metadata(config: Collect, session: int) -> dict[str, Any]:
             "session": session,
             "rate_hz": config.rate_hz,
             "seed": config.seed,
-            "config": settings(config),
+            "config": said,
         }
-        | _twin_file(config)
+        | _twin_file(config, said)
         | provenance()
     )
 
@@ -136,11 +137,12 @@ def settings(config: Collect) -> dict[str, Any]:
     }
 
 
-def _twin_file(config: Collect) -> dict[str, Any]:
+def _twin_file(config: Collect, said: dict[str, Any]) -> dict[str, Any]:
+    """The file of the arm; the model's hash is also of what an MJCF file includes."""
     if config.twin is None:
         return {}
-    about = {"path": str(config.twin), "sha256": file_hash(config.twin)}
-    arm = config.simulated()
+    hashes = {"sha256": file_hash(config.twin), "model_sha256": said["model_sha256"]}
+    about, arm = {"path": str(config.twin)} | hashes, config.simulated()
     return {"twin": about if arm.model else about | {"design": design.to_dict(arm.design)}}
 
 

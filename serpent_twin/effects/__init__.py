@@ -9,7 +9,15 @@ the trace find it here.
 
 from serpent_twin.effects.effect import Effect, Range, Several, parameter, ranges, stack, stacked
 from serpent_twin.effects.moment import Driven, Geared, Moment, Wound
-from serpent_twin.effects.registry import CATALOGUE, by_name, from_dict, name_of, to_dict
+from serpent_twin.effects.registry import (
+    CATALOGUE,
+    Stored,
+    by_name,
+    name_of,
+    require_distinct,
+    restored,
+    to_dict,
+)
 
 __all__ = [
     "CATALOGUE",
@@ -19,12 +27,14 @@ __all__ = [
     "Moment",
     "Range",
     "Several",
+    "Stored",
     "Wound",
     "by_name",
-    "from_dict",
     "name_of",
     "parameter",
     "ranges",
+    "require_distinct",
+    "restored",
     "stack",
     "stacked",
     "to_dict",

@@ -2,12 +2,15 @@
 
 import importlib
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, Union
+
+from msgspec import defstruct, to_builtins
 
 from serpent_twin.effects.effect import Effect, ranges
 from serpent_twin.errors import SerpentError
+from serpent_twin.stored import Form, within
 
 _INSIDE = {"effect", "moment", "registry"}
 
@@ -47,16 +50,30 @@ def name_of(effect: Effect | type[Effect]) -> str:
 
 def to_dict(effect: Effect) -> dict[str, Any]:
     """An effect as twin.json stores it."""
-    return {"name": name_of(effect)} | {n: getattr(effect, n) for n in ranges(type(effect))}
+    return {"name": name_of(effect)} | {n: float(getattr(effect, n)) for n in ranges(type(effect))}
 
 
-def from_dict(entry: Mapping[str, Any]) -> Effect:
-    """An effect out of twin.json; raises a `SerpentError` on a name or parameter that is not known."""
-    values = dict(entry)
-    kind = by_name(str(values.pop("name", "")))
-    if unknown := set(values) - set(ranges(kind)):
-        raise SerpentError(
-            f"the effect {name_of(kind)} has no parameter {', '.join(sorted(unknown))}; "
-            f"it has {', '.join(ranges(kind))}."
-        )
-    return kind(**{name: float(value) for name, value in values.items()})
+def _form(name: str, kind: type[Effect]) -> Any:
+    """How an effect is stored: its name and all its parameters, within their ranges."""
+    parts = [(n, Annotated[float, within(r.low, r.high, r.unit)]) for n, r in ranges(kind).items()]
+    return defstruct(name, parts, bases=(Form,), tag_field="name", tag=name)
+
+
+if TYPE_CHECKING:
+    Stored = Form
+else:
+    Stored = Union[tuple(_form(name, kind) for name, kind in KNOWN.items())]  # noqa: UP007
+    """An effect in a file."""
+
+
+def restored(entry: Stored) -> Effect:
+    """An effect out of a file."""
+    values = to_builtins(entry)
+    return KNOWN[values.pop("name")](**values)
+
+
+def require_distinct(entries: Sequence[Stored]) -> None:
+    """Refuse an effect that is there twice."""
+    kinds = [to_builtins(entry)["name"] for entry in entries]
+    if twice := sorted({name for name in kinds if kinds.count(name) > 1}):
+        raise SerpentError(f"effects has {', '.join(twice)} twice.")

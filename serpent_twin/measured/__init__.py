@@ -4,9 +4,11 @@ from serpent_twin.measured.case import Output, RunCase
 from serpent_twin.measured.hinge import HingeMoment, Turns
 from serpent_twin.measured.recording import Recording, read, read_folder
 from serpent_twin.measured.runs import Runs, cut
+from serpent_twin.measured.twin_file import MachineTwin, read_twin
 
 __all__ = [
     "HingeMoment",
+    "MachineTwin",
     "Output",
     "Recording",
     "RunCase",
@@ -15,4 +17,5 @@ __all__ = [
     "cut",
     "read",
     "read_folder",
+    "read_twin",
 ]

@@ -14,6 +14,7 @@ from serpent_twin.arm import Array
 from serpent_twin.effects import Effect
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.measured import twin_file
 from serpent_twin.measured.recording import Recording
 from serpent_twin.measured.runs import Runs, cut, windows
 from serpent_twin.residual import Comparison, Measure
@@ -249,15 +250,11 @@ class RunCase:
         there = effects_at(point)
         spec = self.machine.spec(point.declared, there)
         spec.compile()
-        told = {
-            "kind": self.machine.name,
-            "first": dict(self.machine.first),
-            "declared": {
-                each.name: {"value": float(value), "unit": each.unit}
-                for each, value in zip(self.declared, point.declared, strict=True)
-            },
-            "effects": [effects.to_dict(effect) for effect in there],
+        declared = {
+            each.name: (float(value), each.unit)
+            for each, value in zip(self.declared, point.declared, strict=True)
         }
+        told = twin_file.to_dict(self.machine.name, self.machine.first, declared, there)
         write_whole(path, json.dumps(told | dict(about), indent=1) + "\n")
         python = [effects.name_of(effect) for effect in there if effect.acts()]
         note = f"MJCF cannot express {', '.join(python)}" if python else "all effects are here"

@@ -5,7 +5,6 @@ No mass, pulley radius or stiffness is published, and the logs hold no force: on
 weight to its cables' stiffness shows, and masses are told in the trunk's own.
 """
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,8 +17,7 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arm import Array
 from serpent_twin.effects import Effect, Range
-from serpent_twin.errors import SerpentError
-from serpent_twin.measured import Output, Recording, RunCase, Runs, read, read_folder
+from serpent_twin.measured import Output, Recording, RunCase, Runs, read, read_folder, read_twin
 from serpent_twin.residual import MARKERS, Measure
 from serpent_twin.rigs.rig import Candidate, Declared, Point, candidate, effects_at
 from serpent_twin.rigs.trunk import body
@@ -36,6 +34,7 @@ from serpent_twin.rigs.trunk.shape import (
     declared,
     first_guess,
     moved,
+    restored,
     turned,
 )  # fmt: skip
 
@@ -156,12 +155,10 @@ class TrunkRig:
 
 def _changed(twin: Path) -> Trunk:
     """The trunk that a trace found, to which something may have been done."""
-    told = json.loads(twin.read_text())
-    if told.get("kind") != "trunk":
-        raise SerpentError(f"{twin} is not of a trunk. Name the twin.json of a trunk's trace.")
-    start = {name: np.array(values) for name, values in told["first"].items()}
-    x = np.array([each["value"] for each in told["declared"].values()])
-    there = tuple(effects.from_dict(entry) for entry in told["effects"])
+    told = read_twin(twin, "trunk")
+    start = restored(told.first, f"{twin}: first")
+    x = told.along([each.name for each in declared(tuple(KINDS))], f"{twin}: declared")
+    there = told.several
     asked = [name for name in _CHANGES if name not in {effects.name_of(e) for e in there}]
     return Trunk(moved(start, tuple(KINDS), x), _REZEROED, there, _sized(asked))
 

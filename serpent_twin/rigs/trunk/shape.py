@@ -2,12 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import defstruct
+from msgspec.structs import asdict
 
 from serpent_twin.arm import Array
 from serpent_twin.measured import Recording
 from serpent_twin.rigs.rig import Declared
+from serpent_twin.stored import Form, many, take, within
 
 MOTORS, DISKS = range(1, 7), range(1, 4)
 ENDS_AT = (2, 3, 1, 3, 1, 2)
@@ -24,6 +28,7 @@ _SETTLES, _RUBS = 0.03, 0.01  # [s] assumed
 _END = 0.3  # assumed
 _STILL = 0.05  # share of a log's rows, those with the smallest goals, that are taken as rest
 _LATEST = 0.4  # [s] that commands may be late
+_MOST = 1e6  # of any number of a trunk, in SI units: beyond it a file is damaged
 
 
 @dataclass(frozen=True)
@@ -120,6 +125,20 @@ def first_guess(runs: Sequence[Recording]) -> Shape:
         "disk": np.zeros(9),
         "zero": np.zeros(6),
     }
+
+
+def _values(kind: Kind) -> Any:
+    """How values of a kind are stored: those that are scaled by a factor are positive."""
+    low = -_MOST if kind.scale else 1 / _MOST
+    return Annotated[tuple[Annotated[float, within(low, _MOST)], ...], many(len(kind.names))]
+
+
+_STORED = defstruct("First", [(n, _values(k)) for n, k in KINDS.items()], bases=(Form,))
+
+
+def restored(values: Mapping[str, Any], where: str) -> Shape:
+    """A shape out of a twin.json; raises a `SerpentError` that begins with `where`."""
+    return {n: np.array(v) for n, v in asdict(take(dict(values), _STORED, where)).items()}
 
 
 def _columns(run: Recording, names: Sequence[str]) -> Array:

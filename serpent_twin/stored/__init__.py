@@ -1,0 +1,67 @@
+"""Read what files hold: JSON and TOML, strictly and within bounds, or a sentence that says what is wrong.
+
+A form is a type: a frozen dataclass is stored whole, every field and no other key; of a `Form`, keys with a
+default may be absent; `within` bounds a number and names its unit, `many` the length of a list. A `float`
+without bounds may be NaN. Every failure is a `SerpentError` that names the file and the key, what was found
+and what is expected there.
+"""
+
+import json
+from pathlib import Path
+from typing import Any, TypeVar
+
+from serpent_twin.stored.form import Form, many, require_fields, require_kind, take, within
+from serpent_twin.stored.source import MOST, contents, require_file
+from serpent_twin.stored.syntax import parsed_json, parsed_toml
+from serpent_twin.stored.words import names
+
+T = TypeVar("T")
+__all__ = [
+    "MOST",
+    "Form",
+    "contents",
+    "many",
+    "names",
+    "parse_json",
+    "read_json",
+    "read_json_lines",
+    "read_toml",
+    "require_fields",
+    "require_file",
+    "require_kind",
+    "same_in_json",
+    "take",
+    "within",
+]
+
+
+def read_json(path: Path, form: type[T] = dict[str, Any], advice: str = "", most: int = MOST) -> T:
+    """What a JSON file of at most so many bytes holds; `advice` says what to do if it is not of the form."""
+    return parse_json(contents(path, most, advice), form, str(path), advice)
+
+
+def parse_json(raw: bytes, form: type[T], where: str, advice: str = "") -> T:
+    """What a JSON text holds; `where` names it in errors."""
+    return take(parsed_json(raw, where, advice), form, where, advice)
+
+
+def read_json_lines(path: Path, form: type[T] = dict[str, Any], advice: str = "") -> list[T]:
+    """What each line of a file holds, which is JSON; empty lines hold nothing."""
+    lines = contents(path, MOST, advice).split(b"\n")
+    return [
+        parse_json(line, form, f"{path}, line {number}", advice)
+        for number, line in enumerate(lines, 1)
+        if line.strip()
+    ]
+
+
+def read_toml(path: Path, form: type[T] = dict[str, Any], advice: str = "", most: int = MOST) -> T:
+    """What a TOML file of at most so many bytes holds."""
+    return take(
+        parsed_toml(contents(path, most, advice), str(path), advice), form, str(path), advice
+    )
+
+
+def same_in_json(value: Any) -> Any:
+    """The value as it comes back from a JSON file: tuples are lists, all keys texts."""
+    return json.loads(json.dumps(value))
