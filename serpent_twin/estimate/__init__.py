@@ -7,9 +7,10 @@ from typing import Annotated, Any, Literal
 
 from serpent_twin import arm_file, collect, design, readout
 from serpent_twin.claim import claimed
-from serpent_twin.collect import REAL, SIMULATED, Collect, Real, lost_markers
+from serpent_twin.collect import REAL, SIMULATED, Real, lost_markers
 from serpent_twin.collect.ending import why
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimate.arm import Drive, is_known, note, of_readout
 from serpent_twin.estimate.figures import Course, figures, told
 from serpent_twin.estimate.follower import Follower
 from serpent_twin.estimate.run import Plan, run
@@ -43,8 +44,9 @@ class Estimate:
     """A twin.json. For an observer: its twin, in place of the one that it was trained with. Another
     readout has no twin: then it is the arm to simulate, as if given to --simulate."""
     simulate: Annotated[Path | None, SIMULATED] = None
-    """The arm to simulate, for --backend sim: a twin.json, with all of its effects, or an MJCF file; without:
-    one of the parameters below. It is never what estimates."""
+    """The arm to simulate, for --backend sim: a twin.json, with all of its effects, or an MJCF file. Without:
+    the twin that the readout was trained with, if it has one, or an arm of the parameters below. It is never
+    what estimates."""
     steps: int = 2100
     """Control steps, that is rows."""
     rate_hz: float = 4.0
@@ -72,6 +74,8 @@ class Estimate:
 def estimate(config: Estimate) -> dict[str, Any]:
     """Drive, estimate and log; returns what results.json holds, which a run that is stopped has, too."""
     plan = planned(config)
+    if plan.note:
+        print(plan.note)
     follower, course = Follower(plan.readout, config.steps, config.learn), Course(config.steps)
     said = settings(plan)
     with claimed(config.out, SETTINGS, said):
@@ -84,6 +88,7 @@ def estimate(config: Estimate) -> dict[str, Any]:
             raise
         finally:
             results = {"complete": ended is None, "ended": ended, "rate_hz": config.rate_hz}
+            results |= {"simulated_arm": plan.note, "trained_on_simulated_arm": plan.trained_on_it}
             if course.rows:
                 results |= figures(course, follower, 1 / config.rate_hz)
                 print(told(results))
@@ -95,9 +100,10 @@ def estimate(config: Estimate) -> dict[str, Any]:
 
 def planned(config: Estimate) -> Plan:
     """Readout and arm of a config, checked; nothing is written and nothing moves."""
-    estimator, simulated = readout.load(config.model), config.simulate
-    if config.twin and isinstance(estimator, Observer):
-        estimator = estimator.with_twin(design.read(config.twin))
+    trained = estimator = readout.load(config.model)
+    simulated = config.simulate
+    if config.twin and isinstance(trained, Observer):
+        estimator = trained.with_twin(design.read(config.twin))
     elif config.twin:
         if simulated or config.backend == "real":
             raise SerpentError(
@@ -109,7 +115,7 @@ def planned(config: Estimate) -> Plan:
         raise SerpentError("--simulate is the arm to simulate; leave it out with --backend real.")
     if config.backend == "sim":
         arm_file.read(simulated, config.parameters, "--simulate")
-    drive = Collect(
+    drive = Drive(
         out=config.out,
         backend=config.backend,
         sessions=1,
@@ -121,9 +127,13 @@ def planned(config: Estimate) -> Plan:
         real=config.real,
         parameters=config.parameters,
     )
+    drive = of_readout(drive, trained)
     collect.check(drive)
     estimator.require_rate(config.rate_hz)
-    return Plan(config, estimator, drive)
+    if config.backend == "real":
+        return Plan(config, estimator, drive)
+    other = f" It estimates by {config.twin}." if estimator is not trained else ""
+    return Plan(config, estimator, drive, note(drive, trained) + other, is_known(drive, trained))
 
 
 def settings(plan: Plan) -> dict[str, Any]:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
-from serpent_twin import collect
-from serpent_twin.collect import Collect, simulated
+from serpent_twin import collect, design
+from serpent_twin.collect import simulated
 from serpent_twin.collect.ending import sealed, stopped_by_signals
 from serpent_twin.collect.loop import Beside, Row, record
+from serpent_twin.estimate.arm import Drive
 from serpent_twin.estimate.figures import Course
 from serpent_twin.estimate.follower import COLUMNS, Follower
 from serpent_twin.estimate.stream import Page, Stream
@@ -29,8 +30,12 @@ class Plan:
     """The config"""
     readout: Readout
     """What estimates"""
-    drive: Collect
+    drive: Drive
     """What moves, and where its log goes"""
+    note: str = ""
+    """Which arm is simulated; empty for the real one"""
+    trained_on_it: bool | None = None
+    """Whether the readout was trained on the simulated arm; None if that is not known"""
 
     @property
     def session(self) -> Path:
@@ -68,6 +73,9 @@ def _simulate(plan: Plan, beside: Beside) -> None:
         cameras = NoMocap()
     markers = "simulated" if plan.config.markers else "none"
     about = collect.metadata(drive, 1) | {"markers": markers} | dict(beside.about)
+    if drive.own:
+        path = str(plan.config.model / "readout.json")
+        about["twin"] = {"path": path, "design": design.to_dict(drive.own)}
     gain = drive.simulated().design.parameters.controller_gain
     with (
         stopped_by_signals(),

@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 from zipfile import BadZipFile
 
 import numpy as np
@@ -24,7 +24,10 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.readout.belief import Belief, covariance_of
 from serpent_twin.readout.live import Live, LiveWindows
-from serpent_twin.readout.windows import SessionWindows, Start, Windows, input_size
+from serpent_twin.readout.windows import SessionWindows, Source, Start, Windows, input_size
+
+if TYPE_CHECKING:
+    from serpent_twin.design import Design
 
 FORMAT_VERSION = 1
 """Version of the files of a saved readout."""
@@ -70,6 +73,10 @@ class Readout(ABC):
     """Rows per second of the logs it was trained on; None if that is not known"""
     covariance: Array = field(default_factory=_unknown, init=False, repr=False)
     """Of each marker's error over the validation sessions [m²], (9, 3, 3); NaN if that is not known"""
+    trained_on: tuple[Source, ...] = field(default=(), init=False, repr=False)
+    """The logs that it was trained and validated on; empty if they are not known"""
+    stopped_after: int | None = field(default=None, init=False)
+    """Epochs after which training was ended before the readout's own rule ends it; None if it was not"""
 
     def fit(
         self,
@@ -82,6 +89,8 @@ class Readout(ABC):
         self._require_size(train.x)
         self._require_size(validate.x)
         self.learned, self.history, self.rate_hz = {}, [], train.rate_hz
+        sources = (*train.sources("train"), *validate.sources("validate"))
+        self.trained_on, self.stopped_after = tuple(dict.fromkeys(sources)), None
         self._learn(train, validate, rng, progress)
         self.covariance = self._spread(validate)
 
@@ -98,6 +107,11 @@ class Readout(ABC):
         """Markers of all windows of a session, and how sure that is."""
         marker = self.predict(session.x, session.start)
         return Belief(marker, np.broadcast_to(self.covariance, (len(marker), N_JOINTS, 3, 3)))
+
+    @property
+    def own_twin(self) -> "Design | None":
+        """The design of the arm that it simulates, if it does."""
+        return None
 
     def live(self) -> Live:
         """An estimator of this readout for one session, which no marker starts."""
@@ -136,6 +150,8 @@ class Readout(ABC):
             "input_size": input_size(self.window),
             "rate_hz": self.rate_hz,
             "covariance_m2": self.covariance.tolist(),
+            "trained_on": [asdict(source) for source in self.trained_on],
+            "stopped_after_epochs": self.stopped_after,
             "history": [asdict(epoch) for epoch in self.history],
         }
         write_whole(folder / "readout.json", json.dumps(about, indent=1) + "\n")
@@ -236,6 +252,8 @@ def load(folder: Path, window: int | None = None) -> Readout:
     readout.learned = _read_learned(folder / "learned.npz")
     readout.rate_hz = about.get("rate_hz")
     readout.covariance = np.array(about.get("covariance_m2", _unknown()))
+    readout.trained_on = tuple(Source(**each) for each in about.get("trained_on", ()))
+    readout.stopped_after = about.get("stopped_after_epochs")
     readout.history = [Epoch(**epoch) for epoch in about["history"]]
     return readout
 

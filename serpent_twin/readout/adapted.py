@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from serpent_twin.readout.live import Live, Reading, RecentWindow
 from serpent_twin.readout.scale import Scale, spread_of
 from serpent_twin.readout.score import distances
 from serpent_twin.readout.windows import STATE, SessionWindows, Start, Windows
+
+if TYPE_CHECKING:
+    from serpent_twin.design import Design
 
 BLOCKS = 10
 FREE, HELD = 1e-9, 1e12
@@ -66,6 +69,11 @@ class Adapted(Readout):
         base.rate_hz = rate if np.isfinite(rate) else None
         return base
 
+    @property
+    def own_twin(self) -> "Design | None":
+        """That of the readout that is corrected, if it has one."""
+        return self.trained.own_twin
+
     def follow(self, session: SessionWindows) -> Belief:
         """Markers of all windows of a session, and how sure that is."""
         return self.corrected(self.trained.follow(session), session.x)
@@ -85,6 +93,8 @@ class Adapted(Readout):
     ) -> None:
         base = self.trained
         self._require(train, base)
+        self.trained_on = tuple(dict.fromkeys((*base.trained_on, *train.sources("train"))))
+        self.stopped_after = base.stopped_after
         self.learned = {f"base.{name}": value for name, value in base.learned.items()} | {
             "base_covariance": base.covariance,
             "base_rate_hz": np.array(base.rate_hz or np.nan),

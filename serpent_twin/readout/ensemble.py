@@ -35,6 +35,7 @@ class Ensemble(Readout):
             member.fit(train, validate, own, tell)
             self.learned |= {f"{k}.{name}": value for name, value in member.learned.items()}
             self.history += member.history
+            self.stopped_after = self.stopped_after or member.stopped_after
 
     def _estimate(self, x: Array, start: Start | None) -> Array:
         return np.mean([member.predict(x, start) for member in self._trained()], axis=0)

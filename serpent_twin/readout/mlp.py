@@ -26,7 +26,8 @@ class Published(Regression):
         from serpent_twin.readout.network.fit import Plateau
 
         batches = -(-windows // Plateau.batch)
-        return Plateau(self.epochs or -(-self.steps // batches))
+        own = -(-self.steps // batches)
+        return Plateau(self.epochs or own, own)
 
 
 @dataclass

@@ -73,6 +73,11 @@ class Observer(Readout):
         """The twin's design."""
         return design.from_dict(self.twin)
 
+    @property
+    def own_twin(self) -> design.Design:
+        """The twin's design."""
+        return self.arm
+
     def _run(self, session: SessionWindows) -> Iterator[tuple[Sensed, Belief]]:
         """What the twin senses and says in the session's windows."""
         live, first = self.live(session.bus.earlier), len(session.bus.time) - len(session)

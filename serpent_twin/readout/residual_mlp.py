@@ -63,4 +63,4 @@ class ResidualMlp(Regression):
     def _schedule(self, windows: int) -> "OneCycle":
         from serpent_twin.readout.network.fit import OneCycle
 
-        return OneCycle(self.epochs, rate=self.rate, decay=self.decay)
+        return OneCycle(self.epochs, type(self).epochs, rate=self.rate, decay=self.decay)

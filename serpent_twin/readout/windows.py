@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from serpent_twin.arm import ARM, N_JOINTS, Arm, Array, joint_from_motor
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import Session, refuse_damaged
+from serpent_twin.log import Session, readings_hash, refuse_damaged
 from serpent_twin.pose import joints_from_markers
 
 STATE, COMMAND = 2 * N_JOINTS, N_JOINTS
@@ -45,6 +45,22 @@ class Bus:
 
 
 @dataclass(frozen=True)
+class Source:
+    """A log that windows were cut from."""
+
+    session: str
+    """The session's name"""
+    arm: str
+    """What the log calls the arm"""
+    readings_sha256: str
+    """Of what its motors read, the same for a log that was written anew"""
+    model_sha256: str = ""
+    """Fingerprint of the arm that was simulated; empty if none was"""
+    use: str = "train"
+    """train, or validate: used for early stopping, covariances and model selection"""
+
+
+@dataclass(frozen=True)
 class SessionWindows:
     """The windows of one session, one row per control step."""
 
@@ -60,6 +76,8 @@ class SessionWindows:
     """Where the session began"""
     bus: Bus
     """The session's rows up to the last window's, from the first on: T ≥ N, windows end at the last N"""
+    source: Source
+    """The log"""
 
     def __len__(self) -> int:
         return len(self.x)
@@ -93,6 +111,10 @@ class Windows:
         left = np.clip(count - np.cumsum([0, *map(len, self.sessions)]), 0, None)
         taken = zip(self.sessions, left[:-1].tolist(), strict=True)
         return replace(self, sessions=tuple(s.some(0, min(n, len(s))) for s, n in taken if n))
+
+    def sources(self, use: str) -> tuple[Source, ...]:
+        """The logs, used for training or for validation."""
+        return tuple(replace(session.source, use=use) for session in self.sessions)
 
     @cached_property
     def x(self) -> Array:
@@ -168,7 +190,15 @@ def _cut_session(session: Session, window: int, drop: int, arm: Arm) -> SessionW
         session.marker[where],
         find_start(session, arm),
         bus_of(session),
+        source_of(session),
     )
+
+
+def source_of(session: Session) -> Source:
+    """What identifies a log, and the arm that it is of."""
+    config, arm = session.metadata.get("config"), str(session.metadata.get("arm", ""))
+    model = config.get("model_sha256", "") if isinstance(config, dict) else ""
+    return Source(session.name, arm, readings_hash(session), str(model))
 
 
 def bus_of(session: Session) -> Bus:

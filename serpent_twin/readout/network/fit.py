@@ -50,6 +50,8 @@ class Plateau:
 
     epochs: int
     """Give up after so many passes even if the rate has not become tiny"""
+    own_epochs: int = 0
+    """As many as the readout itself allows; with fewer `epochs`, training may be cut short"""
     batch: int = 512
     """Windows per step"""
     rate: float = 1e-3
@@ -68,6 +70,8 @@ class OneCycle:
 
     epochs: int
     """Passes over the training windows"""
+    own_epochs: int = 0
+    """As many as the readout itself asks for; with fewer `epochs`, training is cut short"""
     batch: int = 512
     """Windows per step"""
     rate: float = 1e-3

@@ -60,6 +60,8 @@ class Regression(Readout):
         net = fit.build(lambda: self._make(data.x.shape[-1]), rng)
         schedule = self._schedule(len(data.x))
         self.history = fit.train(net, data, validation, schedule, rng, progress)
+        cut_short = len(self.history) == schedule.epochs < schedule.own_epochs
+        self.stopped_after = schedule.epochs if cut_short else None
         self.learned |= fit.weights(net)
 
     def _estimate(self, x: Array, start: Start | None) -> Array:
