@@ -8,6 +8,7 @@ from sim_to_real_figures import changes, coverage, curves
 from sim_to_real_twins import CALIBRATED, CORRECTED, NOMINAL, RANDOMISED, STAGES
 
 from serpent_twin.report import Figure, Report, Section, Table
+from serpent_twin.trace.held_out import better
 
 _UNIT = (
     "Mean distance between estimated and measured markers over the test session, in mm; no route has seen "
@@ -149,11 +150,11 @@ def _filter(arms: Mapping[str, Any]) -> str:
     for name, a in arms.items():
         for stage in (CALIBRATED, CORRECTED):
             gain = 1 - a["filtered_mm"][stage] / a["observer_by_stage_mm"][stage]
-            gains.append(f"{100 * gain:+.0f} % ({name}, {stage})")
+            gains.append(f"{better(gain)} ({name}, {stage})")
     return (
         "An ensemble Kalman filter corrects the twin's joints by what turning motors' loads differ from its "
         "own. "
-        f"Error saved: {', '.join(gains)}."
+        f"With it, estimates are {', '.join(gains)}."
     )
 
 

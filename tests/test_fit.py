@@ -1,6 +1,6 @@
 """The fit against the normal equations, on a machine whose residual is linear."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -12,9 +12,11 @@ from serpent_twin.trace.least_squares import fit, indistinguishable, worth
 from serpent_twin.trace.moves import moves_of
 from serpent_twin.trace.notebook import Notebook
 from serpent_twin.trace.search import full_fit, score, worth_fitting
+from serpent_twin.trace.steps import Trial, why_not
 
 SEGMENTS, NUMBERS = 12, 300
 GUST, NOTHING = "gust", "nothing"
+RNG = np.random.default_rng(4)
 
 
 @dataclass(frozen=True)
@@ -145,6 +147,23 @@ def test_a_gain_on_every_segment_is_beyond_chance_and_noise_is_not():
         before.load_by_segment,
     )
     assert gain(before, same, rng).probability_of_chance > 0.05
+
+
+@pytest.mark.parametrize(
+    ("step", "said"), [(0.049, "4.9 % worse"), (-0.049, "4.9 % better"), (1e-6, "0.0 % better")]
+)
+def test_a_loss_is_told_as_a_loss(step, said):
+    """Also where a candidate of a round is not accepted for other reasons."""
+    arm, before = case(0.7), Errors(np.ones(7), np.full(7, np.nan))
+    lost = gain(before, Errors(before.marker_by_segment + step, before.load_by_segment), RNG)
+    base = fit(arm, every(), START, moves_of(arm, ()), 2, 99)
+    found = score(arm, every(), base, arm.candidates[GUST])
+    fitted = full_fit(arm, every(), base, found, print)
+    ends = replace(fitted, point=fitted.point.having(GUST, np.array([10.0])))
+    for made in (fitted, ends):
+        why = why_not(GUST, Trial(found, made, lost, 1.0), arm.candidates[GUST])
+        assert why.startswith(f"{said} on held-out logs") or (step < -0.04 and not why)
+        assert "-" not in why.replace("held-out", "") and "−" not in why
 
 
 def test_a_stage_that_was_finished_is_read_back(tmp_path):

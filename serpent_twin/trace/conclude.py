@@ -131,8 +131,7 @@ def _verdict(name: str, each: Round, search: Search, case: Case) -> tuple[str, s
     if why := why_not(name, trial, case.candidates[name]):
         return REJECTED, why
     assert trial.gain is not None
-    better = f"{100 * trial.gain.relative:.1f} % better on held-out logs"
-    return REJECTED, f"{better}, less than {each.accepted}"
+    return REJECTED, f"{trial.gain}, less than {each.accepted}"
 
 
 def _unexplained(

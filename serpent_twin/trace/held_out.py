@@ -70,6 +70,16 @@ class Gain:
         """Mean relative gain [1]."""
         return float(self.by_segment.mean())
 
+    def __str__(self) -> str:
+        """As a sentence holds it."""
+        return f"{better(self.relative)} on held-out logs"
+
+
+def better(share: float) -> str:
+    """A relative gain in words: 4.9 % better, or worse where it is a loss."""
+    size = f"{100 * abs(share):.1f}"
+    return f"{size} % {'worse' if share < 0 and float(size) else 'better'}"
+
 
 def _chance(gains: Array, rng: np.random.Generator) -> float:
     """Probability that the mean gain is not above zero: by bootstrap, and no less than Student's t says,

@@ -269,13 +269,12 @@ def why_not(name: str, trial: Trial, candidate: Candidate) -> str:
     """Why a candidate is not accepted, or nothing."""
     if not trial.fit or not trial.gain:
         return f"to first order it would remove {100 * trial.score.share:.1f} % of the residual"
-    better = f"{100 * trial.gain.relative:.1f} % better on held-out logs"
     if ends := too_strong(candidate, trial.fit.point.effects[name]):
-        return f"{better}, but its {', '.join(ends)} runs to the end of the range"
+        return f"{trial.gain}; its {', '.join(ends)} runs to the end of the range"
     if weakness := _weakness(trial.gain):
-        return f"{better}{weakness}"
+        return f"{trial.gain}{weakness}"
     return (
-        "" if significant(trial.fit, name, candidate) else f"{better}, but its strength may be zero"
+        "" if significant(trial.fit, name, candidate) else f"{trial.gain}; its strength may be zero"
     )
 
 
