@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from serpent_twin.effects import Range
-from serpent_twin.rigs.rig import Candidate, Declared, Point, Stopwatch
+from serpent_twin.rigs.rig import Candidate, Declared, Point, Quantity, Stopwatch
 from serpent_twin.trace.held_out import Errors, gain
 from serpent_twin.trace.least_squares import fit, indistinguishable, worth
 from serpent_twin.trace.moves import moves_of
@@ -40,6 +40,10 @@ class LinearCase:
     unseen: dict = field(default_factory=dict)
     clock: Stopwatch = field(default_factory=Stopwatch)
     channels: int = 3
+
+    @property
+    def quantities(self):
+        return [Quantity(d.name, d.unit, 0.0, 1.0, (k,)) for k, d in enumerate(self.declared)]
 
     def take(self, pieces, which):
         return [pieces[k] for k in which]

@@ -11,7 +11,15 @@ from serpent_twin.residual import ANGLE, TORQUE, Comparison, analyse, marker_siz
 from serpent_twin.residual.learned import Learned
 from serpent_twin.rigs.arm.vector import candidates
 from serpent_twin.trace import figures, tables
-from serpent_twin.trace.diagnosis import Diagnosis, Estimate, Named, Tried, Unexplained
+from serpent_twin.trace.diagnosis import (
+    Calibrated,
+    Diagnosis,
+    Estimate,
+    Named,
+    Tried,
+    Unexplained,
+    key,
+)
 from serpent_twin.trace.page import lead, page
 
 S, T, MARKERS, MOTORS = 6, 80, 4, 3
@@ -34,10 +42,17 @@ TRIED = (
     Tried("cable_creep", 4.0, "rejected", 0.004, None, "not worth a fit"),
 )
 CALIBRATION = {
-    "stiffness of cable 1": Estimate(0.1, 0.08, 0.12, "log N/m"),
-    "slack of cable1_plus": Estimate(-0.3, -0.5, -0.1, "mm"),
-    "slack of cable1_minus": Estimate(0.01, -0.4, 0.42, "mm"),
-}
+    "stiffness of cable1_plus": Calibrated(
+        Estimate(0.1, 0.08, 0.12, "log N/m"), "strand stiffness 1+", 18.8, 20.0,
+        Estimate(22.1034, 21.6657, 22.5499, "kN/m"),
+    ),
+    "slack of cable1_plus": Calibrated(
+        Estimate(-0.3, -0.5, -0.1, "mm"), "strand slack 1+", 0.389, 0.2, Estimate(-0.1, -0.3, 0.1, "mm")
+    ),
+    "slack of cable1_minus": Calibrated(
+        Estimate(0.01, -0.4, 0.42, "mm"), "strand slack 1−", NAN, 0.2, Estimate(0.21, -0.2, 0.62, "mm")
+    ),
+}  # fmt: skip
 
 
 @cache
@@ -232,15 +247,40 @@ def test_what_is_left_is_described_and_judged():
 
 def test_calibrated_parameters_are_ranked_by_how_far_they_moved():
     rows = tables.calibration(CALIBRATION, {}).rows
-    assert [row[0] for row in rows] == list(CALIBRATION)  # 9.8, 2.9 and 0.05 standard errors
-    assert rows[0][1:] == ("1.11", "1.08 … 1.13", "× its start", "9.8")
+    assert [row[-1] for row in rows] == ["9.8", "2.9", "0.0"]  # standard errors
+    assert [row[0] for row in rows] == ["strand stiffness 1+", "strand slack 1+", "strand slack 1−"]
     prior = dict(zip(CALIBRATION, (0.5, 0.1, 0.1), strict=True))
     table = tables.calibration(CALIBRATION, prior)
-    assert table.header[-1] == "in widths of the prior"
-    assert table.rows[0] == ("slack of cable1_plus", "−0.3", "−0.5 … −0.1", "mm", "3.0")
+    assert table.header[-1] == "moved, in widths of the prior"
+    assert [row[0] for row in table.rows] == [
+        "strand slack 1+",
+        "strand stiffness 1+",
+        "strand slack 1−",
+    ]
     text = sections(diagnosis())["Calibration"].text
     assert "• Slack of cable1_plus and stiffness of cable 1 cannot be told apart." in text
     assert "Calibration" not in sections(diagnosis(calibration={}, cautions=()))
+
+
+def test_calibrated_parameters_have_start_value_and_unit():
+    table = tables.calibration(CALIBRATION, {})
+    assert table.header[:-1] == ("parameter", "nominal", "start", "value", "95 % interval", "unit")
+    stiffness, slack, unknown = table.rows
+    assert stiffness[1:-1] == ("18.80", "20.00", "22.10", "21.67 … 22.55", "kN/m")
+    assert slack[1:-1] == ("0.39", "0.20", "−0.10", "−0.30 … 0.10", "mm")
+    assert unknown[1:3] == ("", "0.20")
+    bare = {name: replace(each, nominal=NAN) for name, each in CALIBRATION.items()}
+    assert "nominal" not in tables.calibration(bare, {}).header
+
+
+def test_diagnosis_json_adds_what_a_coordinate_stands_for():
+    told = diagnosis().numbers(1.0, 0.5)["calibration"]["stiffness of cable1_plus"]
+    assert {"value": 0.1, "low": 0.08, "high": 0.12, "unit": "log N/m"}.items() <= told.items()
+    assert told["quantity"] == "strand stiffness 1+" and told["start_kN_per_m"] == 20.0
+    assert told["nominal_kN_per_m"] == 18.8 and told["value_kN_per_m"] == 22.1034
+    assert [key(u) for u in ("mN m s/rad", "°", "N m²", "% of radius", "1")] == [
+        "mN_m_s_per_rad", "deg", "N_m2", "percent_of_radius", ""
+    ]  # fmt: skip
 
 
 def test_the_last_resort_stands_apart():

@@ -18,7 +18,7 @@ from serpent_twin.measured import twin_file
 from serpent_twin.measured.recording import Recording
 from serpent_twin.measured.runs import Runs, cut, windows
 from serpent_twin.residual import Comparison, Measure
-from serpent_twin.rigs.rig import Candidate, Declared, Point, Stopwatch, effects_at
+from serpent_twin.rigs.rig import Candidate, Declared, Point, Quantity, Stopwatch, effects_at
 
 _AT_ONCE = 4.0e6  # numbers that one call keeps in memory
 
@@ -79,6 +79,11 @@ class Machine(Protocol):
         ...
 
     @property
+    def quantities(self) -> Sequence[Quantity]:
+        """What each of them stands for."""
+        ...
+
+    @property
     def candidates(self) -> Mapping[str, Candidate]:
         """What the machine may have."""
         ...
@@ -126,6 +131,11 @@ class RunCase:
     def declared(self) -> Sequence[Declared]:
         """The coordinates of the fit."""
         return self.machine.declared
+
+    @property
+    def quantities(self) -> Sequence[Quantity]:
+        """What each of them stands for."""
+        return self.machine.quantities
 
     @property
     def candidates(self) -> Mapping[str, Candidate]:

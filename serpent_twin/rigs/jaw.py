@@ -17,7 +17,7 @@ from serpent_twin.effects.cable_stretch import RIGID, soften
 from serpent_twin.effects.shaft_stretch import HEAVY, SHAFT
 from serpent_twin.measured import Output, Recording, RunCase, Runs, Turns, hinge, read, read_folder
 from serpent_twin.residual import ANGLE, TORQUE
-from serpent_twin.rigs.rig import Candidate, Declared, Point, candidate, effects_at
+from serpent_twin.rigs.rig import Candidate, Declared, Point, Quantity, candidate, effects_at
 
 _JAW = 1e-5  # [kg m²] assumed: at 0.5 Hz, it makes less than 0.1 mN m
 _ANGLE_NOISE, _TORQUE_NOISE = 4e-4, 3e-4  # [rad], [N m] from rows' fourth differences
@@ -80,6 +80,17 @@ class Jaw:
     block: float = 2.0
     window: None = None
     segments: tuple[int, int] = (6, 12)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What the coordinates stand for."""
+        starts = (1.0, float(np.degrees(self.zero)), 0.0, 1.0)
+        return tuple(
+            Quantity(each.name, each.unit.removeprefix("log "), start, not_log, (k,))
+            for k, (each, start, not_log) in enumerate(
+                zip(self.declared, starts, (0.0, 1.0, 1.0, 0.0), strict=True)
+            )
+        )
 
     @property
     def first(self) -> dict[str, float]:

@@ -34,6 +34,30 @@ class Declared:
 
 
 @dataclass(frozen=True)
+class Quantity:
+    """What a coordinate of the fit stands for, as a data sheet would state it."""
+
+    name: str
+    """Such as `strand stiffness 3+`"""
+    unit: str
+    """Such as `kN/m`; `1` for a pure number"""
+    start: float
+    """Where the fit starts"""
+    scale: float = 0.0
+    """Change per unit of its coordinates; 0: they are logarithms of its ratio to the start"""
+    of: tuple[int, ...] = ()
+    """The coordinates that add up to its change"""
+    nominal: float = float("nan")
+    """As declared before any log was seen; NaN where nothing is"""
+
+    def after(self, change: float) -> float:
+        """Its value where its coordinates have changed by so much in sum."""
+        if self.scale:
+            return self.start + self.scale * change
+        return self.start * float(np.exp(change))
+
+
+@dataclass(frozen=True)
 class Candidate:
     """An effect that the machine may have and its nominal twin lacks."""
 
@@ -153,6 +177,8 @@ class Case(Protocol[P]):
     """A machine with the first guesses that its training logs allow: what the fit works on."""
 
     declared: Sequence[Declared]
+    quantities: Sequence[Quantity]
+    """What each of them stands for"""
     candidates: Mapping[str, Candidate]
     unseen: Mapping[str, str]
     """Candidates that these logs cannot show, and why"""

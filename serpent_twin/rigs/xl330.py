@@ -15,7 +15,7 @@ from serpent_twin.arm import ARM, Array
 from serpent_twin.effects import Effect
 from serpent_twin.measured import Output, Recording, RunCase, Runs, Turns, hinge, read, read_folder
 from serpent_twin.residual import ANGLE
-from serpent_twin.rigs.rig import Candidate, Declared, Point, candidate, effects_at
+from serpent_twin.rigs.rig import Candidate, Declared, Point, Quantity, candidate, effects_at
 
 _STALL, _SPEED, _VOLTAGE = 0.52, 103 * np.pi / 30, 5.0  # XL330-M288-T data sheet, at 5.0 V
 _TORQUE = _STALL / _VOLTAGE  # [N m/V]
@@ -70,6 +70,19 @@ class Xl330:
     block: float = 0.5
     window: None = None
     segments: tuple[int, int] = (24, 48)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What the coordinates stand for: the data sheet's numbers are the start."""
+        starts = (1e3 * _TORQUE, _BACK_EMF, 1e3 * _ARMATURE, 0.0)
+        units = ("mN m/V", "V s/rad", "g m²", "°")
+        scales = (0.0, 0.0, 0.0, 1.0)
+        return tuple(
+            Quantity(each.name, unit, start, scale, (k,), start)
+            for k, (each, unit, start, scale) in enumerate(
+                zip(self.declared, units, starts, scales, strict=True)
+            )
+        )
 
     def spec(
         self,

@@ -8,11 +8,13 @@ import numpy as np
 from serpent_twin.residual import Findings, analyse, describe
 from serpent_twin.residual.learned import learn
 from serpent_twin.rigs.rig import Case as AnyCase
+from serpent_twin.rigs.rig import Quantity
 from serpent_twin.trace.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
     REJECTED,
     SUSPECT,
+    Calibrated,
     Diagnosis,
     Estimate,
     Named,
@@ -163,13 +165,29 @@ def _cautions(case: Case, search: Search) -> tuple[str, ...]:
     return tuple(told)
 
 
-def _calibration(case: Case, fit: Fit) -> dict[str, Estimate]:
-    out = {}
-    for n, k in enumerate(fit.moves.declared):
-        about, value, half = (
-            case.declared[k],
-            float(fit.point.declared[k]),
-            NORMAL_95 * float(fit.error[n]),
-        )
-        out[about.name] = Estimate(value, value - half, value + half, about.unit)
-    return out
+def _calibration(case: Case, fit: Fit) -> dict[str, Calibrated]:
+    quantities = case.quantities
+    return {
+        case.declared[k].name: _calibrated(case, fit, quantities[k], k) for k in fit.moves.declared
+    }
+
+
+def _calibrated(case: Case, fit: Fit, of: Quantity, k: int) -> Calibrated:
+    """A coordinate, and the quantity that it and perhaps others make, with the errors that they share."""
+    value, half = float(fit.point.declared[k]), NORMAL_95 * _error(fit, (k,))
+    change, off = float(fit.point.declared[list(of.of)].sum()), NORMAL_95 * _error(fit, of.of)
+    low, high = sorted((of.after(change - off), of.after(change + off)))
+    return Calibrated(
+        Estimate(value, value - half, value + half, case.declared[k].unit),
+        of.name,
+        of.nominal,
+        of.start,
+        Estimate(of.after(change), low, high, of.unit),
+    )
+
+
+def _error(fit: Fit, coordinates: Sequence[int]) -> float:
+    """Standard error of the sum of some of the declared coordinates; those held fixed have none."""
+    at = [fit.moves.declared.index(k) for k in coordinates if k in fit.moves.declared]
+    error = fit.error[at]
+    return float(np.sqrt(error @ fit.correlation[np.ix_(at, at)] @ error))

@@ -37,6 +37,39 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Calibrated:
+    """A declared parameter before and after the fit."""
+
+    coordinate: Estimate
+    """How far the fit moved it, in the fit's coordinates"""
+    name: str
+    """What it stands for, such as `strand stiffness 3+`"""
+    nominal: float
+    """As declared before any log was seen, in the unit of `value`; NaN where nothing is"""
+    start: float
+    """Where the fit started, likewise"""
+    value: Estimate
+    """Where it ended"""
+
+    def numbers(self) -> dict[str, Any]:
+        """As diagnosis.json has it: the coordinate, then the quantity by keys that end with its unit."""
+        unit = key(self.value.unit)
+        told = {"nominal": self.nominal, "start": self.start, "value": self.value.value}
+        told |= {"low": self.value.low, "high": self.value.high}
+        named = {f"{name}_{unit}" if unit else f"{name}_ratio": v for name, v in told.items()}
+        return vars(self.coordinate) | {"quantity": self.name} | named
+
+
+def key(unit: str) -> str:
+    """A unit as the end of a key in JSON; nothing for a pure number."""
+    if unit == "1":
+        return ""
+    for sign, word in (("/", " per "), ("°", "deg"), ("²", "2"), ("%", "percent")):
+        unit = unit.replace(sign, word)
+    return "_".join(unit.split())
+
+
+@dataclass(frozen=True)
 class Named:
     """An effect that the twin lacked."""
 
@@ -94,8 +127,8 @@ class Diagnosis:
     """nominal, calibrated, corrected, noise_floor"""
     cautions: tuple[str, ...]
     """What the data cannot tell, in sentences"""
-    calibration: Mapping[str, Estimate]
-    """Declared parameters with intervals, in the fit's coordinates"""
+    calibration: Mapping[str, Calibrated]
+    """Declared parameters by their names in the fit"""
     comparisons: Mapping[str, Comparison]
     """nominal, calibrated, corrected: measured beside predicted on held-out segments"""
     findings: Mapping[str, Findings]
@@ -147,7 +180,7 @@ class Diagnosis:
                 f"after_{mm}": self.learned.after_mm,
             },
             "cautions": list(self.cautions),
-            "calibration": {name: vars(each) for name, each in self.calibration.items()},
+            "calibration": {name: each.numbers() for name, each in self.calibration.items()},
             "residual": {name: each.numbers() for name, each in self.findings.items()},
             "seconds": seconds,
             "share_of_time_in_simulation": simulated / seconds if seconds else 0.0,

@@ -246,13 +246,13 @@ def drawn(case: Case[Any], found: Fit, rng: np.random.Generator, n: int) -> list
 
 def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[str]:
     """What the data cannot tell apart, or tell nothing of, in sentences."""
-    names = [case.declared[k].name for k in found.moves.declared]
+    names = [case.quantities[k].name for k in found.moves.declared]
     names += [
         f"{name}'s {list(case.candidates[name].ranges)[k]}" for name, k in found.moves.effects
     ]
     told = []
     for a, b in zip(*np.where(np.triu(np.abs(found.correlation), 1) > above), strict=True):
-        if names[a].endswith("of all joints"):  # the single joints' deviations are from it
+        if names[a].endswith("all joints"):  # the single joints' deviations are from it
             continue
         told.append(f"{names[a]} and {names[b]} cannot be told apart.")
     prior = np.array([case.declared[k].prior for k in found.moves.declared])

@@ -1,6 +1,7 @@
 """Which numbers of a diagnosis stand in tables?"""
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from serpent_twin.trace.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
     REJECTED,
+    Calibrated,
     Diagnosis,
     Estimate,
     Named,
@@ -72,30 +74,52 @@ def parameters(effects: Sequence[Named], unit: str = "mm", load: str = "% of sta
     return Table((*header, "chance"), tuple(rows), note)
 
 
-def calibration(found: Mapping[str, Estimate], prior: Mapping[str, float]) -> Table:
+def calibration(found: Mapping[str, Calibrated], prior: Mapping[str, float]) -> Table:
     """The declared parameters that moved most from their start.
 
     In units of the prior where one is told for each, else in standard errors.
     """
     told = bool(found) and all(name in prior for name in found)
-    scale = {name: prior[name] if told else _error(e) for name, e in found.items()}
+    scale = {name: prior[name] if told else _error(c.coordinate) for name, c in found.items()}
     far = {
-        name: abs(e.value) / scale[name] if scale[name] > 0 else 0.0 for name, e in found.items()
+        name: abs(c.coordinate.value) / scale[name] if scale[name] > 0 else 0.0
+        for name, c in found.items()
     }
     names = sorted(found, key=lambda name: -far[name])[:MOST_ROWS]
-    rows = tuple((name, *_from_start(found[name]), f"{far[name]:.1f}") for name in names)
+    declared = any(isfinite(found[name].nominal) for name in names)
+    rows = tuple((*_course(found[name], declared), f"{far[name]:.1f}") for name in names)
     widths = "widths of the prior" if told else "standard errors"
-    header = ("parameter", "moved by", "95 % interval", "unit", f"in {widths}")
-    note = f"The {len(rows)} of {len(found)} parameters that moved most from their start."
+    nominal = ("nominal",) if declared else ()
+    header = (
+        "parameter",
+        *nominal,
+        "start",
+        "value",
+        "95 % interval",
+        "unit",
+        f"moved, in {widths}",
+    )
+    note = (
+        f"The {len(rows)} of {len(found)} parameters that moved most from their start, a first guess out of "
+        "the training sessions or, where these tell nothing at first sight, the declared number."
+    )
     return Table(header, rows, note)
 
 
-def _from_start(e: Estimate) -> tuple[str, str, str]:
-    """Value, interval and unit; of a logarithm, the factor that it stands for."""
-    if not e.unit.startswith("log"):
-        return _short(e.value), interval(e), e.unit
-    factor = Estimate(*(float(np.exp(v)) for v in (e.value, e.low, e.high)), unit="× its start")
-    return _short(factor.value), interval(factor), factor.unit
+def _course(of: Calibrated, declared: bool) -> tuple[str, ...]:
+    """Name, nominal value if it is asked for, start, value, interval and unit."""
+    value, digits = of.value, _decimals(of.value)
+    before = (of.nominal, of.start) if declared else (of.start,)
+    numbers = [f"{v:.{digits}f}" if isfinite(v) else "" for v in (*before, value.value)]
+    ends = f"{value.low:.{digits}f} … {value.high:.{digits}f}" if value.fitted else ""
+    unit = "" if value.unit == "1" else value.unit
+    return (of.name, *(text.replace("-", "−") for text in (*numbers, ends)), unit)
+
+
+def _decimals(e: Estimate) -> int:
+    """So many that the interval's half width has two digits that count."""
+    half = (e.high - e.low) / 2
+    return int(np.clip(1 - np.floor(np.log10(half)), 0, 6)) if e.fitted else 3
 
 
 def _error(e: Estimate) -> float:

@@ -16,8 +16,9 @@ from serpent_twin.log import Session
 from serpent_twin.pose import joints_from_markers
 from serpent_twin.residual import Comparison
 from serpent_twin.rigs.arm.pieces import Pieces, camera_noise, cut, past
+from serpent_twin.rigs.arm.quantities import quantities
 from serpent_twin.rigs.arm.vector import Vector
-from serpent_twin.rigs.rig import Candidate, Declared, Point, Stopwatch
+from serpent_twin.rigs.rig import Candidate, Declared, Point, Quantity, Stopwatch
 
 _AT_ONCE = 3.0e6  # numbers that one call keeps in memory: designs × rows × (markers and loads)
 
@@ -45,6 +46,11 @@ class ArmCase:
     def declared(self) -> Sequence[Declared]:
         """The coordinates of the fit."""
         return self.vector.declared
+
+    @property
+    def quantities(self) -> Sequence[Quantity]:
+        """What each of them stands for."""
+        return quantities(self.vector)
 
     def pieces(self, sessions: Sequence[Session]) -> Pieces:
         """Cut sessions into segments of 40 s."""

@@ -19,7 +19,7 @@ from serpent_twin.arm import Array
 from serpent_twin.effects import Effect, Range
 from serpent_twin.measured import Output, Recording, RunCase, Runs, read, read_folder, read_twin
 from serpent_twin.residual import MARKERS, Measure
-from serpent_twin.rigs.rig import Candidate, Declared, Point, candidate, effects_at
+from serpent_twin.rigs.rig import Candidate, Declared, Point, Quantity, candidate, effects_at
 from serpent_twin.rigs.trunk import body
 from serpent_twin.rigs.trunk.motion import Trunks
 from serpent_twin.rigs.trunk.shape import (
@@ -34,6 +34,7 @@ from serpent_twin.rigs.trunk.shape import (
     declared,
     first_guess,
     moved,
+    quantities,
     restored,
     turned,
 )  # fmt: skip
@@ -100,6 +101,11 @@ class Trunk:
     def declared(self) -> tuple[Declared, ...]:
         """The coordinates of the fit."""
         return declared(self.kinds)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What the coordinates stand for."""
+        return quantities(self.start, self.kinds)
 
     @property
     def first(self) -> dict[str, Any]:

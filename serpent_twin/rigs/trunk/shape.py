@@ -10,7 +10,7 @@ from msgspec.structs import asdict
 
 from serpent_twin.arm import Array
 from serpent_twin.measured import Recording
-from serpent_twin.rigs.rig import Declared
+from serpent_twin.rigs.rig import Declared, Quantity
 from serpent_twin.stored import Form, many, take, within
 
 MOTORS, DISKS = range(1, 7), range(1, 4)
@@ -64,6 +64,9 @@ KINDS: Mapping[str, Kind] = {
     "disk": Kind(_PLACES, "mm", 1e-3, 10.0, 0.5),
     "zero": Kind(_of("zero of motor {}", MOTORS), "°", np.pi / 180, 3.0, 0.3),
 }  # fmt: skip
+_SHOWN = {"log m": ("mm", 1e3), "log s": ("ms", 1e3), "log N m²": ("N m²", 1.0), "log kg": ("kg", 1.0),
+          "log 1": ("1", 1.0)}  # fmt: skip
+"""Units for people of coordinates that are logarithms, and how many make one of SI"""
 Shape = Mapping[str, Array]
 """SI values of every kind. The logs' frame, y up, holds for the base; elsewhere x is down the trunk, y and z
 are the logs' x and z."""
@@ -86,6 +89,19 @@ def declared(kinds: Sequence[str]) -> tuple[Declared, ...]:
         for kind in (KINDS[k] for k in kinds)
         for name in kind.names
     )
+
+
+def quantities(start: Shape, kinds: Sequence[str]) -> tuple[Quantity, ...]:
+    """What the coordinates of these kinds stand for, from a start."""
+    found: list[Quantity] = []
+    for name in kinds:
+        kind = KINDS[name]
+        unit, per_si = _SHOWN.get(kind.unit, (kind.unit, 1 / (kind.scale or 1.0)))
+        for each, value in zip(kind.names, start[name], strict=True):
+            found.append(
+                Quantity(each, unit, per_si * float(value), per_si * kind.scale, (len(found),))
+            )
+    return tuple(found)
 
 
 def moved(start: Shape, kinds: Sequence[str], x: Array) -> Shape:

@@ -1,0 +1,124 @@
+"""Do the numbers of a calibration table stand for what the twin is built of?"""
+
+import numpy as np
+import pytest
+
+from serpent_twin import mjcf
+from serpent_twin.arm import ARM
+from serpent_twin.parameters import NOMINAL
+from serpent_twin.rigs import jaw, trunk, xl330
+from serpent_twin.rigs.arm.cable_law import CableLaw
+from serpent_twin.rigs.arm.quantities import quantities
+from serpent_twin.rigs.arm.vector import vector
+from serpent_twin.rigs.rig import Point
+from serpent_twin.rigs.trunk.shape import KINDS
+from serpent_twin.trace.conclude import _calibrated
+from serpent_twin.trace.least_squares import Fit
+from serpent_twin.trace.moves import Moves
+
+RNG = np.random.default_rng(6)
+
+
+def at(several, x):
+    """Values by name at coordinates x."""
+    return {each.name: each.after(sum(x[k] for k in each.of)) for each in several}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """The vector about first guesses of all cables but one, which no log shows."""
+    sure = {"stiffness_error": (0.1, 0.1), "slack_error": (1e-4, 1e-4), "winch_error": 0.01}
+    laws = [
+        CableLaw((9e3 + 400 * j, 11e3), (2e-4, 3e-4), 0.01, 0.02 + 1e-3 * j, **sure, explains=0.5)
+        for j in range(9)
+    ]
+    return vector([*laws, None], RNG.normal(0, 1e-3, (9, 3)), np.full((9, 3), 1e-4), 4e-3, 4e-3)
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.2])
+def test_the_arms_table_holds_the_numbers_of_its_design(arm, spread):
+    x = RNG.normal(0, spread, len(arm.declared))
+    found, design = at(quantities(arm), x), arm.design(Point(x))
+    p, t = design.parameters, design.tolerances
+    for n, name in enumerate(mjcf.STRANDS):
+        short = name.removeprefix("cable").replace("_plus", "+").replace("_minus", "−")
+        stiffness = p.strand_stiffness * np.exp(t.strand_stiffness[n]) / 1e3
+        assert found[f"strand stiffness {short}"] == pytest.approx(stiffness)
+        slack = 1e3 * (p.strand_slack + t.strand_slack[n])
+        assert found[f"strand slack {short}"] == pytest.approx(slack)
+    for i in range(9):
+        friction = 1e3 * p.joint_friction * np.exp(t.joint_friction[i])
+        assert found[f"hinge friction, joint {i + 1}"] == pytest.approx(friction)
+        damping = 1e3 * p.joint_damping * np.exp(t.joint_damping[i])
+        assert found[f"hinge damping, joint {i + 1}"] == pytest.approx(damping)
+        velocity = 1e3 * design.transition_velocity[i]
+        assert found[f"transition velocity, joint {i + 1}"] == pytest.approx(velocity)
+        for k, axis in enumerate("xyz"):
+            place = 1e3 * (ARM.markers_in_links[i] + t.marker_offset[i])[k]
+            assert found[f"place of marker {i + 1}, {axis} in its link's frame"] == pytest.approx(
+                place
+            )
+    for j in range(10):
+        winch = 1e3 * ARM.pulley_radius[j] * (1 + t.winch_radius[j])
+        assert found[f"winch radius, motor {j + 1}"] == pytest.approx(winch)
+        gear = 1e3 * p.gear_friction * np.exp(t.gear_friction[j])
+        assert found[f"gear friction, motor {j + 1}"] == pytest.approx(gear)
+    nominal = {each.name: each.nominal for each in quantities(arm)}
+    assert nominal["strand stiffness 3+"] == NOMINAL.strand_stiffness / 1e3
+    assert nominal["place of marker 1, y in its link's frame"] == 25
+    assert len(found) == len(arm.declared)
+
+
+def test_the_servos_table_holds_the_numbers_of_its_model():
+    x = RNG.normal(0, 0.2, 4)
+    machine = xl330.Xl330()
+    found, model = at(machine.quantities, x), machine.spec(x, ()).compile()
+    assert found["torque per volt"] == pytest.approx(1e3 * model.actuator_gainprm[0, 0])
+    per_speed = -model.actuator_biasprm[0, 2] / model.actuator_gainprm[0, 0]
+    assert found["voltage per speed"] == pytest.approx(per_speed)
+    assert found["rotor's inertia"] == pytest.approx(1e3 * model.dof_armature[0])
+    assert found["zero of the angle"] == x[3]
+
+
+def test_the_jaws_table_holds_the_numbers_of_its_model():
+    x = RNG.normal(0, 0.2, 4)
+    machine = jaw.Jaw(zero=0.3)
+    found, model = at(machine.quantities, x), machine.spec(x, ()).compile()
+    assert found["zero of the jaw"] == pytest.approx(-np.degrees(model.tendon_lengthspring[0, 0]))
+    assert found["jaw's turn per turn of the spindle"] == pytest.approx(-model.wrap_prm[1])
+    assert found["zero of the spindle's torque"] == x[2]
+    assert found["scale of the load torque"] == pytest.approx(np.exp(x[3]))
+
+
+def test_the_trunks_table_holds_the_numbers_of_its_shape():
+    sizes = {name: len(kind.names) for name, kind in KINDS.items()}
+    machine = trunk.Trunk({name: RNG.uniform(0.5, 1.5, n) for name, n in sizes.items()})
+    x = RNG.normal(0, 0.2, sum(sizes.values()))
+    shape, found = trunk.moved(machine.start, machine.kinds, x), at(machine.quantities, x)
+    assert found["length of segment 2"] == pytest.approx(1e3 * shape["length"][1])
+    assert found["cable wound per radian, to disk 3"] == pytest.approx(1e3 * shape["wound"][2])
+    assert found["stiffness of the hose"] == pytest.approx(shape["hose"][0])
+    assert found["zero of motor 4"] == pytest.approx(np.degrees(shape["zero"][3]))
+    assert len(found) == len(machine.declared) == len(x)
+
+
+def test_an_interval_of_two_coordinates_has_the_errors_of_both(arm):
+    """A hinge's friction: what all have in common, and by how much it differs, against random draws."""
+    several, n = quantities(arm), len(arm.declared)
+    k = next(i for i, each in enumerate(several) if each.name == "hinge friction, joint 2")
+    error, correlation = np.full(n, 0.05), np.eye(n)
+    common = several[k].of[0]
+    correlation[common, k] = correlation[k, common] = -0.6
+    point = Point(RNG.normal(0, 0.1, n))
+    fit = Fit(
+        point, Moves(tuple(range(n)), ()), 0.0, 1.0, error, correlation, True, np.zeros(0), ()
+    )
+    case = type("Case", (), {"declared": arm.declared})
+    found = _calibrated(case, fit, several[k], k)
+    draws = RNG.multivariate_normal(
+        [0, 0], 0.05**2 * np.array([[1, -0.6], [-0.6, 1]]), 200_000
+    ).sum(axis=1)
+    ends = found.value.value * np.exp(np.quantile(draws, [0.025, 0.975]))
+    assert (found.value.low, found.value.high) == pytest.approx(tuple(ends), rel=2e-3)
+    assert found.value.unit == "mN m" and found.start == pytest.approx(4.0)
+    assert found.coordinate.value == point.declared[k]
