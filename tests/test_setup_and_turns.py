@@ -42,23 +42,32 @@ def test_a_setup_survives_its_file(tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("ids = [1, 2]", "ids has 2 values"),
+        ("ids = [1, 2]", "ids is a list of 2 values; it must be a list of 10 whole numbers"),
         ("ids = [1,1,2,3,4,5,6,7,8,9]", "different"),
-        ("speed = 3", "unknown keys"),
+        ("speed = 3", "it has speed, which is unknown there; known are port, baud"),
         ("port = ", "not TOML"),
         ("watchdog = 9.0", "watchdog is 9.0"),
         ("[limits]\nload = -1", "load is -1"),
         ("[limits]\nspeed = 1", "joint_angle_deg"),
-        ("[limits]\njoint_angle = 60", "unknown keys"),
-        ("[limits]\njoint_angle_deg = '60'", "give a number"),
+        ("[limits]\njoint_angle = 60", "limits has joint_angle, which is unknown"),
+        (
+            "[limits]\njoint_angle_deg = '60'",
+            "limits.joint_angle_deg is the text .* above 0 and up to 360",
+        ),
         ("[limits]\nvelocity_rad_s = 0.01", "least velocity"),
-        ("[limits]\nvelocity_rad_s = inf", "positive number"),
-        ("limits = 5", "must be a table"),
+        ("[limits]\nvelocity_rad_s = inf", "velocity_rad_s is Infinity; .* up to 100 rad/s"),
+        ("limits = 5", "limits is 5; it must be a table"),
         ("watchdog = 0.04", "from 0.1 to 2.54"),
-        ("patience = nan", "patience is nan"),
-        ("baud = 'fast'", "baud is 'fast'"),
-        ("port = 5", "port must be a text"),
-        ("zero = [1.5, 0, 0, 0, 0, 0, 0, 0, 0, 0]", "whole numbers"),
+        ("patience = nan", "patience is NaN; it must be a number from 0.1 to 60 s"),
+        ("baud = 'fast'", 'baud is the text "fast"; it must be a whole number'),
+        ("baud = true", "baud is true"),
+        ("port = 5", "port is 5; it must be a text"),
+        ("zero = [1.5, 0, 0, 0, 0, 0, 0, 0, 0, 0]", r"zero\[0\] is 1.5; it must be a whole number"),
+        ("zero = [1, 2]", "zero has 2 values"),
+        ("baud = 1\nbaud = 2", "the key baud is given twice"),
+        ("baud = " + "9" * 300, "baud is a number that is too long"),
+        ("baud = " + "9" * 10_000, "thousands of digits"),
+        ("ids = " + "[" * 100_000, "nested deeper than 32 levels"),
     ],
 )
 def test_a_setup_that_cannot_be_is_refused_with_file_and_key(text, says, tmp_path):
@@ -114,7 +123,9 @@ def test_turns_that_are_not_certain_are_refused(tmp_path):
         with pytest.raises(BusError, match=r"motor 1 by 132°.*bus.zero"):
             DynamixelBus(read_setup(path)).connect()
         memory.write_text("{")
-        with pytest.raises(BusError, match="damaged"):
+        with pytest.raises(
+            BusError, match=r"turns\.json is not JSON: line 1, column 2.* Delete that file"
+        ):
             DynamixelBus(read_setup(path)).connect()
 
 

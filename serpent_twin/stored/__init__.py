@@ -10,7 +10,16 @@ import json
 from pathlib import Path
 from typing import Any, TypeVar
 
-from serpent_twin.stored.form import Form, many, require_fields, require_kind, take, within
+from serpent_twin.stored.form import (
+    Form,
+    above,
+    bounded,
+    many,
+    require_fields,
+    require_kind,
+    take,
+    within,
+)
 from serpent_twin.stored.source import MOST, contents, require_file
 from serpent_twin.stored.syntax import parsed_json, parsed_toml
 from serpent_twin.stored.words import names
@@ -19,6 +28,8 @@ T = TypeVar("T")
 __all__ = [
     "MOST",
     "Form",
+    "above",
+    "bounded",
     "contents",
     "many",
     "names",

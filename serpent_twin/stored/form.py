@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
-from typing import Any, TypeVar, get_type_hints
+from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
 
 import msgspec
 from msgspec import inspect
@@ -24,6 +24,11 @@ class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def within(low: float, high: float, unit: str = "") -> msgspec.Meta:
     """Bounds of a number, in a unit."""
     return msgspec.Meta(ge=low, le=high, title=unit)
+
+
+def above(low: float, high: float, unit: str = "") -> msgspec.Meta:
+    """The same without the lower bound itself."""
+    return msgspec.Meta(gt=low, le=high, title=unit)
 
 
 def many(least: int, most: int | None = None) -> msgspec.Meta:
@@ -54,17 +59,20 @@ def require_kind(values: Mapping[str, Any], kind: str, where: str, advice: str =
 
 def require_fields(instance: Any, what: str) -> None:
     """Refuse a dataclass of which a field is out of the bounds that its type has; `what` names one."""
-    kinds = get_type_hints(type(instance), include_extras=True)
-    for each in fields(instance):
-        value = getattr(instance, each.name)
+    for name, kind in bounded(type(instance)).items():
+        value = getattr(instance, name)
         value = value.item() if hasattr(value, "item") else value  # numpy's numbers
         try:
-            msgspec.convert(value, kinds[each.name], strict=True)
-        except msgspec.ValidationError:
-            wanted = expected(_node(kinds[each.name]))
-            raise SerpentError(
-                f"{what} {each.name} is {found(value)}; it must be {wanted}."
-            ) from None
+            msgspec.convert(value, kind, strict=True)
+        except msgspec.ValidationError as error:
+            raise SerpentError(f"{what} {_problem(value, kind, str(error), name)}") from None
+
+
+@cache
+def bounded(kind: type) -> dict[str, Any]:
+    """The types of a dataclass's fields that have bounds, by name."""
+    kinds = get_type_hints(kind, include_extras=True)
+    return {f.name: kinds[f.name] for f in fields(kind) if get_origin(kinds[f.name]) is Annotated}
 
 
 @cache
@@ -126,14 +134,14 @@ def _alternative(node: Any, value: Any) -> Any:
     return fitting[0] if fitting else node
 
 
-def _problem(value: Any, form: Any, message: str) -> str:
+def _problem(value: Any, form: Any, message: str, name: str = "it") -> str:
     """What msgspec refuses, in words: it says where, the value there and its type say the rest."""
     steps = _steps(value, form, message)
     node, at = _node(form), value
     for step in steps:
         node, at = _inside(node, at, step), _at(at, step)
-    where = key_path(steps) or "it"
-    return f"{where} is {found(at)}; it must be {_wanted(node)}."
+    where = key_path(steps) if name == "it" else name + key_path(steps)
+    return f"{where or name} is {found(at)}; it must be {_wanted(node)}."
 
 
 def _wanted(node: Any) -> str:

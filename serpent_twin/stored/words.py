@@ -117,15 +117,17 @@ def _number(node: Any) -> str:
 
 
 def _range(node: Any) -> str:
-    low = node.ge if node.ge is not None else node.gt
-    high = node.le if node.le is not None else node.lt
-    if node.gt is not None and high is not None:
-        return f" above {low:g} and up to {high:g}"
-    if low is not None and high is not None:
-        return f" from {low:g} to {high:g}"
+    low = node.ge if node.gt is None else node.gt
+    high = node.le if node.lt is None else node.lt
+    if low is None or high is None:
+        return "" if low is None else f" of at least {_bound(low)}"
     if node.gt is not None:
-        return f" above {low:g}"
-    return f" of at least {low:g}" if low is not None else ""
+        return f" above {_bound(low)} and up to {_bound(high)}"
+    return f" from {_bound(low)} to {_bound(high)}"
+
+
+def _bound(value: float) -> str:
+    return f"{value:,}" if isinstance(value, int) else f"{value:g}"
 
 
 def _key(key: str) -> str:

@@ -3,47 +3,50 @@
 import json
 import os
 import shutil
-import tomllib
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from msgspec import defstruct
 
+from serpent_twin import stored
 from serpent_twin.arm import N_MOTORS
 from serpent_twin.bus import BusError
 from serpent_twin.bus.limits import Limits
+from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.stored import above, many, require_fields, within
 
-_PER_MOTOR = ("ids", "direction", "zero", "homing_offset", "drive_mode")
-_NEEDED = ("ids", "direction")
-_WATCHDOG = (0.1, 2.54)
-"""The watchdog's least and greatest time [s]: it is fed every 50 ms, and counts 127 × 20 ms at most."""
-_PATIENCE = (0.1, 60.0)
+_PER_MOTOR = ("zero", "homing_offset", "drive_mode")
+"""Lists that are empty until they are measured"""
+_Word = Annotated[int, within(-(2**31), 2**31 - 1)]
+_Counts = Annotated[tuple[_Word, ...], many(0, N_MOTORS)]
+_Ids = Annotated[tuple[Annotated[int, within(0, 252)], ...], many(N_MOTORS)]
 
 
 @dataclass(frozen=True)
 class ArmSetup:
     """One real arm on its bus: what a person enters, and what `serpent_twin.bus.zero` measured."""
 
-    port: str = ""
+    port: Annotated[str, many(0, 4096)] = ""
     """Serial port, best as /dev/serial/by-id/…, which does not move"""
-    baud: int = 1_000_000
+    baud: Annotated[int, within(1, 10_000_000, "bit/s")] = 1_000_000
     """[bit/s]"""
-    ids: tuple[int, ...] = tuple(range(1, N_MOTORS + 1))
+    ids: _Ids = tuple(range(1, N_MOTORS + 1))
     """Ids of motors 1 … 10"""
-    direction: tuple[int, ...] = (1,) * N_MOTORS
+    direction: Annotated[tuple[Literal[1, -1], ...], many(N_MOTORS)] = (1,) * N_MOTORS
     """1 or −1 each: −1 where the servo's positive sense turns the arm's motor angle down"""
-    zero: tuple[int, ...] = ()
+    zero: _Counts = ()
     """Present Position with the arm straight [counts]; empty: never measured"""
-    homing_offset: tuple[int, ...] = ()
+    homing_offset: _Counts = ()
     """Homing Offset (20) when zero was measured: if it changed, zero is void"""
-    drive_mode: tuple[int, ...] = ()
+    drive_mode: _Counts = ()
     """Drive Mode (10) when zero was measured: likewise"""
-    watchdog: float = 0.2
-    """Silence after which the motors stop by themselves [s], in steps of 20 ms, 0.1 … 2.54"""
-    patience: float = 3.0
+    watchdog: Annotated[float, within(0.1, 2.54, "s")] = 0.2
+    """Silence after which the motors stop by themselves [s], in steps of 20 ms: it is fed every 50 ms, and
+    counts 127 × 20 ms at most"""
+    patience: Annotated[float, within(0.1, 60.0, "s")] = 3.0
     """How long a reading is tried, and a lost port waited for, before the arm is given up [s]"""
     limits: Limits = field(default_factory=Limits)
     """When the arm must stop"""
@@ -51,24 +54,15 @@ class ArmSetup:
     """The file it came from; turn counts are kept beside it"""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.port, str):
-            self._refuse("port must be a text")
-        if not _is_int(self.baud) or self.baud <= 0:
-            self._refuse(f"baud is {self.baud!r}; it must be a number of bits per second")
+        try:
+            require_fields(self, "")
+        except SerpentError as error:
+            self._refuse(str(error).strip().rstrip("."))
         for name in _PER_MOTOR:
-            values = getattr(self, name)
-            if not isinstance(values, tuple) or not all(map(_is_int, values)):
-                self._refuse(f"{name} must be a list of whole numbers")
-            if len(values) != N_MOTORS and (values or name in _NEEDED):
-                self._refuse(f"{name} has {len(values)} values, but there are {N_MOTORS} motors")
-        if len(set(self.ids)) < N_MOTORS or not all(0 <= i <= 252 for i in self.ids):
+            if (count := len(getattr(self, name))) not in (0, N_MOTORS):
+                self._refuse(f"{name} has {count} values, but there are {N_MOTORS} motors")
+        if len(set(self.ids)) < N_MOTORS:
             self._refuse("ids must be ten different numbers from 0 to 252")
-        if set(self.direction) - {1, -1}:
-            self._refuse("direction must be 1 or -1 for each motor")
-        for name, (least, most) in {"watchdog": _WATCHDOG, "patience": _PATIENCE}.items():
-            value = getattr(self, name)
-            if not isinstance(value, int | float) or not least <= value <= most:
-                self._refuse(f"{name} is {value!r}; it must be from {least} to {most} s")
 
     @property
     def watchdog_words(self) -> int:
@@ -87,17 +81,14 @@ def is_pseudo_terminal(port: str) -> bool:
 def read_setup(path: Path) -> ArmSetup:
     """The setup in a TOML file as `write_setup` makes it; errors name the file and the key."""
     try:
-        content = tomllib.loads(path.read_text())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BusError(f"{path} is not TOML: {error}. Correct it or delete it.") from None
-    limits = content.pop("limits", {})
-    known = {f.name for f in fields(ArmSetup)} - {"path", "limits"}
-    _refuse_unknown(path, content, known)
-    if not isinstance(limits, dict):
-        raise BusError(f"{path}: limits must be a table, [limits]. Correct it there.")
-    _refuse_unknown(path, limits, _SI)
-    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in content.items()}
-    return ArmSetup(**values, limits=_limits(path, limits), path=path)
+        given = stored.read_toml(path, advice=_ADVICE)
+        file: Any = stored.take(given, _SetupFile, str(path), _ADVICE)
+        limits = {key: getattr(file.limits, key) for key in given.get("limits", {})}
+        values = {key: getattr(file, key) for key in given if key != "limits"}
+        return ArmSetup(**values, limits=_limits(limits), path=path)
+    except SerpentError as error:
+        named = str(error).startswith(str(path))
+        raise BusError(str(error) if named else f"{path}: {error}") from None
 
 
 def find_setup(path: Path, port: str = "") -> ArmSetup:
@@ -133,16 +124,30 @@ _SI = {
     "load": ("load", 1.0),
     "load_time_s": ("load_time", 1.0),
 }
+_ADVICE = "Correct it there."
 
 
-def _limits(path: Path, found: Mapping[str, Any]) -> Limits:
-    for key, value in found.items():
-        if not isinstance(value, int | float):
-            raise BusError(f"{path}: {key} is {value!r}; give a number. Correct it there.")
-    try:
-        return Limits(**{_SI[key][0]: _SI[key][1] * value for key, value in found.items()})
-    except BusError as error:
-        raise BusError(f"{path}: {error}") from None
+class _LimitsFile(stored.Form, frozen=True):
+    """The limits in the file, see `Limits`; what is absent is as there."""
+
+    velocity_rad_s: Annotated[float, above(0.0, 100.0, "rad/s")] = 0.0
+    joint_angle_deg: Annotated[float, above(0.0, 360.0, "°")] = 0.0
+    load: Annotated[float, above(0.0, 100.0, "of the stall torque")] = 0.0
+    load_time_s: Annotated[float, above(0.0, 3600.0, "s")] = 0.0
+
+
+_SetupFile = defstruct(
+    "_SetupFile",
+    [
+        *((name, kind, None) for name, kind in stored.bounded(ArmSetup).items()),
+        ("limits", _LimitsFile, _LimitsFile()),
+    ],
+    bases=(stored.Form,),
+)
+
+
+def _limits(found: dict[str, float]) -> Limits:
+    return Limits(**{_SI[key][0]: _SI[key][1] * value for key, value in found.items()})
 
 
 def _toml(setup: ArmSetup) -> str:
@@ -159,15 +164,3 @@ def _toml(setup: ArmSetup) -> str:
 
 def _value(value: Any) -> str:
     return f"[{', '.join(map(str, value))}]" if isinstance(value, tuple) else json.dumps(value)
-
-
-def _is_int(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def _refuse_unknown(path: Path, found: Mapping[str, Any], known: Any) -> None:
-    unknown = sorted(found.keys() - set(known))
-    if unknown:
-        raise BusError(
-            f"{path} has unknown keys {unknown}; known are {sorted(known)}. Correct it there."
-        )

@@ -9,16 +9,20 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
+from serpent_twin import stored
 from serpent_twin.arm import ARM, N_MOTORS
 from serpent_twin.bus import BusError
 from serpent_twin.bus.dynamixel.registers import MotorRegisters
 from serpent_twin.bus.dynamixel.setup import ArmSetup, is_pseudo_terminal
 from serpent_twin.bus.limits import joint_beyond
 from serpent_twin.bus.xl430 import POSITION_UNIT, TURN, Words, nearest_turns
+from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.stored import many, within
 
 FURTHEST = TURN // 4
 """How far a motor may have moved unseen before its turn is no longer certain [counts]."""
@@ -173,15 +177,21 @@ def read_turns(path: Path) -> LastSeen | None:
     if not path.exists():
         return None
     try:
-        content = json.loads(path.read_text())
-        position, turns = (np.array(content[key], np.int64) for key in ("position", "turns"))
-        simulated = bool(content["simulated"])
-    except (ValueError, KeyError, TypeError):
-        position = turns = np.zeros(0, np.int64)
-        simulated = False
-    if position.shape != (N_MOTORS,) or turns.shape != (N_MOTORS,):
+        found = stored.read_json(path, _TurnsFile)
+    except SerpentError as error:
         raise BusError(
-            f"{path} is damaged, so nobody knows the turn counts. "
-            "Delete it, hang the arm straight and run serpent_twin.bus.zero."
-        )
-    return LastSeen(position, turns, simulated)
+            f"{error} So nobody knows the turn counts. Delete that file, hang the arm straight and run "
+            "serpent_twin.bus.zero."
+        ) from None
+    return LastSeen(np.array(found.position), np.array(found.turns), found.simulated)
+
+
+_Counts = Annotated[tuple[Annotated[int, within(-(2**31), 2**31)], ...], many(N_MOTORS)]
+
+
+class _TurnsFile(stored.Form, frozen=True):
+    """What the file of the turns holds, see `LastSeen`."""
+
+    position: _Counts
+    turns: _Counts
+    simulated: bool
