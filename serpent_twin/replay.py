@@ -15,7 +15,7 @@ import numpy as np
 import tyro
 from rerun.chunk import RrdReader
 
-from serpent_twin import __version__, cli, design, log, readout, recording
+from serpent_twin import __version__, cli, design, log, next_step, readout, recording
 from serpent_twin.arm import ARM
 from serpent_twin.design import Design
 from serpent_twin.errors import SerpentError
@@ -58,9 +58,10 @@ def main(
         moved = replay_motors(seen.time, seen.motor_position)
         better = corrected and replay_motors(seen.time, seen.motor_position, corrected)
         recording.write(out, seen, moved, guess, identity, corrected=better)
-    print(f"{out}: open it with `rerun {out}`")
+    print(f"{out}: the session as rerun shows it")
     if view:
         _open(out)
+    next_step.say(next_step.after_replay(out))
 
 
 def estimate(session: log.Session, folder: Path) -> Estimate:

@@ -10,7 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from serpent_twin import adapt as adapting
-from serpent_twin import cli, design
+from serpent_twin import cli, design, next_step
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
@@ -95,7 +95,11 @@ class Plan:
 
 def train(config: Train) -> dict[str, Any]:
     """Train and score what the config asks for; returns what scores.json holds."""
-    plan = planned(config)
+    return carried_out(planned(config))
+
+
+def carried_out(plan: Plan) -> dict[str, Any]:
+    """Train and score what was planned; returns what scores.json holds."""
     config, sessions, real = plan.config, plan.sessions, plan.adaptation
     with claimed(config.out, SETTINGS, settings(config, sessions)):
         _set_threads(config.threads)
@@ -263,7 +267,12 @@ def _conclude(
 
 
 def main(config: Train) -> None:  # noqa: D103 tyro would print it above the config's own
-    train(config)
+    plan = planned(config)
+    scores = carried_out(plan)
+    step = next_step.after_training(plan, scores)
+    if plan.twin.design is None and not config.readout:
+        print(next_step.without_observer(plan))
+    next_step.say(step)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from serpent_twin import cli
+from serpent_twin import cli, next_step
 from serpent_twin.arm import N_MOTORS
 from serpent_twin.bus.dynamixel.bus import DynamixelBus
 from serpent_twin.bus.dynamixel.registers import MotorRegisters
@@ -93,6 +93,7 @@ def main(config: Doctor) -> None:  # noqa: D103 tyro would print it above the co
         write_whole(config.out, json.dumps(asdict(diagnosis), indent=2) + "\n")
     if any(f.level == "error" for f in diagnosis.findings):
         sys.exit(1)
+    next_step.say(next_step.after_doctor(setup, config.setup))
 
 
 def _reboot(setup: ArmSetup, motors: tuple[int, ...]) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from serpent_twin import cli
+from serpent_twin import cli, next_step
 from serpent_twin.bus import BusError
 from serpent_twin.bus.dynamixel.bus import DynamixelBus
 from serpent_twin.bus.dynamixel.setup import (
@@ -102,7 +102,8 @@ def main(config: Zero) -> None:  # noqa: D103 tyro would print it above the conf
     print(
         f"\nThe straight pose is in {config.setup}. Check there that direction is -1 for each motor"
     )
-    print("whose positive sense turns its joint down, then run python -m serpent_twin.collect.")
+    print("whose positive sense turns its joint down.")
+    next_step.say(next_step.after_zero(config.setup))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 import sys
 
-from serpent_twin import cli
+from serpent_twin import cli, next_step
 from serpent_twin.estimate import Estimate, estimate
 
 
@@ -13,6 +13,7 @@ def main(config: Estimate) -> None:  # noqa: D103 tyro would print it above the 
         print(f"\nStopped. The rows until then are in {config.out}.", file=sys.stderr)
         sys.exit(130)
     print(f"{config.out}: the log, its figures and its recording")
+    next_step.say(next_step.after_estimate(config))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from tyro.conf import Positional
 
-from serpent_twin import cli
+from serpent_twin import cli, next_step
 from serpent_twin.errors import SerpentError
 from serpent_twin.log.check import examine
 from serpent_twin.log.parquet import read_session, session_files
@@ -31,6 +31,7 @@ def recover_command(path: Positional[Path]) -> None:
         print(f"{session.path}: {len(session)} rows recovered, {dropped} damaged bytes dropped")
     if not recovered:
         print(f"{path}: nothing to recover")
+    next_step.say(next_step.after_recovery(path))
 
 
 def info_command(path: Positional[Path]) -> None:
@@ -51,6 +52,7 @@ def info_command(path: Positional[Path]) -> None:
             print(f"    {key}: {_short(session.metadata[key])}")
     for journal in sorted(path.glob("*.journal")) if path.is_dir() else []:
         print(f"  {journal.name}: a recording that is under way or cut off; see `recover`")
+    next_step.say(next_step.after_look(path))
 
 
 def check_command(path: Positional[Path]) -> None:
@@ -67,6 +69,7 @@ def check_command(path: Positional[Path]) -> None:
     if spoiled:
         share = f"{len(spoiled)} of {len(files)} sessions"
         raise SerpentError(f"{path}: {share} cannot be trusted: {', '.join(spoiled)}.")
+    next_step.say(next_step.after_look(path))
 
 
 def _short(value: object) -> str:

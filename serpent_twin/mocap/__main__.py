@@ -2,7 +2,7 @@
 
 import tyro
 
-from serpent_twin import cli
+from serpent_twin import cli, next_step
 from serpent_twin.mocap.merge import HEADING, Merge, merge
 from serpent_twin.mocap.straight import Straight, measure
 
@@ -12,6 +12,7 @@ def merge_command(config: Merge) -> None:  # noqa: D103 tyro would print it abov
     print(HEADING)
     for _, line in merge(config):
         print(line, flush=True)
+    next_step.say(next_step.after_logs(config.folder, config.folder.parent))
 
 
 @tyro.conf.configure(tyro.conf.OmitArgPrefixes)
@@ -22,6 +23,7 @@ def frame_command(config: Straight) -> None:  # noqa: D103 tyro would print it a
     for n, (label, size) in enumerate(zip(labels, millimetres, strict=True), 1):
         print(f"marker {n} ({label}): {size:.2f} mm from its place")
     print(f"{config.out}: base frame from 9 markers, residual {1e3 * rigid.residual:.2f} mm rms")
+    next_step.say(next_step.after_frame(config.out, config.natnet))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from serpent_twin import design
-from serpent_twin.design import Design
+from serpent_twin.design import NOMINAL_DESIGN, Design
 from serpent_twin.log import Session
 from serpent_twin.provenance import file_hash
 from serpent_twin.readout import available
@@ -29,6 +29,11 @@ class KnownTwin:
     """The file that it came from, if it did"""
     fitted_to: tuple[str, ...] = ()
     """Names of test sessions that the design was fitted to"""
+
+    @property
+    def settled(self) -> bool:
+        """Whether a trace of the logs could tell no more: the twin was given, or is not the nominal one."""
+        return self.path is not None or self.design not in (None, NOMINAL_DESIGN)
 
     def readouts(self) -> list[str]:
         """Names of the readouts that are trained unless others are asked for."""
@@ -89,8 +94,7 @@ def _different(sessions: Sequence[Session]) -> list[Mapping[str, Any]]:
 
 def _fitted(twin: Mapping[str, Any]) -> set[str]:
     """Hashes of the logs that a twin.json says it was fitted to: all but the last ones, or those named."""
-    origin = twin.get("provenance")
-    origin = origin if isinstance(origin, dict) else {}
+    origin = twin.get("provenance", {})
     inputs, judging = origin.get("input_sha256"), origin.get("held_out")
     if not isinstance(inputs, dict):
         return set()

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 from tqdm import tqdm
 
+from serpent_twin import next_step
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
@@ -178,7 +179,9 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def main(config: Sweep) -> None:  # noqa: D103 tyro would print it above the config's own
-    points = sweep(config)["points"]
+    table = sweep(config)
+    points = table["points"]
     failed = sum(1 for point in points if point["failed"])
     note = f", {failed} of them in part, as their files say" if failed else ""
     print(f"{len(points)} points{note}. {config.out / 'table.json'}: the table.")
+    next_step.say(next_step.after_sweep(config, table))

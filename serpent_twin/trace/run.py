@@ -12,7 +12,7 @@ import numpy as np
 from tqdm import tqdm
 from tyro.conf import arg
 
-from serpent_twin import rigs
+from serpent_twin import next_step, rigs
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
@@ -63,6 +63,11 @@ class Trace:
 
 def trace(config: Trace) -> dict[str, Any]:
     """Trace a folder of logs; returns what diagnosis.json holds."""
+    return trace_sessions(config, *planned(config))[1]
+
+
+def planned(config: Trace) -> tuple[rigs.Rig, Sequence[Any], Sequence[Any]]:
+    """The machine, the sessions to fit to and those that judge, of a config that can be traced."""
     if config.seed < 0:
         raise SerpentError(f"--seed is {config.seed}; give a number of at least 0.")
     if config.twins < 0:
@@ -70,8 +75,7 @@ def trace(config: Trace) -> dict[str, Any]:
     if config.sessions < 0:
         raise SerpentError(f"--sessions is {config.sessions}; give how many to use, or 0 for all.")
     rig = rigs.find(config.rig)
-    training, judging = _split(config, rig.read(config.logs)[: config.sessions or None])
-    return trace_sessions(config, rig, training, judging)[1]
+    return rig, *_split(config, rig.read(config.logs)[: config.sessions or None])
 
 
 def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]]:
@@ -197,3 +201,4 @@ def _finite(numbers: Any) -> Any:
 
 def main(config: Trace) -> None:  # noqa: D103 tyro would print it above the config's own
     trace(config)
+    next_step.say(next_step.after_trace(config))

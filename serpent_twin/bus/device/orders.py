@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from typing import TextIO
 
+from serpent_twin import next_step
 from serpent_twin.bus.device.terminal import Terminal
 
 
@@ -15,6 +16,7 @@ class Orders:
         self._fileno = _descriptor(source)
         self._sink = sink
         self._pending = b""
+        self._new = True  # nobody has been told of the port yet
 
     def fileno(self) -> int:
         """What to `select` on; negative when nobody can order anything any more."""
@@ -40,6 +42,9 @@ class Orders:
         if terminal.link is not None:
             self._say(f"link: {terminal.link}")
         self._say(f"port: {terminal.port}")
+        if self._new:
+            self._new = False
+            self._say(next_step.line(next_step.after_device(str(terminal.link or terminal.port))))
 
     def _say(self, line: str) -> None:
         print(line, file=self._sink, flush=True)

@@ -79,13 +79,7 @@ class Pieces:
 
 def cut(sessions: Sequence[Session], offset: Array) -> Pieces:
     """All whole segments of sessions without gaps in time, the last of each ending with its session."""
-    rows = max(8, round(SEGMENT * sessions[0].rate_hz))
-    starts = {s.name: segment_starts(s.time, rows) for s in sessions}
-    parts = [(s, at) for s in sessions for at in starts[s.name]]
-    if not parts:
-        raise SerpentError(
-            f"no session has {SEGMENT:g} s without a gap in time. Record longer sessions."
-        )
+    rows, parts = segments(sessions)
     earlier = {s.name: s.earlier for s in sessions}
     runs = {s.name: _run(s, offset) for s in sessions}
 
@@ -106,6 +100,17 @@ def cut(sessions: Sequence[Session], offset: Array) -> Pieces:
         earlier=np.array([earlier[s.name] for s, _ in parts]),
         run=runs,
     )
+
+
+def segments(sessions: Sequence[Session]) -> tuple[int, list[tuple[Session, int]]]:
+    """Rows of a segment, and where each begins; raises a `SerpentError` if there is none."""
+    rows = max(8, round(SEGMENT * sessions[0].rate_hz))
+    parts = [(s, at) for s in sessions for at in segment_starts(s.time, rows)]
+    if not parts:
+        raise SerpentError(
+            f"no session has {SEGMENT:g} s without a gap in time. Record longer sessions."
+        )
+    return rows, parts
 
 
 def camera_noise(pieces: Pieces) -> float:

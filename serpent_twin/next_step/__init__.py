@@ -1,0 +1,38 @@
+"""What is to be typed when a command has ended?
+
+Each function names the command that README's path has next, with the paths of the run that has ended, and
+asks that command's own checks first: a step that would be refused is not printed.
+"""
+
+from serpent_twin.next_step.of_logs import (
+    after_estimate,
+    after_logs,
+    after_look,
+    after_recovery,
+    after_replay,
+    after_sweep,
+    after_trace,
+    after_training,
+    without_observer,
+)
+from serpent_twin.next_step.of_motors import after_device, after_doctor, after_frame, after_zero
+from serpent_twin.next_step.words import Words, line, say
+
+__all__ = [
+    "Words",
+    "after_device",
+    "after_doctor",
+    "after_estimate",
+    "after_frame",
+    "after_logs",
+    "after_look",
+    "after_recovery",
+    "after_replay",
+    "after_sweep",
+    "after_trace",
+    "after_training",
+    "after_zero",
+    "line",
+    "say",
+    "without_observer",
+]

@@ -1,0 +1,192 @@
+"""What is typed after logs were written, readouts trained, a trace made, an arm followed?"""
+
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from serpent_twin import log
+from serpent_twin.next_step.words import Words, allowed, at_rate, flags, named_after, typed, unused
+from serpent_twin.parameters import NOMINAL, Parameters
+from serpent_twin.provenance import file_hash
+
+if TYPE_CHECKING:  # each command imports this module, which imports the others where it asks them
+    from serpent_twin.estimate import Estimate
+    from serpent_twin.sweep.run import Sweep
+    from serpent_twin.trace import Trace
+    from serpent_twin.train import Plan
+
+
+def after_logs(folder: Path, beside: Path) -> Words | None:
+    """After session logs were written or looked at: train on them; on too few, replay one."""
+    from serpent_twin.train import Train, planned
+
+    files = log.session_files(folder)
+    if not files:
+        return None
+    out, twin = named_after(beside, folder, "logs", "readouts"), _twin_file(files[0])
+    if allowed(lambda: planned(Train(folder, out, twin=twin))):
+        given = ["--twin", str(twin)] if twin else []
+        return ["serpent_twin.train", "--logs", str(folder), *given, "--out", str(out)]
+    return replay(files[0], beside)
+
+
+def after_look(path: Path) -> Words | None:
+    """After a look at a folder of session logs or at one: as after they were written, here."""
+    return after_logs(path, Path()) if path.is_dir() else replay(path, Path())
+
+
+def after_recovery(path: Path) -> Words | None:
+    """After recordings were recovered: look at what is there."""
+    folder = path if path.is_dir() else path.parent
+    if not log.session_files(folder) or not allowed(lambda: log.read_folder(folder)):
+        return None
+    return ["serpent_twin.log", "info", str(folder)]
+
+
+def after_training(plan: "Plan", scores: Mapping[str, Any]) -> Words | None:
+    """After training: trace an arm whose twin nobody has fitted, else follow it by the best readout."""
+    if not plan.twin.settled and not plan.adaptation and (step := trace(plan)):
+        return step
+    return estimate(plan, scores)
+
+
+def without_observer(plan: "Plan") -> str:
+    """Why the observer was not trained, and what trains it."""
+    why = (
+        "The observer, which simulates the arm, was not trained: the twin of this arm is not known."
+    )
+    tracing = trace(plan)
+    if not tracing:
+        return f"{why} Give it with --twin."
+    out = unused(plan.config.out.with_name(f"{plan.config.out.name}_with_twin"))
+    twin = ["--twin", str(Path(tracing[-1]) / "twin.json")]
+    again = ["serpent_twin.train", "--logs", str(plan.config.logs), *twin, "--out", str(out)]
+    return f"{why} To train it: {typed(tracing)}, then {typed(again)}"
+
+
+def trace(plan: "Plan") -> Words | None:
+    """Trace the logs that were trained on, if they can be."""
+    from serpent_twin.rigs.arm.pieces import segments
+    from serpent_twin.trace.run import Trace, planned
+
+    logs, out = plan.config.logs, plan.config.out
+    where = named_after(out.parent, logs, "logs", "trace")
+    if not allowed(lambda: [segments(part) for part in planned(Trace(logs, where))[1:]]):
+        return None
+    return ["serpent_twin.trace", "--logs", str(logs), "--out", str(where)]
+
+
+def estimate(plan: "Plan", scores: Mapping[str, Any]) -> Words | None:
+    """Follow the arm by the readout of the least error that can."""
+    from serpent_twin.estimate import Estimate, planned
+
+    out = plan.config.out
+    where, rate = unused(out.parent / "live"), plan.sessions.test[0].rate_hz
+    for model in _best_first(out, scores):
+        if allowed(lambda m=model: planned(Estimate(m, where, rate_hz=rate))):
+            return [
+                "serpent_twin.estimate",
+                "--model",
+                str(model),
+                *at_rate(rate),
+                "--out",
+                str(where),
+            ]
+    return None
+
+
+def after_trace(config: "Trace") -> Words | None:
+    """After a trace of the arm: collect from the corrected twin, at the logs' rate."""
+    from serpent_twin.collect import Collect, check
+
+    if config.rig != "arm":
+        return None
+    twin, out = (
+        config.out / "twin.json",
+        named_after(config.out.parent, config.out, "trace", "corrected"),
+    )
+    rate = log.read_session(log.session_files(config.logs)[0]).rate_hz
+    if not allowed(lambda: check(Collect(out, twin=twin, rate_hz=rate))):
+        return None
+    return ["serpent_twin.collect", "--twin", str(twin), *at_rate(rate), "--out", str(out)]
+
+
+def after_sweep(config: "Sweep", table: Mapping[str, Any]) -> Words | None:
+    """After a sweep: sessions of its softest arm, which readouts can be trained on."""
+    from serpent_twin.collect import Collect, check
+
+    stiffness = "strand_stiffness"
+    arms = [each for each in table["points"] if stiffness in each["arm"] and not each["failed"]]
+    if not arms:
+        return None
+    softest = min(arms, key=lambda each: each["arm"][stiffness])
+    arm, rate = Parameters(**softest["arm"]), softest["point"]["command_rate_hz"]
+    out = unused(config.out.parent / "softest")
+    if not allowed(lambda: check(Collect(out, rate_hz=rate, parameters=arm))):
+        return None
+    changed = flags(arm, NOMINAL)
+    return ["serpent_twin.collect", *changed, *at_rate(rate), "--out", str(out)]
+
+
+def after_estimate(config: "Estimate") -> Words | None:
+    """After a live run: replay its log, the readout's estimates beside the measurement."""
+    session, twin = config.out / "session_01.parquet", config.twin or config.simulate
+    return replay(session, config.out.parent, config.model, twin)
+
+
+def replay(
+    session: Path, beside: Path, model: Path | None = None, twin: Path | None = None
+) -> Words | None:
+    """Replay a session, with readout and twin where these fit it."""
+    from serpent_twin import readout
+    from serpent_twin.readout.windows import cut
+    from serpent_twin.replay import corrected_twin
+
+    def read() -> log.Session:
+        seen = log.read_session(session)
+        log.refuse_damaged([seen])
+        return seen
+
+    def estimated() -> None:
+        assert model is not None
+        trained, seen = readout.load(model), read()
+        trained.require_rate(seen.rate_hz)
+        cut([seen], trained.window, drop=0)
+
+    if not allowed(read):
+        return None
+    words = ["serpent_twin.replay", str(session)]
+    if model and allowed(estimated):
+        words += ["--readout", str(model)]
+    if twin and twin.suffix == ".json" and allowed(lambda: corrected_twin(twin, read())):
+        words += ["--twin", str(twin)]
+    name = f"{session.parent.name}_{session.stem}.rrd".lstrip("_")
+    return [*words, "--out", str(unused(beside / name))]
+
+
+def after_replay(recording: Path) -> Words:
+    """After a recording was made: look at it; in a browser where there is no display."""
+    shown = sys.platform != "linux" or {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys()
+    return ["rerun", *([] if shown else ["--serve-web"]), str(recording)]
+
+
+def _twin_file(session: Path) -> Path | None:
+    """The twin.json that a session was collected from, if it is still there."""
+    twin = log.read_session(session).metadata.get("twin")
+    if not isinstance(twin, dict):
+        return None
+    path = Path(str(twin.get("path")))
+    there = path.suffix == ".json" and path.is_file()
+    return path if there and file_hash(path) == twin.get("sha256") else None
+
+
+def _best_first(out: Path, scores: Mapping[str, Any]) -> list[Path]:
+    """Trained readouts, those of the least error first; if an arm was adapted to, by their errors on it."""
+    errors = {out / "models" / n: each["mean_mm"] for n, each in scores["readouts"].items()}
+    for name, of in (scores.get("adapt") or {"windows": {}})["windows"].items():
+        for count, each in of.items():
+            place = out / "models" / name if count == "0" else out / "adapted" / count / name
+            errors[place] = each["mean_mm"]
+    return sorted(errors, key=lambda place: errors[place])

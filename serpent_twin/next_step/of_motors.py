@@ -1,0 +1,63 @@
+"""What is typed once motors or cameras were found?"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from serpent_twin.next_step.words import Words, allowed, flags, unused
+
+if TYPE_CHECKING:  # each command imports this module, which imports the others where it asks them
+    from serpent_twin.bus.dynamixel.setup import ArmSetup
+    from serpent_twin.collect import Real
+    from serpent_twin.mocap.natnet.live import NatNet
+
+
+def after_device(port: str) -> Words:
+    """Once the simulated motors are there: examine them, with a setup of their own."""
+    setup = unused(Path("sim.toml"))
+    return ["serpent_twin.bus.doctor", "--port", port, "--setup", str(setup)]
+
+
+def after_doctor(setup: "ArmSetup", where: Path) -> Words | None:
+    """After nothing was found against a run: set the straight pose if nobody did, else a short session."""
+    from serpent_twin.bus.dynamixel.setup import is_pseudo_terminal
+    from serpent_twin.collect import Real
+
+    arm = ["--port", setup.port, *_setup(where)]
+    if not setup.zero and not is_pseudo_terminal(setup.port):
+        return ["serpent_twin.bus.zero", *arm]
+    return first_run(Real(setup.port, where), arm)
+
+
+def after_zero(where: Path) -> Words | None:
+    """After the straight pose was set: a short session."""
+    from serpent_twin.collect import Real
+
+    return first_run(Real(setup=where), _setup(where))
+
+
+def after_frame(out: Path, natnet: "NatNet") -> Words:
+    """After the base frame was found: a short session with cameras, or the setup of the arm first."""
+    from serpent_twin.collect import Real
+
+    frame = ["--frame", str(out)] if out != Real().frame else []
+    cameras = ["--mocap", "natnet", *flags(natnet, type(natnet)()), *frame]
+    step = first_run(Real(mocap="natnet", natnet=natnet, frame=out), cameras)
+    return step or ["serpent_twin.bus.doctor", "--help"]
+
+
+def first_run(real: "Real", options: Words) -> Words | None:
+    """Ten seconds of the real arm, or of what stands for it."""
+    from serpent_twin.collect import Collect, check
+
+    out = unused(Path("first_run"))
+    config = Collect(out, backend="real", sessions=1, steps=40, real=real)
+    if not allowed(lambda: check(config)):
+        return None
+    few = ["--out", str(out), "--sessions", "1", "--steps", "40"]
+    return ["serpent_twin.collect", "--backend", "real", *options, *few]
+
+
+def _setup(path: Path) -> Words:
+    from serpent_twin.collect import Real
+
+    return ["--setup", str(path)] if path != Real().setup else []
