@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import fields, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -153,41 +152,6 @@ def test_nothing_of_validation_and_test_leaks_into_the_scales(name, data, fitted
 def test_an_unknown_readout_is_answered_with_those_that_exist():
     with pytest.raises(SerpentError, match=r"'lstn'; there are analytical, linear.*mean lstm\?"):
         find("lstn")
-
-
-@pytest.mark.parametrize(
-    ("damage", "told"),
-    [
-        (
-            lambda folder: (folder / "learned.npz").write_bytes(b"PK torn"),
-            "learned.npz is missing or",
-        ),
-        (lambda folder: (folder / "learned.npz").unlink(), "learned.npz is missing or"),
-        (lambda folder: (folder / "readout.json").write_text("{"), "readout.json is damaged"),
-        (lambda folder: (folder / "readout.json").unlink(), "holds no trained readout"),
-        (lambda folder: edit(folder, format_version=99), "format version 99"),
-        (lambda folder: edit(folder, input_size=98), "takes 98 numbers per window"),
-        (lambda folder: edit(folder, config={"depth": 3}), "settings that linear does not know"),
-        (lambda folder: edit(folder, name="gone"), "no readout 'gone'"),
-    ],
-)
-def test_a_damaged_or_foreign_readout_is_named(damage, told, fitted, tmp_path):
-    fitted["linear"].save(tmp_path)
-    damage(tmp_path)
-    with pytest.raises(SerpentError, match=told):
-        load(tmp_path)
-
-
-def edit(folder: Path, **changes: object) -> None:
-    path = folder / "readout.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
-
-
-def test_pickled_arrays_are_refused(fitted, tmp_path):
-    fitted["linear"].save(tmp_path)
-    np.savez(tmp_path / "learned.npz", slope=np.array([{}], dtype=object))
-    with pytest.raises(SerpentError, match="missing or damaged"):
-        load(tmp_path)
 
 
 def test_stiff_cables_make_the_analytical_pose_exact():

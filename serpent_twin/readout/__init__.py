@@ -14,8 +14,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
-from zipfile import BadZipFile
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -24,13 +23,22 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.readout.belief import Belief, covariance_of
 from serpent_twin.readout.live import Live, LiveWindows
+from serpent_twin.readout.saved import (
+    ABOUT,
+    FORMAT_VERSION,
+    LEARNED,
+    About,
+    Epoch,
+    Wanted,
+    configured,
+    read_about,
+    read_learned,
+)
 from serpent_twin.readout.windows import SessionWindows, Source, Start, Windows, input_size
+from serpent_twin.stored import naming, within
 
 if TYPE_CHECKING:
     from serpent_twin.design import Design
-
-FORMAT_VERSION = 1
-"""Version of the files of a saved readout."""
 
 Progress = Callable[[int, int, float], None]
 """Called with epochs done, epochs at most, validation loss."""
@@ -38,20 +46,6 @@ Progress = Callable[[int, int, float], None]
 
 def _unknown() -> Array:
     return np.full((N_JOINTS, 3, 3), np.nan)
-
-
-@dataclass(frozen=True)
-class Epoch:
-    """One pass over the training windows."""
-
-    train_loss: float
-    """What training lessens, in the readout's own scale, during the pass"""
-    validation_loss: float
-    """The same over the validation sessions, after the pass"""
-    rate: float
-    """Learning rate at the end of the pass"""
-    seconds: float
-    """Wall time of the pass [s]"""
 
 
 @dataclass
@@ -63,7 +57,7 @@ class Readout(ABC):
     about: ClassVar[str]
     """What it is, for the reader of a table"""
 
-    window: int = 4
+    window: Annotated[int, within(1, 1000, "rows")] = 4
     """Rows of the log in one window, H"""
     learned: dict[str, Array] = field(default_factory=dict, init=False, repr=False)
     """What `fit` found, by name"""
@@ -133,6 +127,10 @@ class Readout(ABC):
     def _estimate(self, x: Array, start: Start | None) -> Array:
         """Marker positions [m], (N, 27) or (N, 9, 3)."""
 
+    def wanted(self) -> Wanted:
+        """What `learned` holds once it is fitted with these settings."""
+        return {}
+
     def config(self) -> dict[str, Any]:
         """The settings that make this readout, JSON-ready."""
         mine = asdict(self)
@@ -142,7 +140,7 @@ class Readout(ABC):
         """Write `readout.json` and `learned.npz` into the folder; the JSON last, it makes it whole."""
         folder.mkdir(parents=True, exist_ok=True)
         arrays: dict[str, Any] = self.learned
-        np.savez(folder / "learned.npz", allow_pickle=False, **arrays)
+        np.savez(folder / LEARNED, allow_pickle=False, **arrays)
         about = {
             "format_version": FORMAT_VERSION,
             "name": self.name,
@@ -154,7 +152,7 @@ class Readout(ABC):
             "stopped_after_epochs": self.stopped_after,
             "history": [asdict(epoch) for epoch in self.history],
         }
-        write_whole(folder / "readout.json", json.dumps(about, indent=1) + "\n")
+        write_whole(folder / ABOUT, json.dumps(about, indent=1) + "\n")
 
     def require_rate(self, rate_hz: float) -> None:
         """Refuse logs whose rows are not as far apart as those it was trained on."""
@@ -234,60 +232,26 @@ def kind_of(name: str) -> type[Readout]:
 
 def load(folder: Path, window: int | None = None) -> Readout:
     """A readout saved by `Readout.save`; with `window`, one for windows of that many rows."""
-    about = _read_about(folder)
-    if about.get("format_version") != FORMAT_VERSION:
-        raise SerpentError(
-            f"{folder} holds a readout of format version {about.get('format_version')}, this program "
-            f"reads version {FORMAT_VERSION}. Train it again."
-        )
-    kind = kind_of(about["name"])
-    try:
-        readout = kind(**about["config"])
-    except TypeError as error:
-        raise SerpentError(
-            f"{folder / 'readout.json'} holds settings that {about['name']} does not know ({error}). "
-            "Train it again."
-        ) from None
+    about = read_about(folder)
+    with naming(str(folder / ABOUT)):
+        readout = configured(kind_of(about.name), about.config)
+        wanted = readout.wanted()
     _require_window(readout, about, folder, window)
-    readout.learned = _read_learned(folder / "learned.npz")
-    readout.rate_hz = about.get("rate_hz")
-    readout.covariance = np.array(about.get("covariance_m2", _unknown()))
-    readout.trained_on = tuple(Source(**each) for each in about.get("trained_on", ()))
-    readout.stopped_after = about.get("stopped_after_epochs")
-    readout.history = [Epoch(**epoch) for epoch in about["history"]]
+    readout.learned = read_learned(folder, wanted)
+    readout.rate_hz, readout.covariance = about.rate_hz, about.covariance
+    readout.trained_on, readout.stopped_after = about.trained_on, about.stopped_after_epochs
+    readout.history = about.history
     return readout
 
 
-def _require_window(readout: Readout, about: dict, folder: Path, window: int | None) -> None:
+def _require_window(readout: Readout, about: About, folder: Path, window: int | None) -> None:
     if window is not None and window != readout.window:
         raise SerpentError(
             f"{folder} was trained for windows of {readout.window} rows, asked for were {window}. "
             f"Use --window {readout.window} or train for {window}."
         )
-    if about["input_size"] != input_size(readout.window):
+    if about.input_size != input_size(readout.window):
         raise SerpentError(
-            f"{folder} takes {about['input_size']} numbers per window, this program gives "
+            f"{folder} takes {about.input_size} numbers per window, this program gives "
             f"{input_size(readout.window)} for {readout.window} rows. Train it again."
         )
-
-
-def _read_about(folder: Path) -> dict[str, Any]:
-    path = folder / "readout.json"
-    try:
-        about = json.loads(path.read_text())
-        return about | {key: about[key] for key in ("name", "config", "input_size", "history")}
-    except FileNotFoundError:
-        raise SerpentError(
-            f"{folder} holds no trained readout (no readout.json). Give a folder like OUT/models/mlp "
-            "that `python -m serpent_twin.train` wrote."
-        ) from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise SerpentError(f"{path} is damaged ({error}). Train the readout again.") from None
-
-
-def _read_learned(path: Path) -> dict[str, Array]:
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-    except (OSError, ValueError, BadZipFile, EOFError) as error:
-        raise SerpentError(f"{path} is missing or damaged ({error}). Train it again.") from None

@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,19 @@ from serpent_twin.readout.analytical import stiff_pose
 from serpent_twin.readout.belief import Belief, covariance_of, growth, root_of
 from serpent_twin.readout.linear import Block, normal_equations, solve, with_one
 from serpent_twin.readout.live import Live, Reading, RecentWindow
+from serpent_twin.readout.saved import (
+    Penalty,
+    Wanted,
+    configured,
+    covariances,
+    divisors,
+    inside,
+    numbers,
+)
 from serpent_twin.readout.scale import Scale, spread_of
 from serpent_twin.readout.score import distances
-from serpent_twin.readout.windows import STATE, SessionWindows, Start, Windows
+from serpent_twin.readout.windows import COMMAND, STATE, SessionWindows, Start, Windows
+from serpent_twin.stored import many, naming, within
 
 if TYPE_CHECKING:
     from serpent_twin.design import Design
@@ -47,9 +57,9 @@ class Adapted(Readout):
     """Name of the readout that is corrected"""
     settings: dict[str, Any] = field(kw_only=True)
     """Its settings"""
-    penalties: tuple[float, ...] = tuple(10.0**k for k in range(-6, 3))
+    penalties: Annotated[tuple[Penalty, ...], many(1, 100)] = tuple(10.0**k for k in range(-6, 3))
     """Penalties per window to choose from"""
-    blocks: int = BLOCKS
+    blocks: Annotated[int, within(2, 1000)] = BLOCKS
     """Blocks of consecutive windows, each of which judges once"""
 
     @classmethod
@@ -62,7 +72,7 @@ class Adapted(Readout):
     @cached_property
     def trained(self) -> Readout:
         """The readout that is corrected, as it was trained."""
-        base = kind_of(self.base)(**self.settings)
+        base = self._untrained()
         base.learned = part(self.learned, "base")
         base.covariance = self.learned["base_covariance"]
         rate = float(self.learned["base_rate_hz"])
@@ -73,6 +83,34 @@ class Adapted(Readout):
     def own_twin(self) -> "Design | None":
         """That of the readout that is corrected, if it has one."""
         return self.trained.own_twin
+
+    def wanted(self) -> Wanted:
+        """What the base has learned, and the correction with what it scales features by."""
+        count = self._feature_count
+        base = inside("base", self._untrained().wanted()) | {
+            "base_covariance": covariances(N_JOINTS, unknown=True),
+            "base_rate_hz": numbers(low=0.0, unknown=True),
+        }
+        return base | {
+            "turn": divisors(self.window - 1, N_JOINTS),
+            "middle": numbers(count),
+            "half": divisors(count),
+            "weight": numbers(count + 1, 27),
+            "penalty": numbers(2, low=0.0),
+            "spread": covariances(N_JOINTS),
+            "covariance": covariances(N_JOINTS),
+        }
+
+    def _untrained(self) -> Readout:
+        """The readout that is corrected, without what it has learned."""
+        with naming("config.base"):
+            kind = kind_of(self.base)
+        return configured(kind, self.settings, ("config", "settings"))
+
+    @property
+    def _feature_count(self) -> int:
+        """Columns of `_features`: a state, H − 1 changes, directions and commands, and a pose."""
+        return STATE + (self.window - 1) * (STATE + N_JOINTS + COMMAND) + 27
 
     def follow(self, session: SessionWindows) -> Belief:
         """Markers of all windows of a session, and how sure that is."""

@@ -8,8 +8,10 @@ import numpy as np
 from serpent_twin.arm import ARM, N_JOINTS, Array, joint_from_motor, markers
 from serpent_twin.readout.linear import ridge_weights, with_one
 from serpent_twin.readout.network import forward
+from serpent_twin.readout.network.regression import Regression
 from serpent_twin.readout.residual import pose_features
 from serpent_twin.readout.residual_mlp import ResidualMlp
+from serpent_twin.readout.saved import Penalty, Wanted, layer_weights, numbers
 from serpent_twin.readout.scale import spread_of
 from serpent_twin.readout.windows import Windows, motor_angles
 
@@ -28,8 +30,18 @@ class Decoder(ResidualMlp):
     name: ClassVar[str] = "decoder"
     about: ClassVar[str] = "ours: network → joint angles → forward kinematics"
 
-    ridge: float = 1e-7
+    ridge: Penalty = 1e-7
     """Penalty of the ridge per window"""
+
+    def wanted(self) -> Wanted:
+        """The scales, the ridge of the joint angles, the network and the markers' places."""
+        return Regression.wanted(self)
+
+    def _weights(self) -> Wanted:
+        count = self._feature_count
+        joints = {"joint_weight": numbers(count + 1, N_JOINTS), "joint_half": numbers(N_JOINTS)}
+        network = layer_weights([count, *[self.width] * self.layers, N_JOINTS + 27])
+        return joints | network | {"place": numbers(N_JOINTS, 3)}
 
     def _prepare(self, train: Windows, validate: Windows, rng: np.random.Generator) -> None:
         features = spread_of(pose_features(train.x))

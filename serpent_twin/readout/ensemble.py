@@ -2,13 +2,15 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.readout import Progress, Readout, find, part
+from serpent_twin.readout.saved import Rounds, Wanted, inside
 from serpent_twin.readout.windows import Start, Windows
+from serpent_twin.stored import many
 
 
 @dataclass
@@ -18,10 +20,17 @@ class Ensemble(Readout):
     name: ClassVar[str] = "ensemble"
     about: ClassVar[str] = "ours: mean of three of our networks"
 
-    members: tuple[str, ...] = ("residual_mlp", "decoder", "decoder")
+    members: Annotated[tuple[str, ...], many(1, 20)] = ("residual_mlp", "decoder", "decoder")
     """Names of the readouts"""
-    epochs: int | None = None
+    epochs: Rounds | None = None
     """Passes of each member; by default its own"""
+
+    def wanted(self) -> Wanted:
+        """What each member has learned, under its number."""
+        wanted: Wanted = {}
+        for k, member in enumerate(self._untrained()):
+            wanted |= inside(str(k), member.wanted())
+        return wanted
 
     def _learn(
         self, train: Windows, validate: Windows, rng: np.random.Generator, progress: Progress

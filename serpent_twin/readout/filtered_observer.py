@@ -1,7 +1,7 @@
 """How much do the measured loads tell the twin that its motors' angles do not?"""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -9,7 +9,11 @@ from serpent_twin.arm import Array
 from serpent_twin.readout import Progress
 from serpent_twin.readout.live import Reading
 from serpent_twin.readout.observer import TURNING, LiveObserver, Observer
+from serpent_twin.readout.saved import Wanted, numbers
 from serpent_twin.readout.windows import Windows
+from serpent_twin.stored import many, within
+
+_Scatter = Annotated[float, within(0.0, 1.0, "rad")]
 
 
 @dataclass
@@ -24,10 +28,21 @@ class FilteredObserver(Observer):
     name: ClassVar[str] = "filtered_observer"
     about: ClassVar[str] = "ours: the observer, corrected by loads (ensemble Kalman filter)"
 
-    members: int = 24
+    members: Annotated[int, within(2, 1000)] = 24
     """Runs of the twin side by side"""
-    scatters: tuple[float, ...] = (0.0, 5e-4, 1e-3, 2e-3, 4e-3)
+    scatters: Annotated[tuple[_Scatter, ...], many(1, 100)] = (
+        0.0,
+        5e-4,
+        1e-3,
+        2e-3,
+        4e-3,
+    )
     """Of each joint in a control step, to choose from [rad]"""
+
+    def wanted(self) -> Wanted:
+        """The scatter that was chosen [rad], and the error with each that was tried [mm]."""
+        chosen = {"scatter": numbers(low=0.0), "tried_mm": numbers(len(self.scatters), low=0.0)}
+        return super().wanted() | chosen
 
     def live(self, earlier: float = 0.0) -> LiveObserver:
         """An estimator for one session of an arm that ran for so long before [s]."""

@@ -8,8 +8,9 @@ from scipy.linalg import cho_factor, cho_solve
 
 from serpent_twin.arm import Array
 from serpent_twin.readout import Epoch, Progress, Readout
+from serpent_twin.readout.saved import Penalty, Wanted, numbers
 from serpent_twin.readout.scale import Scale, scale_of
-from serpent_twin.readout.windows import Start, Windows
+from serpent_twin.readout.windows import Start, Windows, input_size
 
 
 @dataclass
@@ -19,8 +20,12 @@ class Linear(Readout):
     name: ClassVar[str] = "linear"
     about: ClassVar[str] = "published PRC-LIN: least squares on the window"
 
-    ridge: float = 1e-9
+    ridge: Penalty = 1e-9
     """Penalty on the weights per window; this small it only keeps the solution defined"""
+
+    def wanted(self) -> Wanted:
+        """One weight from each number of a window to each coordinate, and an offset."""
+        return {"slope": numbers(input_size(self.window), 27), "offset": numbers(27)}
 
     def _learn(
         self, train: Windows, validate: Windows, rng: np.random.Generator, progress: Progress

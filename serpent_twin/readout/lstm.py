@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, ClassVar
 from serpent_twin.arm import Array
 from serpent_twin.readout.mlp import Published
 from serpent_twin.readout.network import forward
-from serpent_twin.readout.windows import steps
+from serpent_twin.readout.saved import Rounds, Units, Wanted, numbers
+from serpent_twin.readout.windows import COMMAND, STATE, steps
 
 if TYPE_CHECKING:
     from torch import nn
@@ -19,13 +20,23 @@ class Lstm(Published):
     name: ClassVar[str] = "lstm"
     about: ClassVar[str] = "published LSTM: one layer of 512; at most 3,200 batches"
 
-    steps: int = 3200
+    steps: Rounds = 3200
     """Batches at which training ends if the rate has not become tiny before"""
-    width: int = 512
+    width: Units = 512
     """Units of the layer"""
 
     def _inputs(self, x: Array) -> Array:
         return steps(super()._inputs(x), self.window)
+
+    def _weights(self) -> Wanted:
+        gates, width = 4 * self.width, self.width
+        return {
+            "input.weight": numbers(gates, STATE + COMMAND),
+            "input.bias": numbers(gates),
+            "hidden.weight": numbers(gates, width),
+            "output.weight": numbers(27, width),
+            "output.bias": numbers(27),
+        }
 
     def _make(self, inputs: int) -> "nn.Module":
         from serpent_twin.readout.network.modules import Lstm as Network

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, ClassVar
 from serpent_twin.arm import Array
 from serpent_twin.readout.network import forward
 from serpent_twin.readout.network.regression import Regression
+from serpent_twin.readout.saved import Layers, Rounds, Units, Wanted, layer_weights
 
 if TYPE_CHECKING:
     from torch import nn
@@ -17,9 +18,9 @@ if TYPE_CHECKING:
 class Published(Regression):
     """A network trained by the published schedule, which may run long: it has no end of its own."""
 
-    steps: int = 5000
+    steps: Rounds = 5000
     """Batches at which training ends if the rate has not become tiny before"""
-    epochs: int | None = None
+    epochs: Rounds | None = None
     """Passes at which it ends; by default as many as make `steps`"""
 
     def _schedule(self, windows: int) -> "Plateau":
@@ -37,10 +38,13 @@ class Mlp(Published):
     name: ClassVar[str] = "mlp"
     about: ClassVar[str] = "published PRC-MLP: four layers of 512; at most 5,000 batches"
 
-    width: int = 512
+    width: Units = 512
     """Units in a hidden layer"""
-    layers: int = 4
+    layers: Layers = 4
     """Hidden layers"""
+
+    def _weights(self) -> Wanted:
+        return layer_weights([self._feature_count, *[self.width] * self.layers, 27])
 
     def _make(self, inputs: int) -> "nn.Module":
         from serpent_twin.readout.network.modules import Mlp as Network

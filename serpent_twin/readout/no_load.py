@@ -15,5 +15,9 @@ class NoLoad(Mlp):
     name: ClassVar[str] = "no_load"
     about: ClassVar[str] = "published No-load: the MLP without motor loads"
 
+    @property
+    def _feature_count(self) -> int:
+        return len(columns_without_loads(self.window))
+
     def _features(self, x: Array) -> Array:
         return x[:, columns_without_loads(self.window)]

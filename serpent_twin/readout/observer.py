@@ -16,6 +16,7 @@ from serpent_twin.pose import joints_from_markers, marker_jacobian
 from serpent_twin.readout import Progress, Readout
 from serpent_twin.readout.belief import Belief, covariance_of
 from serpent_twin.readout.live import Reading, readings
+from serpent_twin.readout.saved import Wanted, covariances, divisors, numbers
 from serpent_twin.readout.windows import SessionWindows, Start, Windows
 
 SETTLE = 2.0
@@ -40,6 +41,23 @@ class Observer(Readout):
 
     twin: Mapping[str, Any] = field(default_factory=lambda: design.to_dict(design.NOMINAL_DESIGN))
     """The design, as twin.json holds it; the nominal one unless told"""
+
+    def __post_init__(self) -> None:
+        self.twin = design.to_dict(design.from_dict(self.twin))
+
+    def wanted(self) -> Wanted:
+        """The servos' lag [s], covariances of joints [rad²] and markers [m²], the loads' rms error.
+
+        A marker that no validation session shows has no `scale`.
+        """
+        return {
+            "servo_lag": numbers(low=0.0),
+            "joint": covariances(size=N_JOINTS),
+            "rest": covariances(N_JOINTS),
+            "load": divisors(N_MOTORS),
+            "covariance": covariances(N_JOINTS),
+            "scale": numbers(N_JOINTS, 1, 1, low=0.0, unknown=True),
+        }
 
     def follow(self, session: SessionWindows) -> Belief:
         """Markers of all windows of a session, and how sure that is."""

@@ -1,7 +1,7 @@
 """How much of what stiff cables miss is linear?"""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -9,8 +9,15 @@ from serpent_twin.arm import Array
 from serpent_twin.readout import Epoch, Progress, Readout
 from serpent_twin.readout.analytical import stiff_pose
 from serpent_twin.readout.linear import normal_equations, solve, with_one
+from serpent_twin.readout.saved import Penalty, Wanted, numbers
 from serpent_twin.readout.scale import Scale, scale_of
-from serpent_twin.readout.windows import Start, Windows
+from serpent_twin.readout.windows import Start, Windows, input_size
+from serpent_twin.stored import many
+
+
+def pose_feature_count(window: int) -> int:
+    """Numbers that `pose_features` makes of a window of H rows."""
+    return input_size(window) + 27
 
 
 def pose_features(x: Array) -> Array:
@@ -25,8 +32,12 @@ class Residual(Readout):
     name: ClassVar[str] = "residual"
     about: ClassVar[str] = "ours: ridge on the residual of the stiff-cable pose"
 
-    ridges: tuple[float, ...] = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
+    ridges: Annotated[tuple[Penalty, ...], many(1, 100)] = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
     """Penalties per window to choose from by the validation sessions"""
+
+    def wanted(self) -> Wanted:
+        """One weight from each feature, and an offset last, to each coordinate."""
+        return {"weight": numbers(pose_feature_count(self.window) + 1, 27)}
 
     def _learn(
         self, train: Windows, validate: Windows, rng: np.random.Generator, progress: Progress

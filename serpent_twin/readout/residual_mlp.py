@@ -1,7 +1,7 @@
 """How much of what stiff cables miss can a network learn?"""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
@@ -9,9 +9,11 @@ from serpent_twin.arm import Array
 from serpent_twin.readout import part
 from serpent_twin.readout.network import forward
 from serpent_twin.readout.network.regression import Regression
-from serpent_twin.readout.residual import Residual, pose_features
+from serpent_twin.readout.residual import Residual, pose_feature_count, pose_features
+from serpent_twin.readout.saved import Layers, Penalty, Rounds, Units, Wanted, inside, layer_weights
 from serpent_twin.readout.scale import spread_of
 from serpent_twin.readout.windows import Windows
+from serpent_twin.stored import within
 
 if TYPE_CHECKING:
     from torch import nn
@@ -26,16 +28,27 @@ class ResidualMlp(Regression):
     name: ClassVar[str] = "residual_mlp"
     about: ClassVar[str] = "ours: network on what the residual ridge leaves"
 
-    width: int = 256
+    width: Units = 256
     """Units in a hidden layer"""
-    layers: int = 3
+    layers: Layers = 3
     """Hidden layers"""
-    epochs: int = 60
+    epochs: Rounds = 60
     """Passes over the training windows"""
-    rate: float = 1e-3
+    rate: Annotated[float, within(0.0, 100.0)] = 1e-3
     """Learning rate at the peak of the cycle"""
-    decay: float = 0.3
+    decay: Penalty = 0.3
     """Weight decay"""
+
+    def wanted(self) -> Wanted:
+        """The ridge, the scales and the network."""
+        return inside("ridge", Residual(self.window).wanted()) | super().wanted()
+
+    def _weights(self) -> Wanted:
+        return layer_weights([self._feature_count, *[self.width] * self.layers, 27])
+
+    @property
+    def _feature_count(self) -> int:
+        return pose_feature_count(self.window)
 
     def _prepare(self, train: Windows, validate: Windows, rng: np.random.Generator) -> None:
         ridge = Residual(self.window)

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from serpent_twin import effects
-from serpent_twin.arm import Array
+from serpent_twin.arm import N_MOTORS, Array
 from serpent_twin.design import Design
 from serpent_twin.driven import Sensed
 from serpent_twin.effects.effect import Effect, Range, ranges
@@ -16,7 +16,9 @@ from serpent_twin.readout import Progress
 from serpent_twin.readout.belief import Belief
 from serpent_twin.readout.live import Reading
 from serpent_twin.readout.observer import TURNING, LiveObserver, Observer
+from serpent_twin.readout.saved import Wanted, divisors, numbers
 from serpent_twin.readout.windows import Windows
+from serpent_twin.stored import many, within
 
 PRIOR = 1.0
 """Standard deviation of what nobody has told yet, in typical values of the parameter"""
@@ -28,6 +30,8 @@ FURTHEST = 5.0
 """How far it may be from what the twin has, in the same"""
 COST = 1.1
 """Times the least error on the validation sessions that following faster may cost"""
+
+_Caution = Annotated[float, within(1e-6, 1e9)]
 
 
 @dataclass
@@ -46,10 +50,21 @@ class WeighingObserver(Observer):
         "ours: the observer, its twin's payload followed by loads (extended Kalman filter)"
     )
 
-    unknown: tuple[str, ...] = ("payload",)
+    unknown: Annotated[tuple[str, ...], many(1, 20)] = ("payload",)
     """Effects whose parameters are followed: of masses and gravity, such as payload and base_tilt"""
-    cautions: tuple[float, ...] = (100.0, 30.0, 10.0, 3.0, 1.0)
+    cautions: Annotated[tuple[_Caution, ...], many(1, 100)] = (
+        100.0,
+        30.0,
+        10.0,
+        3.0,
+        1.0,
+    )
     """Times the loads' variance that is reckoned with, for it is no white noise; to choose from"""
+
+    def wanted(self) -> Wanted:
+        """The loads' noise, and the error with each caution [mm], none first."""
+        chosen = {"noise": divisors(N_MOTORS), "tried_mm": numbers(1 + len(self.cautions), low=0.0)}
+        return super().wanted() | chosen
 
     def live(self, earlier: float = 0.0) -> LiveObserver:
         """An estimator for one session of an arm that ran for so long before [s]."""

@@ -10,11 +10,13 @@ import json
 from pathlib import Path
 from typing import Any, TypeVar
 
+from serpent_twin.stored.arrays import Arrays, Numbers, read_arrays, require_arrays
 from serpent_twin.stored.form import (
     Form,
     above,
     bounded,
     many,
+    naming,
     require_fields,
     require_kind,
     take,
@@ -27,16 +29,21 @@ from serpent_twin.stored.words import names
 T = TypeVar("T")
 __all__ = [
     "MOST",
+    "Arrays",
     "Form",
+    "Numbers",
     "above",
     "bounded",
     "contents",
     "many",
     "names",
+    "naming",
     "parse_json",
+    "read_arrays",
     "read_json",
     "read_json_lines",
     "read_toml",
+    "require_arrays",
     "require_fields",
     "require_file",
     "require_kind",

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from functools import cache
 from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
@@ -36,17 +37,30 @@ def many(least: int, most: int | None = None) -> msgspec.Meta:
     return msgspec.Meta(min_length=least, max_length=least if most is None else most)
 
 
-def take(value: Any, form: type[T], where: str, advice: str = "") -> T:
-    """The value as what the form says; `where` names in errors what it is read from."""
+def take(value: Any, form: type[T], where: str, advice: str = "", at: Steps = ()) -> T:
+    """The value as what the form says; `where` names in errors what it is read from, and `at` the keys
+    there under which it lies.
+    """
     try:
-        problem = next(_keys_amiss(_node(form), value, ()), "")
+        problem = next(_keys_amiss(_node(form), value, at), "")
         if not problem:
             return msgspec.convert(value, form, strict=True)
     except msgspec.ValidationError as error:
-        problem = _problem(value, form, str(error))
+        problem = _problem(value, form, str(error), key_path(at))
     except SerpentError as error:
         problem = str(error)
-    raise SerpentError(f"{where}: {problem} {advice}".rstrip()) from None
+    raise SerpentError(f"{where + ': ' * bool(where)}{problem} {advice}".rstrip()) from None
+
+
+@contextmanager
+def naming(where: str) -> Iterator[None]:
+    """Let errors that do not begin with what is read begin with it."""
+    try:
+        yield
+    except SerpentError as error:
+        if str(error).startswith(where):
+            raise
+        raise SerpentError(f"{where}: {error}") from None
 
 
 def require_kind(values: Mapping[str, Any], kind: str, where: str, advice: str = "") -> None:
@@ -134,14 +148,15 @@ def _alternative(node: Any, value: Any) -> Any:
     return fitting[0] if fitting else node
 
 
-def _problem(value: Any, form: Any, message: str, name: str = "it") -> str:
+def _problem(value: Any, form: Any, message: str, name: str = "") -> str:
     """What msgspec refuses, in words: it says where, the value there and its type say the rest."""
     steps = _steps(value, form, message)
     node, at = _node(form), value
     for step in steps:
         node, at = _inside(node, at, step), _at(at, step)
-    where = key_path(steps) if name == "it" else name + key_path(steps)
-    return f"{where or name} is {found(at)}; it must be {_wanted(node)}."
+    inner = key_path(steps)
+    where = name + (f".{inner}" if name and inner and inner[0] != "[" else inner)
+    return f"{where or 'it'} is {found(at)}; it must be {_wanted(node)}."
 
 
 def _wanted(node: Any) -> str:

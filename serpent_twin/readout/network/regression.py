@@ -8,8 +8,9 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.readout import Progress, Readout
+from serpent_twin.readout.saved import Wanted, divisors, numbers
 from serpent_twin.readout.scale import Scale, scale_of
-from serpent_twin.readout.windows import Start, Windows
+from serpent_twin.readout.windows import Start, Windows, input_size
 
 if TYPE_CHECKING:
     from torch import nn
@@ -20,6 +21,21 @@ if TYPE_CHECKING:
 @dataclass
 class Regression(Readout):
     """A network from scaled features of a window to scaled markers, or to what a base pose lacks."""
+
+    def wanted(self) -> Wanted:
+        """Scales of features and markers, then the network's weights."""
+        count = self._feature_count
+        scales = {"x_middle": numbers(count), "x_half": divisors(count)}
+        return scales | {"y_middle": numbers(27), "y_half": divisors(27)} | self._weights()
+
+    @abstractmethod
+    def _weights(self) -> Wanted:
+        """The network's weights."""
+
+    @property
+    def _feature_count(self) -> int:
+        """Columns of `_features`."""
+        return input_size(self.window)
 
     @abstractmethod
     def _make(self, inputs: int) -> "nn.Module":
