@@ -21,6 +21,7 @@ from serpent_twin.design import Design
 from serpent_twin.errors import SerpentError
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import file_hash
+from serpent_twin.readout.belief import require_finite
 from serpent_twin.readout.windows import cut
 from serpent_twin.recording import Estimate
 from serpent_twin.twin import replay_motors
@@ -70,7 +71,9 @@ def estimate(session: log.Session, folder: Path) -> Estimate:
     trained.require_rate(session.rate_hz)
     seen = cut([session], trained.window, drop=0).sessions[0]
     row = np.arange(len(session) - len(seen.x), len(session))
-    return Estimate(trained.name, row, trained.follow(seen).marker)
+    belief = trained.follow(seen)
+    require_finite(belief, trained.name, f"in {session.path or session.name}")
+    return Estimate(trained.name, row, belief.marker)
 
 
 def corrected_twin(path: Path, seen: log.Session) -> Design:

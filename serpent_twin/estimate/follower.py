@@ -9,7 +9,7 @@ from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
 from serpent_twin.bus import MotorState
 from serpent_twin.collect.loop import Step
 from serpent_twin.readout import Readout
-from serpent_twin.readout.belief import Belief
+from serpent_twin.readout.belief import Belief, require_finite
 from serpent_twin.readout.live import Reading
 from serpent_twin.readout.online import Online
 from serpent_twin.readout.weighing_observer import LiveWeighing
@@ -28,7 +28,11 @@ class Follower:
 
     def __init__(self, readout: Readout, rows: int, learns: bool = False) -> None:
         """`learns`: what `learn` is told of the markers corrects later estimates."""
-        _warm_up(readout)
+        self._name, self._states_covariance = (
+            readout.name,
+            bool(np.isfinite(readout.covariance).all()),
+        )
+        self._warm_up(readout)
         live = readout.live()
         self._weighing = live if isinstance(live, LiveWeighing) else None
         self._online = Online(live) if learns else None
@@ -68,11 +72,16 @@ class Follower:
         belief = self._live.update(reading)
         if belief is not None:
             self.update_ms[self.rows] = 1e3 * (time.perf_counter() - began)
+            self._require_finite(belief, f"{now:.3g} s after the first row")
         return belief
 
+    def _warm_up(self, readout: Readout) -> None:
+        """Let the readout load all that it needs before a motor turns, and see that it answers in numbers."""
+        live, still = readout.live(), np.zeros(N_MOTORS)
+        for k in range(readout.window + 1):
+            now = Reading(k / (readout.rate_hz or 4.0), still, still, still, still)
+            if (belief := live.update(now)) is not None:
+                self._require_finite(belief, "of an arm that hangs straight")
 
-def _warm_up(readout: Readout) -> None:
-    """Let the readout load all that it needs before a motor turns."""
-    live, still = readout.live(), np.zeros(N_MOTORS)
-    for k in range(readout.window + 1):
-        live.update(Reading(k / (readout.rate_hz or 4.0), still, still, still, still))
+    def _require_finite(self, belief: Belief, when: str) -> None:
+        require_finite(belief, self._name, when, self._states_covariance)

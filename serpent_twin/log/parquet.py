@@ -4,7 +4,6 @@ import json
 import logging
 import re
 from collections.abc import Sequence
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from serpent_twin.log.session import (
     UNITS,
     Session,
     columns_of,
+    rate_of,
     session_from_columns,
 )
 
@@ -101,9 +101,7 @@ def check_metadata(metadata: dict[str, Any], where: str) -> dict[str, Any]:
             f"{where} has schema_version {metadata['schema_version']!r}; this program reads "
             f"{SCHEMA_VERSION}. Use the version of serpent-twin that wrote it."
         )
-    rate = metadata["rate_hz"]
-    if not isinstance(rate, int | float) or not (isfinite(rate) and rate > 0):
-        raise SerpentError(f"{where}: rate_hz is {rate!r}, expected a positive number.")
+    rate_of(metadata, where)
     return metadata
 
 

@@ -11,6 +11,8 @@ from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
 from serpent_twin.errors import SerpentError
 
 SCHEMA_VERSION = 1
+FEWEST_HZ, MOST_HZ = 1e-3, 1e5
+"""Control steps per second that a log may have: far beyond those of any arm, and finite"""
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,8 @@ class Session:
     """Further columns of the file by name, (T,) each."""
 
     def __post_init__(self) -> None:
+        if "rate_hz" in self.metadata:
+            rate_of(self.metadata, str(self.path or self.name))
         expected = {name: (len(self.time), *f.shape) for name, f in FIELDS.items()}
         found = {name: getattr(self, name).shape for name in FIELDS}
         expected |= dict.fromkeys(self.extra, (len(self.time),))
@@ -95,7 +99,7 @@ class Session:
     @property
     def rate_hz(self) -> float:
         """Control steps per second."""
-        return float(self.metadata["rate_hz"])
+        return rate_of(self.metadata, str(self.path or self.name))
 
     @property
     def readings(self) -> Array:
@@ -111,6 +115,18 @@ class Session:
         """How long the arm ran before [s]; sessions of a run are of one length."""
         number = int(self.metadata.get("session", 1))
         return (number - 1) * float(self.time[-1] - self.time[0])
+
+
+def rate_of(metadata: Mapping[str, Any], where: str) -> float:
+    """Control steps per second that a log's metadata tell, or a `SerpentError` that names `where`."""
+    rate = metadata.get("rate_hz")
+    is_number = isinstance(rate, int | float | np.number) and not isinstance(rate, bool)
+    if not is_number or not FEWEST_HZ <= rate <= MOST_HZ:
+        told = str(rate) if len(str(rate)) < 30 else f"{str(rate)[:20]} …"
+        raise SerpentError(
+            f"{where}: rate_hz is {told}, expected a number from {FEWEST_HZ:g} to {MOST_HZ:g}."
+        )
+    return float(rate)
 
 
 def session_from_columns(

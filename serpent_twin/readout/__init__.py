@@ -95,7 +95,8 @@ class Readout(ABC):
             raise SerpentError(
                 f"the readout {self.name} has not been fitted; call fit or load first."
             )
-        return self._estimate(np.asarray(x, float), start).reshape(len(x), N_JOINTS, 3)
+        with np.errstate(invalid="ignore", over="ignore"):  # whoever uses the markers looks at them
+            return self._estimate(np.asarray(x, float), start).reshape(len(x), N_JOINTS, 3)
 
     def follow(self, session: SessionWindows) -> Belief:
         """Markers of all windows of a session, and how sure that is."""
@@ -156,7 +157,7 @@ class Readout(ABC):
 
     def require_rate(self, rate_hz: float) -> None:
         """Refuse logs whose rows are not as far apart as those it was trained on."""
-        if self.rate_hz is not None and abs(rate_hz / self.rate_hz - 1) > 0.05:
+        if self.rate_hz is not None and not abs(rate_hz / self.rate_hz - 1) <= 0.05:
             raise SerpentError(
                 f"the readout {self.name} was trained on rows at {self.rate_hz:g} Hz, these come at "
                 f"{rate_hz:g} Hz: its windows would span another time. Train one for that rate."

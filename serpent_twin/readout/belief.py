@@ -6,6 +6,7 @@ import numpy as np
 from scipy.stats import chi2, f
 
 from serpent_twin.arm import Array
+from serpent_twin.errors import SerpentError
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,23 @@ class Belief:
         """By what each marker's covariance must grow for its ellipsoids of that share to hold it, (9,)."""
         far = self.distance2(measured)
         return np.nanquantile(far, share, axis=0) / chi2.ppf(share, 3)
+
+
+def require_finite(
+    belief: Belief, readout: str, when: str, states_covariance: bool = False
+) -> None:
+    """Raise a `SerpentError` if an estimate of a readout, by name, or a covariance that it states is not a
+    number.
+    """
+    found = {"an estimate": belief.marker}
+    if states_covariance:
+        found["a covariance"] = belief.covariance
+    for what, values in found.items():
+        if not np.isfinite(values).all():
+            raise SerpentError(
+                f"the readout {readout} gives {what} that is not a number, {when}: its weights are damaged, "
+                "or the readings are far from all that it was trained on. Train it again, or leave it out."
+            )
 
 
 def covariance_of(error: Array) -> Array:

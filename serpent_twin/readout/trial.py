@@ -15,6 +15,7 @@ from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.readout import Progress, Readout, find, load
+from serpent_twin.readout.belief import require_finite
 from serpent_twin.readout.live import readings
 from serpent_twin.readout.score import Scores, distances, score
 from serpent_twin.readout.windows import Windows
@@ -112,7 +113,10 @@ class Trial:
 
 def judged(readout: Readout, test: Windows, train_s: float) -> Result:
     """Scores of a readout that took so long to train."""
-    marker = np.concatenate([readout.follow(session).marker for session in test.sessions])
+    beliefs = [readout.follow(session) for session in test.sessions]
+    for session, belief in zip(test.sessions, beliefs, strict=True):
+        require_finite(belief, readout.name, f"in {session.name}")
+    marker = np.concatenate([belief.marker for belief in beliefs])
     error = distances(marker, test.marker) * 1e3
     return Result(score(marker, test.marker), error, train_s, latency_ms(readout, test), readout)
 

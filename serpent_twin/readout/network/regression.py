@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from serpent_twin.arm import Array
+from serpent_twin.errors import SerpentError
 from serpent_twin.readout import Progress, Readout
 from serpent_twin.readout.saved import Wanted, divisors, numbers
 from serpent_twin.readout.scale import Scale, scale_of
@@ -76,6 +77,11 @@ class Regression(Readout):
         net = fit.build(lambda: self._make(data.x.shape[-1]), rng)
         schedule = self._schedule(len(data.x))
         self.history = fit.train(net, data, validation, schedule, rng, progress)
+        if not np.isfinite([epoch.validation_loss for epoch in self.history]).any():
+            raise SerpentError(
+                f"the training of {self.name} diverged: its validation loss is a number after none of "
+                f"{len(self.history)} epochs. Look for absurd values in the logs, or leave it out."
+            )
         cut_short = len(self.history) == schedule.epochs < schedule.own_epochs
         self.stopped_after = schedule.epochs if cut_short else None
         self.learned |= fit.weights(net)
