@@ -102,9 +102,9 @@ def table(found: Mapping[str, dict[str, Any]]) -> Table:
     """One row an arm: errors before and after, what was missing, what is left."""
     header = (
         "arm",
-        *(f"{stage} mm" for stage in STAGES),
-        "cameras alone mm",
-        *(f"loads {stage} %" for stage in STAGES),
+        *(f"{stage} [mm]" for stage in STAGES),
+        "cameras alone [mm]",
+        *(f"loads {stage} [% of stall]" for stage in STAGES),
         "what the twin lacked",
         "unexplained",
     )
@@ -124,7 +124,7 @@ def _row(name: str, found: dict[str, Any]) -> tuple[str, ...]:
     return (
         name,
         *(f"{error[stage]:.2f}" for stage in STAGES),
-        f"{error['noise_floor']:.2f}",
+        "–" if error["noise_floor"] is None else f"{error['noise_floor']:.2f}",
         *(f"{load[stage]:.2f}" for stage in STAGES),
         "; ".join(map(_lacked, found["effects"])) or "nothing known",
         left,

@@ -4,6 +4,7 @@ import numpy as np
 
 from serpent_twin.residual.dependence import Dependence
 from serpent_twin.residual.findings import Change, Findings
+from serpent_twin.residual.noise import in_words
 from serpent_twin.residual.where import Where, listed
 
 AT_THE_NOISE = 1.08  # times the noise floor: no error is left
@@ -56,7 +57,8 @@ def _pairs(findings: Findings) -> list[tuple[Dependence, Where]]:
 
 
 def _is_above_noise(findings: Findings) -> bool:
-    return findings.marker.mean_mm > AT_THE_NOISE * findings.noise.floor_mm
+    """Whether the error is more than noise; yes where the noise is unknown."""
+    return not findings.marker.mean_mm <= AT_THE_NOISE * findings.noise.floor_mm
 
 
 def _size(findings: Findings) -> str:
@@ -66,13 +68,14 @@ def _size(findings: Findings) -> str:
     if np.isfinite(mean):
         marker = findings.noise.of_marker
         word = "" if _is_above_noise(findings) else ", which is no more than noise"
-        parts.append(
-            f"{marker.are} off by {mean:.2f} {marker.unit} (noise alone: {floor:.2f} {marker.unit}){word}"
-        )
+        alone = in_words(floor, marker.unit)
+        parts.append(f"{marker.are} off by {mean:.2f} {marker.unit} (noise alone: {alone}){word}")
     if np.isfinite(percent):
         load = findings.noise.of_load
         unit = load.unit.removesuffix(" of stall")
-        parts.append(f"{load.what} by {percent:.2f} {load.unit} (noise alone: {quiet:.2f} {unit})")
+        parts.append(
+            f"{load.what} by {percent:.2f} {load.unit} (noise alone: {in_words(quiet, unit)})"
+        )
     text = "; ".join(parts) or "Neither markers nor loads were measured"
     return text[0].upper() + text[1:] + "."
 
@@ -146,13 +149,12 @@ def _unknown(findings: Findings) -> str:
     """What is above the noise and follows nothing: at least where it is."""
     unit = findings.noise.of_marker.unit
     constant = np.linalg.norm(findings.marker.mean_residual_mm, axis=-1)
-    if np.mean(constant) > 0.7 * findings.above_noise_mm:
+    if np.mean(constant) > 0.7 * np.fmin(findings.above_noise_mm, findings.marker.mean_mm):
         most = int(np.argmax(constant))
         return (
             f"Most of it is a constant offset, greatest at marker {most + 1} "
             f"({constant[most]:.2f} {unit}): look at where markers sit and how the frame was aligned."
         )
-    return (
-        f"The {findings.above_noise_mm:.2f} {unit} above the noise follow nothing that was looked at: "
-        "no angle, motion, force, time or place."
-    )
+    above = findings.above_noise_mm
+    what = f"The {above:.2f} {unit} above the noise follow" if np.isfinite(above) else "It follows"
+    return f"{what} nothing that was looked at: no angle, motion, force, time or place."

@@ -68,7 +68,8 @@ def _millimetres(axes: "Axes", comparisons: Mapping[str, Comparison], findings: 
         axes.set_ylim(0, None)
         return
     axes.set_yscale("log")
-    axes.set_ylim(0.5 * min(findings.noise.floor_mm or min(means), *means), None)
+    floor = findings.noise.floor_mm
+    axes.set_ylim(0.5 * min(floor if floor > 0 else np.inf, *means), None)
     axes.yaxis.set_major_formatter("{x:g}")
 
 
@@ -81,7 +82,8 @@ def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
         error = _smooth(marker_size(comparison).by_row_mm, max(1, round(3 / comparison.period)))
         for s, (t, e) in enumerate(zip(clock, error, strict=True)):
             axes.plot(t, e, color=colour, lw=1.3, label=name if s == 0 else None)
-    axes.axhspan(0, findings.noise.floor_mm, color=LINE, lw=0, label="noise of the measurement")
+    if np.isfinite(floor := findings.noise.floor_mm):
+        axes.axhspan(0, floor, color=LINE, lw=0, label="noise of the measurement")
     jump = findings.marker_change.jump if findings.marker_change else None
     if jump is not None and findings.marker_change and findings.marker_change.steady == "jump":
         axes.axvline(zero[jump.session] + jump.time_s, color=INK, lw=1, ls=":")
@@ -192,7 +194,8 @@ def _spectrum(comparisons: Mapping[str, Comparison], findings: Findings) -> Figu
     measure = last.marker
     level = 2 * last.period * measure.dimension * measure.scale**2
     level *= float(np.sum(findings.noise.marker**2))
-    axes.axhline(level, color=SOFT, lw=1, ls="--", label="noise of the measurement")
+    if np.isfinite(level):
+        axes.axhline(level, color=SOFT, lw=1, ls="--", label="noise of the measurement")
     change = findings.marker_change
     if change and change.swings and change.line:
         axes.axvline(change.line.frequency_hz, color=INK, lw=1, ls=":")

@@ -74,9 +74,11 @@ class Findings:
 
     @property
     def above_noise_mm(self) -> float:
-        """What a mean distance of nought would have to grow by, in quadrature, to reach the error."""
+        """What a mean distance of nought would have to grow by, in quadrature, to reach the error; NaN where
+        the noise is unknown.
+        """
         mean, floor = self.marker.mean_mm, self.noise.floor_mm
-        return float(np.sqrt(max(0.0, mean**2 - floor**2)))
+        return float(np.sqrt(np.maximum(0.0, mean**2 - floor**2)))
 
     @property
     def share_above_noise(self) -> float:

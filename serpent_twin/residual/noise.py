@@ -6,7 +6,8 @@ roughness of the motion. Then the fourth difference of the residual holds the no
 a part that regression on the predicted motion's fourth differences removes, and a part in proportion
 to their square; the noise is what is left when the motion's roughness goes to zero. Where joint axes
 are known, it is also sought in what no small rotation of a joint could make. Noise that a filter has
-smoothed is underestimated; an error that jumps at random rows is taken for noise.
+smoothed is underestimated; an error that jumps at random rows is taken for noise. Noise is unknown, NaN,
+where too few rows are measured, and where the error leaves nothing that could be noise.
 """
 
 from dataclasses import dataclass
@@ -22,11 +23,16 @@ from serpent_twin.residual.place import joint_jacobian
 ORDER, GAIN = 4, 70.0  # 1² + 4² + 6² + 4² + 1²
 OVERLAP = 12870 / 70**2  # Σ of the squared autocorrelation of white noise's fourth differences
 MAD_TO_STD = 1.4826  # of a gaussian
+FEWEST = 150
+"""Known fourth differences from which noise is told: with so many, made-up noise was found within a half, and
+with half as many it was 0 in one of four cases"""
+UNKNOWN = "unknown: too few rows"
+"""What is said of a noise that is NaN"""
 
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Standard deviations of the measurement noise."""
+    """Standard deviations of the measurement noise, NaN where it is unknown."""
 
     marker: Array
     """Of one coordinate of each marker [m], (M,)"""
@@ -44,7 +50,7 @@ class Noise:
 
     @property
     def floor_mm(self) -> float:
-        """Mean marker distance [mm] of a perfect twin."""
+        """Mean marker distance [mm] of a perfect twin; NaN if no marker's noise is known."""
         return self._mean_distance(self.marker)
 
     @property
@@ -63,11 +69,17 @@ class Noise:
         return self._rms(self.load)
 
     def _mean_distance(self, std: Array) -> float:
-        distance = expected_distance(std, self.of_marker.dimension)
-        return float(self.of_marker.scale * np.mean(distance)) if std.size else 0.0
+        distance = expected_distance(std[np.isfinite(std)], self.of_marker.dimension)
+        return float(self.of_marker.scale * np.mean(distance)) if distance.size else np.nan
 
     def _rms(self, std: Array) -> float:
-        return float(self.of_load.scale * np.sqrt(np.mean(std**2))) if std.size else 0.0
+        known = std[np.isfinite(std)]
+        return float(self.of_load.scale * np.sqrt(np.mean(known**2))) if known.size else np.nan
+
+
+def in_words(noise: float | None, unit: str) -> str:
+    """A noise with its unit, or that it is unknown."""
+    return UNKNOWN if noise is None or np.isnan(noise) else f"{noise:.2f} {unit}"
 
 
 def expected_distance(std: Array | float, dimension: int = 3) -> Array:
@@ -90,21 +102,22 @@ def measurement_noise(comparison: Comparison) -> Noise:
     if comparison.has_markers and comparison.joint_anchor is not None:
         # Both ways take what is left of the twin's error for noise, so the lesser is nearer.
         beside = each(_beside_joints(comparison))
-        of_markers = np.where(beside > 0, np.minimum(of_markers, beside), of_markers)
+        of_markers = np.where(beside > 0, np.fmin(of_markers, beside), of_markers)
     of_loads, measures = each(loads[..., None]), (comparison.marker, comparison.load)
     return Noise(of_markers, of_loads, jitter, _from_row_to_row(loads), *measures)
 
 
 def _from_row_to_row(values: Array) -> Array:
-    """Standard deviation of channels (S, T, N) by their first differences; 0 where unknown, (N,)."""
+    """Standard deviation of channels (S, T, N) by their first differences; NaN where unknown, (N,)."""
     squares = np.diff(values, axis=1) ** 2
     known = np.isfinite(squares)
     total, count = np.where(known, squares, 0.0).sum(axis=(0, 1)), known.sum(axis=(0, 1))
-    return np.sqrt(np.divide(total, 2 * count, out=np.zeros(total.shape), where=count > 0))
+    unknown = np.full(total.shape, np.nan)
+    return np.sqrt(np.divide(total, 2 * count, out=unknown, where=count >= FEWEST))
 
 
 def noise_std(values: Array, roughness: Array, motion: Array, bins: int = 10) -> float:
-    """Noise [of values] in equally noisy coordinates (S, T, K).
+    """Noise [of values] in equally noisy coordinates (S, T, K); NaN if it is unknown.
 
     Roughness of the motion (S, T − 4); fourth differences of what may cause error, (S, T − 4, P).
     """
@@ -113,13 +126,15 @@ def noise_std(values: Array, roughness: Array, motion: Array, bins: int = 10) ->
     part = np.searchsorted(edges, roughness)
     found = [_bin(difference, roughness, part == b) for b in range(bins)]
     table = np.array([row for row in found if row is not None])
-    if not len(table) or not table[:, 1].all():
+    if not len(table) or table[:, 2].sum() < FEWEST:
+        return np.nan
+    if not table[:, 1].all():
         return 0.0
     weight = np.sqrt(table[:, 2]) / table[:, 1]
     scale = table[:, 0].max() or 1.0
     design = np.stack([np.ones(len(table)), table[:, 0] / scale], axis=1)
     (still, _), _ = nnls(design * weight[:, None], table[:, 1] * weight)
-    return float(np.sqrt(still / GAIN))
+    return float(np.sqrt(still / GAIN)) if still > 0 else np.nan
 
 
 def _unexplained(difference: Array, motion: Array) -> Array:

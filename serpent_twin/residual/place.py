@@ -42,13 +42,13 @@ def place(comparison: Comparison, noise: Array | float, rounds: int = 12) -> Pla
 
     Each joint's rotations have a gaussian prior whose width is learned from all rows (automatic
     relevance determination), so an error at one joint is not smeared over its neighbours.
-    `noise` is the standard deviation of a coordinate [m], one number or (M,).
+    `noise` is the standard deviation of a coordinate [m], one number or (M,), NaN where unknown.
     """
     if not comparison.has_markers or comparison.joint_anchor is None:
         return None
     residual = comparison.marker_residual
     S, T, M, _ = residual.shape
-    std = np.broadcast_to(np.maximum(noise, 1e-5), (M,))
+    std = np.broadcast_to(np.fmax(noise, 1e-5), (M,))
     weight = np.where(np.isfinite(residual), 1 / std[:, None], 0.0).reshape(S, T, 3 * M)
     H = joint_jacobian(comparison).reshape(S, T, 3 * M, -1)
     y = np.nan_to_num(residual).reshape(S, T, 3 * M)

@@ -28,7 +28,7 @@ class Targets:
     total: Array
     """Variance by which each target's share is counted, noise included, (K,)"""
     noise: Array
-    """Part of it that is noise, (K,)"""
+    """Part of it that is noise, 0 where that is unknown, (K,)"""
 
 
 def marker_targets(c: Comparison, noise: Noise, found: Place | None) -> Targets:
@@ -39,7 +39,7 @@ def marker_targets(c: Comparison, noise: Noise, found: Place | None) -> Targets:
     """
     scale, K = c.marker.scale, c.marker.dimension
     residual = scale * known(c.marker_residual.reshape(*c.time.shape, -1))
-    parts, coloured = _components(residual), scale**2 * K * float(np.sum(noise.marker**2))
+    parts, coloured = _components(residual), scale**2 * K * float(np.nansum(noise.marker**2))
     total = float(np.mean(np.sum(residual**2, axis=-1)))
     if found is not None:
         single = scale * known(found.rotation * found.lever * np.sqrt(c.marker_residual.shape[2]))
@@ -67,9 +67,8 @@ def load_targets(c: Comparison, noise: Noise) -> Targets:
     names = tuple(f"{name}'s {c.load.one}" for name in c.motor_names)
     member = np.eye(len(names), dtype=bool)
     total = np.mean(values**2, axis=(0, 1))
-    return Targets(
-        names, ("load",) * len(names), values, member, total, (c.load.scale * noise.load) ** 2
-    )
+    quiet = (c.load.scale * np.nan_to_num(noise.load)) ** 2
+    return Targets(names, ("load",) * len(names), values, member, total, quiet)
 
 
 def _components(residual: Array) -> Array:

@@ -8,6 +8,7 @@ from typing import Any
 from serpent_twin.arm import Array
 from serpent_twin.residual import LOADS, MARKERS, Comparison, Findings, Measure
 from serpent_twin.residual.learned import Learned
+from serpent_twin.residual.noise import in_words
 
 ACCEPTED, REJECTED, NOT_EXCITED = "accepted", "rejected", "not excited"
 SUSPECT = 1.25
@@ -209,10 +210,11 @@ class Diagnosis:
 
     def sentence(self) -> str:
         """The diagnosis in a line or two."""
-        error = self.error
+        error, unit = self.error, self.marker.unit
         course = (
-            f"{error['nominal']:.2f} {self.marker.unit} nominal, {error['calibrated']:.2f} calibrated, "
-            f"{error['corrected']:.2f} corrected ({self.marker.noise}: {error['noise_floor']:.2f})"
+            f"{error['nominal']:.2f} {unit} nominal, {error['calibrated']:.2f} {unit} calibrated, "
+            f"{error['corrected']:.2f} {unit} corrected "
+            f"({self.marker.noise}: {in_words(error['noise_floor'], unit)})"
         )
         if not self.effects:
             what = "nothing was found missing" if self.doubt else "nothing is missing"

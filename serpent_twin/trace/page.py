@@ -7,6 +7,7 @@ import numpy as np
 from serpent_twin.report import Figure, Report, Section
 from serpent_twin.residual import describe
 from serpent_twin.residual import figures as residual_figures
+from serpent_twin.residual.noise import UNKNOWN
 from serpent_twin.rigs.rig import Candidate
 from serpent_twin.trace import figures, tables
 from serpent_twin.trace.diagnosis import Diagnosis, Named
@@ -76,6 +77,7 @@ def _course(diagnosis: Diagnosis) -> str:
             told = [f"{error[name]:.2f}{unit} {name}" for name in names]
             floor = error.get("noise_floor", np.nan)
             noise = f"; noise alone makes {floor:.2f}{unit}" if np.isfinite(floor) else ""
+            noise = noise or f"; what noise alone makes is {UNKNOWN}"
             return f"On {_sessions(diagnosis)}, {measure.are} off by {_listed(told)}{noise}."
     return ""
 

@@ -6,6 +6,7 @@ from math import isfinite
 import numpy as np
 
 from serpent_twin.report import Table
+from serpent_twin.residual.noise import UNKNOWN
 from serpent_twin.trace.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
@@ -28,13 +29,21 @@ def errors(diagnosis: Diagnosis) -> Table:
     names = [*stages(diagnosis), "noise_floor", "expected"]
     said = {"noise_floor": "noise alone", "expected": "a twin that lacks nothing"}
     marker, load = (
-        f"{m.what.removeprefix('the ')} {m.unit}" for m in (diagnosis.marker, diagnosis.load)
+        f"{m.what.removeprefix('the ')} [{m.unit}]" for m in (diagnosis.marker, diagnosis.load)
     )
     kinds = ((marker, diagnosis.error), (load, diagnosis.load_error))
     known = {head: by for head, by in kinds if np.isfinite(by.get("calibrated", np.nan))}
-    rows = [(said.get(n, n), *(_fixed(by.get(n)) for by in known.values())) for n in names]
+    rows = [(said.get(n, n), *(_cell(n, by) for by in known.values())) for n in names]
     note = "Means over held-out segments: of the distance, and of the root mean square of the load error."
+    if any(_cell("noise_floor", by) == "–" for by in known.values()):
+        note += f" –: {UNKNOWN}."
     return Table(("twin", *known), tuple(row for row in rows if any(row[1:])), note)
+
+
+def _cell(name: str, error: Mapping[str, float]) -> str:
+    """An error; nothing if it is not there, – for a noise that is unknown."""
+    unknown = name == "noise_floor" and name in error and not np.isfinite(error[name])
+    return "–" if unknown else _fixed(error.get(name))
 
 
 def candidates(tried: Sequence[Tried], unit: str = "mm") -> Table:
@@ -46,7 +55,7 @@ def candidates(tried: Sequence[Tried], unit: str = "mm") -> Table:
         "Held-out error with the candidate; where it was not worth a full fit, that of the twin "
         "without it."
     )
-    return Table(("candidate", f"error {unit}", "verdict", "why"), rows, note, marked)
+    return Table(("candidate", f"error [{unit}]", "verdict", "why"), rows, note, marked)
 
 
 def parameters(effects: Sequence[Named], unit: str = "mm", load: str = "% of stall") -> Table:
@@ -57,8 +66,8 @@ def parameters(effects: Sequence[Named], unit: str = "mm", load: str = "% of sta
         "value",
         "95 % interval",
         "unit",
-        f"gain {unit}",
-        f"gain {load}",
+        f"gain [{unit}]",
+        f"gain [{load}]",
     )
     rows = []
     for effect in effects:
