@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from wire_bench import touch
 
 from serpent_twin.bus.control_table import TABLE
 from serpent_twin.bus.device import running
@@ -19,14 +20,6 @@ def errors(diagnosis):
 
 def warnings(diagnosis):
     return [f.what for f in diagnosis.findings if f.level == "warning"]
-
-
-def touch(port, *writes):
-    wire = Wire(port, 1_000_000)
-    wire.open()
-    for motor, name, value in writes:
-        assert wire.write(motor, TABLE[name], value).error & 0x7F == 0
-    wire.close()
 
 
 def registers(port):
@@ -77,10 +70,9 @@ def test_every_finding_names_the_motor():
         "motor 6: homing_offset is 7, was 0",
         "motor 8: reports overload",
         "motor 10: reports input voltage",
-        "motor 10: has 5.5 V",
     ):
         assert text in said, text
-    assert "motor 7: its torque is on" in warnings(diagnosis)
+    assert {"motor 7: its torque is on", "motor 10: has 5.5 V"} <= set(warnings(diagnosis))
 
 
 def test_another_baud_rate_is_found():

@@ -181,7 +181,7 @@ def test_a_tripped_motor_is_rebooted_by_hand_and_goes_on():
         device.trigger("overload", 3)
         with pytest.raises(BusError):
             bus.wait(0.2)
-        with pytest.raises(BusError, match=r"motor 3 .*Reboot"):
+        with pytest.raises(BusError, match=r"motor 3: reports overload.*--reboot 3"):
             bus.enable_torque()
         bus.reboot([3])
         bus.enable_torque()

@@ -78,6 +78,21 @@ def test_a_setup_that_cannot_be_is_refused_with_file_and_key(text, says, tmp_pat
     assert "arm.toml" in str(caught.value) or "limit" in str(caught.value)
 
 
+def test_every_earlier_setup_and_its_turns_stay(tmp_path):
+    """However often the zero is set, and whatever a person edited in between."""
+    path = tmp_path / "arm.toml"
+    turns, were = turns_file(path), []
+    with running("--realtime") as device:
+        for n in range(4):
+            set_zero(Zero(device.port, path, watch=0.1))
+            path.write_text(f"# edited {n}\n" + path.read_text())
+            were.append((path.read_bytes(), turns.read_bytes()))
+    for n, kept in enumerate([".before", ".before_2", ".before_3"]):
+        assert (tmp_path / f"arm.toml{kept}").read_bytes() == were[n][0]
+        assert (tmp_path / f"arm.turns.json{kept}").read_bytes() == were[n][1]
+    assert len(list(tmp_path.iterdir())) == 8
+
+
 def test_nearest_turns_against_all_turns():
     rng = np.random.default_rng(0)
     truth = rng.integers(-20_000, 20_000, 500)
@@ -170,5 +185,5 @@ def test_a_changed_homing_offset_voids_the_zero(tmp_path):
         bus.configure()
         bus.registers.put(7, "homing_offset", 50)
         bus.close()
-        with pytest.raises(BusError, match=r"homing_offset changed .*motor 7: 50, was 0"):
+        with pytest.raises(BusError, match=r"motor 7: homing_offset is 50, was 0"):
             DynamixelBus(read_setup(path)).connect()

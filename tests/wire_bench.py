@@ -39,3 +39,12 @@ def peek(port, name, motor=1):
     reply = wire.read(motor, TABLE[name])
     wire.close()
     return TABLE[name].unpack(reply.data)
+
+
+def touch(port, *writes):
+    """Write registers, each (motor, name, value), past every bus."""
+    wire = Wire(port, 1_000_000)
+    wire.open()
+    for motor, name, value in writes:
+        assert wire.write(motor, TABLE[name], value).error & 0x7F == 0
+    wire.close()

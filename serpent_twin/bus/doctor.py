@@ -22,9 +22,10 @@ from serpent_twin.files import write_whole
 
 @dataclass(frozen=True)
 class Doctor:
-    """Examine the motors before the first run. Nothing moves and nothing is written to them.
+    """Examine the motors before a run. Nothing moves, and nothing is written to them, but Status Return
+    Level (68) where a motor answers no reads.
 
-    Exit status 1 if anything stands against a run.
+    Exit status 1 if a run would be refused.
     """
 
     port: str = ""
@@ -74,8 +75,8 @@ def describe(diagnosis: Diagnosis) -> str:
             f"max {c['max']:.1f} ms; at this baud rate {c['least_at_this_baud_rate']:.1f} ms at least"
         )
     lines.append("")
-    lines += [f"{f.level}: {f.what}: {f.todo}." for f in diagnosis.findings]
-    if not diagnosis.findings:
+    lines += [f"{f.level}: {f.what}. {f.todo}".rstrip() for f in diagnosis.findings]
+    if not diagnosis.refused:
         lines.append("Nothing stands against a run.")
     return "\n".join(lines)
 
@@ -91,7 +92,7 @@ def main(config: Doctor) -> None:  # noqa: D103 tyro would print it above the co
     print(describe(diagnosis))
     if config.out:
         write_whole(config.out, json.dumps(asdict(diagnosis), indent=2) + "\n")
-    if any(f.level == "error" for f in diagnosis.findings):
+    if diagnosis.refused:
         sys.exit(1)
     next_step.say(next_step.after_doctor(setup, config.setup))
 

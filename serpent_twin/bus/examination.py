@@ -1,7 +1,11 @@
-"""What do the motors on a bus say of themselves, and what of it stands against a run?"""
+"""Find what on a bus stands against a run.
+
+An error is what a run would refuse, found by the checks of the run itself; all else is a warning.
+"""
 
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -10,18 +14,21 @@ import numpy as np
 from tqdm import tqdm
 
 from serpent_twin.bus import BusError
-from serpent_twin.bus.control_table import BAUD_RATES
-from serpent_twin.bus.dynamixel import reading
+from serpent_twin.bus.control_table import BAUD_RATES, TABLE
+from serpent_twin.bus.dynamixel import checks, reading
 from serpent_twin.bus.dynamixel.registers import MotorRegisters
-from serpent_twin.bus.dynamixel.setup import ArmSetup
-from serpent_twin.bus.dynamixel.wire import Wire
-from serpent_twin.bus.limits import error_names
+from serpent_twin.bus.dynamixel.setup import ArmSetup, setup_to_run
+from serpent_twin.bus.dynamixel.turns import TurnCounter
+from serpent_twin.bus.dynamixel.wire import PortLostError, Wire
+from serpent_twin.bus.limits import refuse_joint_beyond
 
 LOW_VOLTAGE, HIGH_VOLTAGE = 11.0, 12.6
 """The arm is driven at 12 V [V]; a servo's strength and its load readings go with the voltage."""
 WARM = 55
 """Above this, let the motors cool before a long run [°C]; they switch off at 72."""
-OVERLOAD_AND_HEAT = 0b100100
+HOPELESS = 0.7
+"""A run ends when no reading is whole for `patience`, 3 s or some 26 tries: at this share of incomplete
+reads 0.7²⁶ = 1e-4 of its readings do, and a session has 2,100 of them [1]."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,7 @@ class Finding:
     level: Literal["error", "warning"]
     what: str
     todo: str
+    """A sentence"""
 
 
 @dataclass
@@ -43,13 +51,18 @@ class Diagnosis:
     latency_timer_ms: int | None = None
     findings: list[Finding] = field(default_factory=list)
 
+    @property
+    def refused(self) -> bool:
+        """Whether a run would refuse the bus."""
+        return any(f.level == "error" for f in self.findings)
+
     def add(self, level: Literal["error", "warning"], what: str, todo: str) -> None:
         """Enter a finding."""
         self.findings.append(Finding(level, what, todo))
 
 
 def examine(setup: ArmSetup, reads: int = 200) -> Diagnosis:
-    """Look at everything on the bus, changing nothing."""
+    """Look at everything on the bus, changing nothing but a Status Return Level of 0."""
     diagnosis = Diagnosis(setup.port)
     _latency_timer(diagnosis)
     wire = Wire(setup.port, setup.baud)
@@ -58,17 +71,38 @@ def examine(setup: ArmSetup, reads: int = 200) -> Diagnosis:
         registers = MotorRegisters(wire, setup.ids)
         present = _roll_call(registers, setup, diagnosis)
         for motor in present:
-            try:
+            with _as_finding(diagnosis):
                 _examine_motor(registers, motor, setup, diagnosis)
-            except BusError as error:
-                diagnosis.add("error", str(error).rstrip("."), "check its cable and contacts")
+        with _as_finding(diagnosis):
+            known = setup_to_run(setup)
+            if len(present) == len(setup.ids):
+                _examine_pose(registers, known, diagnosis)
         if len(present) == len(setup.ids) and reads:
             _time_reads(wire, setup, reads, diagnosis)
     finally:
         wire.close()
-    if not setup.zero:
-        diagnosis.add("warning", "the straight pose was never set", "run serpent_twin.bus.zero")
     return diagnosis
+
+
+@contextmanager
+def _as_finding(into: Diagnosis) -> Iterator[None]:
+    """Enter what a check of the run refuses."""
+    try:
+        yield
+    except PortLostError:
+        raise
+    except BusError as error:
+        what, _, todo = str(error).partition(". ")
+        into.add("error", what.rstrip("."), todo)
+
+
+def _examine_pose(registers: MotorRegisters, setup: ArmSetup, into: Diagnosis) -> None:
+    turns = TurnCounter(registers, setup)
+    if lost := turns.find():
+        what = f"{registers.name(lost)} lost turns while no program was connected"
+        into.add("warning", what, "Nothing: a run gives them back.")
+    if not turns.may_be_brought_back:
+        refuse_joint_beyond(turns.angle, setup.limits.joint_angle)
 
 
 def _roll_call(registers: MotorRegisters, setup: ArmSetup, into: Diagnosis) -> list[int]:
@@ -77,14 +111,14 @@ def _roll_call(registers: MotorRegisters, setup: ArmSetup, into: Diagnosis) -> l
     presences = {motor: registers.presence(motor) for motor in registers.motors}
     for presence in presences.values():
         if presence.problem:
-            into.add("error", presence.problem, "check cable, supply and ids")
+            into.add("error", presence.problem, "Check cable, supply and ids.")
     present = [motor for motor, presence in presences.items() if presence.answers]
     if not present and (todo := _other_rates(wire, setup)):
         into.findings[:] = [Finding("error", "no motor answers at this baud rate", todo)]
     strangers = sorted({id_ for id_, _ in wire.scan()} - set(setup.ids))
     if strangers:
         what = f"id {', '.join(map(str, strangers))} is on the bus, but not in the setup"
-        into.add("warning", what, "take it off, or correct ids in the setup")
+        into.add("warning", what, "Take it off, or correct ids in the setup.")
     return present
 
 
@@ -97,7 +131,7 @@ def _other_rates(wire: Wire, setup: ArmSetup) -> str:
     finally:
         wire.open()
     where = setup.path or "the setup"
-    return f"they answer at {found[0]} bit/s: set baud = {found[0]} in {where}" if found else ""
+    return f"They answer at {found[0]} bit/s: set baud = {found[0]} in {where}." if found else ""
 
 
 def _anybody_at(port: str, baud: int) -> bool:
@@ -112,43 +146,40 @@ def _anybody_at(port: str, baud: int) -> bool:
 
 
 def _examine_motor(registers: MotorRegisters, motor: int, setup: ArmSetup, into: Diagnosis) -> None:
+    _let_answer(registers, motor, into)
     get = {name: registers.get(motor, name) for name in _LOOKED_AT}
     into.motors.append({"motor": motor, "id": setup.ids[motor - 1]} | get)
-    for level, what, todo in _complaints(get):
-        into.add(level, f"motor {motor}: {what}", todo)
-    for name in ("homing_offset", "drive_mode"):
-        stored = getattr(setup, name)
-        if stored and stored[motor - 1] != get[name]:
-            what = (
-                f"motor {motor}: {name} is {get[name]}, was {stored[motor - 1]} when zero was set"
-            )
-            into.add(
-                "error", what, "set it back, or run serpent_twin.bus.zero with the arm straight"
-            )
+    errors = checks.of_errors({motor: get["hardware_error_status"]}, setup)
+    for objection in (*errors, *checks.of_setting(motor, get, setup)):
+        into.add("error", f"motor {motor}: {objection.what}", objection.todo)
+    for what, todo in _doubts(get):
+        into.add("warning", f"motor {motor}: {what}", todo)
 
 
-def _complaints(get: dict[str, int]) -> Iterator[tuple[Literal["error", "warning"], str, str]]:
-    if errors := error_names(get["hardware_error_status"]):
-        todo = "mend the cause, then restart it with --reboot"
-        yield "error", f"reports {' and '.join(errors)}", todo
+def _let_answer(registers: MotorRegisters, motor: int, into: Diagnosis) -> None:
+    """Have a motor answer that was told to answer pings alone: a run does, too."""
+    try:
+        registers.get(motor, "status_return_level")
+    except PortLostError:
+        raise
+    except BusError:
+        registers.wire.sync_write(TABLE["status_return_level"], {registers.ids[motor - 1]: 2})
+        registers.get(motor, "status_return_level")
+        what = f"motor {motor}: answered no reads; its Status Return Level (68) was set to 2"
+        into.add("warning", what, "Nothing: a run sets it, too.")
+
+
+def _doubts(get: dict[str, int]) -> Iterator[tuple[str, str]]:
+    """What is odd with a motor, and what to do, where a run goes on all the same."""
     volts = get["present_input_voltage"] / 10
     if not LOW_VOLTAGE <= volts <= HIGH_VOLTAGE:
-        yield (
-            "error",
-            f"has {volts:.1f} V",
-            "supply 12 V, thick enough for ten motors (14 A at stall)",
-        )
+        yield f"has {volts:.1f} V", "Supply 12 V, thick enough for ten motors (14 A at stall)."
     if get["present_temperature"] > WARM:
-        yield "warning", f"is at {get['present_temperature']} °C", "let it cool"
+        yield f"is at {get['present_temperature']} °C", "Let it cool."
     if get["torque_enable"]:
-        yield "warning", "its torque is on", "another program may be running; collect takes it over"
-    if get["shutdown"] & OVERLOAD_AND_HEAT != OVERLOAD_AND_HEAT:
-        what = f"does not switch off at overload and heat (shutdown is {get['shutdown']:#04x})"
-        yield "error", what, "set Shutdown (63) to 0x34, the default"
-    if get["drive_mode"] & ~1:
-        yield "error", f"drive_mode is {get['drive_mode']}", "set Drive Mode (10) to 0 or 1"
+        yield "its torque is on", "Another program may be running; collect takes it over."
     if get["bus_watchdog"] == -1:
-        yield "warning", "was stopped by its watchdog", "nothing: collect clears it"
+        yield "was stopped by its watchdog", "Nothing: collect clears it."
 
 
 _LOOKED_AT = (
@@ -189,11 +220,11 @@ def _time_reads(wire: Wire, setup: ArmSetup, reads: int, into: Diagnosis) -> Non
         "incomplete_reads": float(failed),
     }
     if failed:
-        todo = "check contacts and supply; keep the bus cable away from motor cables"
-        level = "error" if failed > reads // 20 else "warning"
+        todo = "Check contacts and supply; keep the bus cable away from motor cables."
+        level = "error" if failed > HOPELESS * reads else "warning"
         into.add(level, f"{failed} of {reads} reads were incomplete", todo)
     if into.cycle_ms["median"] > 2 * least + 6:
-        todo = "set the adapter's latency timer to 1 ms (README, udev rule)"
+        todo = "Set the adapter's latency timer to 1 ms (README, udev rule)."
         into.add("warning", f"a read takes {into.cycle_ms['median']:.1f} ms", todo)
 
 
@@ -204,4 +235,4 @@ def _latency_timer(into: Diagnosis) -> None:
         into.latency_timer_ms = int(timer.read_text())
         if into.latency_timer_ms > 1:
             what = f"the adapter's latency timer is {into.latency_timer_ms} ms"
-            into.add("warning", what, f"as root: echo 1 > {timer} (README, udev rule)")
+            into.add("warning", what, f"As root: echo 1 > {timer} (README, udev rule).")

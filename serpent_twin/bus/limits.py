@@ -59,18 +59,8 @@ class Guard:
     def check(self, state: MotorState) -> None:
         """Raise `BusError` that names motor or joint, its value and its limit."""
         refuse_hardware_error(state)
-        self._check_joints(state.position)
+        refuse_joint_beyond(state.position, self._limits.joint_angle)
         self._check_loads(state.load, state.time)
-
-    def _check_joints(self, motor: Array) -> None:
-        limit = self._limits.joint_angle
-        if (beyond := joint_beyond(motor, limit)) is not None:
-            where, angle = beyond
-            raise BusError(
-                f"{where} is at {np.rad2deg(angle):.0f}° by its motors, beyond the limit of "
-                f"{np.rad2deg(limit):.0f}°; the arm was stopped. Turn it back by hand with the torque "
-                "off; if it hangs straight now, its zero is lost: run serpent_twin.bus.zero."
-            )
 
     def _check_loads(self, load: Array, time: float) -> None:
         over = np.abs(load) > self._limits.load
@@ -97,6 +87,17 @@ def joint_beyond(motor: Array, limit: float) -> tuple[str, float] | None:
         return None
     n = int(over[0])
     return f"joint {n + 1}" if n < N_JOINTS else "the jaw", float(joint[n])
+
+
+def refuse_joint_beyond(motor: Array, limit: float) -> None:
+    """Raise `BusError` that names the joint that motor angles [rad], (10,), hold beyond ± limit [rad]."""
+    if (beyond := joint_beyond(motor, limit)) is not None:
+        where, angle = beyond
+        raise BusError(
+            f"{where} is at {np.rad2deg(angle):.0f}° by its motors, beyond the limit of "
+            f"{np.rad2deg(limit):.0f}°, where the arm is stopped. Turn it back by hand with the torque "
+            "off; if it hangs straight now, its zero is lost: run serpent_twin.bus.zero."
+        )
 
 
 def refuse_hardware_error(state: MotorState) -> None:

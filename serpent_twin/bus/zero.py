@@ -28,7 +28,7 @@ class Zero:
     """Set the straight pose: hang the arm straight and still, then run this.
 
     The torque goes off, the motors' positions become the arm's zero, and --setup is written, with the
-    turn counts beside it; files that were there are kept as *.before. Nothing moves.
+    turn counts beside it; files that were there are kept as *.before, *.before_2, … Nothing moves.
     """
 
     port: str = ""

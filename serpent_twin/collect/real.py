@@ -4,7 +4,7 @@ import contextlib
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +12,17 @@ import numpy as np
 from tqdm import tqdm
 
 from serpent_twin import run_folder
-from serpent_twin.arm import N_MOTORS
 from serpent_twin.bus.dynamixel.bus import DynamixelBus
-from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup, is_pseudo_terminal
+from serpent_twin.bus.dynamixel.setup import (
+    ArmSetup,
+    find_setup,
+    is_pseudo_terminal,
+    setup_to_run,
+)
 from serpent_twin.collect import Collect, lost_markers, metadata, session_path
 from serpent_twin.collect.ending import loop_times, sealed, stopped_by_signals
 from serpent_twin.collect.loop import NOTHING, Beside, Step, record
+from serpent_twin.collect.sunken import bring_back
 from serpent_twin.control import random_targets
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Journal
@@ -51,24 +56,14 @@ def record_all(config: Collect, missing: list[int], beside: Beside = NOTHING) ->
 
 
 def arm_of(config: Collect) -> ArmSetup:
-    """The arm's setup, which must know its port and where the arm is straight.
-
-    Simulated motors count from the straight pose unless a setup says otherwise.
-    """
+    """The arm's setup, which must know its port and where the arm is straight."""
     setup = find_setup(config.real.setup, config.real.port)
     if not Path(setup.port).exists():
         raise SerpentError(
             f"there is no port {setup.port}. Check cable and supply, and ls /dev/serial/by-id, or start "
             "python -m serpent_twin.bus.device."
         )
-    if not setup.zero and is_pseudo_terminal(setup.port):
-        return replace(setup, zero=(0,) * N_MOTORS, path=None)
-    if not setup.zero:
-        raise SerpentError(
-            f"{config.real.setup} holds no zero, so nobody knows where the arm is straight. "
-            f"Hang it straight and run python -m serpent_twin.bus.zero --port {setup.port}."
-        )
-    return setup
+    return setup_to_run(setup)
 
 
 def settings_of_arm(config: Collect) -> dict[str, Any]:
@@ -115,6 +110,7 @@ def record_session(
         bus,
         _kept_on_disk(journal),
     ):
+        bring_back(bus, gain, period)
         for row in record(bus, cameras, targets, gain, period, further):
             journal.append(row)
             times.append(row["time"])

@@ -1,7 +1,9 @@
 """How are ten real XL430-W250 commanded and read, and what if the bus does not play along?"""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from types import TracebackType
 from typing import Self
 
@@ -11,6 +13,7 @@ from numpy.typing import ArrayLike
 from serpent_twin.arm import N_MOTORS, Array
 from serpent_twin.bus import BusError, MotorState, xl430
 from serpent_twin.bus.control_table import TABLE
+from serpent_twin.bus.dynamixel import checks
 from serpent_twin.bus.dynamixel.goals import Goals
 from serpent_twin.bus.dynamixel.reader import (
     SLACK_IN_LOCKSTEP,
@@ -29,6 +32,8 @@ from serpent_twin.bus.limits import Guard
 
 KEEP_ALIVE = 0.05
 """While waiting, the motors are read this often [s]: it feeds their watchdog and guards the limits."""
+BOUNDLESS = 1e3
+"""No limit of a joint's angle [rad]."""
 HALT_AFTER = 0.15
 """Without a reading for this long, the arm is told to stand still [s]."""
 
@@ -61,14 +66,15 @@ class DynamixelBus:
         try:
             self.wire.sync_write(TABLE["status_return_level"], dict.fromkeys(self.setup.ids, 2))
             self.registers.handshake()
-            self.registers.compare("homing_offset", self.setup.homing_offset)
-            self.registers.compare("drive_mode", self.setup.drive_mode)
-            self.turns.connect()
+            checks.refuse(checks.of_settings(self.registers, self.setup))
+            lost = self.turns.connect()
             self.lockstep = self._reader.lockstep = self._waits_for_commands()
         except BaseException:
             self.wire.close()
             raise
         self._start, self._connected = time.monotonic(), True
+        if lost:
+            self.recovery.note("turns", f"{self.registers.name(lost)} had lost turns: given back")
 
     def configure(self) -> None:
         """Torque off, velocity mode, limits, no return delay, watchdog: each set and read back."""
@@ -116,6 +122,16 @@ class DynamixelBus:
                 self._halt()
                 raise
         return state
+
+    @contextmanager
+    def beyond_limits(self) -> Iterator[None]:
+        """Let joints stand beyond their limit, so that the arm can be brought back from there."""
+        before = self._guard
+        self._guard = Guard(replace(self.setup.limits, joint_angle=BOUNDLESS))
+        try:
+            yield
+        finally:
+            self._guard = before
 
     def reboot(self, motors: Iterable[int]) -> None:
         """Restart motors, numbered from 1: errors clear, their torque goes off, turns are restored.
@@ -249,12 +265,8 @@ class DynamixelBus:
         return self._simulated_time
 
     def _refuse_tripped(self) -> None:
-        tripped = self._read().registers.hardware_error > 0
-        if tripped.any():
-            raise BusError(
-                f"{self.registers.name_all(tripped)} has switched itself off after a hardware error. "
-                "Reboot before enabling torque."
-            )
+        errors = self._read().registers.hardware_error
+        checks.refuse(checks.of_errors(dict(enumerate(errors.tolist(), 1)), self.setup))
 
     def _require_connection(self) -> None:
         if not self._connected:

@@ -69,22 +69,6 @@ class MotorRegisters:
         """Register `name` of all motors, (n,)."""
         return np.array([self.get(motor, name) for motor in self.motors], np.int64)
 
-    def compare(self, name: str, stored: Sequence[int]) -> None:
-        """Refuse registers that are not as they were stored; all that differ are named at once."""
-        if not stored:
-            return
-        found = self.get_all(name)
-        odd = [
-            f"motor {m}: {f}, was {s}"
-            for m, f, s in zip(self.motors, found, stored, strict=True)
-            if f != s
-        ]
-        if odd:
-            raise BusError(
-                f"{name} changed since the arm's zero was set ({'; '.join(odd)}), so that zero is void. "
-                "Set it back, or hang the arm straight and run serpent_twin.bus.zero."
-            )
-
     @property
     def motors(self) -> range:
         """The motors' numbers, from 1."""

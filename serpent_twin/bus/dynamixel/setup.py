@@ -103,8 +103,31 @@ def find_setup(path: Path, port: str = "") -> ArmSetup:
     return setup
 
 
+def setup_to_run(setup: ArmSetup) -> ArmSetup:
+    """The setup that motors are driven by: it must know where the arm is straight.
+
+    Simulated motors count from the straight pose unless a setup says otherwise.
+    """
+    if setup.zero:
+        return setup
+    if is_pseudo_terminal(setup.port):
+        return replace(setup, zero=(0,) * N_MOTORS, path=None)
+    raise BusError(
+        f"{setup.path} holds no zero, so nobody knows where the arm is straight. {zero_again(setup)}"
+    )
+
+
+def zero_again(setup: ArmSetup) -> str:
+    """What to do where the zero is missing, void or uncertain: it must not be set on a bent arm."""
+    command = f"python -m serpent_twin.bus.zero --port {setup.port}"
+    command += f" --setup {setup.path}" if setup.path else ""
+    if is_pseudo_terminal(setup.port):
+        return f"If the simulated arm is bent, start the device anew; then run {command}."
+    return f"Hang the arm straight, then run {command}."
+
+
 def write_setup(setup: ArmSetup) -> Path:
-    """Write the setup to its path; the file that was there stays beside it as *.before."""
+    """Write the setup to its path; the file that was there stays beside it, see `keep_before`."""
     assert setup.path is not None
     keep_before(setup.path)
     write_whole(setup.path, _toml(setup))
@@ -112,9 +135,14 @@ def write_setup(setup: ArmSetup) -> Path:
 
 
 def keep_before(path: Path) -> None:
-    """Copy a file that is about to be replaced to *.before."""
-    if path.exists():
-        shutil.copy2(path, path.with_name(path.name + ".before"))
+    """Copy a file that is about to be replaced to *.before, or *.before_2, … if that exists."""
+    if not path.exists():
+        return
+    kept, n = path.with_name(f"{path.name}.before"), 1
+    while kept.exists():
+        n += 1
+        kept = path.with_name(f"{path.name}.before_{n}")
+    shutil.copy2(path, kept)
 
 
 # In the file, a limit's name carries its unit; angles are degrees, for people.

@@ -1,12 +1,15 @@
-"""How many turns has each motor made, when a motor forgets?
+"""Keep the turn count of motors that forget it.
 
 A servo that loses power or restarts reads 0 … 4095 again. A spooled cable does not forget, so the host
-keeps the turns, and stores beside the setup where each motor was last seen.
+keeps the turns, and stores beside the setup where each motor was last seen. Without a file of the setup
+the motors themselves keep them while they have power. Where they are kept nowhere, they follow from the
+pose: a turn more or less would bend a joint by 360°.
 """
 
 import json
+import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -14,10 +17,10 @@ from typing import Annotated
 import numpy as np
 
 from serpent_twin import stored
-from serpent_twin.arm import ARM, N_MOTORS
+from serpent_twin.arm import ARM, N_MOTORS, Array
 from serpent_twin.bus import BusError
 from serpent_twin.bus.dynamixel.registers import MotorRegisters
-from serpent_twin.bus.dynamixel.setup import ArmSetup, is_pseudo_terminal
+from serpent_twin.bus.dynamixel.setup import ArmSetup, is_pseudo_terminal, zero_again
 from serpent_twin.bus.limits import joint_beyond
 from serpent_twin.bus.xl430 import POSITION_UNIT, TURN, Words, nearest_turns
 from serpent_twin.errors import SerpentError
@@ -33,6 +36,8 @@ SETTLED, SETTLING = 0.3, 3.0
 POWER_MARK = "indirect_data_28"
 """A register in RAM that nothing else uses: set once the turns are stored, zero again after a loss of
 power. A: no real servo has shown yet that it keeps the byte as long as it keeps its turns."""
+TURNS_MARK, NO_TURNS = "indirect_data_27", 128
+"""Likewise where no file keeps the turns: 128 + the turns themselves, zero after a loss of power."""
 
 
 @dataclass(frozen=True)
@@ -48,37 +53,57 @@ class LastSeen:
 
 
 class TurnCounter:
-    """The turns of ten motors on a bus, over restarts of motors and of programs.
-
-    Without a file of the setup they are kept for this connection only.
-    """
+    """The turns of ten motors on a bus, over restarts of motors and of programs."""
 
     def __init__(self, registers: MotorRegisters, setup: ArmSetup) -> None:
         self.turns = np.zeros(N_MOTORS, np.int64)
         self._registers, self._setup = registers, setup
         self._path = setup.path and turns_file(setup.path)
         self._position = np.zeros(N_MOTORS, np.int64)
+        self._forgot = np.zeros(N_MOTORS, bool)
         self._stored = -np.inf
         self._simulated = False
 
-    def connect(self) -> None:
-        """Find out what was forgotten since somebody last looked, and whether that can be."""
+    @property
+    def angle(self) -> Array:
+        """Motor angles from the straight pose [rad], (10,), where the motors were last read."""
+        return self._counts(self._position) * POSITION_UNIT
+
+    @property
+    def may_be_brought_back(self) -> bool:
+        """Whether a run may drive these motors back from beyond their limits: simulated ones, which no hand
+        can turn, and whose turns are certain, for none restarted since a run before.
+        """
+        return self._simulated and not self._forgot.any()
+
+    def find(self) -> list[int]:
+        """Read where the motors stand, changing nothing; `BusError` if a turn is uncertain.
+
+        Returns the motors, from 1, that lost turns since they were last seen.
+        """
         self._simulated = is_pseudo_terminal(self._setup.port)
         raw = self._registers.get_all("present_position")
-        forgot = self._registers.get_all(POWER_MARK) == 0
-        seen = read_turns(self._path) if self._path else None
+        seen = self._last_seen()
         if seen is not None:
-            self._refuse_other_motors(seen)
-            self.turns = seen.turns.copy()
-            self._restore(np.flatnonzero(forgot), raw, seen.position)
-        elif self._setup.zero:
-            self._restore(np.flatnonzero(forgot), raw, np.array(self._setup.zero))
+            before = seen.turns
+            self.turns = before.copy()
+            self._forgot = self._registers.get_all(POWER_MARK) == 0
+            self._restore(np.flatnonzero(self._forgot), raw, seen.position)
+        else:
+            before = self._recall()
+            self.turns = before.copy()
+            if self._setup.zero:
+                self._restore_by_pose(np.flatnonzero(self._forgot), raw)
         self._position = raw + self.turns * TURN
         self._refuse_impossible_pose()
-        if self._path:
-            self._store(durably=True)
-            for n in np.flatnonzero(forgot):
-                self._registers.ensure(int(n) + 1, POWER_MARK, 1)
+        return [int(n) + 1 for n in np.flatnonzero(self.turns != before)]
+
+    def connect(self) -> list[int]:
+        """`find`, and store it: from now on it shows if a motor loses its power."""
+        lost = self.find()
+        self._store(durably=True)
+        self._mark(np.flatnonzero(self._forgot) + 1)
+        return lost
 
     def follow(self, raw: Words) -> None:
         """Note where the motors are, (10,) raw positions [counts]."""
@@ -93,8 +118,7 @@ class TurnCounter:
         raw[index] = [self._registers.get(motor, "present_position") for motor in motors]
         self._restore(index, raw, self._position)
         self._store(durably=True)
-        for motor in motors if self._path else ():
-            self._registers.ensure(motor, POWER_MARK, 1)
+        self._mark(motors)
 
     def settle(self) -> None:
         """Watch a limp arm until it rests, and store where: the power may go off now."""
@@ -113,6 +137,56 @@ class TurnCounter:
         if self._path:
             write_turns(self._path, LastSeen(self._position, self.turns, self._simulated), durably)
 
+    def _last_seen(self) -> LastSeen | None:
+        """What is stored, if it may be used and replaced."""
+        if not self._path:
+            return None
+        if not os.access(self._path.parent, os.W_OK):
+            raise BusError(
+                f"{self._path} cannot be written, and it must be, as the turn counts of the motors are "
+                "kept there. Give yourself the right to write there, or another --setup file."
+            )
+        seen = read_turns(self._path)
+        if seen is not None:
+            self._refuse_other_motors(seen)
+        return seen
+
+    def _recall(self) -> Words:
+        """The turns that the motors themselves keep where no file does; 0 for those that forgot."""
+        self._forgot[:] = True
+        if self._path or not self._setup.zero:
+            return np.zeros(N_MOTORS, np.int64)
+        told = self._registers.get_all(TURNS_MARK)
+        self._forgot = told == 0
+        return np.where(self._forgot, 0, told - NO_TURNS)
+
+    def _mark(self, motors: Iterable[int]) -> None:
+        """Have motors, numbered from 1, remember that their turns are known."""
+        for motor in map(int, motors):
+            turns = int(self.turns[motor - 1])
+            if self._path:
+                self._registers.ensure(motor, POWER_MARK, 1)
+            elif self._setup.zero and abs(turns) < NO_TURNS:
+                self._registers.ensure(motor, TURNS_MARK, NO_TURNS + turns)
+
+    def _restore_by_pose(self, index: np.ndarray, raw: Words) -> None:
+        """Turns with which motors stand next to the ones before them, as those of a straight joint do."""
+        for n in index:
+            counts = self._counts(raw + self.turns * TURN)
+            bend = counts[n] - (counts[n - 1] if n else 0)
+            self.turns[n] = -np.rint(bend / TURN) * self._setup.direction[n]
+            left = (bend + TURN // 2) % TURN - TURN // 2
+            if abs(left) > FURTHEST:
+                raise BusError(
+                    f"nothing is known of the turns of motor {n + 1}, and the pose does not tell them: the "
+                    f"joint would stand at {left / TURN * 360:.0f}°. {zero_again(self._setup)}"
+                )
+
+    def _counts(self, position: Words) -> Words:
+        """Motor angles from the straight pose, in the arm's sense [counts], (10,)."""
+        zero = np.array(self._setup.zero or (0,) * N_MOTORS)
+        return (position - zero) * np.array(self._setup.direction)
+
     def _restore(self, index: np.ndarray, raw: Words, last: Words) -> None:
         self.turns[index], moved = nearest_turns(raw[index], last[index])
         far = np.abs(moved) > FURTHEST
@@ -122,21 +196,19 @@ class TurnCounter:
                 for n, m in zip(index[far], moved[far], strict=True)
             ]
             raise BusError(
-                f"while nobody watched, motors lost their turn count and moved: {', '.join(named)}. "
-                "Their zero is uncertain: hang the arm straight and run serpent_twin.bus.zero."
+                "while no program was connected, motors restarted, which loses their turn count, and "
+                f"moved: {', '.join(named)}. Their turns are uncertain. {zero_again(self._setup)}"
             )
 
     def _refuse_impossible_pose(self) -> None:
         """A turn too many bends a joint by 360° more than it can: such a zero is lost."""
         if not self._setup.zero:
             return
-        counts = (self._position - np.array(self._setup.zero)) * np.array(self._setup.direction)
-        if (beyond := joint_beyond(counts * POSITION_UNIT, ARM.joint_range)) is not None:
+        if (beyond := joint_beyond(self.angle, ARM.joint_range)) is not None:
             where, angle = beyond
             raise BusError(
                 f"by its motors {where} stands at {np.rad2deg(angle):.0f}°, which it cannot: turns "
-                "were lost, or another program reset them. Hang the arm straight and run "
-                "serpent_twin.bus.zero."
+                f"were lost, or another program reset them. {zero_again(self._setup)}"
             )
 
     def _refuse_other_motors(self, seen: LastSeen) -> None:
