@@ -12,7 +12,12 @@ from serpent_twin import cli, next_step
 from serpent_twin.arm import N_MOTORS
 from serpent_twin.bus.dynamixel.bus import DynamixelBus
 from serpent_twin.bus.dynamixel.registers import MotorRegisters
-from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup
+from serpent_twin.bus.dynamixel.setup import (
+    ArmSetup,
+    find_setup,
+    is_pseudo_terminal,
+    setup_to_run,
+)
 from serpent_twin.bus.dynamixel.wire import Wire
 from serpent_twin.bus.examination import Diagnosis, examine
 from serpent_twin.bus.xl430 import TURN
@@ -94,11 +99,13 @@ def main(config: Doctor) -> None:  # noqa: D103 tyro would print it above the co
         write_whole(config.out, json.dumps(asdict(diagnosis), indent=2) + "\n")
     if diagnosis.refused:
         sys.exit(1)
-    next_step.say(next_step.after_doctor(setup, config.setup))
+    next_step.say(next_step.after_doctor(setup.port, config.setup))
 
 
 def _reboot(setup: ArmSetup, motors: tuple[int, ...]) -> None:
     known = setup.path is not None and setup.path.exists()
+    if is_pseudo_terminal(setup.port):
+        setup, known = setup_to_run(setup), True
     bus = DynamixelBus(setup if known else replace(setup, path=None))
     bus.connect()
     try:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 from serpent_twin.next_step.words import Words, allowed, flags, unused
 
 if TYPE_CHECKING:  # each command imports this module, which imports the others where it asks them
-    from serpent_twin.bus.dynamixel.setup import ArmSetup
     from serpent_twin.collect import Real
     from serpent_twin.mocap.natnet.live import NatNet
 
@@ -17,15 +16,11 @@ def after_device(port: str) -> Words:
     return ["serpent_twin.bus.doctor", "--port", port, "--setup", str(setup)]
 
 
-def after_doctor(setup: "ArmSetup", where: Path) -> Words | None:
-    """After nothing was found against a run: set the straight pose if nobody did, else a short session."""
-    from serpent_twin.bus.dynamixel.setup import is_pseudo_terminal
+def after_doctor(port: str, where: Path) -> Words | None:
+    """After nothing was found against a run: a short session."""
     from serpent_twin.collect import Real
 
-    arm = ["--port", setup.port, *_setup(where)]
-    if not setup.zero and not is_pseudo_terminal(setup.port):
-        return ["serpent_twin.bus.zero", *arm]
-    return first_run(Real(setup.port, where), arm)
+    return first_run(Real(port, where), ["--port", port, *_setup(where)])
 
 
 def after_zero(where: Path) -> Words | None:
