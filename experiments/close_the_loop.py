@@ -9,7 +9,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from close_the_loop_picture import picture
 from tqdm import tqdm
@@ -19,8 +19,10 @@ from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.log import session_files
+from serpent_twin.options import Checked, Seed
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.report import Report, Section, Table, text_table, write
+from serpent_twin.stored import within
 from serpent_twin.trace import Trace, trace
 from serpent_twin.trace.diagnosis import Estimate
 
@@ -32,7 +34,7 @@ STAGES = ("nominal", "calibrated", "corrected")
 
 
 @dataclass(frozen=True)
-class CloseTheLoop:
+class CloseTheLoop(Checked):
     """Trace arms, and show the error before and after."""
 
     logs: Path = LOGS
@@ -41,9 +43,9 @@ class CloseTheLoop:
     """Folder for results; the same command goes on where it stopped."""
     arms: tuple[str, ...] = ()
     """Which arms, by the names of their folders; all without."""
-    sessions: int = 4
+    sessions: Annotated[int, within(0, 10_000)] = 4
     """Use only the first so many sessions of each arm, the last of them held out; 0 for all."""
-    seed: int = 0
+    seed: Seed = 0
     """Of bootstrap and permutations."""
 
 

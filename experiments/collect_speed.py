@@ -12,6 +12,7 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import mujoco
 import numpy as np
@@ -20,7 +21,9 @@ from mujoco import rollout
 from serpent_twin import cli, mjcf
 from serpent_twin.collect import Collect, collect
 from serpent_twin.control import joint_p_control, random_targets
+from serpent_twin.options import Checked
 from serpent_twin.parameters import NOMINAL
+from serpent_twin.stored import within
 from serpent_twin.twin import Twin
 
 PERIOD = 0.25  # [s]
@@ -29,14 +32,14 @@ THREADS = os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
-class CollectSpeed:
+class CollectSpeed(Checked):
     """Measure collection against bare MuJoCo."""
 
-    sessions: int = 8
+    sessions: Annotated[int, within(2, 10_000)] = 8
     """Sessions of the largest run."""
-    steps: int = 2100
+    steps: Annotated[int, within(4, 10_000_000)] = 2100
     """Control steps a session."""
-    rounds: int = 3
+    rounds: Annotated[int, within(1, 1000)] = 3
     """Times that the pair is measured; the median ratio counts."""
 
 

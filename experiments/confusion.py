@@ -15,7 +15,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from confusion_arms import SOURCES, Length
 from confusion_page import page
@@ -27,8 +27,10 @@ from serpent_twin import cli
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.options import Checked, Seed, Steps
 from serpent_twin.provenance import provenance
 from serpent_twin.report import write
+from serpent_twin.stored import within
 from serpent_twin.sweep.processes import processes
 from serpent_twin.trace import Trace, trace
 
@@ -36,50 +38,40 @@ SETTINGS = "confusion.json"
 
 
 @dataclass(frozen=True)
-class Confusion:
+class Confusion(Checked):
     """Inject faults into arms, trace them, and count what is named."""
 
     out: Path = Path("confusion")
     """Folder for results; the same command goes on where it stopped."""
     source: Literal["twin", "bench"] = "twin"
     """Who writes the logs: the twin itself, which flatters it, or the independent arm of the tests."""
-    rounds: int = 10
+    rounds: Annotated[int, within(1, 10_000)] = 10
     """Rounds of the plan: each effect once, two clean arms, a pair, the effects outside the catalogue."""
-    trials: int = 0
+    trials: Annotated[int, within(0, 1_000_000)] = 0
     """At most so many of the plan's trials, those done before included; 0 for all."""
     only: tuple[str, ...] = ()
     """Only trials with these effects or of these kinds: clean, known, pair, outside."""
-    sessions: int = 4
+    sessions: Annotated[int, within(2, 10_000)] = 4
     """Sessions of each arm; the last one is held out."""
-    steps: int = 1200
+    steps: Steps = 1200
     """Control steps of each session."""
-    workers: int = 1
+    workers: Annotated[int, within(1, 1024)] = 1
     """Trials side by side; a trace uses all cores by itself, so more helps little."""
-    budget_minutes: float = 0.0
+    budget_minutes: Annotated[float, within(0, 1e6, "min")] = 0.0
     """Begin no trial after so long; 0 for no limit."""
-    seed: int = 0
+    seed: Seed = 0
     """Of all that is drawn."""
     keep: bool = False
     """Keep every trial's logs and fits: tens of megabytes each."""
 
 
 def main(config: Confusion) -> None:  # noqa: D103 tyro would print it above the config's own
-    _check(config)
     trials = _trials(config)
     settings = {name: getattr(config, name) for name in ("source", "sessions", "steps", "seed")}
     with claimed(config.out, SETTINGS, settings):
         results = Results(config.out / "results.jsonl")
         _run(config, trials, results)
         _publish(config, trials, results, settings)
-
-
-def _check(config: Confusion) -> None:
-    least = {"rounds": 1, "trials": 0, "sessions": 2, "steps": 2, "workers": 1, "seed": 0}
-    for name, low in least.items():
-        if getattr(config, name) < low:
-            raise SerpentError(
-                f"--{name} is {getattr(config, name)}; give a number of at least {low}."
-            )
 
 
 def _trials(config: Confusion) -> list[Trial]:

@@ -14,12 +14,13 @@ from typing import Any
 
 from serpent_twin import cli
 from serpent_twin.errors import SerpentError
+from serpent_twin.options import Checked
 
 DATA = Path(os.path.relpath(Path(__file__).parent.parent / "data" / "arm_a"))
 
 
 @dataclass(frozen=True)
-class Demo:
+class Demo(Checked):
     """Collect from the twin, train on that and on a logged arm, report, replay."""
 
     out: Path = Path("demo")

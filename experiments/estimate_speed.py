@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import mujoco
 import numpy as np
@@ -19,12 +20,14 @@ from serpent_twin.collect import Collect, collect
 from serpent_twin.design import Design
 from serpent_twin.effects.cable_friction import CableFriction
 from serpent_twin.log import read_folder
+from serpent_twin.options import Checked
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.readout import Readout, find
 from serpent_twin.readout.live import Live, readings
 from serpent_twin.readout.online import Online
 from serpent_twin.readout.windows import SessionWindows, Windows, cut
 from serpent_twin.report import Table, text_table
+from serpent_twin.stored import within
 
 LIMIT_MS = {"observer": 5.0, "windows": 1.0, "markers": 1.0}
 SOFT = Design(replace(NOMINAL, strand_stiffness=4e3))
@@ -33,10 +36,10 @@ WINDOWED = ("linear", "residual", "residual_mlp", "mlp", "lstm", "ensemble")
 
 
 @dataclass(frozen=True)
-class EstimateSpeed:
+class EstimateSpeed(Checked):
     """Time estimates on one core."""
 
-    rows: int = 400
+    rows: Annotated[int, within(200, 1_000_000)] = 400
     """Rows of the simulated session."""
 
 

@@ -15,6 +15,7 @@ import sys
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from tqdm import tqdm
@@ -29,8 +30,10 @@ from serpent_twin.control import joint_p_control, random_targets
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.log import read_journal, read_session, recover
+from serpent_twin.options import Checked, RateHz, Seed
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import provenance
+from serpent_twin.stored import within
 
 FAULTS = {
     "none": (),
@@ -61,18 +64,18 @@ REST = 1  # [words] a driven motor that turns no faster is at rest
 
 
 @dataclass(frozen=True)
-class FaultMatrix:
+class FaultMatrix(Checked):
     """Run each fault through the whole collect loop over the wire, and check every row."""
 
     out: Path = Path("fault_matrix")
     """Folder for results.json and the runs; must not hold an earlier matrix."""
-    cycles: int = 500
+    cycles: Annotated[int, within(10, 10_000_000)] = 500
     """Control cycles of each fault."""
-    rate_hz: float = 50.0
+    rate_hz: RateHz = 50.0
     """Control cycles per second, in real time."""
     faults: tuple[str, ...] = tuple(FAULTS)
     """Which faults."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of targets and faults."""
 
 

@@ -21,6 +21,7 @@ from measured_split import Asked, asked, inner
 from serpent_twin import cli, rigs
 from serpent_twin.files import write_whole
 from serpent_twin.measured import Recording
+from serpent_twin.options import Checked, Seed
 from serpent_twin.provenance import provenance
 from serpent_twin.report import text_table, write
 from serpent_twin.trace import Trace
@@ -30,7 +31,7 @@ STAGES = ("nominal", "calibrated", "corrected")
 
 
 @dataclass(frozen=True)
-class Measured:
+class Measured(Checked):
     """Close the loop on measured logs of real machines."""
 
     data: Path
@@ -42,7 +43,7 @@ class Measured:
     chosen by a split of the other runs, then fitted to all of these. If files of this machine may be of it
     after a change, each is also searched for what was changed.
     """
-    seed: int = 0
+    seed: Seed = 0
     """Of bootstrap and permutations."""
 
 

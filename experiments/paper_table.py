@@ -12,6 +12,7 @@ import json
 import tempfile
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,10 @@ from scipy.stats import qmc
 
 from serpent_twin import cli
 from serpent_twin.collect import Collect, collect
+from serpent_twin.options import GIVEN, Checked, Seed, when
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import git_commit, provenance
+from serpent_twin.stored import within
 from serpent_twin.train import Train, train
 
 PAPER_MM = {"analytical": 39.5, "no_load": 5.1, "linear": 7.2, "mlp": 4.3, "lstm": 4.4}
@@ -42,18 +45,18 @@ and printed pulleys; markers and loads are no better than their sensors."""
 
 
 @dataclass(frozen=True)
-class PaperTable:
+class PaperTable(Checked):
     """Fit the nominal parameters to the paper's results table, or check those in force."""
 
     out: Path = Path(__file__).parent / "paper_table"
     """Folder of the runs and the result; another one starts the fit anew."""
-    design: int = 8
+    design: Annotated[int, within(0, 10_000)] = 8
     """Short runs at least that teach the emulator; 0 to judge the nominal parameters only."""
-    full: int = 4
+    full: Annotated[int, within(1, 10_000), when(design=GIVEN)] = 4
     """Full runs at most; the first that is within --close ends the fit."""
-    close: float = 0.15
+    close: Annotated[float, within(1e-6, 10), when(design=GIVEN)] = 0.15
     """Largest relative error of a mean that is good enough."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of the design and of every run."""
 
 

@@ -8,6 +8,7 @@ import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 os.environ.setdefault("MUJOCO_GL", "egl")
 
@@ -18,6 +19,8 @@ from rerun.experimental import ViewerClient
 
 from serpent_twin import cli, mjcf
 from serpent_twin.arm import motor_from_joint
+from serpent_twin.options import GIVEN, Checked, when
+from serpent_twin.stored import within
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 POSE = np.array([0.30, 0.34, 0.24, 0.30, 0.10, -0.10, -0.26, -0.30, -0.34])  # [rad] an S of sorts
@@ -47,21 +50,27 @@ JOINTS = View((0.015, 0.01, -0.055), 0.22, 214, -16, (590, 600))
 GAP = 6  # [px] between the pictures
 
 
-def main(docs: Path = DOCS, replay: Path | None = None, at: float = 127.0) -> None:
-    """Draw the pictures of the README.
+@dataclass(frozen=True)
+class Picture(Checked):
+    """Draw the pictures of the README."""
 
-    Args:
-        docs: Folder for the pictures.
-        replay: A recording by serpent_twin.replay, to be photographed in rerun's viewer.
-        at: The moment of the recording [s].
-    """
+    docs: Path = DOCS
+    """Folder for the pictures."""
+    replay: Path | None = None
+    """A recording by serpent_twin.replay, to be photographed in rerun's viewer."""
+    at: Annotated[float, within(0, 1e9, "s"), when(replay=GIVEN)] = 127.0
+    """The moment of the recording [s]."""
+
+
+def main(config: Picture) -> None:  # noqa: D103 tyro would print it above the config's own
+    docs = config.docs
     docs.mkdir(parents=True, exist_ok=True)
     details = np.vstack([render(WINCHES), white(GAP, WINCHES.size[0]), render(JOINTS)])
     sheet = np.hstack([render(WHOLE), white(WHOLE.size[1], GAP), details])
     Image.fromarray(sheet).save(docs / "arm.png", optimize=True)
     print(docs / "arm.png")
-    if replay:
-        photograph(replay, at, docs / "replay.png")
+    if config.replay:
+        photograph(config.replay, config.at, docs / "replay.png")
         print(docs / "replay.png")
 
 

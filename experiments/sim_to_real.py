@@ -28,6 +28,7 @@ from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.log import session_files
+from serpent_twin.options import Checked, Seed, Workers
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.readout import load
 from serpent_twin.readout.online import Online
@@ -40,7 +41,7 @@ CHANGING = (1600, 600)  # rows, and the row at which the arm changes
 
 
 @dataclass(frozen=True)
-class SimToReal:
+class SimToReal(Checked):
     """Compare what mended twins and real windows are worth to pose estimates.
 
     OUT gets results.json, report.html, report.md, figures, each arm's trace, logs of its twins and all
@@ -55,9 +56,9 @@ class SimToReal:
     """Which arms, by the names of their folders; all without."""
     conditions_of: str = ""
     """The arm whose simulated twin is put into other conditions; without: the first that lacked something."""
-    seed: int = 0
+    seed: Seed = 0
     """Of simulated sessions, drawn twins and first weights."""
-    workers: int = 0
+    workers: Workers = 0
     """Arms studied side by side; 0 for one a core."""
     quick: bool = False
     """A quick look: few and short simulated sessions, a 10-minute condition in place of the hour."""

@@ -8,7 +8,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from close_the_loop import LOGS, arm_folders, session_hashes
 from stiffness_sweep_answers import answers
@@ -25,37 +25,39 @@ from serpent_twin import cli, rigs
 from serpent_twin.claim import claimed
 from serpent_twin.files import write_whole
 from serpent_twin.log import Session
+from serpent_twin.options import GIVEN, Checked, RateHz, Workers, used_only, when
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.report import write
+from serpent_twin.stored import within
 from serpent_twin.sweep.run import Sweep, sweep
 
 SETTINGS = "stiffness_sweep.json"
 
 
 @dataclass(frozen=True)
-class StiffnessSweep:
+class StiffnessSweep(Checked):
     """Sweep the cables' stiffness, answer what was expected, and place logged arms on the chart."""
 
     out: Path = Path("stiffness_sweep")
     """Folder for results; the same command goes on where it stopped."""
     quick: bool = False
     """A few short points: a minute or two, to see that everything works; tells little."""
-    rate: float = 2.5
+    rate: Annotated[RateHz, when(quick=False)] = 2.5
     """Commands per second [Hz]; slower ones go further, and take longer. --quick has the published 4."""
-    lstm: bool = False
+    lstm: Annotated[bool, when(quick=False)] = False
     """Train the published LSTM, too, at one slack; it takes minutes a point."""
     logs: Path | None = LOGS
     """Folder of folders, one per arm, or one arm's folder of session logs; None for no arm."""
-    arms: tuple[str, ...] = ()
+    arms: Annotated[tuple[str, ...], when(logs=GIVEN)] = ()
     """Which arms, by the names of their folders; all without."""
-    sessions: int = 0
+    sessions: Annotated[int, within(0, 10_000), when(logs=GIVEN)] = 0
     """Use only the first so many sessions of each arm; 0 for all."""
-    twins: Path | None = None
+    twins: Annotated[Path | None, when(logs=GIVEN)] = None
     """Folder with ARM/twin.json of traced arms; without, stiffness is a first guess from the logs."""
     transfer: bool = True
     """Test readouts trained on one arm on every other."""
-    workers: int = 0
+    workers: Workers = 0
     """Processes side by side; 0 for one a core."""
 
 
@@ -104,7 +106,7 @@ def measured(
         dict.fromkeys(point for of in named.values() for point in of if point not in posed)
     )
     parts = {"sweep": (posed, plan.measuring),
-             "commands": (others, replace(plan.measuring, readouts=()))}  # fmt: skip
+             "commands": (others, used_only(replace(plan.measuring, readouts=())))}  # fmt: skip
     found, costs = {}, []
     for name, (points, measuring) in parts.items():
         out = config.out / name

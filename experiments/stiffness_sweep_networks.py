@@ -7,6 +7,7 @@ from pathlib import Path
 from stiffness_sweep_plan import GRID, Plan
 from stiffness_sweep_rows import Row
 
+from serpent_twin.options import used_only
 from serpent_twin.sweep.point import Point
 from serpent_twin.sweep.run import Sweep, sweep
 
@@ -23,7 +24,7 @@ def networks(plan: Plan, out: Path, workers: int) -> dict[Point, dict[str, float
     for readouts, points in ((plan.networks, some), (plan.slow, second)):
         if not readouts:
             continue
-        measuring = replace(plan.measuring, readouts=readouts, body=False)
+        measuring = used_only(replace(plan.measuring, readouts=readouts, body=False))
         asked = Sweep(out / "-".join(readouts), workers=workers, measuring=measuring)
         table = sweep(asked, points)["points"]
         for point, content in zip(points, table, strict=True):

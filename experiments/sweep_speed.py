@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import psutil
@@ -17,8 +18,10 @@ from stiffness_sweep_engine import CORES, engine_ratio
 from stiffness_sweep_plan import full
 
 from serpent_twin import cli
+from serpent_twin.options import Checked
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.reservoir import capacities
+from serpent_twin.stored import within
 
 CHANNELS, ROWS = 99, 20_000
 DELAYS = (30, 24, 16)
@@ -28,12 +31,12 @@ SAMPLE = 0.05  # [s] between looks at memory
 
 
 @dataclass(frozen=True)
-class SweepSpeed:
+class SweepSpeed(Checked):
     """Measure a sweep against bare MuJoCo."""
 
-    points: tuple[int, ...] = (10, 30, 100)
+    points: tuple[Annotated[int, within(1, 100_000)], ...] = (10, 30, 100)
     """Sizes of the sweeps that are compared."""
-    steps: int = 1500
+    steps: Annotated[int, within(1, 1_000_000)] = 1500
     """Commands a point; a real one has 20,000."""
 
 

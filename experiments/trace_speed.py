@@ -10,16 +10,19 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from serpent_twin import cli
 from serpent_twin.imposed import TIMESTEP
 from serpent_twin.mechanism import side_by_side
+from serpent_twin.options import Checked
 from serpent_twin.rigs.arm import ArmRig
 from serpent_twin.rigs.arm.case import ArmCase
 from serpent_twin.rigs.arm.pieces import Pieces
 from serpent_twin.rigs.rig import Point
+from serpent_twin.stored import within
 from serpent_twin.trace.least_squares import fit
 from serpent_twin.trace.moves import moves_of
 from serpent_twin.trace.search import score
@@ -28,14 +31,14 @@ DATA = Path(__file__).resolve().parent.parent / "data" / "arm_a"
 
 
 @dataclass(frozen=True)
-class TraceSpeed:
+class TraceSpeed(Checked):
     """Measure the parts of a trace."""
 
     logs: Path = DATA
     """Folder with the session logs of one arm."""
-    designs: int = 24
+    designs: Annotated[int, within(2, 10_000)] = 24
     """Designs simulated side by side."""
-    rounds: int = 3
+    rounds: Annotated[int, within(1, 1000)] = 3
     """Times that each pair is measured; the median ratio counts."""
 
 

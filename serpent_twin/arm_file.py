@@ -1,6 +1,6 @@
 """What arm does a file describe: a twin.json, or a model in MJCF?"""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -10,6 +10,7 @@ from serpent_twin.arm import N_JOINTS, N_MOTORS
 from serpent_twin.design import Design
 from serpent_twin.errors import SerpentError
 from serpent_twin.mjcf import STRANDS
+from serpent_twin.options import options_of
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import model_hash
 from serpent_twin.twin import Twin
@@ -25,6 +26,8 @@ _IN_ORDER = {  # names in the order in which the twin addresses them
         *(f"marker{i}" for i in _LINKS),
     ],
 }
+_BESIDE_MJCF = ("servo_lag", "controller_gain", "marker_noise", "load_noise")
+"""Parameters that no MJCF holds, so that they may be given beside one"""
 _MOST = 100_000_000  # bytes of an MJCF file, without what it includes
 _HINGE = mujoco.mjtJoint.mjJNT_HINGE
 
@@ -61,22 +64,18 @@ def read(path: Path | None, parameters: Parameters = NOMINAL, flag: str = "--twi
     """Read twin.json or MJCF; raises `SerpentError` naming what the file lacks.
 
     `parameters` are those beside the file on the command line, where `flag` named it. Without a file
-    they make the arm; MJCF takes its noise and its controller from them; twin.json holds its own and
-    allows no others.
+    they make the arm; MJCF takes its noise, its servos' lag and its controller from them and allows no
+    others; twin.json allows none.
     """
     if path is None:
         return ArmFile(Design(parameters))
+    beside = () if path.suffix == ".json" else _BESIDE_MJCF
+    given = [each.flag for each in options_of(parameters) if each.name not in beside and each.given]
+    if given:
+        raise SerpentError(
+            f"{flag} {path} holds the arm's parameters already; leave out {', '.join(given)}."
+        )
     if path.suffix == ".json":
-        given = [
-            f.name
-            for f in fields(NOMINAL)
-            if getattr(parameters, f.name) != getattr(NOMINAL, f.name)
-        ]
-        if given:
-            flags = ", ".join(f"--{name.replace('_', '-')}" for name in given)
-            raise SerpentError(
-                f"{flag} {path} holds the arm's parameters already; leave out {flags}."
-            )
         return ArmFile(design.read(path), path)
     return ArmFile(Design(parameters), path, _model(path))
 

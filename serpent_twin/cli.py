@@ -2,12 +2,13 @@
 
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import tyro
+from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
-from serpent_twin.errors import SerpentError
+from serpent_twin.errors import SerpentError, shortened
 from serpent_twin.option_groups import grouped
 
 
@@ -20,24 +21,16 @@ def run(
     A `SerpentError` or a full disk is printed as one sentence and exits 1, Ctrl-C exits 130;
     anything else is a defect of ours and keeps its traceback.
     """
+    argv = sys.argv[1:] if argv is None else argv
+    how: Any = {"args": argv, "prog": _program(), "registry": _numbers(argv)}
+    how["config"] = (tyro.conf.OmitArgPrefixes,)
     try:
         if callable(main):
-            tyro.cli(
-                grouped(main, _name(main)),
-                args=argv,
-                prog=_program(),
-                config=(tyro.conf.OmitArgPrefixes,),
-            )
+            tyro.cli(grouped(main, _name(main)), **how)
         else:
             description = sys.modules["__main__"].__doc__
             commands = {name: grouped(each, name) for name, each in main.items()}
-            tyro.extras.subcommand_cli_from_dict(
-                commands,
-                args=argv,
-                prog=_program(),
-                description=description,
-                config=(tyro.conf.OmitArgPrefixes,),
-            )
+            tyro.extras.subcommand_cli_from_dict(commands, description=description, **how)
         sys.stdout.flush()  # so that a reader who left is noticed here
     except SerpentError as error:
         fail(" ".join([str(error), *getattr(error, "__notes__", ())]))
@@ -55,7 +48,7 @@ def run(
 
 def fail(sentence: str) -> None:
     """Print an error to the user and leave with exit status 1."""
-    print(f"error: {sentence}", file=sys.stderr)
+    print(f"error: {shortened(sentence)}", file=sys.stderr)
     sys.exit(1)
 
 
@@ -69,6 +62,47 @@ def _name(main: Callable[..., Any]) -> str:
     """What people call the command, such as `log`."""
     program = _program()
     return program.rpartition(".")[-1] if program else main.__name__
+
+
+def _numbers(argv: Sequence[str]) -> ConstructorRegistry:
+    """How numbers are read from a command line: what is none is refused in our words, not in Python's."""
+    registry = ConstructorRegistry()
+
+    @registry.primitive_rule
+    def number(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
+        kind = next((kind for kind in (int, float) if info.type in (kind, kind | None)), None)
+        if kind is None:
+            return None
+
+        def read(words: list[str]) -> float:
+            try:
+                return kind(words[0])
+            except ValueError:
+                what = "a whole number" if kind is int else "a number"
+                raise SerpentError(
+                    f"{_flag(words[0], argv)} is {words[0]!r}; give {what}."
+                ) from None
+
+        return PrimitiveConstructorSpec(
+            nargs=1,
+            metavar=kind.__name__.upper(),
+            instance_from_str=read,
+            is_instance=lambda value: value is None or isinstance(value, int | float),
+            str_from_instance=lambda value: [str(value)],
+        )
+
+    return registry
+
+
+def _flag(word: str, argv: Sequence[str]) -> str:
+    """The option of a command line that a word is given to."""
+    flag = "it"
+    for each in argv:
+        if each.startswith("--"):
+            flag = each.partition("=")[0]
+        if each == word or each.endswith(f"={word}"):
+            return flag
+    return flag
 
 
 def _system_error(error: OSError) -> str:

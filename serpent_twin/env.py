@@ -16,6 +16,7 @@ from serpent_twin.bus import MotorBus, MotorState
 from serpent_twin.bus.simulated import SimulatedBus
 from serpent_twin.bus.xl430 import VELOCITY_LIMIT, VELOCITY_UNIT, Words
 from serpent_twin.control import HOLD, random_targets
+from serpent_twin.options import RateHz, Seed, Steps, check_arguments
 
 TOP_SPEED = VELOCITY_LIMIT * VELOCITY_UNIT
 """The servo's Velocity Limit [rad/s]."""
@@ -159,10 +160,11 @@ class FollowTargets(control.Task):
 
 def make(
     open_bus: Callable[[], MotorBus] = SimulatedBus,
-    rate_hz: float = 4.0,
-    steps: int = 100,
-    seed: int = 0,
+    rate_hz: RateHz = 4.0,
+    steps: Steps = 100,
+    seed: Seed = 0,
 ) -> control.Environment:
     """An environment over a bus, the simulated one unless told: `env.make().step(action)`."""
+    check_arguments(make, rate_hz=rate_hz, steps=steps, seed=seed)
     physics = BusPhysics(open_bus, 1 / rate_hz)
     return control.Environment(physics, FollowTargets(np.random.default_rng(seed), steps))

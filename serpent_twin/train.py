@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +16,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.log import read_folder
 from serpent_twin.option_groups import Group
+from serpent_twin.options import GIVEN, Checked, Seed, Use, when
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.readout import available, find
 from serpent_twin.readout.jitter import command_error, jittered
@@ -24,16 +25,39 @@ from serpent_twin.readout.page import adapt_table, page, score_table
 from serpent_twin.readout.split import Split, split
 from serpent_twin.readout.trial import COST, Result, Trial
 from serpent_twin.report import text_table, write
+from serpent_twin.stored import within
 
 SETTINGS = "train.json"
 JITTER = "command_jitter_rad_s"
+WINDOW_MOST = 1000
+"""Rows of the longest window: of 40,000 such windows each layer's inputs fill some 8 GB."""
 SWEPT = ("linear", "mlp")
 """The readouts whose window --windows varies."""
 _SPLIT, _WINDOW, _FIT, _ADAPT = map(Group, ("session split", "window", "training", "adaptation"))
 
 
+def _without_twin(config: "Train") -> str:
+    return _none_with("twin", config, "the twin of readouts that have one")
+
+
+def _without_networks(config: "Train") -> str:
+    return _none_with("epochs", config, "for networks")
+
+
+def _none_with(setting: str, config: "Train", what: str) -> str:
+    """Why something is ignored by readouts none of which has a setting; nothing if one has it."""
+    trained = {*config.readout, *(SWEPT if config.windows else ())}
+    wanted = [n for n, kind in available().items() if setting in {f.name for f in fields(kind)}]
+    if not config.readout or trained.intersection(wanted):
+        return ""
+    return (
+        f"is {what}, and this run trains none: leave it out, or add one to --readout: "
+        f"{', '.join(wanted)}."
+    )
+
+
 @dataclass(frozen=True)
-class Train:
+class Train(Checked):
     """Train pose readouts on session logs, score them on sessions they never saw, and report.
 
     OUT gets scores.json, report.html, report.md, figures and the trained readouts (models/NAME).
@@ -48,7 +72,7 @@ class Train:
     readout: tuple[str, ...] = ()
     """Names of readouts; by default all there are. Of those that have a twin, the observer is trained where
     the twin is known, by --twin or because it made the logs, and the others with --twin."""
-    window: Annotated[int, _WINDOW] = 4
+    window: Annotated[int, within(1, WINDOW_MOST), _WINDOW] = 4
     """Rows of the log that a readout sees at a time, H; the published one is 4."""
     windows: Annotated[str, _WINDOW] = ""
     """Also compare windows, such as 1..8 or 1,2,4: trains linear and mlp for each."""
@@ -56,23 +80,23 @@ class Train:
     """Names of the sessions that test; by default the last one."""
     validate: Annotated[tuple[str, ...], _SPLIT] = ()
     """Names of the sessions that validate; by default the two before it, one of less than six."""
-    twin: Path | None = None
+    twin: Annotated[Path | None, Use(_without_twin)] = None
     """A twin.json of python -m serpent_twin.trace, for readouts that have a twin; by default the twin that
     made the logs, or the nominal one."""
-    drop: Annotated[int, _SPLIT] = 100
+    drop: Annotated[int, within(0, 10_000_000), _SPLIT] = 100
     """First rows of each session that are not estimated; published: 100."""
-    seed: Annotated[int, _FIT] = 0
+    seed: Annotated[Seed, _FIT] = 0
     """Seed of first weights and batches."""
-    epochs: Annotated[int | None, _FIT] = None
+    epochs: Annotated[int | None, within(1, 1_000_000), _FIT, Use(_without_networks)] = None
     """Passes over the training windows at most, for a quick look; by default each readout's own."""
-    threads: Annotated[int, _FIT] = 2
+    threads: Annotated[int, within(1, 1024), _FIT] = 2
     """Threads of torch; the last digits of the results depend on it."""
     adapt: Annotated[Path | None, _ADAPT] = None
     """Folder with the session logs of another arm: readouts trained on --logs are corrected by its first
     windows and scored on its last session. --test and --validate then name its sessions."""
-    adapt_windows: Annotated[str, _ADAPT] = adapting.ALL
+    adapt_windows: Annotated[str, _ADAPT, when(adapt=GIVEN)] = adapting.ALL
     """Numbers of its windows to correct by, such as 0,100,500,all; 0 scores the readouts as they are."""
-    command_jitter: Annotated[float | None, _ADAPT] = None
+    command_jitter: Annotated[float | None, within(0.0, 100.0, "rad/s"), _ADAPT] = None
     """Train as if commands were off by normal errors of this size [rad/s]: simulated servos are not the
     arm's. By default what the servos of --adapt miss their commands by, else 0."""
 
@@ -112,7 +136,6 @@ def carried_out(plan: Plan) -> dict[str, Any]:
 
 def planned(config: Train) -> Plan:
     """What a config comes to; what cannot be done is refused before a folder is claimed."""
-    _check(config)
     for name in config.readout:
         find(name)
     adaptation = _adaptation(config)
@@ -134,8 +157,6 @@ def planned(config: Train) -> Plan:
 
 def _adaptation(config: Train) -> adapting.Adaptation | None:
     if config.adapt is None:
-        if config.adapt_windows != adapting.ALL:
-            raise SerpentError("--adapt-windows is of use with --adapt LOGS only; give both.")
         return None
     how = config.adapt_windows, config.window, config.drop
     return adapting.read(config.adapt, *how, config.validate, config.test)
@@ -147,14 +168,6 @@ def _servo_error(plan: adapting.Adaptation | None, earlier: Path) -> float:
         kept = json.loads(earlier.read_text()) if earlier.exists() else {}
         return kept.get(JITTER, 0.0)
     return round(command_error(plan.learn), 4) if plan.window > 1 else 0.0
-
-
-def _check(config: Train) -> None:
-    least = {"window": 1, "drop": 0, "seed": 0, "threads": 1, "epochs": 1, "command_jitter": 0}
-    for name, low in least.items():
-        value = getattr(config, name)
-        if value is not None and value < low:
-            raise SerpentError(f"--{name} is {value}; give a number of at least {low}.")
 
 
 def _trained_before(config: Train) -> list[tuple[str, int]]:
@@ -173,6 +186,8 @@ def parse_windows(text: str) -> list[int]:
     """Window lengths out of `1..8` or `1,2,4`; none out of an empty text."""
     if not text:
         return []
+    if any(len(word) > len(str(WINDOW_MOST)) for word in re.findall(r"\d+", text)):
+        raise SerpentError(f"--windows {text}: a window has at most {WINDOW_MOST} rows.")
     windows: list[int] = []
     if found := re.fullmatch(r"(\d+)\.\.(\d+)", text):
         windows = list(range(int(found[1]), int(found[2]) + 1))

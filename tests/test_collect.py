@@ -128,9 +128,9 @@ def test_a_folder_with_foreign_logs_is_refused(run, tmp_path):
     ("wrong", "text"),
     [
         ({"rate_hz": 3.0}, "multiple"),
-        ({"rate_hz": 0.0}, "above 0"),
-        ({"steps": 0}, "at least 1"),
-        ({"marker_loss": 1.5}, "0 … 1"),
+        ({"rate_hz": 0.0}, "from 0.01 to 100 Hz"),
+        ({"steps": 0}, "from 1 to 10,000,000"),
+        ({"marker_loss": 1.5}, "from 0 to 0.99"),
     ],
 )
 def test_impossible_settings_are_refused_before_anything_is_written(wrong, text, tmp_path):

@@ -54,7 +54,7 @@ def test_over_the_wire_a_session_has_the_rows_of_the_twin(bench, tmp_path):
     config = Collect(tmp_path / "sim", sessions=1, steps=60, workers=1, parameters=QUIET)
     (simulated,) = collect(config)
     real = Real(setup=setup)
-    (wire,) = collect(replace(config, out=tmp_path / "real", backend="real", real=real))
+    (wire,) = collect(Collect(tmp_path / "real", "real", sessions=1, steps=60, real=real))
     here, there = read_session(simulated), read_session(wire)
     for name in ("motor_position", "motor_velocity", "motor_load", "motor_velocity_command"):
         assert np.array_equal(getattr(here, name), getattr(there, name)), name

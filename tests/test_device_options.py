@@ -23,7 +23,7 @@ from serpent_twin.errors import SerpentError
 @pytest.mark.parametrize(
     ("options", "match"),
     [
-        ({"realtime": True, "lockstep": True}, "--realtime and --lockstep"),
+        ({"realtime": True, "lockstep": True}, "--realtime would be ignored beside --lockstep"),
         ({"rate_hz": 0.0}, "--rate-hz"),
         ({"lockstep": True, "rate_hz": 3.0}, "time step"),
         ({"start_counts": (1, 2)}, "--start-counts"),

@@ -94,7 +94,7 @@ def test_a_worker_with_other_versions_is_refused(first):
 def test_every_parameter_and_setting_names_another_file():
     names = {key(POINT, QUICK), key(replace(POINT, stiffness=None), QUICK)}
     for each in fields(Point):
-        names.add(key(replace(POINT, **{each.name: 2 * getattr(POINT, each.name) + 1}), QUICK))
+        names.add(key(replace(POINT, **{each.name: 1.5 * getattr(POINT, each.name) + 0.01}), QUICK))
     for each in fields(Measuring):
         value = getattr(QUICK, each.name)
         other = (*value, *value) if isinstance(value, tuple) else 2 * (value or 1) + 1
@@ -108,10 +108,10 @@ def test_every_parameter_and_setting_names_another_file():
     [
         ({"amplitude": (0.02,)}, r"± 0.02 rad at 20 Hz may ask 9.0 rad/s .* at most 0.0141 rad"),
         ({"amplitude": (1.1,), "rate": (0.01,)}, "amplitude is 1.1 rad; .* up to 1.047"),
-        ({"rate": (0.0,)}, "rate is 0 Hz"),
-        ({"stiffness": (-1.0,)}, "stiffness is -1 N/m"),
-        ({"slack": (-1.0,)}, "strand_slack is -1.0"),
-        ({"seeds": (-1,)}, "seed is -1"),
+        ({"rate": (0.0,)}, "--rate is 0; give a number from 0.01"),
+        ({"stiffness": (-1.0,)}, "--stiffness is -1; .* N/m"),
+        ({"slack": (-1.0,)}, "--slack is -1; .* m"),
+        ({"seeds": (-1,)}, "--seeds is -1"),
         ({"workers": -1}, "--workers is -1"),
         ({"stiffness": ()}, None),
         ({"stiffness": (), "rigid": False}, "no points"),
@@ -125,13 +125,13 @@ def test_every_parameter_and_setting_names_another_file():
     ],
 )
 def test_what_cannot_be_measured_is_refused_before_anything_is_written(changed, said, tmp_path):
-    config = replace(Sweep(tmp_path / "out", **GRID), **changed)
     if said is None:
+        config = Sweep(tmp_path / "out", **(GRID | changed))
         run._check(config, run.grid(config))
         return
     with pytest.raises(SerpentError, match=said):
-        sweep(config)
-    assert not config.out.exists()
+        sweep(Sweep(tmp_path / "out", **(GRID | changed)))
+    assert not (tmp_path / "out").exists()
 
 
 def test_motors_reach_each_target_within_its_period_and_hold_it():

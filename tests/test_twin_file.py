@@ -31,7 +31,7 @@ EFFECTS = (
     CATALOGUE["mocap_latency"](0.05),
 )
 ARM = Design(QUIET, Tolerances(strand_stiffness=tuple(np.linspace(-0.2, 0.2, 20))), EFFECTS)
-SHORT = {"sessions": 1, "steps": 24, "workers": 1}
+SHORT = {"sessions": 1, "steps": 24}
 
 
 def written(folder, arm=ARM, name="twin.json"):
@@ -126,13 +126,12 @@ def test_mjcf_is_the_arm_without_what_mjcf_cannot_say(logs, tmp_path):
     ("change", "message"),
     [
         ({"parameters": replace(NOMINAL, load_noise=0.1)}, "leave out --load-noise"),
-        ({"backend": "real"}, "leave it out with --backend real"),
+        ({"backend": "real"}, "--twin is for --backend sim"),
     ],
 )
 def test_what_excludes_the_file_is_said(logs, tmp_path, change, message):
-    config = Collect(tmp_path / "logs", twin=logs[0] / "twin.json", **SHORT)
     with pytest.raises(SerpentError, match=message):
-        collect(replace(config, **change))
+        collect(Collect(tmp_path / "logs", twin=logs[0] / "twin.json", **SHORT, **change))
     assert not (tmp_path / "logs").exists()
 
 

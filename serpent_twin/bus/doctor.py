@@ -5,6 +5,7 @@ import sys
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -21,12 +22,13 @@ from serpent_twin.bus.dynamixel.setup import (
 from serpent_twin.bus.dynamixel.wire import Wire
 from serpent_twin.bus.examination import Diagnosis, examine
 from serpent_twin.bus.xl430 import TURN
-from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.options import Checked, when
+from serpent_twin.stored import within
 
 
 @dataclass(frozen=True)
-class Doctor:
+class Doctor(Checked):
     """Examine the motors before a run. Nothing moves, and nothing is written to them, but Status Return
     Level (68) where a motor answers no reads.
 
@@ -37,21 +39,14 @@ class Doctor:
     """Serial port of the motors; else the one in --setup."""
     setup: Path = Path("arm.toml")
     """The arm's setup, if there is one yet."""
-    reads: int = 200
+    reads: Annotated[int, within(0, 1_000_000), when(live=False)] = 200
     """Number of reads of all motors to time."""
-    reboot: tuple[int, ...] = ()
+    reboot: tuple[Annotated[int, within(1, N_MOTORS)], ...] = ()
     """Motors, from 1, to restart first, which clears their errors; the torque of all motors goes off."""
     live: bool = False
     """Show the motors' angles until Ctrl-C, instead: turn joints by hand to see each motor's direction."""
-    out: Path | None = None
+    out: Annotated[Path | None, when(live=False)] = None
     """JSON file for the figures and findings."""
-
-    def __post_init__(self) -> None:
-        wrong = [motor for motor in self.reboot if not 1 <= motor <= N_MOTORS]
-        if wrong:
-            raise SerpentError(f"--reboot: there is no motor {wrong[0]}; give 1 … {N_MOTORS}.")
-        if self.reads < 0:
-            raise SerpentError(f"--reads is {self.reads}; give a number of at least 0.")
 
 
 def describe(diagnosis: Diagnosis) -> str:

@@ -3,6 +3,7 @@
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -18,13 +19,15 @@ from serpent_twin.bus.dynamixel.setup import (
 )
 from serpent_twin.bus.dynamixel.turns import LastSeen, read_turns, turns_file, write_turns
 from serpent_twin.bus.xl430 import TURN, Words
+from serpent_twin.options import Checked
+from serpent_twin.stored import within
 
 STILL = 2
 """By how much a motor may waver and count as still [counts]."""
 
 
 @dataclass(frozen=True)
-class Zero:
+class Zero(Checked):
     """Set the straight pose: hang the arm straight and still, then run this.
 
     The torque goes off, the motors' positions become the arm's zero, and --setup is written, with the
@@ -35,7 +38,7 @@ class Zero:
     """Serial port of the motors; else the one in --setup."""
     setup: Path = Path("arm.toml")
     """The arm's setup; made if it does not exist."""
-    watch: float = 1.0
+    watch: Annotated[float, within(0.1, 60, "s")] = 1.0
     """How long the motors must stand still [s]."""
 
 

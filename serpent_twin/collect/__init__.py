@@ -7,15 +7,19 @@ from typing import Annotated, Any, Literal
 from serpent_twin import arm_file, design, run_folder
 from serpent_twin.arm_file import ArmFile
 from serpent_twin.claim import claimed
-from serpent_twin.errors import SerpentError
 from serpent_twin.log import SCHEMA_VERSION
 from serpent_twin.mocap.natnet.live import NatNet
 from serpent_twin.option_groups import Group
+from serpent_twin.options import Checked, RateHz, Seed, Sessions, Steps, Workers, when
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import file_hash, provenance
+from serpent_twin.stored import within
 
 SETTINGS = "collect.json"
 REAL, CAMERAS, SIMULATED = Group("real arm"), Group("camera"), Group("simulated arm")
+_SIM = when(backend="sim")
+OF_ARM = when(backend="sim", but=("controller_gain",))
+"""The simulated arm's parameters: the controller's gain is also the real arm's"""
 
 
 @dataclass(frozen=True)
@@ -28,14 +32,14 @@ class Real:
     """The arm's setup: ids, directions, zero and limits; python -m serpent_twin.bus.zero writes it."""
     mocap: Annotated[Literal["none", "natnet"], CAMERAS] = "none"
     """natnet: markers from Motive, live. none: a log without markers; merge a take afterwards."""
-    natnet: Annotated[NatNet, CAMERAS] = field(default_factory=NatNet)
+    natnet: Annotated[NatNet, CAMERAS, when(mocap="natnet")] = field(default_factory=NatNet)
     """Where Motive streams, for --mocap natnet."""
-    frame: Annotated[Path, CAMERAS] = Path("frame.json")
+    frame: Annotated[Path, CAMERAS, when(mocap="natnet")] = Path("frame.json")
     """Where the cameras see the arm's base; python -m serpent_twin.mocap frame writes it."""
 
 
 @dataclass(frozen=True)
-class Collect:
+class Collect(Checked):
     """Collect session logs of an arm that follows random joint targets.
 
     Each session becomes OUT/session_NN.parquet. A run that was interrupted goes on with what is
@@ -46,26 +50,26 @@ class Collect:
     """Folder for the session logs; made if it does not exist."""
     backend: Literal["sim", "real"] = "sim"
     """sim: the twin, as fast as it computes. real: the arm on its motor bus; see --port."""
-    sessions: int = 23
+    sessions: Sessions = 23
     """Number of sessions."""
-    steps: int = 2100
+    steps: Steps = 2100
     """Control steps, that is rows, of each session."""
-    rate_hz: float = 4.0
+    rate_hz: RateHz = 4.0
     """Control steps per second."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of targets and noise; session n of seed s is always the same."""
     arm: str = ""
     """Name of the arm, stored in the logs; without: twin, or the setup file's name."""
-    marker_loss: Annotated[float, SIMULATED] = 0.0
+    marker_loss: Annotated[float, within(0.0, 0.99), SIMULATED, _SIM] = 0.0
     """Share of marker readings that the simulated cameras lose."""
-    workers: Annotated[int, SIMULATED] = 0
+    workers: Annotated[Workers, SIMULATED, _SIM] = 0
     """Processes that simulate side by side; 0 for one a core. The logs do not depend on it."""
-    twin: Annotated[Path | None, SIMULATED] = None
+    twin: Annotated[Path | None, SIMULATED, _SIM] = None
     """The arm to simulate, in place of the parameters below: a twin.json, with all of its effects, or
     its twin.xml, which takes its noise and the controller's gain from them."""
-    real: Annotated[Real, REAL] = field(default_factory=Real)
+    real: Annotated[Real, REAL, when(backend="real")] = field(default_factory=Real)
     """The real arm, for --backend real."""
-    parameters: Annotated[Parameters, SIMULATED] = field(default=NOMINAL)
+    parameters: Annotated[Parameters, SIMULATED, OF_ARM] = NOMINAL
     """For --backend sim: the arm's free parameters. The controller's gain is also the real arm's."""
 
     @property
@@ -148,21 +152,8 @@ def _twin_file(config: Collect, said: dict[str, Any]) -> dict[str, Any]:
 
 def check(config: Collect) -> None:
     """Refuse what cannot be collected, before anything is written or moves."""
-    for name in ("sessions", "steps"):
-        if getattr(config, name) < 1:
-            raise SerpentError(f"--{name} is {getattr(config, name)}; give a number of at least 1.")
-    if not 0 < config.rate_hz <= 100:
-        raise SerpentError(
-            f"--rate-hz is {config.rate_hz:g}; give a rate above 0 and up to 100 Hz."
-        )
-    if not 0 <= config.marker_loss < 1:
-        raise SerpentError(f"--marker-loss is {config.marker_loss:g}; give a share within 0 … 1.")
-    if config.seed < 0:
-        raise SerpentError(f"--seed is {config.seed}; give a number of at least 0.")
     if config.backend == "sim":
         config.simulated().twin().substeps(1 / config.rate_hz)
-    elif config.twin:
-        raise SerpentError("--twin is the arm to simulate; leave it out with --backend real.")
     else:
         from serpent_twin.collect.real import arm_of, cameras_of
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from serpent_twin import arm_file, collect, design, readout
 from serpent_twin.claim import claimed
-from serpent_twin.collect import REAL, SIMULATED, Real, lost_markers
+from serpent_twin.collect import OF_ARM, REAL, SIMULATED, Real, lost_markers
 from serpent_twin.collect.ending import why
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimate.arm import Drive, is_known, note, of_readout
@@ -16,6 +16,7 @@ from serpent_twin.estimate.follower import Follower
 from serpent_twin.estimate.run import Plan, run
 from serpent_twin.files import write_whole
 from serpent_twin.option_groups import Group
+from serpent_twin.options import Checked, RateHz, Seed, Steps, Use, when
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.readout.observer import Observer
@@ -25,8 +26,16 @@ RESULTS = "results.json"
 _SHOWN = Group("recording")
 
 
+def _blind(config: "Estimate") -> str:
+    if config.backend == "sim":
+        blind, way = not config.markers, "leave out one of --learn and --no-markers"
+    else:
+        blind, way = config.real.mocap == "none", "leave it out, or add --mocap natnet"
+    return blind * f"learns from markers, and this run sees none: {way}."
+
+
 @dataclass(frozen=True)
-class Estimate:
+class Estimate(Checked):
     """Estimate where the arm is while it moves, from its motor bus alone, and log that.
 
     The arm follows random joint targets as in `collect`. OUT gets the log with the estimates as further
@@ -43,31 +52,33 @@ class Estimate:
     twin: Path | None = None
     """A twin.json. For an observer: its twin, in place of the one that it was trained with. Another
     readout has no twin: then it is the arm to simulate, as if given to --simulate."""
-    simulate: Annotated[Path | None, SIMULATED] = None
+    simulate: Annotated[Path | None, SIMULATED, when(backend="sim")] = None
     """The arm to simulate, for --backend sim: a twin.json, with all of its effects, or an MJCF file. Without:
     the twin that the readout was trained with, if it has one, or an arm of the parameters below. It is never
     what estimates."""
-    steps: int = 2100
+    steps: Steps = 2100
     """Control steps, that is rows."""
-    rate_hz: float = 4.0
+    rate_hz: RateHz = 4.0
     """Control steps per second. A readout of windows takes the rate it was trained for; an observer takes
     any, but how sure it is holds at its own."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of targets and noise."""
     arm: str = ""
     """Name of the arm, stored in the log; without: twin, or the setup file's name."""
-    markers: Annotated[bool, SIMULATED] = True
+    markers: Annotated[bool, SIMULATED, when(backend="sim")] = True
     """Let simulated cameras look on, so that the error is told. No readout sees them, but for --learn."""
-    learn: bool = False
+    learn: Annotated[bool, Use(_blind)] = False
     """Let the markers of each step correct later estimates while there are any, by recursive least squares:
     for an arm that has changed since the readout was trained. The correction is held when they go."""
     record: Annotated[bool, _SHOWN] = True
     """Write OUT/session_01.rrd for rerun."""
     view: Annotated[bool, _SHOWN] = False
     """Show it in rerun's viewer while it happens."""
-    real: Annotated[Real, REAL] = field(default_factory=Real)
+    real: Annotated[Real, REAL, when(backend="real")] = field(default_factory=Real)
     """The real arm, for --backend real."""
-    parameters: Annotated[Parameters, SIMULATED] = field(default=NOMINAL)
+    parameters: Annotated[
+        Parameters, SIMULATED, OF_ARM, when(markers=True, only=("marker_noise",))
+    ] = NOMINAL
     """For --backend sim: the arm's free parameters. The controller's gain is also the real arm's."""
 
 
@@ -111,8 +122,6 @@ def planned(config: Estimate) -> Plan:
                 "could be replaced. Leave --twin out, or give a trained observer as --model."
             )
         simulated = config.twin
-    if config.simulate and config.backend == "real":
-        raise SerpentError("--simulate is the arm to simulate; leave it out with --backend real.")
     if config.backend == "sim":
         arm_file.read(simulated, config.parameters, "--simulate")
     drive = Drive(

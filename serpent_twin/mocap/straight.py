@@ -3,6 +3,7 @@
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from serpent_twin.arm import N_JOINTS, Array, markers
 from serpent_twin.errors import SerpentError
 from serpent_twin.mocap.frame import Rigid, fit_rigid
 from serpent_twin.mocap.natnet.live import NatNet, NatNetMocap
+from serpent_twin.options import Checked
+from serpent_twin.stored import within
 
 STILL = 0.002  # m: by how much a still marker's mean may differ between two halves of the look
 MOST = 0.003  # m: a marker further from its place is mislabelled, misplaced, or the arm is not straight
@@ -19,7 +22,7 @@ SHOWN = 0.5  # share of the frames that must show a marker
 
 
 @dataclass(frozen=True)
-class Straight:
+class Straight(Checked):
     """Find the base frame: Motive streams while the arm hangs straight and still, all angles zero.
 
     The nine markers are compared with where they belong. Nothing is written if one is lost, moves,
@@ -29,18 +32,16 @@ class Straight:
 
     out: Path = Path("frame.json")
     """File for the transform from the cameras' to the base frame; an existing one is kept, and refused."""
-    seconds: float = 1.0
+    seconds: Annotated[float, within(0.1, 2, "s")] = 1.0
     """How long to look [s], up to 2; at least 30 frames must come in."""
     natnet: NatNet = field(default=NatNet())
     """Where Motive streams."""
-    placed_within: float = MOST
+    placed_within: Annotated[float, within(1e-4, 1, "m")] = MOST
     """How far from their places the markers may sit on the links [m]; more lets a bent arm pass."""
 
 
 def measure(config: Straight) -> tuple[Rigid, list[str], Array]:
     """The cameras → base transform, the labels, and each marker's residual [m], (9,)."""
-    if not 0 < config.seconds <= 2:
-        raise SerpentError(f"--seconds is {config.seconds:g}; give a time of 0 … 2 s.")
     if config.out.exists():
         raise SerpentError(
             f"{config.out} exists already and is kept: move it away, or name another --out."

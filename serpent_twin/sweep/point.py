@@ -2,17 +2,19 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Annotated, Any
 
 from serpent_twin.arm import N_JOINTS
 from serpent_twin.design import Design
 from serpent_twin.errors import SerpentError
 from serpent_twin.option_groups import Group
+from serpent_twin.options import GIVEN, RateHz, Use, when
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.readout import find
 from serpent_twin.reservoir.basis import fine_cut
 from serpent_twin.reservoir.targets import search
+from serpent_twin.stored import within
 from serpent_twin.sweep import channels, drive
 
 FORMAT = 1
@@ -93,35 +95,46 @@ class Point:
         _ = self.parameters  # which refuse numbers below zero
 
 
+_OF_BODY, _OF_POSE = when(body=True), when(readouts=GIVEN)
+
+
+def _without_networks(measuring: "Measuring") -> str:
+    if any("epochs" in {each.name for each in fields(find(name))} for name in measuring.readouts):
+        return ""
+    return "is for networks, and --readouts names none: leave it out, or add one, such as mlp."
+
+
 @dataclass(frozen=True)
 class Measuring:
     """How points are measured, all of a folder alike."""
 
-    delays: tuple[int, ...] = (8, 3, 1)
+    delays: Annotated[tuple[Annotated[int, within(0, 1000)], ...], _OF_BODY] = (8, 3, 1)
     """Greatest delay of the products of inputs of each total degree from 1, in command periods."""
-    memory_delay: int = 16
+    memory_delay: Annotated[int, within(0, 1000), _OF_BODY] = 16
     """Greatest delay of the linear memory, in command periods."""
-    taps: int = 4
+    taps: Annotated[int, within(1, 100), _OF_BODY] = 4
     """Last commands that a readout knows anyway, H; streams for the generalisation rank share as many."""
-    stretches: int = 40
+    stretches: Annotated[int, within(1, 10_000), _OF_BODY] = 40
     """Runs side by side that share the steps."""
-    washout: int = 24
+    washout: Annotated[int, within(0, 10_000), _OF_BODY] = 24
     """Command periods at the beginning of each stretch that are not measured."""
-    repeated: int = 500
+    repeated: Annotated[int, within(2, 10_000), _OF_BODY] = 500
     """Command periods that a replica repeats from another initial pose."""
-    stream: int = 12
+    stream: Annotated[int, within(1, 10_000), _OF_BODY] = 12
     """Command periods of each stream for the ranks."""
-    coarsest: float = 0.1
+    coarsest: Annotated[float, within(1e-6, 1e6), _OF_BODY] = 0.1
     """Refuse so few steps that chance reaches capacities above this."""
-    sessions: Annotated[int, _POSE] = 5
+    sessions: Annotated[int, within(3, 1000), _POSE, _OF_POSE] = 5
     """Sessions of the published protocol, for the pose error; the last one tests."""
-    session_steps: Annotated[int, _POSE] = 600
+    session_steps: Annotated[int, within(DROP + 1, 1_000_000), _POSE, _OF_POSE] = 600
     """Control steps of each session."""
-    session_rate: Annotated[float | None, _POSE] = None
+    session_rate: Annotated[RateHz | None, _POSE, _OF_POSE] = None
     """Control steps per second [Hz]; by default as many as a point's command periods."""
     readouts: Annotated[tuple[str, ...], _POSE] = ("analytical", "linear", "residual")
     """Readouts to train and score; others: mlp, lstm, decoder, ensemble, … take longer, up to minutes."""
-    epochs: Annotated[int | None, _POSE] = None
+    epochs: Annotated[int | None, within(1, 1_000_000), _POSE, _OF_POSE, Use(_without_networks)] = (
+        None
+    )
     """Passes of a network over the training windows; by default its own."""
     body: bool = True
     """Measure memory and capacities; without, the pose errors alone."""
@@ -132,18 +145,8 @@ class Measuring:
 
     def check(self, steps: int) -> None:
         """Raise SerpentError on settings that measure nothing."""
-        least = {"stretches": 1, "taps": 1, "memory_delay": 0, "repeated": 2, "sessions": 3}
-        for name, low in (least | {"session_steps": DROP + 1, "epochs": 1}).items():
-            value = getattr(self, name)
-            if value is not None and value < low:
-                flag = name.replace("_", "-")
-                raise SerpentError(f"--{flag} is {value}; give a number of at least {low}.")
         for name in self.readouts:
             find(name)
-        if self.session_rate is not None and not 0 < self.session_rate <= 100:
-            raise SerpentError(
-                f"--session-rate is {self.session_rate:g} Hz; give one above 0 and up to 100."
-            )
         if self.body:
             self._check_body(steps)
 

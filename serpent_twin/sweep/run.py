@@ -18,8 +18,10 @@ from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.option_groups import Group
+from serpent_twin.options import ABSENT, Checked, RateHz, Seed, Use, Workers, when
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import provenance, versions
+from serpent_twin.stored import within
 from serpent_twin.sweep.cluster import cluster
 from serpent_twin.sweep.execute import Pool, execute
 from serpent_twin.sweep.outcome import Outcome, measured
@@ -30,8 +32,18 @@ SETTINGS = "sweep.json"
 _GRID, _WHERE = Group("grid"), Group("computing")
 
 
+def _bodiless(config: "Sweep") -> str:
+    if config.measuring.body:
+        return ""
+    return "is for what the body remembers, and --no-body leaves that out: leave out one of them."
+
+
+def _timeless(config: "Sweep") -> str:
+    return "" if config.measuring.session_rate is None else _bodiless(config)
+
+
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Checked):
     """Measure how memory, computation and pose error change with an arm's cables and its commands.
 
     Each point of the grid becomes OUT/points/HASH.json, where it came from and how long it took
@@ -41,25 +53,35 @@ class Sweep:
 
     out: Path
     """Folder for results; made if it does not exist."""
-    stiffness: Annotated[tuple[float, ...], _GRID] = (NOMINAL.strand_stiffness,)
+    stiffness: Annotated[tuple[Annotated[float, within(1.0, 1e9, "N/m")], ...], _GRID] = (
+        NOMINAL.strand_stiffness,
+    )
     """Stiffness of each strand [N/m]."""
-    slack: Annotated[tuple[float, ...], _GRID] = (NOMINAL.strand_slack,)
+    slack: Annotated[tuple[Annotated[float, within(0.0, 0.2, "m")], ...], _GRID] = (
+        NOMINAL.strand_slack,
+    )
     """Slack of each strand [m]."""
-    damping: Annotated[tuple[float, ...], _GRID] = (NOMINAL.joint_damping,)
+    damping: Annotated[tuple[Annotated[float, within(0.0, 10.0, "N m s/rad")], ...], _GRID] = (
+        NOMINAL.joint_damping,
+    )
     """Viscous damping of each hinge [N m s/rad]."""
-    rate: Annotated[tuple[float, ...], _GRID] = (4.0,)
+    rate: Annotated[tuple[RateHz, ...], _GRID, Use(_timeless)] = (4.0,)
     """Commands per second [Hz]."""
-    amplitude: Annotated[tuple[float, ...], _GRID] = (0.07,)
+    amplitude: Annotated[
+        tuple[Annotated[float, within(1e-6, 4.0, "rad")], ...], _GRID, Use(_bodiless)
+    ] = (0.07,)
     """Joint targets lie within ± this [rad]; the servos' speed limits it, at 4 Hz to 0.0706."""
-    load_noise: Annotated[tuple[float, ...], _GRID] = (NOMINAL.load_noise,)
+    load_noise: Annotated[tuple[Annotated[float, within(0.0, 1.0)], ...], _GRID] = (
+        NOMINAL.load_noise,
+    )
     """Noise of load readings, standard deviation as a share of the stall torque."""
-    seeds: Annotated[tuple[int, ...], _GRID] = (0,)
+    seeds: Annotated[tuple[Seed, ...], _GRID] = (0,)
     """Seeds of inputs and noise; points of one seed have the same inputs."""
-    steps: int = 20_000
+    steps: Annotated[int, within(1, 1_000_000), Use(_bodiless)] = 20_000
     """Commands that each point is measured over; a capacity needs about 20,000."""
-    rigid: Annotated[bool, _GRID] = False
+    rigid: Annotated[bool, _GRID, Use(_bodiless)] = False
     """Also measure an arm on rigid cables, for each rate, amplitude and seed, as a control."""
-    workers: Annotated[int, _WHERE] = 0
+    workers: Annotated[Workers, _WHERE, when(cluster=ABSENT)] = 0
     """Processes side by side; 0 for one a core. The points do not depend on it."""
     cluster: Annotated[str, _WHERE] = ""
     """Address of a Dask scheduler, tcp://HOST:PORT, whose workers measure instead."""
@@ -108,8 +130,6 @@ def settings(config: Sweep) -> dict[str, Any]:
 
 
 def _check(config: Sweep, points: Sequence[Point]) -> None:
-    if config.workers < 0:
-        raise SerpentError(f"--workers is {config.workers}; give a number, or 0 for one a core.")
     if not points:
         raise SerpentError("The grid has no points: give at least one value of each kind.")
     config.measuring.check(config.steps)

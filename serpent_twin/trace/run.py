@@ -18,9 +18,11 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.log import refuse_repeated
 from serpent_twin.option_groups import Group
+from serpent_twin.options import ABSENT, Checked, Seed, when
 from serpent_twin.provenance import file_hash, provenance, versions
 from serpent_twin.report import write
 from serpent_twin.rigs.rig import Log
+from serpent_twin.stored import within
 from serpent_twin.trace.conclude import conclude
 from serpent_twin.trace.diagnosis import Diagnosis
 from serpent_twin.trace.least_squares import drawn
@@ -34,7 +36,7 @@ _STEPS = 60  # of a usual trace, for the time left: a second effect adds some
 
 
 @dataclass(frozen=True)
-class Trace:
+class Trace(Checked):
     """Find what the twin of a logged machine lacks, add it, and show the error before and after.
 
     OUT gets diagnosis.json, report.html, report.md, figures, and the corrected twin (twin.json,
@@ -48,15 +50,15 @@ class Trace:
     """Folder for results; made if it does not exist."""
     rig: Annotated[str, arg(help=f"The kind of machine: {rigs.described()}.")] = "arm"
     """Name of the kind of machine."""
-    held_out: Annotated[int, _SESSIONS] = 1
+    held_out: Annotated[int, within(1, 10_000), _SESSIONS, when(judge=ABSENT)] = 1
     """Sessions, the last ones, that nothing is fitted to and that judge."""
     judge: Annotated[str, _SESSIONS] = ""
     """Names of the files that judge in place of the last ones, such as kp200_*.parquet."""
-    sessions: Annotated[int, _SESSIONS] = 0
+    sessions: Annotated[int, within(0, 10_000), _SESSIONS] = 0
     """Use only the first so many sessions; 0 for all."""
-    seed: int = 0
+    seed: Seed = 0
     """Seed of bootstrap and permutations."""
-    twins: int = 0
+    twins: Annotated[int, within(0, 1000)] = 0
     """Also write so many twins that the logs do not tell from the corrected one, OUT/twins/drawn_NN.json:
     drawn as the fit is uncertain. And OUT/twins/calibrated.json, without effects. May be asked for later."""
 
@@ -68,12 +70,6 @@ def trace(config: Trace) -> dict[str, Any]:
 
 def planned(config: Trace) -> tuple[rigs.Rig, Sequence[Any], Sequence[Any]]:
     """The machine, the sessions to fit to and those that judge, of a config that can be traced."""
-    if config.seed < 0:
-        raise SerpentError(f"--seed is {config.seed}; give a number of at least 0.")
-    if config.twins < 0:
-        raise SerpentError(f"--twins is {config.twins}; give how many to draw, or 0 for none.")
-    if config.sessions < 0:
-        raise SerpentError(f"--sessions is {config.sessions}; give how many to use, or 0 for all.")
     rig = rigs.find(config.rig)
     return rig, *_split(config, rig.read(config.logs)[: config.sessions or None])
 

@@ -1,6 +1,6 @@
 """How is the device asked for?"""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -19,23 +19,25 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.mocap.frame import Rigid
 from serpent_twin.mocap.natnet.server import SimulatedCameras
 from serpent_twin.option_groups import Group
+from serpent_twin.options import GIVEN, Checked, RateHz, Seed, Use, when
 from serpent_twin.parameters import NOMINAL, Parameters
+from serpent_twin.stored import within
 
 CAMERAS = Rigid(
     np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([0.3, 1.4, -0.2])
 )
 """Base to simulated cameras: y is up, as in Motive, and the base hangs 1.4 m above their origin."""
-_LAST_PORT = 65_535
 _FAULT_HELP = (
     "NAME=RATE[@MOTOR][/SECONDS], such as late=0.01@3/0.1; may be given again. RATE is a probability. "
     + help_text()
 )
+_NO_CONTROLLER = "is the controller's, and the device has none: leave it out."
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 _TIME, _ARM = Group("time"), Group("simulated arm")
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(Checked):
     """Put ten simulated XL430-W250 with the arm on a pseudo-terminal, for any program of yours.
 
     Prints the port, serves until Ctrl-C, then prints what it counted as one line of JSON. A line
@@ -50,27 +52,27 @@ class Options:
 
     link: Path | None = None
     """A path that always leads to the port, such as /tmp/arm; the terminal's own number varies."""
-    realtime: Annotated[Flag, _TIME] = False
+    realtime: Annotated[Flag, _TIME, when(lockstep=False)] = False
     """Time follows the wall clock. This is the default."""
     lockstep: Annotated[Flag, _TIME] = False
     """Time stands still but for one control period after each group write of goals, which passes as
     fast as it computes: lengthen your port handler's timeout."""
-    rate_hz: Annotated[float, _TIME] = 4.0
+    rate_hz: Annotated[RateHz, _TIME, when(lockstep=True)] = 4.0
     """Control periods per second of the motors' time, in lockstep."""
     fault: Annotated[
         tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(help=_FAULT_HELP)
     ] = ()
     """NAME=RATE[@MOTOR][/SECONDS], as `Fault.parse` reads them."""
-    seed: int = 0
+    seed: Seed = 0
     """numpy.random.default_rng(SEED) draws the load noise, default_rng([SEED, 1]) the faults,
     default_rng([SEED, 2]) the cameras' noise."""
-    start_counts: Annotated[tuple[int, ...], _ARM] = (0,)
+    start_counts: Annotated[tuple[Annotated[int, within(-(2**30), 2**30)], ...], _ARM] = (0,)
     """What the positions read at the start, with the arm straight: one number for all motors, or ten."""
-    paced: Annotated[Flag, _TIME] = False
+    paced: Annotated[Flag, _TIME, when(no_paced=False)] = False
     """Let packets take their time on the wire, and return delays; the default in real time."""
     no_paced: Annotated[Flag, _TIME] = False
     """Answer at once; the default in lockstep."""
-    cameras: int = 0
+    cameras: Annotated[int, within(0, 65_535), when(lockstep=False)] = 0
     """Port on which simulated cameras stream the arm's markers as Motive does (NatNet, unicast, y up), in
     real time; 1510 is Motive's own. 0: none."""
     transcript: Path | None = None
@@ -80,7 +82,12 @@ class Options:
     model: Annotated[Path | None, _ARM] = None
     """A twin.json, with all of its effects, or an MJCF file, instead of the arm built from the parameters
     below. MJCF still takes its load and marker noise from them."""
-    parameters: Annotated[Parameters, _ARM] = field(default=NOMINAL)
+    parameters: Annotated[
+        Parameters,
+        _ARM,
+        when(cameras=GIVEN, only=("marker_noise",)),
+        Use(lambda _: _NO_CONTROLLER, only=("controller_gain",)),
+    ] = NOMINAL
     """The simulated arm's free parameters."""
 
 
@@ -118,22 +125,6 @@ def _cameras(options: Options, noise: float) -> SimulatedCameras | None:
 
 
 def _check(options: Options) -> None:
-    for one, other in (("realtime", "lockstep"), ("paced", "no_paced")):
-        if getattr(options, one) and getattr(options, other):
-            flags = f"--{one} and --{other.replace('_', '-')}"
-            raise SerpentError(f"{flags} exclude each other; give one of them or none.")
-    if not 0 <= options.cameras <= _LAST_PORT:
-        raise SerpentError(
-            f"--cameras is {options.cameras}; give a port within 1 … {_LAST_PORT}, or 0 for none."
-        )
-    if options.cameras and options.lockstep:
-        raise SerpentError("--cameras stream in real time; leave --lockstep out, or the cameras.")
-    if not 0 < options.rate_hz <= 100:
-        raise SerpentError(
-            f"--rate-hz is {options.rate_hz:g}; give a rate above 0 and up to 100 Hz."
-        )
-    if options.seed < 0:
-        raise SerpentError(f"--seed is {options.seed}; give a number of at least 0.")
     if len(options.start_counts) not in (1, N_MOTORS):
         raise SerpentError(
             f"--start-counts has {len(options.start_counts)} numbers; give 1 or {N_MOTORS}."

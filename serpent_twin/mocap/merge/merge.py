@@ -17,6 +17,7 @@ from serpent_twin.mocap.merge import agree
 from serpent_twin.mocap.merge.film import Film, sampled
 from serpent_twin.mocap.merge.match import Match, match
 from serpent_twin.mocap.motive import Take, read_take
+from serpent_twin.options import ABSENT, Checked, when
 from serpent_twin.provenance import file_hash
 
 BASE_FIT = 0.010  # m rms: markers glued to the base are measured better than this
@@ -29,7 +30,7 @@ HEADING = (
 
 
 @dataclass(frozen=True)
-class Merge:
+class Merge(Checked):
     """Fill the markers of session logs from a take that Motive exported.
 
     Each session is found in the take by the motion that its motor angles must have caused. New logs
@@ -50,7 +51,7 @@ class Merge:
     frame: Path | None = None
     """Cameras' frame to base frame, as `frame` writes it. Without it and --base-markers, the base frame
     is fitted to the nominal twin's markers, which hides a constant error of the twin."""
-    base_markers: Path | None = None
+    base_markers: Annotated[Path | None, when(frame=ABSENT)] = None
     """JSON of markers glued to the base, name: [x, y, z] in the base frame [m]; at least three."""
     replace: bool = False
     """Put the take's markers in place of those that a log holds already, such as live ones."""
@@ -183,8 +184,6 @@ def _merged(session: Session, take: Take, found: Match, given: tuple[Rigid, str]
 
 
 def _given_frame(config: Merge, take: Take) -> tuple[Rigid, str] | None:
-    if config.frame and config.base_markers:
-        raise SerpentError("--frame and --base-markers exclude each other; give one of them.")
     if config.frame:
         return Rigid.load(config.frame), f"frame file {config.frame.name}"
     if config.base_markers:

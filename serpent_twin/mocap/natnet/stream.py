@@ -22,6 +22,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from serpent_twin.mocap.natnet import packets as natnet
 from serpent_twin.mocap.natnet import reading
 from serpent_twin.mocap.natnet.packets import Id
 from serpent_twin.mocap.natnet.reading import FrameOfData, PacketError, ServerInfo
+from serpent_twin.options import Port, when
+from serpent_twin.stored import within
 
 STALE = 0.25  # s without a frame after which no marker counts as seen
 KEPT = 240  # frames of the ring: two seconds at 120 Hz
@@ -50,16 +53,16 @@ class NatNet:
     """Address of this computer's network card towards it; 0.0.0.0 for any."""
     multicast: bool = False
     """Motive's setting under Streaming: multicast, else unicast."""
-    multicast_address: str = "239.255.42.99"
+    multicast_address: Annotated[str, when(multicast=True)] = "239.255.42.99"
     """Motive's multicast group."""
-    command_port: int = 1510
+    command_port: Port = 1510
     """Motive's command port."""
-    data_port: int = 1511
-    """Motive's data port, which matters for multicast."""
+    data_port: Annotated[Port, when(multicast=True)] = 1511
+    """Motive's data port, for multicast."""
     labels: tuple[str, ...] = ()
     """Markers 1 … 9, base to tip: names, or ids as MODEL:MARKER. Without: the one asset that has nine
     labelled markers, in their order."""
-    timeout: float = 3.0
+    timeout: Annotated[float, within(0.1, 600.0, "s")] = 3.0
     """How long to wait for Motive [s]."""
 
 
