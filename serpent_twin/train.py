@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from serpent_twin import adapt as adapting
 from serpent_twin import cli, design, next_step
-from serpent_twin.claim import claimed
+from serpent_twin.claim import claimed, prior_settings
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.log import read_folder
@@ -150,7 +150,7 @@ def planned(config: Train) -> Plan:
     for window in {h for _, h in wanted}:
         sessions.windows(window, config.drop)
     if config.command_jitter is None:
-        jitter = _servo_error(adaptation, config.out / SETTINGS)
+        jitter = _servo_error(adaptation, config.out)
         config = replace(config, command_jitter=jitter)
     return Plan(config, sessions, wanted, twin, adaptation)
 
@@ -162,11 +162,10 @@ def _adaptation(config: Train) -> adapting.Adaptation | None:
     return adapting.read(config.adapt, *how, config.validate, config.test)
 
 
-def _servo_error(plan: adapting.Adaptation | None, earlier: Path) -> float:
+def _servo_error(plan: adapting.Adaptation | None, out: Path) -> float:
     """What the arm's servos miss their commands by [rad/s]; without an arm, as an earlier run had it."""
     if plan is None:
-        kept = json.loads(earlier.read_text()) if earlier.exists() else {}
-        return kept.get(JITTER, 0.0)
+        return prior_settings(out, SETTINGS).get(JITTER, 0.0)
     return round(command_error(plan.learn), 4) if plan.window > 1 else 0.0
 
 

@@ -21,7 +21,7 @@ def test_settings_are_stored_and_the_same_run_may_come_again(tmp_path):
 
 def test_a_nested_difference_is_named(tmp_path):
     with claimed(tmp_path / "run", "run.json", SETTINGS):
-        pass
+        (tmp_path / "run/result").touch()
     other = SETTINGS | {"parameters": {"slack": 0.6}}
     with (
         pytest.raises(SerpentError, match=r"parameters\.slack was 0\.5, now 0\.6"),
@@ -52,6 +52,7 @@ def test_a_folder_in_use_by_another_process_is_refused(tmp_path):
 
 def test_damaged_settings_are_no_settings(tmp_path):
     (tmp_path / "run.json").write_text('{"seed": ')
+    (tmp_path / "result").touch()
     with (
         pytest.raises(SerpentError, match="damaged"),
         claimed(tmp_path, "run.json", SETTINGS),

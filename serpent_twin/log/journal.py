@@ -56,7 +56,9 @@ class Journal:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind and not self.rows and self._file >= 0:
+            self.discard()
         self.close()
 
     def append(self, row: Mapping[str, ArrayLike]) -> None:
