@@ -45,10 +45,13 @@ def _without_networks(config: "Train") -> str:
 
 
 def _none_with(setting: str, config: "Train", what: str) -> str:
-    """Why something is ignored by readouts none of which has a setting; nothing if one has it."""
+    """Why something is ignored by readouts none of which has a setting; nothing if one has it.
+
+    A run that goes on with a folder gives what the folder's run was given.
+    """
     trained = {*config.readout, *(SWEPT if config.windows else ())}
     wanted = [n for n, kind in available().items() if setting in {f.name for f in fields(kind)}]
-    if not config.readout or trained.intersection(wanted):
+    if not config.readout or trained.intersection(wanted) or prior_settings(config.out, SETTINGS):
         return ""
     return (
         f"is {what}, and this run trains none: leave it out, or add one to --readout: "

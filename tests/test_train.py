@@ -131,7 +131,7 @@ def test_changed_logs_and_foreign_folders_are_refused(logs, tmp_path):
     [
         (["--readout", "nope"], "there is no readout 'nope'"),
         (["--windows", "8..1"], "names no windows; write 1..8"),
-        (["--window", "0"], "--window is 0; give a number of at least 1"),
+        (["--window", "0"], "--window is 0; give a whole number from 1 to 1,000"),
         (["--test", "session_99"], "there is no session session_99"),
         (["--drop", "300"], "has 300 rows; with the first 300 dropped"),
     ],

@@ -118,7 +118,7 @@ def test_what_cannot_be_adapted_is_refused_before_anything_is_trained(logs, arm,
         ({"adapt_windows": "900"}, "has 800 windows to adapt to.*a number from 40 to 800"),
         ({"adapt_windows": "10"}, "fewer than 40 teach nothing"),
         ({"adapt_windows": "some"}, "no list of numbers; write 0,100,500,all"),
-        ({"adapt": None, "adapt_windows": "100"}, "of use with --adapt LOGS only"),
+        ({"adapt": None, "adapt_windows": "100"}, "--adapt-windows is for --adapt"),
         ({"test": ("session_05",)}, "there is no session session_05; there are session_11"),
     ):
         with pytest.raises(SerpentError, match=told):
@@ -149,5 +149,5 @@ def test_commands_are_jittered_by_what_the_arm_s_servos_miss(logs, arm, tmp_path
     assert "command_jitter_rad_s" not in plain["provenance"]
     with pytest.raises(SerpentError, match="command_jitter_rad_s was"):
         run(replace(config, command_jitter=0.0))
-    with pytest.raises(SerpentError, match="--command_jitter is -1"):
+    with pytest.raises(SerpentError, match="--command-jitter is -1"):
         run(replace(config, command_jitter=-1.0))
