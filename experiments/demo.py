@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from serpent_twin import cli
+from serpent_twin import cli, next_step
 from serpent_twin.errors import SerpentError
 from serpent_twin.options import Checked
+from serpent_twin.train import Train, planned
 
 DATA = Path(os.path.relpath(Path(__file__).parent.parent / "data" / "arm_a"))
 
@@ -36,9 +37,10 @@ def steps(out: Path) -> list[tuple[str, list[Any]]]:
     return [
         ("Collect sessions of the twin",
          ["collect", "--out", out / "logs", "--sessions", 6, "--steps", 1000]),
-        ("Train the quick readouts on them (the published networks take minutes)",
-         ["train", "--logs", out / "logs", "--out", twin, *quick]),
-        ("Train them on an arm that is not the twin",
+        ("Train the quick readouts on them, and the twin itself as observer (the published networks "
+         "take minutes)",
+         ["train", "--logs", out / "logs", "--out", twin, *quick, "observer"]),
+        ("Train the quick readouts on an arm that is not the twin: an observer needs a traced twin first",
          ["train", "--logs", DATA, "--out", logged, *quick]),
         ("Replay a session of that arm",
          ["replay", session, "--readout", model, "--out", replay]),
@@ -46,7 +48,7 @@ def steps(out: Path) -> list[tuple[str, list[Any]]]:
 
 
 def main(config: Demo) -> None:
-    """Run the demo and say where its results are."""
+    """Run the demo, say where its results are and what to type next."""
     start = time.perf_counter()
     for title, command in steps(config.out):
         module, *arguments = map(str, command)
@@ -64,6 +66,11 @@ def main(config: Demo) -> None:
         ("arm_a_session_04.rrd", "the logged arm and its twin: .venv/bin/rerun FILE"),
     ):
         print(f"  {(config.out / name).resolve()}  {what}")
+    print(
+        "After `source .venv/bin/activate`, some ten minutes find what the twin lacks of that arm:"
+    )
+    trained = planned(Train(DATA, config.out / "arm_a_readouts"))
+    next_step.say(next_step.trace(trained))
 
 
 if __name__ == "__main__":

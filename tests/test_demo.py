@@ -1,10 +1,15 @@
 """Does the demo of the README do what it says?"""
 
+import json
+import shlex
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
+
+from serpent_twin.trace.run import Trace, planned
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -19,3 +24,10 @@ def test_the_demo_ends_with_its_reports_and_its_replay(tmp_path):
         assert "<svg" in (page := (out / name).read_text()) or "data:image/png;base64" in page
         assert str(out / name) in done.stdout
     assert (out / "arm_a_session_04.rrd").stat().st_size > 1_000_000
+    found = json.loads((out / "twin_readouts" / "scores.json").read_text())["readouts"]
+    assert min(found, key=lambda name: found[name]["mean_mm"]) == "observer"
+    step = shlex.split(done.stdout.rstrip().rpartition("\n")[2])
+    assert step[:4] == ["next:", "python", "-m", "serpent_twin.trace"]
+    asked = dict(pairwise(step[4:]))
+    logs, where = (tmp_path / asked[name] for name in ("--logs", "--out"))
+    assert len(planned(Trace(logs, where))[1]) == 3 and not where.exists()

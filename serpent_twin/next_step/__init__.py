@@ -13,6 +13,7 @@ from serpent_twin.next_step.of_logs import (
     after_sweep,
     after_trace,
     after_training,
+    trace,
     without_observer,
 )
 from serpent_twin.next_step.of_motors import after_device, after_doctor, after_frame, after_zero
@@ -34,5 +35,6 @@ __all__ = [
     "after_zero",
     "line",
     "say",
+    "trace",
     "without_observer",
 ]

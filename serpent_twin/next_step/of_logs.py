@@ -17,6 +17,9 @@ if TYPE_CHECKING:  # each command imports this module, which imports the others 
     from serpent_twin.trace import Trace
     from serpent_twin.train import Plan
 
+ALIKE = 1.05
+"""Times the least error, up to which a readout is as good as the best"""
+
 
 def after_logs(folder: Path, beside: Path) -> Words | None:
     """After session logs were written or looked at: train on them; on too few, replay one."""
@@ -183,10 +186,18 @@ def _twin_file(session: Path) -> Path | None:
 
 
 def _best_first(out: Path, scores: Mapping[str, Any]) -> list[Path]:
-    """Trained readouts, those of the least error first; if an arm was adapted to, by their errors on it."""
-    errors = {out / "models" / n: each["mean_mm"] for n, each in scores["readouts"].items()}
+    """Trained readouts, those of the least error first and of these the quickest; if an arm was adapted to,
+    by their errors on it.
+    """
+    found = {out / "models" / n: each for n, each in scores["readouts"].items()}
     for name, of in (scores.get("adapt") or {"windows": {}})["windows"].items():
         for count, each in of.items():
             place = out / "models" / name if count == "0" else out / "adapted" / count / name
-            errors[place] = each["mean_mm"]
-    return sorted(errors, key=lambda place: errors[place])
+            found[place] = each
+    alike = ALIKE * min(each["mean_mm"] for each in found.values())
+
+    def rank(place: Path) -> tuple[float, float]:
+        each = found[place]
+        return max(alike, each["mean_mm"]), each["latency_ms"]
+
+    return sorted(found, key=rank)
