@@ -6,7 +6,6 @@ import shlex
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -119,9 +118,7 @@ def test_all_commands_run_in_order_in_one_folder(folder):
             words = small(command, adapter.port)
             if "mocap frame" in command:
                 words += ["--command-port", cameras]
-            began = time.perf_counter()
             done = run(words, folder)
-            print(f"{time.perf_counter() - began:5.1f} s {shlex.join(words)}")
             assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
             assert "Traceback" not in done.stderr
             said.append((command, next_line(done)))
