@@ -1,6 +1,7 @@
 """How is a session drawn in rerun?"""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,10 +63,19 @@ def write(
     `moved` is what the nominal twin did. Where there is a corrected one, pose and tensions are its,
     and lines through the markers lay measured arm and both twins over each other.
     """
-    part = out.with_name(out.name + ".part")
-    out.parent.mkdir(parents=True, exist_ok=True)
     stream = rr.RecordingStream("serpent_twin", recording_id=identity)
-    stream.save(part, default_blueprint=blueprint(session.name))
+    with _written(out, stream, session.name):
+        _draw(stream, session, moved, guess, arm, corrected)
+
+
+def _draw(
+    stream: rr.RecordingStream,
+    session: log.Session,
+    moved: twin.Replay,
+    guess: Estimate | None,
+    arm: Arm,
+    corrected: twin.Replay | None,
+) -> None:
     stream.send_recording_name(session.name)
     writer = Writer(stream, session.time, arm)
     posed, rows = corrected or moved, np.arange(len(session))
@@ -93,15 +103,36 @@ def write(
         writer.curve(f"plots/load/motor{j + 1}", 100 * session.motor_load[:, j], hue(j))
     for n, name in enumerate(STRANDS):
         writer.curve(f"plots/tension/{name}", posed.tension[:, n], hue(n // 2))
+
+
+def require_writable(out: Path) -> None:
+    """Raise `OSError` where no recording can be written, before it is computed."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    _part(out).touch()
+    _part(out).unlink()
+
+
+def _part(out: Path) -> Path:
+    """The file that becomes a recording when it is whole."""
+    return out.with_name(out.name + ".part")
+
+
+@contextmanager
+def _written(out: Path, stream: rr.RecordingStream, title: str) -> Iterator[None]:
+    """Write what a stream is sent to a file, which appears when it is whole."""
+    require_writable(out)
     try:
+        stream.save(_part(out), default_blueprint=blueprint(title))
+        yield
         stream.flush()
         stream.disconnect()
+        _part(out).rename(out)
     except RuntimeError as error:  # rerun's writer thread died, most likely of a full disk
-        part.unlink(missing_ok=True)
         raise SerpentError(
-            f"{out} could not be written ({error}). Make room on the disk, then run it again."
+            f"{out} could not be written whole. Make room on the disk, then run it again."
         ) from error
-    part.rename(out)
+    finally:
+        _part(out).unlink(missing_ok=True)
 
 
 def hue(motor: int) -> tuple[int, int, int]:

@@ -55,6 +55,7 @@ def main(
     identity = _identity(session, readout, corrected)
     if not _already_there(out, identity):
         guess = estimate(seen, readout) if readout else None
+        recording.require_writable(out)
         print(f"Driving the twin by the motor angles of {len(seen)} rows …", flush=True)
         moved = replay_motors(seen.time, seen.motor_position)
         better = corrected and replay_motors(seen.time, seen.motor_position, corrected)

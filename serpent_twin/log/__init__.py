@@ -2,7 +2,13 @@
 
 from serpent_twin.log.check import Finding, examine, refuse_damaged
 from serpent_twin.log.journal import Journal
-from serpent_twin.log.parquet import read_folder, read_session, session_files, write_session
+from serpent_twin.log.parquet import (
+    read_folder,
+    read_session,
+    say_unread,
+    session_files,
+    write_session,
+)
 from serpent_twin.log.recovery import recover
 from serpent_twin.log.repeated import readings_hash, refuse_repeated
 from serpent_twin.log.session import COLUMNS, FIELDS, SCHEMA_VERSION, UNITS, Session, columns_of
@@ -25,6 +31,7 @@ __all__ = [
     "recover",
     "refuse_damaged",
     "refuse_repeated",
+    "say_unread",
     "session_files",
     "write_session",
 ]

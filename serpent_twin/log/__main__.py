@@ -8,7 +8,7 @@ from tyro.conf import Positional
 from serpent_twin import cli, next_step
 from serpent_twin.errors import SerpentError
 from serpent_twin.log.check import examine
-from serpent_twin.log.parquet import read_session, session_files
+from serpent_twin.log.parquet import read_session, say_unread, session_files
 from serpent_twin.log.recovery import recover
 from serpent_twin.log.session import Session
 from serpent_twin.provenance import file_hash
@@ -97,6 +97,8 @@ def _files(path: Path) -> list[Path]:
     if not path.exists():
         raise SerpentError(f"There is no {path}. Name a session log or a folder with session logs.")
     files = session_files(path) if path.is_dir() else [path]
+    if path.is_dir():
+        say_unread(path, print)
     if not files:
         raise SerpentError(f"There is no session_NN.parquet in {path}.")
     return files

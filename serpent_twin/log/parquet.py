@@ -3,7 +3,7 @@
 import json
 import logging
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +28,32 @@ REQUIRED_METADATA = ("schema_version", "backend", "arm", "session", "rate_hz")
 RATE_TOLERANCE = 0.05  # a clock that runs further off than this belongs to another rate
 
 _log = logging.getLogger(__name__)
+_TOLD: set[Path] = set()  # folders of which it was told what is not read
 
 
 def session_files(folder: Path) -> list[Path]:
     """The files `session_NN.parquet` of a folder, in the order of their numbers."""
     numbered = [(re.fullmatch(r"session_(\d+)\.parquet", p.name), p) for p in folder.iterdir()]
     return [p for _, p in sorted((int(match[1]), p) for match, p in numbered if match)]
+
+
+def unread(folder: Path) -> list[Path]:
+    """Parquet files of a folder that no command reads, for they are not named session_NN.parquet."""
+    named = session_files(folder)
+    return sorted(
+        path
+        for path in folder.iterdir()
+        if path.suffix.lower() == ".parquet" and path.is_file() and path not in named
+    )
+
+
+def say_unread(folder: Path, tell: Callable[[str], object] = _log.warning) -> None:
+    """Tell once which Parquet files of a folder are not read."""
+    if (found := unread(folder)) and folder.absolute() not in _TOLD:
+        _TOLD.add(folder.absolute())
+        names = listing([path.name for path in found])
+        are = "is" if len(found) == 1 else "are"
+        tell(f"{folder}: {names} {are} not read; only files named session_NN.parquet are.")
 
 
 def read_session(path: Path | str) -> Session:
@@ -55,8 +75,11 @@ def read_session(path: Path | str) -> Session:
 def read_folder(folder: Path | str) -> list[Session]:
     """Read all sessions of a run, in order; raises a `SerpentError` for none, or for mixed runs."""
     folder = Path(folder)
+    if folder.is_file():
+        raise SerpentError(f"{folder} is a file. Name the folder that it lies in: {folder.parent}.")
     if not folder.is_dir():
         raise SerpentError(f"There is no folder {folder}. Name the folder with the session logs.")
+    say_unread(folder)
     files, journals = session_files(folder), sorted(folder.glob("*.journal"))
     left = (
         f"{folder} holds an unfinished recording ({', '.join(p.name for p in journals)}); "
@@ -112,6 +135,8 @@ def listing(names: Sequence[str], most: int = 5) -> str:
 
 
 def _read_table(path: Path) -> pa.Table:
+    if path.is_dir():
+        raise SerpentError(f"{path} is a folder. {_one_of(path)}")
     if not path.is_file():
         raise SerpentError(f"There is no file {path}.")
     try:
@@ -124,6 +149,16 @@ def _read_table(path: Path) -> pa.Table:
             f"{path} is not a whole Parquet file: torn, damaged or something else ({reason}). "
             "Copy it again from where it was recorded, or leave it out."
         ) from error
+
+
+def _one_of(folder: Path) -> str:
+    """Which of a folder's sessions there are to name in its place."""
+    files = session_files(folder)
+    if not files:
+        return "It holds no session_NN.parquet: name a session log."
+    return (
+        f"Name one of its sessions, such as {files[0]}; it has {listing([p.name for p in files])}."
+    )
 
 
 def _parse(path: Path, raw: bytes) -> dict[str, Any]:

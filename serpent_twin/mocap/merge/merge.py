@@ -11,7 +11,7 @@ from tyro.conf import Positional, arg
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import Session, read_session, session_files, write_session
+from serpent_twin.log import Session, read_session, say_unread, session_files, write_session
 from serpent_twin.mocap.frame import Rigid, fit_rigid
 from serpent_twin.mocap.merge import agree
 from serpent_twin.mocap.merge.film import Film, sampled
@@ -103,6 +103,8 @@ def _files(config: Merge) -> list[Path]:
             f"There is no {config.logs}. Name a session log or a folder with session logs."
         )
     files = session_files(config.logs) if config.logs.is_dir() else [config.logs]
+    if config.logs.is_dir():
+        say_unread(config.logs)
     if not files:
         raise SerpentError(f"There is no session_NN.parquet in {config.logs}.")
     taken = [path.name for path in files if (config.folder / path.name).exists()]
