@@ -142,7 +142,7 @@ def _scored(plan: Adaptation, base: Readout, count: str, folder: Path) -> dict[s
         took = json.loads((folder / COST).read_text())["train_s"]
     result = judged(readout, plan.test, took)
     cost = {"train_s": took, "latency_ms": result.latency_ms, "real_windows": windows}
-    return asdict(result.scores) | cost
+    return asdict(result.scores) | result.certain | cost
 
 
 def _train(base: Readout, few: Windows, folder: Path) -> None:

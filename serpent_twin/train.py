@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from textwrap import fill
 from typing import Annotated, Any
 
 import numpy as np
@@ -21,9 +22,11 @@ from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.readout import available, find
 from serpent_twin.readout.jitter import command_error, jittered
 from serpent_twin.readout.known_twin import KnownTwin, known_twin
-from serpent_twin.readout.page import adapt_table, page, score_table
+from serpent_twin.readout.page import page
 from serpent_twin.readout.split import Split, split
-from serpent_twin.readout.trial import COST, Result, Trial
+from serpent_twin.readout.tables import adapt_table, detail_table, score_table
+from serpent_twin.readout.trial import COST, Result, Trial, summaries
+from serpent_twin.readout.uncertainty import METHOD
 from serpent_twin.report import text_table, write
 from serpent_twin.stored import within
 
@@ -264,21 +267,24 @@ def _conclude(
         "logs": str(config.logs),
         "test_sessions": sessions.names()["test"],
         "window": config.window,
-        "readouts": {name: result.summary() for name, result in table.items()},
+        "readouts": summaries(table),
         "windows": by_window,
+        "intervals": METHOD,
         "note": plan.twin.note(list(table)),
         "provenance": settings(config, sessions) | provenance(),
     } | ({"adapt": real} if real else {})
     write_whole(config.out / "scores.json", json.dumps(scores, indent=1) + "\n")
     tested = sessions.windows(config.window, config.drop)[2]
     report = write(page(scores, {n: r.error_mm for n, r in table.items()}, tested), config.out)
-    print(text_table(score_table(scores["readouts"])))
+    for table_of in (score_table, detail_table):
+        shown = table_of(scores["readouts"])
+        print(f"{text_table(shown)}\n\n{fill(shown.note, 100)}\n")
     if scores["note"]:
-        print(f"\n{scores['note']}")
+        print(f"{fill(scores['note'], 100)}\n")
     if real:
-        print(f"\n{text_table(adapt_table(real))}")
+        print(f"{text_table(adapt_table(real))}\n")
     total = sum(readout["train_s"] for readout in scores["readouts"].values())
-    print(f"\nThe table took {total:.0f} s of training.")
+    print(f"The table took {total:.0f} s of training.")
     print(f"\n{report}: the figures. {config.out / 'models'}: the trained readouts.")
     return scores
 

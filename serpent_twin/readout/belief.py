@@ -1,5 +1,6 @@
 """Where are the markers, and how sure is that?"""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,14 @@ class Belief:
         """By what each marker's covariance must grow for its ellipsoids of that share to hold it, (9,)."""
         far = self.distance2(measured)
         return np.nanquantile(far, share, axis=0) / chi2.ppf(share, 3)
+
+
+def joined(beliefs: Sequence[Belief]) -> Belief:
+    """Beliefs of several sessions one after the other."""
+    return Belief(
+        np.concatenate([each.marker for each in beliefs]),
+        np.concatenate([each.covariance for each in beliefs]),
+    )
 
 
 def require_finite(

@@ -14,7 +14,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.imposed import TIMESTEP, bearable
 from serpent_twin.pose import joints_from_markers, marker_jacobian
 from serpent_twin.readout import Progress, Readout
-from serpent_twin.readout.belief import Belief, covariance_of
+from serpent_twin.readout.belief import Belief, covariance_of, joined
 from serpent_twin.readout.live import Reading, readings
 from serpent_twin.readout.saved import Wanted, covariances, divisors, numbers
 from serpent_twin.readout.windows import SessionWindows, Start, Windows
@@ -65,11 +65,7 @@ class Observer(Readout):
             raise SerpentError(
                 f"the readout {self.name} has not been fitted; call fit or load first."
             )
-        beliefs = [belief for _, belief in self._run(session)]
-        return Belief(
-            np.concatenate([each.marker for each in beliefs]),
-            np.concatenate([each.covariance for each in beliefs]),
-        )
+        return joined([belief for _, belief in self._run(session)])
 
     def live(self, earlier: float = 0.0) -> "LiveObserver":
         """An estimator for one session of an arm that ran for so long before [s]."""

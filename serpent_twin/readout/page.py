@@ -7,51 +7,29 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.readout import figures
+from serpent_twin.readout.known_twin import listed
 from serpent_twin.readout.score import step_means
+from serpent_twin.readout.tables import (
+    PEER,
+    adapt_table,
+    best_of,
+    cut_short,
+    detail_table,
+    epochs,
+    interval,
+    marker_table,
+    score_table,
+)
+from serpent_twin.readout.uncertainty import METHOD
 from serpent_twin.readout.windows import Windows
 from serpent_twin.report import Figure, Report, Section, Table
-
-
-def score_table(readouts: Mapping[str, Mapping[str, Any]]) -> Table:
-    """The figures of scores.json as a table, the least error marked."""
-    header = ("readout", "mean ± std", "std of steps", "tip", "train s", "s/epoch", "latency ms")
-    means = [r["mean_mm"] for r in readouts.values()]
-    rows = tuple((name, *_cells(result)) for name, result in readouts.items())
-    note = (
-        "Distances between estimated and measured markers on the test sessions, in mm: mean and "
-        "standard deviation over all markers and steps; standard deviation over steps of each "
-        "step's mean; mean of marker 9, the tip. Latency is the median time of a one-row estimate."
-    )
-    return Table(header, rows, note, frozenset({int(np.argmin(means))}))
-
-
-def _cells(result: Mapping[str, Any]) -> tuple[str, ...]:
-    each = result["seconds_per_epoch"]
-    return (
-        f"{result['mean_mm']:.2f} ± {result['std_mm']:.2f}",
-        f"{result['std_of_step_means_mm']:.2f}",
-        f"{result['tip_mm']:.2f}",
-        f"{result['train_s']:.1f}",
-        f"{each:.2f}" if each else "",
-        f"{result['latency_ms']:.3f}",
-    )
-
-
-def marker_table(readouts: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Mean error of each marker."""
-    rows = tuple(
-        (name, *(f"{value:.2f}" for value in result["per_marker_mm"]))
-        for name, result in readouts.items()
-    )
-    header = ("mm, by marker", *map(str, range(1, len(rows[0]))))
-    return Table(header, rows)
 
 
 def page(scores: Mapping[str, Any], error_mm: Mapping[str, Array], test: Windows) -> Report:
     """The report: table, error by marker, over time, by window; distances [mm], (N, 9), by readout."""
     readouts = scores["readouts"]
     sections = [
-        Section("How far off", "", (score_table(readouts), _what_is_what(readouts))),
+        Section("How far off", METHOD, _how_far(readouts)),
         Section("Where along the arm", "", _along_the_arm(readouts)),
         Section("When", "", (_over_time(error_mm, test),)),
     ]
@@ -65,15 +43,47 @@ def page(scores: Mapping[str, Any], error_mm: Mapping[str, Array], test: Windows
 
 def _lead(scores: Mapping[str, Any]) -> str:
     readouts = scores["readouts"]
-    best = min(readouts, key=lambda name: readouts[name]["mean_mm"])
+    name = best_of(readouts)
+    best = readouts[name]
+    known, stopped = interval(best), cut_short(best)
+    mean = f"{best['mean_mm']:.2f} mm" + (f" (95 % interval {known})" if known != "–" else "")
+    what = f"{name}, whose training was stopped after {epochs(stopped)}," if stopped else name
+    tested = ", ".join(scores["test_sessions"])
     lead = (
-        f"{best} is nearest to the measured markers: {readouts[best]['mean_mm']:.2f} mm on average "
-        f"over {', '.join(scores['test_sessions'])}, which no readout saw before."
+        f"{what} is nearest to the measured markers: {mean} on average over {tested}, which no readout saw "
+        "before."
     )
-    if "lstm" in readouts and best != "lstm":
-        share = readouts[best]["mean_mm"] / readouts["lstm"]["mean_mm"]
-        lead += f" That is {share:.2f} times the error of the LSTM."
-    return f"{lead} {scores.get('note', '')}".strip()
+    return " ".join(
+        filter(None, (lead, _alike(readouts), _against_peer(readouts), scores.get("note")))
+    )
+
+
+def _alike(readouts: Mapping[str, Mapping[str, Any]]) -> str:
+    """Which readouts do not differ from the best beyond chance."""
+    against = {n: r["against_best"] for n, r in readouts.items() if "against_best" in r}
+    alike = [
+        n for n, a in against.items() if a["difference_interval_95_mm"] and not a["beyond_chance"]
+    ]
+    if not alike:
+        return ""
+    return (
+        f"{listed(alike)} {'does' if len(alike) == 1 else 'do'} not differ from it beyond chance."
+    )
+
+
+def _against_peer(readouts: Mapping[str, Mapping[str, Any]]) -> str:
+    """How many times the error of a peer the best one's is; of a peer that was cut short, that it was."""
+    name = best_of(readouts)
+    if PEER not in readouts or name == PEER:
+        return ""
+    if stopped := cut_short(readouts[PEER]):
+        return f"The training of {PEER} was stopped after {epochs(stopped)}: it is no measure."
+    share = readouts[name]["mean_mm"] / readouts[PEER]["mean_mm"]
+    return f"That is {share:.2f} times the error of {PEER}."
+
+
+def _how_far(readouts: Mapping[str, Mapping[str, Any]]) -> tuple[Table, ...]:
+    return score_table(readouts), detail_table(readouts), _what_is_what(readouts)
 
 
 def _what_is_what(readouts: Mapping[str, Mapping[str, Any]]) -> Table:
@@ -102,18 +112,10 @@ def _by_window(windows: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Figure
         "By the number of rows in a window, H: the validation loss, in each readout's own scale, "
         "and the test error. Rings mark the least. The same steps are estimated for every H."
     )
+    stopped = {n: cut_short(r) for n, of in windows.items() for r in of.values()}
+    for name, count in stopped.items():
+        caption += f" The training of {name} was stopped after {epochs(count)}." if count else ""
     return Figure("error_by_window", figures.by_window(results), caption)
-
-
-def adapt_table(real: Mapping[str, Any]) -> Table:
-    """Mean errors of readouts corrected by more and more windows of another arm."""
-    counts = list(dict.fromkeys(count for of in real["windows"].values() for count in of))
-    header = ("mm, windows of the arm", *counts)
-    rows = tuple(
-        (name, *(f"{of[count]['mean_mm']:.2f}" for count in counts))
-        for name, of in real["windows"].items()
-    )
-    return Table(header, rows)
 
 
 def _adapted(real: Mapping[str, Any]) -> Section:

@@ -15,9 +15,11 @@ from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.readout import Progress, Readout, find, load
-from serpent_twin.readout.belief import require_finite
+from serpent_twin.readout.belief import joined, require_finite
 from serpent_twin.readout.live import readings
 from serpent_twin.readout.score import Scores, distances, score
+from serpent_twin.readout.tables import PEER, best_of, cut_short
+from serpent_twin.readout.uncertainty import Steps, differences, steps_of, uncertainty
 from serpent_twin.readout.windows import Windows
 
 COST = "cost.json"
@@ -37,6 +39,26 @@ class Result:
     """Median time of a one-row estimate [ms]"""
     readout: Readout
     """The trained readout"""
+    steps: Steps
+    """The distances summed up step by step [mm]"""
+    period: float
+    """Time from step to step [s]"""
+    coverage: float | None
+    """Share of the markers in the 95 % regions that the readout states; None if it states none"""
+
+    @property
+    def certain(self) -> dict[str, Any]:
+        """How certain the mean and the readout are, JSON-ready; None where that is not known."""
+        interval, time = (
+            uncertainty(self.steps).interval,
+            self.steps.correlation_steps * self.period,
+        )
+        return {
+            "mean_interval_95_mm": interval and list(interval),
+            "correlation_time_s": time if np.isfinite(time) else None,
+            "coverage_95_percent": None if self.coverage is None else 100 * self.coverage,
+            "stopped_after_epochs": self.readout.stopped_after,
+        }
 
     def summary(self) -> dict[str, Any]:
         """All figures, JSON-ready."""
@@ -45,6 +67,7 @@ class Result:
         costs = {"train_s": self.train_s, "latency_ms": self.latency_ms, "epochs": len(seconds)}
         return (
             asdict(self.scores)
+            | self.certain
             | costs
             | {
                 "seconds_per_epoch": float(np.mean(seconds)) if seconds else None,
@@ -111,14 +134,40 @@ class Trial:
         return judged(load(self.folder, self.window), test, cost["train_s"])
 
 
+def summaries(results: Mapping[str, Result]) -> dict[str, dict[str, Any]]:
+    """All figures by readout, and whether each differs from the best and from a peer beyond chance.
+
+    A peer whose training was cut short is none.
+    """
+    found = {name: result.summary() for name, result in results.items()}
+    steps = {name: result.steps for name, result in results.items()}
+    others = {"best": best_of(found)}
+    if PEER in found and others["best"] != PEER and not cut_short(found[PEER]):
+        others[PEER] = PEER
+    for key, other in others.items():
+        for name, difference in differences(steps, other).items():
+            found[name][f"against_{key}"] = difference.numbers()
+    return found
+
+
 def judged(readout: Readout, test: Windows, train_s: float) -> Result:
     """Scores of a readout that took so long to train."""
     beliefs = [readout.follow(session) for session in test.sessions]
     for session, belief in zip(test.sessions, beliefs, strict=True):
         require_finite(belief, readout.name, f"in {session.name}")
-    marker = np.concatenate([belief.marker for belief in beliefs])
-    error = distances(marker, test.marker) * 1e3
-    return Result(score(marker, test.marker), error, train_s, latency_ms(readout, test), readout)
+    belief = joined(beliefs)
+    error = distances(belief.marker, test.marker) * 1e3
+    first = test.sessions[0]
+    return Result(
+        scores=score(belief.marker, test.marker),
+        error_mm=error,
+        train_s=train_s,
+        latency_ms=latency_ms(readout, test),
+        readout=readout,
+        steps=steps_of(error, [len(session) for session in test.sessions]),
+        period=float(np.median(np.diff(first.time))) if len(first) > 1 else np.nan,
+        coverage=belief.coverage(test.marker) if np.isfinite(belief.covariance).all() else None,
+    )
 
 
 def latency_ms(readout: Readout, windows: Windows, rows: int = 300) -> float:
