@@ -146,6 +146,7 @@ def _routes(study: Study) -> dict[str, Any]:
     zero: dict[str, dict[str, float]] = {name: {} for name in READOUTS}
     curves: dict[str, dict[str, dict[str, float]]] = {name: {} for name in READOUTS}
     cost = {"lstm": latency_ms(lstm, real.test)}
+    stopped = {"lstm": lstm.stopped_after, HEADLINE: own[HEADLINE].stopped_after}
     servo = command_error(real.train)
     for stage in STAGES:
         study.tell(f"{stage}: simulating")
@@ -155,6 +156,8 @@ def _routes(study: Study) -> dict[str, Any]:
         sim = tuple(bearing(part, servo, study.seed + n) for n, part in enumerate(logs))
         for name in READOUTS:
             base = study.train(stage, name, (sim[0], sim[1]))
+            if name == HEADLINE:
+                stopped[name] = stopped[name] or base.stopped_after
             zero[name][stage] = study.error_mm(base)
             curves[name][stage] = {"0": zero[name][stage]} | {
                 n: study.error_mm(study.adapt(stage, base, n)) for n in real.counts
@@ -171,6 +174,7 @@ def _routes(study: Study) -> dict[str, Any]:
         "few_shot_mm": {n: few[n] for n in real.counts},
         "all_real_mm": curves[HEADLINE]["real alone"][ALL],
         "readout": HEADLINE,
+        "stopped_after_epochs": stopped,
         "curves_mm": curves,
         "servo_error_rad_s": servo,
         "latency_ms": cost,

@@ -60,6 +60,9 @@ def lead(arms: Mapping[str, Any]) -> str:
     """The conclusion."""
     known = {n: a for n, a in arms.items() if a["effects"] or not a["unexplained"]["is"]}
     shown = known or arms
+    if stopped := cut_short(arms):
+        off = _span([a["observer_mm"] for a in shown.values()])
+        return f"The corrected twin, driven by motor angles, is off by {off} mm. {stopped}"
     share = [a["observer_mm"] / a["lstm_mm"] for a in shown.values()]
     zero = [a["zero_shot_mm"][CORRECTED] / a["all_real_mm"] for a in shown.values()]
     said = (
@@ -73,6 +76,24 @@ def lead(arms: Mapping[str, Any]) -> str:
     return said
 
 
+def cut_short(arms: Mapping[str, Any]) -> str:
+    """Which networks' training was stopped before its own rule ends it: nothing is compared with these."""
+    stopped = {
+        n: k for a in arms.values() for n, k in a.get("stopped_after_epochs", {}).items() if k
+    }
+    if not stopped:
+        return ""
+    names, epochs = " and ".join(stopped), max(stopped.values())
+    return (
+        f"The training of {names} was stopped after {epochs} epochs: nothing is compared with it."
+    )
+
+
+def _against(arm: Mapping[str, Any], name: str, ours: float, theirs: float) -> str:
+    """Times the error of a readout; – if its training was cut short."""
+    return "–" if arm.get("stopped_after_epochs", {}).get(name) else f"{ours / theirs:.2f}"
+
+
 def _span(values: list[float]) -> str:
     low, high = min(values), max(values)
     return f"{low:.2f}" if f"{low:.2f}" == f"{high:.2f}" else f"{low:.2f} … {high:.2f}"
@@ -82,15 +103,15 @@ def arm_table(arms: Mapping[str, Any]) -> Table:
     """The routes side by side."""
     header = (
         "arm",
-        "observer",
-        "tip",
-        "LSTM, all real",
+        "observer [mm]",
+        "tip [mm]",
+        "LSTM, all real [mm]",
         "observer / LSTM",
-        "zero-shot",
-        "500 windows",
-        "all real",
+        "zero-shot [mm]",
+        "500 windows [mm]",
+        "all real [mm]",
         "zero-shot / all real",
-        "in 95 % regions",
+        "in 95 % regions [%]",
     )
     rows = tuple(
         (
@@ -98,18 +119,18 @@ def arm_table(arms: Mapping[str, Any]) -> Table:
             f"{a['observer_mm']:.2f}",
             f"{a['observer_tip_mm']:.2f}",
             f"{a['lstm_mm']:.2f}",
-            f"{a['observer_mm'] / a['lstm_mm']:.2f}",
+            _against(a, "lstm", a["observer_mm"], a["lstm_mm"]),
             f"{a['zero_shot_mm'][CORRECTED]:.2f}",
             f"{a['few_shot_mm'].get('500', np.nan):.2f}",
             f"{a['all_real_mm']:.2f}",
-            f"{a['zero_shot_mm'][CORRECTED] / a['all_real_mm']:.2f}",
-            f"{100 * a['coverage_95']:.1f} %",
+            _against(a, a["readout"], a["zero_shot_mm"][CORRECTED], a["all_real_mm"]),
+            f"{100 * a['coverage_95']:.1f}",
         )
         for name, a in arms.items()
     )
     readout = next(iter(arms.values()))["readout"]
     note = f"Zero-shot (trained on the corrected twin), few windows and all real are of {readout}."
-    return Table(header, rows, note)
+    return Table(header, rows, f"{note} {cut_short(arms)}".strip())
 
 
 def zero_table(arms: Mapping[str, Any]) -> Table:
@@ -124,10 +145,13 @@ def zero_table(arms: Mapping[str, Any]) -> Table:
         rows.append((name, "observer", *cells, ""))
         hybrid = a["hybrid_mm"]
         rows.append((name, "observer, residual learned", "", "", "", "", f"{hybrid['all']:.2f}"))
-    return Table(("arm", "readout", *STAGES, "all real windows"), tuple(rows))
+    header = ("arm", "readout", *(f"{stage} [mm]" for stage in STAGES), "all real windows [mm]")
+    return Table(header, tuple(rows))
 
 
 def _claims(arms: Mapping[str, Any]) -> str:
+    if stopped := cut_short(arms):
+        return stopped
     told = []
     for name, a in arms.items():
         zero, found = a["zero_shot_mm"], a["effects"]
@@ -183,8 +207,10 @@ def condition_table(results: Mapping[str, Any]) -> Table:
     for condition, of in found.items():
         cells = [_cell(of[name]) for name in names]
         rows.append((condition, *cells))
-    note = f"mm, on a twin of {results['conditions']['arm']}; a readout of windows refuses another rate."
-    return Table(("condition", *names), tuple(rows), note)
+    note = (
+        f"On a twin of {results['conditions']['arm']}; a readout of windows refuses another rate."
+    )
+    return Table(("condition", *(f"{name} [mm]" for name in names)), tuple(rows), note)
 
 
 def _cell(one: Mapping[str, Any] | None) -> str:
@@ -201,7 +227,7 @@ def _changes(results: Mapping[str, Any]) -> tuple[Table | Figure, ...]:
             name,
             f"{each['before_mm']:.2f}",
             f"{each['first_10_s_mm']:.2f}",
-            "not" if each["recovered_s"] is None else f"{each['recovered_s']:.0f} s",
+            "–" if each["recovered_s"] is None else f"{each['recovered_s']:.0f}",
             f"{each['last_mm']:.2f}",
         )
         for of in found.values()
@@ -212,10 +238,10 @@ def _changes(results: Mapping[str, Any]) -> tuple[Table | Figure, ...]:
         "estimator",
         "before, mm",
         "first 10 s, mm",
-        "back after",
+        "back after, s",
         "at the end, mm",
     )
-    note = "Back: a mean of 10 s within 1.25 × the error before."
+    note = "Back: a mean of 10 s within 1.25 × the error before; –: not."
     caption = "Error around the change, at the line."
     return Table(header, tuple(rows), note), Figure("changes", changes(found), caption)
 
@@ -241,8 +267,8 @@ def cost_table(arms: Mapping[str, Any]) -> Table:
     }
     names = list(next(iter(costs.values())))
     rows = tuple((arm, *(f"{of[name]:.3f}" for name in names)) for arm, of in costs.items())
-    note = "Median milliseconds from a reading to its estimate at the logs' rate, on one core."
-    return Table(("arm", *names), rows, note)
+    note = "Median time from a reading to its estimate at the logs' rate, on one core."
+    return Table(("arm", *(f"{name} [ms]" for name in names)), rows, note)
 
 
 def _facts(origin: Mapping[str, Any]) -> dict[str, str]:

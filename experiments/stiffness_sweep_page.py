@@ -118,12 +118,13 @@ def reasons(answers: Sequence[Answer]) -> str:
 def _besides(rows: Rows) -> tuple[Table, ...]:
     """The crossed commands and noises at one stiffness, and what the damping ratio held gives."""
     names = steady_readouts(rows[GRID])
-    header = ("useful capacity", "without noise", "mean delay", "consistency", *names)
+    pose = (f"{name} mm" for name in names)
+    header = ("useful capacity", "without noise", "mean delay periods", "consistency", *pose)
     commands = Table(
         ("rate Hz", "amplitude rad", *header),
         tuple((f"{r.rate:g}", f"{r.amplitude:g}", *_measured(r, names)) for r in rows[CROSSED]),
-        f"Rate and amplitude crossed at {rows[CROSSED][0].stiffness / 1e3:.3g} kN/m; pose errors in mm, "
-        "delays in command periods. The amplitude does not change pose errors: the published protocol "
+        f"Rate and amplitude crossed at {rows[CROSSED][0].stiffness / 1e3:.3g} kN/m; delays in "
+        "command periods. The amplitude does not change pose errors: the published protocol "
         "has its own.",
     )
     ratio = Table(

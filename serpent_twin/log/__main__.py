@@ -45,7 +45,9 @@ def info_command(path: Positional[Path]) -> None:
     print(f"{path}: {len(sessions)} session{'s' * (len(sessions) > 1)}")
     for key, value in common.items():
         print(f"  {key}: {_short(value)}")
-    print(f"  {'session':<12} {'rows':>7} {'seconds':>9} {'Hz':>6} {'lost markers':>13}  sha256")
+    print(
+        f"  {'session':<12} {'rows':>7} {'time [s]':>9} {'rate [Hz]':>9} {'lost markers [%]':>16}  sha256"
+    )
     for session in sessions:
         print(_line(session))
         for key in session.metadata.keys() - common.keys() - _SHOWN_PER_SESSION:
@@ -117,8 +119,8 @@ def _line(session: Session) -> str:
     state = "  recovered" if session.metadata.get("recovered") else ""
     hashed = file_hash(session.path) if session.path else ""
     return (
-        f"  {session.name:<12} {len(session):>7} {duration:>9.2f} {session.rate_hz:>6g} "
-        f"{lost:>11.2f} %  {hashed}{state}"
+        f"  {session.name:<12} {len(session):>7} {duration:>9.2f} {session.rate_hz:>9g} "
+        f"{lost:>16.2f}  {hashed}{state}"
     )
 
 
