@@ -21,6 +21,7 @@ from mujoco import rollout
 from serpent_twin import cli, mjcf
 from serpent_twin.collect import Collect, collect
 from serpent_twin.control import joint_p_control, random_targets
+from serpent_twin.numerals import counted
 from serpent_twin.options import Checked
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.stored import within
@@ -95,7 +96,8 @@ def peak_memory(steps: int) -> float:
 def main(config: CollectSpeed) -> None:
     """Print steps per second, the ratio to bare MuJoCo, and how cost and memory grow."""
     print(
-        f"{THREADS} cores, {config.sessions} sessions × {config.steps} steps of {SUBSTEPS} substeps"
+        f"{THREADS} cores, {counted(config.sessions, 'session')} × {counted(config.steps, 'step')} "
+        f"of {SUBSTEPS} substeps"
     )
     control, ratios = motion(config.steps), []
     physics = config.sessions * config.steps * SUBSTEPS
@@ -114,7 +116,8 @@ def main(config: CollectSpeed) -> None:
     )
     short, long = peak_memory(config.steps // 4), peak_memory(config.steps)
     print(
-        f"peak memory: {long:.0f} MB at {config.steps} steps, {long / short:.2f} × that of a quarter"
+        f"peak memory: {long:.0f} MB at {counted(config.steps, 'step')}, {long / short:.2f} × that "
+        f"of a quarter"
     )
     own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(f"peak memory of this benchmark: {own / 1024:.0f} MB")

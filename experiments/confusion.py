@@ -27,6 +27,7 @@ from serpent_twin import cli
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.numerals import counted
 from serpent_twin.options import Checked, Seed, Steps
 from serpent_twin.provenance import provenance
 from serpent_twin.report import write
@@ -204,7 +205,7 @@ def _publish(
     rows, failed = results.scored, results.failed
     missing = [trial.id for trial in trials if trial.id not in results.rows]
     print(
-        f"{len(rows)} arms traced; {len(missing)} of the {len(trials)} asked for are left, "
+        f"{counted(len(rows), 'arm')} traced; {len(missing)} of the {len(trials)} asked for are left, "
         f"{len(failed)} failed."
     )
     if missing:

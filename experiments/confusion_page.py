@@ -20,6 +20,7 @@ from confusion_score import (
 )
 from matplotlib.figure import Figure as Drawing
 
+from serpent_twin.numerals import counted
 from serpent_twin.report import Figure, Report, Section, Table
 
 RIGHT, WRONG, INK, SOFT = "#588157", "#d1603d", "#1d2129", "#5c6470"
@@ -58,7 +59,7 @@ _LIMITS = (
 
 def _lead(rows: Sequence[Row]) -> str:
     by = {kind: [r for r in rows if r["kind"] == kind] for kind in (CLEAN, KNOWN, PAIR, OUTSIDE)}
-    parts = [f"{len(rows)} arms were traced."]
+    parts = [f"{counted(len(rows), 'arm was', 'arms were')} traced."]
     if by[CLEAN]:
         parts.append(f"False alarms in clean arms: {share(by[CLEAN], lambda r: r['named'])}.")
     if by[KNOWN]:

@@ -11,6 +11,7 @@ from serpent_twin import rigs
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import refuse_repeated
 from serpent_twin.measured import Recording
+from serpent_twin.numerals import counted
 
 Split = tuple[list[Recording], list[Recording]]
 """Runs to fit, and runs that judge"""
@@ -54,7 +55,8 @@ def split(runs: Sequence[Recording], patterns: Sequence[str]) -> Split:
     training = [r for r in runs if r not in judging]
     if not judging or not training:
         raise SerpentError(
-            f"of {len(runs)} runs, {len(judging)} are named {' or '.join(patterns)}: some must judge and "
+            f"of {counted(len(runs), 'run')}, {len(judging)} are named {' or '.join(patterns)}: "
+            f"some must judge and "
             "some be fitted. Name those that judge: --held-out."
         )
     return training, judging

@@ -21,6 +21,7 @@ from scipy.stats import qmc
 
 from serpent_twin import cli
 from serpent_twin.collect import Collect, collect
+from serpent_twin.numerals import counted
 from serpent_twin.options import GIVEN, Checked, Seed, when
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import git_commit, provenance
@@ -149,7 +150,7 @@ def emulate(points: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray
 
     loss, weights = min((solve(s) for s in np.logspace(-3, 1, 17)), key=lambda found: found[0])
     print(
-        f"emulator: leave-one-out error {100 * np.sqrt(loss):.1f} % over {len(points)} short runs"
+        f"emulator: leave-one-out error {100 * np.sqrt(loss):.1f} % over {counted(len(points), 'short run')}"
     )
     return weights
 

@@ -27,6 +27,7 @@ from sim_to_real_twins import (
 from serpent_twin import design
 from serpent_twin.files import write_whole
 from serpent_twin.log import read_folder
+from serpent_twin.numerals import counted
 from serpent_twin.readout import Readout, find
 from serpent_twin.readout.adapted import Adapted
 from serpent_twin.readout.jitter import command_error
@@ -105,7 +106,7 @@ class Study:
 
     def adapt(self, place: str, base: Readout, count: str) -> Readout:
         """A trained readout corrected by the arm's first windows."""
-        self.tell(f"{place}: {base.name}, {count} windows")
+        self.tell(f"{place}: {base.name}, {counted(count, 'window')}")
         few = self.real.few(count)
         return kept(
             self.out / "models" / f"{place}_{count}" / base.name,

@@ -22,6 +22,7 @@ from stiffness_sweep_trend import (
 )
 
 from serpent_twin.arm import Array
+from serpent_twin.numerals import counted
 
 SLACK, STIFFNESS = 0, 1
 _NOTHING = 0.01  # share of all capacity that counts as none
@@ -238,7 +239,9 @@ def _against(which: int) -> Callable[[Array], Array]:
 
 def _few_arms(error: Array) -> str:
     arms = error.shape[0] * error.shape[1]
-    return too_few(error, None) or (f"{arms} arms are too few" if arms < 8 else "")
+    return too_few(error, None) or (
+        f"{counted(arms, 'arm is', 'arms are')} too few" if arms < 8 else ""
+    )
 
 
 def _percent(share: Array) -> str:

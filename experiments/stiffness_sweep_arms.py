@@ -12,6 +12,7 @@ from serpent_twin import design, reservoir, rigs
 from serpent_twin.arm import ARM, N_JOINTS, Array, joint_from_motor
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Session
+from serpent_twin.numerals import counted
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.pose import marker_offsets
 from serpent_twin.readout import Readout
@@ -57,7 +58,7 @@ def place(sessions: Sequence[Session], twin: Path | None) -> Place:
         return _median(design.read(twin), f"its trace: {twin.parent.name}/{twin.name}")
     training = sessions[:-1]
     start = rigs.find("arm").open(training).vector.start
-    return _median(start, f"first guesses from {len(training)} sessions")
+    return _median(start, f"first guesses from {counted(len(training), 'session')}")
 
 
 def _median(arm: design.Design, source: str) -> Place:

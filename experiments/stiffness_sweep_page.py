@@ -12,6 +12,7 @@ from stiffness_sweep_rows import Row, Rows, error_of, readouts, steady_readouts,
 from stiffness_sweep_transfer import worst
 from stiffness_sweep_trend import HELD, NOT, OPEN, TREND, Answer
 
+from serpent_twin.numerals import counted
 from serpent_twin.report import Report, Section, Table
 
 _CRITERIA = (
@@ -56,7 +57,7 @@ def lead(rows: Rows, answers: Sequence[Answer]) -> str:
     for verdict in (HELD, NOT, OPEN):
         if of := [answer.expectation for answer in answers if answer.verdict == verdict]:
             parts.append(f"{len(of)} {_WORD[verdict]} ({'; '.join(map(_uncapped, of))})")
-    return f"{give(rows)} Of {len(answers)} expectations {_joined(parts)}. {best(rows)}"
+    return f"{give(rows)} Of {counted(len(answers), 'expectation')} {_joined(parts)}. {best(rows)}"
 
 
 def give(rows: Rows) -> str:

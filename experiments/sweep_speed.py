@@ -18,6 +18,7 @@ from stiffness_sweep_engine import CORES, engine_ratio
 from stiffness_sweep_plan import full
 
 from serpent_twin import cli
+from serpent_twin.numerals import counted
 from serpent_twin.options import Checked
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.reservoir import capacities
@@ -54,7 +55,10 @@ def main(config: SweepSpeed) -> None:
         cost, peak = swept(count, config.steps)
         costs.append(cost / count)
         peaks.append(peak)
-        print(f"{count} points: {cost / count:.2f} s a point, {peak:.0f} MB at most", flush=True)
+        print(
+            f"{counted(count, 'point')}: {cost / count:.2f} s a point, {peak:.0f} MB at most",
+            flush=True,
+        )
     print(
         f"cost of a point among {config.points[-1]} to that among {config.points[0]}: "
         f"{costs[-1] / costs[0]:.2f} (linear: at most 1); memory {peaks[-1] / peaks[0]:.2f} (flat: 1)"

@@ -17,6 +17,7 @@ import numpy as np
 from serpent_twin import cli
 from serpent_twin.imposed import TIMESTEP
 from serpent_twin.mechanism import side_by_side
+from serpent_twin.numerals import counted
 from serpent_twin.options import Checked
 from serpent_twin.rigs.arm import ArmRig
 from serpent_twin.rigs.arm.case import ArmCase
@@ -79,7 +80,9 @@ def main(config: TraceSpeed) -> None:
     rng = np.random.default_rng(0)
     points = [Point(0.05 * rng.standard_normal(len(case.declared))) for _ in range(config.designs)]
     half = points[: config.designs // 2]
-    print(f"{len(few)} and {len(many)} segments, {len(half)} and {len(points)} designs")
+    print(
+        f"{len(few)} and {counted(len(many), 'segment')}, {len(half)} and {counted(len(points), 'design')}"
+    )
 
     def simulated(of: list[Point], pieces: Pieces) -> float:
         return seconds(lambda: case.residual(of, pieces))

@@ -16,6 +16,7 @@ from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.log import read_folder, refuse_repeated
+from serpent_twin.numerals import counted
 from serpent_twin.provenance import file_hash
 from serpent_twin.readout import Readout, load
 from serpent_twin.readout.adapted import Adapted, least_windows
@@ -72,7 +73,8 @@ class Adaptation:
         for count in map(int, set(self.counts) - {NONE, ALL}):
             if not least <= count <= there:
                 raise SerpentError(
-                    f"--adapt-windows {count}: {self.logs} has {there} windows to adapt to, and fewer than "
+                    f"--adapt-windows {count}: {self.logs} has {counted(there, 'window')} to adapt "
+                    f"to, and fewer than "
                     f"{least} teach nothing. Give 0, a number from {least} to {there}, or all."
                 )
 

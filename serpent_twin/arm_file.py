@@ -10,6 +10,7 @@ from serpent_twin.arm import N_JOINTS, N_MOTORS
 from serpent_twin.design import Design
 from serpent_twin.errors import SerpentError
 from serpent_twin.mjcf import STRANDS
+from serpent_twin.numerals import counted
 from serpent_twin.options import options_of
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import model_hash
@@ -95,7 +96,7 @@ def _model(path: Path) -> mujoco.MjModel:
     hinges = all(model.joint(name).type[0] == _HINGE for name in _JOINTS)
     if not hinges or (model.ntendon, model.nu) != (len(STRANDS), 2 * N_MOTORS):
         raise SerpentError(
-            f"{path} is no model of the arm: it has {model.ntendon} tendons and {model.nu} inputs "
+            f"{path} is no model of the arm: it has {model.ntendon} tendons and {counted(model.nu, 'input')} "
             f"instead of {2 * N_MOTORS} each, or joints that are no hinges; its motors need a goal "
             "position and a velocity each."
         )

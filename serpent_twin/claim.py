@@ -8,8 +8,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from serpent_twin.errors import SerpentError, number
+from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.numerals import number
 from serpent_twin.stored import read_json
 
 _TRIES = 20

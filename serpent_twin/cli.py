@@ -8,7 +8,8 @@ from typing import Any
 import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
-from serpent_twin.errors import SerpentError, shortened
+from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import shortened
 from serpent_twin.option_groups import grouped
 
 

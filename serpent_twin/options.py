@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from msgspec import Meta, inspect
 
-from serpent_twin.errors import SerpentError, number
+from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import number
 from serpent_twin.stored import within
 from serpent_twin.stored.words import expected
 

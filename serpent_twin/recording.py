@@ -15,6 +15,7 @@ from serpent_twin import log, meshes, routing, twin
 from serpent_twin.arm import ARM, N_JOINTS, N_MOTORS, Arm, Array, link_frames
 from serpent_twin.errors import SerpentError
 from serpent_twin.mjcf import STRANDS
+from serpent_twin.numerals import counted
 
 Rows = NDArray[np.intp]
 
@@ -199,7 +200,7 @@ class Writer:
         last = twins[-1]
         lines = [
             f"### {session.metadata.get('arm')}, {session.name}",
-            f"{len(session)} rows at {session.rate_hz:g} Hz, "
+            f"{counted(len(session), 'row')} at {session.rate_hz:g} Hz, "
             f"backend `{session.metadata.get('backend')}`.",
             f"Pose and tensions: the {last.name.replace('_', ' ')}, driven by the measured motor angles.",
             *(_distance(t, session.marker) for t in twins),

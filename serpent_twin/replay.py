@@ -19,6 +19,7 @@ from serpent_twin import __version__, cli, design, log, next_step, readout, reco
 from serpent_twin.arm import ARM
 from serpent_twin.design import Design
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import file_hash
 from serpent_twin.readout.belief import require_finite
@@ -56,7 +57,7 @@ def main(
     if not _already_there(out, identity):
         guess = estimate(seen, readout) if readout else None
         recording.require_writable(out)
-        print(f"Driving the twin by the motor angles of {len(seen)} rows …", flush=True)
+        print(f"Driving the twin by the motor angles of {counted(len(seen), 'row')} …", flush=True)
         moved = replay_motors(seen.time, seen.motor_position)
         better = corrected and replay_motors(seen.time, seen.motor_position, corrected)
         recording.write(out, seen, moved, guess, identity, corrected=better)

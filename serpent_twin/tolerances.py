@@ -7,6 +7,7 @@ import numpy as np
 
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 from serpent_twin.stored import many, within
 
 N_STRANDS = 2 * N_MOTORS
@@ -53,7 +54,7 @@ class Tolerances:
             value, size = getattr(self, each.name), len(each.default)  # type: ignore[arg-type]
             if len(value) != size or not np.isfinite(value).all():
                 raise SerpentError(
-                    f"the tolerance {each.name} must be {size} finite numbers; got {len(value)} "
+                    f"the tolerance {each.name} must be {counted(size, 'finite number')}; got {len(value)} "
                     "numbers or some that are not finite."
                 )
         if self.jaw_held[0] not in (0, 1):

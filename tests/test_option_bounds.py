@@ -11,7 +11,7 @@ from configs import configs, made, mains, number, options
 from serpent_twin import cli, env
 from serpent_twin.collect import Collect
 from serpent_twin.errors import SerpentError
-from serpent_twin.errors import number as shown
+from serpent_twin.numerals import number as shown
 from serpent_twin.options import Checked
 
 ODD = [0, -1, nan, inf, 1e300, 1e-300, 10**300]

@@ -23,6 +23,7 @@ from serpent_twin.bus.dynamixel.wire import Wire
 from serpent_twin.bus.examination import Diagnosis, examine
 from serpent_twin.bus.xl430 import TURN
 from serpent_twin.files import write_whole
+from serpent_twin.numerals import counted
 from serpent_twin.options import Checked, when
 from serpent_twin.stored import within
 
@@ -51,7 +52,7 @@ class Doctor(Checked):
 
 def describe(diagnosis: Diagnosis) -> str:
     """The diagnosis as a page of text."""
-    lines = [f"{diagnosis.port}: {len(diagnosis.motors)} motors of the setup answer", ""]
+    lines = [f"{diagnosis.port}: {counted(len(diagnosis.motors), 'motor')} of the setup answer", ""]
     lines += [
         "motor  id  firmware  mode  torque  error  volts    °C  position  return delay   speed limit"
         "   °C limit       volt limits"

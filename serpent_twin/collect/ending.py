@@ -12,6 +12,7 @@ from serpent_twin.arm import Array
 from serpent_twin.bus.dynamixel.shutdown import STOPPING, uninterrupted
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Journal
+from serpent_twin.numerals import counted
 
 
 @contextmanager
@@ -33,7 +34,7 @@ def sealed(
         except BaseException as error:
             ended["ended"] = why(error)
             if journal.rows and isinstance(error, SerpentError):
-                error.add_note(f"The {journal.rows} rows until then are kept in {path}.")
+                error.add_note(f"The {counted(journal.rows, 'row')} until then are kept in {path}.")
             raise
         finally:
             with uninterrupted():

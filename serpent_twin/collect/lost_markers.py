@@ -9,6 +9,7 @@ import numpy as np
 from serpent_twin.arm import N_JOINTS, Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import read_session
+from serpent_twin.numerals import counted
 
 KEY = "markers_lost"
 """Metadata of a log: what `Watch.account` returns."""
@@ -69,7 +70,7 @@ def conclude(paths: Sequence[Path]) -> None:
         told = session.metadata.get(KEY)
         if told and told["rows_lacking_some"]:
             print(
-                f"{path.name}: {told['rows_lacking_some']} of {len(session)} rows lack a marker, "
+                f"{path.name}: {told['rows_lacking_some']} of {counted(len(session), 'row')} lack a marker, "
                 f"{told['rows_without_any']} all nine."
             )
             for_good += [f"{path.name}: {text}" for text in [_lost_for_good(told)] if text]

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from serpent_twin.arm_file import ArmFile
 from serpent_twin.collect import Collect
 from serpent_twin.design import NOMINAL_DESIGN, Design
+from serpent_twin.numerals import counted
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.readout import Readout
 
@@ -64,5 +65,5 @@ def _trained_on(readout: Readout) -> str:
     """How many logs of which arms, in brackets."""
     logs = {each.readings_sha256: each.arm for each in readout.trained_on}
     count = sorted(Counter(logs.values()).items())
-    told = [f"{n} session{'s' * (n > 1)} of {arm or 'an arm without a name'}" for arm, n in count]
+    told = [f"{counted(n, 'session')} of {arm or 'an arm without a name'}" for arm, n in count]
     return f" (trained on {' and '.join(told)})" if told else ""

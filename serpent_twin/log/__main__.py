@@ -11,6 +11,7 @@ from serpent_twin.log.check import examine
 from serpent_twin.log.parquet import read_session, say_unread, session_files
 from serpent_twin.log.recovery import recover
 from serpent_twin.log.session import Session
+from serpent_twin.numerals import counted
 from serpent_twin.provenance import file_hash
 
 _SHOWN_PER_SESSION = {"session", "rows", "complete", "recovered", "bytes_dropped"}
@@ -28,7 +29,10 @@ def recover_command(path: Positional[Path]) -> None:
     recovered = recover(path)
     for session in map(read_session, recovered):
         dropped = session.metadata.get("bytes_dropped", 0)
-        print(f"{session.path}: {len(session)} rows recovered, {dropped} damaged bytes dropped")
+        print(
+            f"{session.path}: {counted(len(session), 'row')} recovered, "
+            f"{counted(dropped, 'damaged byte')} dropped"
+        )
     if not recovered:
         print(f"{path}: nothing to recover")
     next_step.say(next_step.after_recovery(path))
@@ -42,7 +46,7 @@ def info_command(path: Positional[Path]) -> None:
     """
     sessions = [read_session(file) for file in _files(path)]
     common = _common(sessions)
-    print(f"{path}: {len(sessions)} session{'s' * (len(sessions) > 1)}")
+    print(f"{path}: {counted(len(sessions), 'session')}")
     for key, value in common.items():
         print(f"  {key}: {_short(value)}")
     print(
@@ -69,14 +73,14 @@ def check_command(path: Positional[Path]) -> None:
     files = _files(path)
     spoiled = [file.name for file in files if not _report(file)]
     if spoiled:
-        share = f"{len(spoiled)} of {len(files)} sessions"
+        share = f"{len(spoiled)} of {counted(len(files), 'session')}"
         raise SerpentError(f"{path}: {share} cannot be trusted: {', '.join(spoiled)}.")
     next_step.say(next_step.after_look(path))
 
 
 def _short(value: object) -> str:
     text = str(value)
-    return text if len(text) <= 160 else f"{text[:150]} … ({len(text)} characters)"
+    return text if len(text) <= 160 else f"{text[:150]} … ({counted(len(text), 'character')})"
 
 
 def _report(file: Path) -> bool:
@@ -89,7 +93,7 @@ def _report(file: Path) -> bool:
     findings = examine(session)
     levels = {finding.level for finding in findings}
     verdict = "damaged" if "error" in levels else "usable" if "warning" in levels else "sound"
-    print(f"{file.name}: {len(session)} rows, {verdict}")
+    print(f"{file.name}: {counted(len(session), 'row')}, {verdict}")
     for finding in findings:
         print(f"  {finding.level}: {finding.text}")
     return "error" not in levels

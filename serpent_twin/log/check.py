@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from serpent_twin.arm import ARM, Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.log.session import Session
+from serpent_twin.numerals import counted
 
 TURN = 2 * np.pi
 COUNT = TURN / 4096  # XL430-W250 manual: resolution of the present position
@@ -139,7 +140,7 @@ def _late(session: Session) -> Iterator[Finding]:
     if late.any():
         yield Finding(
             "warning",
-            f"{late.sum()} of {len(session) - 1} steps missed their deadline, ending at "
+            f"{late.sum()} of {counted(len(session) - 1, 'step')} missed their deadline, ending at "
             f"{rows_text(late)}; the longest took {periods.max():.1f} periods.",
         )
 
@@ -159,7 +160,7 @@ def _lost(session: Session) -> Iterator[Finding]:
     runs = [_longest(alone[:, marker]) for marker in range(alone.shape[1])]
     for marker, (first, rows) in enumerate(runs, start=1):
         if rows > LOST_SECONDS * session.rate_hz:
-            text = f"Marker {marker} is lost for {rows} rows on end, from row {first}."
+            text = f"Marker {marker} is lost for {counted(rows, 'row')} on end, from row {first}."
             yield Finding("warning", text)
     if lost.any() and not together.all():
         shares = ", ".join(f"{share:.2f}" for share in 100 * lost.mean(axis=0))
@@ -183,7 +184,8 @@ def _status(session: Session) -> Iterator[Finding]:
         dropped = session.metadata.get("bytes_dropped", 0)
         yield Finding(
             "note",
-            f"Recovered from a cut-off recording; {dropped} damaged bytes at its end were dropped.",
+            f"Recovered from a cut-off recording; {counted(dropped, 'damaged byte')} at its end "
+            f"were dropped.",
         )
     elif session.metadata.get("complete") is False:
         yield Finding("note", "The recording was ended before its last step.")

@@ -16,6 +16,7 @@ from serpent_twin.files import sync_folder
 from serpent_twin.log.parquet import check_metadata
 from serpent_twin.log.session import COLUMNS, FIELDS, SCHEMA_VERSION
 from serpent_twin.log.stream import batch_over, header_crc, read_journal, stream_schema
+from serpent_twin.numerals import counted
 
 
 class Journal:
@@ -93,7 +94,7 @@ class Journal:
         content = read_journal(self.path)
         if len(content.rows) != self.rows or content.bytes_dropped:
             raise SerpentError(
-                f"{self.path} holds {len(content.rows)} whole rows, but {self.rows} were written: "
+                f"{self.path} holds {counted(len(content.rows), 'whole row')}, but {self.rows} were written: "
                 "the file was changed meanwhile. It is kept; `recover` saves the rows before that."
             )
         sealed = content.write(self.path.with_suffix(".parquet"), dict(ended))
@@ -109,7 +110,9 @@ class Journal:
     def discard(self) -> None:
         """Delete a journal without rows."""
         if self.rows:
-            raise SerpentError(f"{self.path} holds {self.rows} rows, which are kept: seal it.")
+            raise SerpentError(
+                f"{self.path} holds {counted(self.rows, 'row')}, which are kept: seal it."
+            )
         self.path.unlink()
         self.close()
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 
 SHARED = 10
 """Equal rows that make two logs one. Of all pairs among 79 logs of the simulated arms, the XL330, the jaw and
@@ -46,7 +47,8 @@ def refuse_repeated(logs: Sequence[Read]) -> None:
         shared, fewest = len(of_a & of_b), min(len(of_a), len(of_b))
         if shared >= max(1, min(SHARED, fewest)):
             raise SerpentError(
-                f"{_where(a)} and {_where(b)} hold the same readings ({shared} of {fewest} rows): one "
+                f"{_where(a)} and {_where(b)} hold the same readings ({shared} of "
+                f"{counted(fewest, 'row')}): one "
                 "repeats the other or a part of it, and a result on the one says nothing where the other was "
                 "trained on or fitted to. Leave one of them out."
             )

@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 
 KEY = b"measured"
 FEWEST = 50
@@ -91,7 +92,9 @@ def read_folder(
 def _check(path: Path, columns: dict[str, Array], needed: Sequence[str]) -> None:
     time = columns["time"]
     if len(time) < FEWEST:
-        raise SerpentError(f"{path} has {len(time)} rows, fewer than {FEWEST}. Leave it out.")
+        raise SerpentError(
+            f"{path} has {counted(len(time), 'row')}, fewer than {FEWEST}. Leave it out."
+        )
     if not (np.diff(time) > 0).all():
         raise SerpentError(
             f"{path}: time does not increase throughout. Repair or leave out the file."

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.numerals import counted
 
 COLLINEAR = 0.02  # second over first singular value below which points lie on a line
 ORTHOGONAL = 1e-6  # error of RᵀR that is rounding in a file
@@ -90,7 +91,8 @@ def fit_rigid(source: ArrayLike, target: ArrayLike) -> Rigid:
         spread = np.linalg.svd(points, compute_uv=False)
         if spread[1] <= COLLINEAR * spread[0]:
             raise SerpentError(
-                f"the {len(source)} points of a rigid fit lie on a line, so the rotation about it is "
+                f"the {counted(len(source), 'point')} of a rigid fit lie on a line, so the "
+                f"rotation about it is "
                 "open. Add a marker beside the line."
             )
     rotation = _nearest_rotation((target - goal).T @ (source - centre))

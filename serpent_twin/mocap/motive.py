@@ -18,6 +18,7 @@ from pyarrow import csv as arrow_csv
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 
 METRES = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
 ROUNDING = 1.5e-3  # s: some versions round the time column to 1 ms
@@ -157,7 +158,8 @@ def _read_numbers(
     if len(torn) > 1 or (torn and torn[0].number not in (None, skip + lines)):
         row = torn[0]
         raise SerpentError(
-            f"{path}: a data row has {row.actual_columns} cells instead of {row.expected_columns}: "
+            f"{path}: a data row has {counted(row.actual_columns, 'cell')} instead of "
+            f"{row.expected_columns}: "
             f"{row.text[:60]!r}. Export it again."
         )
     if table.num_rows == 0:

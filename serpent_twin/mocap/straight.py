@@ -11,6 +11,7 @@ from serpent_twin.arm import N_JOINTS, Array, markers
 from serpent_twin.errors import SerpentError
 from serpent_twin.mocap.frame import Rigid, fit_rigid
 from serpent_twin.mocap.natnet.live import NatNet, NatNetMocap
+from serpent_twin.numerals import counted
 from serpent_twin.options import Checked
 from serpent_twin.stored import within
 
@@ -62,7 +63,8 @@ def fit_straight(
     """Fit frames (T, 9, 3) in which the arm hangs straight; raises and names what is wrong."""
     if len(seen) < FEWEST:
         raise SerpentError(
-            f"no frame was found: {len(seen)} frames of the cameras came in, and {FEWEST} are needed to "
+            f"no frame was found: {counted(len(seen), 'frame')} of the cameras came in, and "
+            f"{FEWEST} are needed to "
             "see that the arm is still. Look longer with --seconds, or raise the cameras' rate."
         )
     shown = np.isfinite(seen).all(axis=-1)

@@ -21,6 +21,7 @@ import numpy as np
 from serpent_twin.arm import N_JOINTS, Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.numerals import counted
 from serpent_twin.readout.belief import Belief, covariance_of
 from serpent_twin.readout.live import Live, LiveWindows
 from serpent_twin.readout.saved import (
@@ -167,7 +168,8 @@ class Readout(ABC):
         expected = input_size(self.window)
         if x.ndim != 2 or x.shape[1] != expected:
             raise SerpentError(
-                f"the readout {self.name} takes windows of {self.window} rows, {expected} numbers each; "
+                f"the readout {self.name} takes windows of {counted(self.window, 'row')}, "
+                f"{counted(expected, 'number')} each; "
                 f"got an array of shape {x.shape}. Cut the windows anew or train for that window."
             )
 
@@ -248,11 +250,11 @@ def load(folder: Path, window: int | None = None) -> Readout:
 def _require_window(readout: Readout, about: About, folder: Path, window: int | None) -> None:
     if window is not None and window != readout.window:
         raise SerpentError(
-            f"{folder} was trained for windows of {readout.window} rows, asked for were {window}. "
+            f"{folder} was trained for windows of {counted(readout.window, 'row')}, asked for were {window}. "
             f"Use --window {readout.window} or train for {window}."
         )
     if about.input_size != input_size(readout.window):
         raise SerpentError(
-            f"{folder} takes {about.input_size} numbers per window, this program gives "
-            f"{input_size(readout.window)} for {readout.window} rows. Train it again."
+            f"{folder} takes {counted(about.input_size, 'number')} per window, this program gives "
+            f"{input_size(readout.window)} for {counted(readout.window, 'row')}. Train it again."
         )

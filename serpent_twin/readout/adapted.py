@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from serpent_twin.arm import N_JOINTS, Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 from serpent_twin.readout import Epoch, Progress, Readout, kind_of, part
 from serpent_twin.readout.analytical import stiff_pose
 from serpent_twin.readout.belief import Belief, covariance_of, growth, root_of
@@ -172,7 +173,8 @@ class Adapted(Readout):
         least = self.blocks * self.window
         if len(train.x) < least:
             raise SerpentError(
-                f"{len(train.x)} windows are too few to adapt a readout: give at least {least}, or none."
+                f"{counted(len(train.x), 'window is', 'windows are')} too few to adapt a readout: "
+                f"give at least {least}, or none."
             )
         if not np.isfinite(train.marker).any():
             raise SerpentError("the windows to adapt to show no marker, so nothing can be learned.")

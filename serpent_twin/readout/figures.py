@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from serpent_twin.arm import N_JOINTS, Array
+from serpent_twin.numerals import counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,7 +45,7 @@ def over_time(time: Array, error_mm: Mapping[str, Array], width: int = 41) -> "F
     colour = colours(list(error_mm))
     for name, error in error_mm.items():
         axes.plot(time, smooth(error, width), color=colour[name], label=name, lw=1.2)
-    label = f"error, mean of {width} steps [mm]"
+    label = f"error, mean of {counted(width, 'step')} [mm]"
     axes.set(xlabel="time [s]", ylabel=label, yscale="log", xlim=(time[0], time[-1]))
     return _finish(figure, axes)
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Session, refuse_repeated
+from serpent_twin.numerals import counted
 from serpent_twin.readout.windows import Windows, cut
 
 
@@ -59,7 +60,8 @@ def split(
     train = [name for name in rest if name not in validate]
     if not (train and validate and test):
         raise SerpentError(
-            f"{len(sessions)} sessions are too few: at least one each must train, validate and test. "
+            f"{counted(len(sessions), 'session is', 'sessions are')} too few: at least one each must train, "
+            f"validate and test. "
             "Collect three or more, or name fewer in --validate and --test."
         )
     refuse_repeated(sessions)

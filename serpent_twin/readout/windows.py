@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from serpent_twin.arm import ARM, N_JOINTS, Arm, Array, joint_from_motor
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Session, readings_hash, refuse_damaged
+from serpent_twin.numerals import counted
 from serpent_twin.pose import joints_from_markers
 
 STATE, COMMAND = 2 * N_JOINTS, N_JOINTS
@@ -177,8 +178,9 @@ def _cut_session(session: Session, window: int, drop: int, arm: Arm) -> SessionW
     first = max(drop, window - 1)
     if len(session.time) <= first:
         raise SerpentError(
-            f"{_where(session)} has {len(session.time)} rows; with the first {drop} dropped and windows "
-            f"of {window} rows nothing is left. Record longer sessions or drop fewer rows."
+            f"{_where(session)} has {counted(len(session.time), 'row')}; with the first {drop} "
+            f"dropped and windows "
+            f"of {counted(window, 'row')} nothing is left. Record longer sessions or drop fewer rows."
         )
     command = session.motor_velocity_command[:, :N_JOINTS]
     x = stack(motor_state(session), command, window)[first - window + 1 :]

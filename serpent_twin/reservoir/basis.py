@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 from serpent_twin.reservoir.inputs import as_rows
 
 COARSEST = 0.1
@@ -43,7 +44,8 @@ def basis(states: Array, tolerance: float = 1e-10) -> Basis:
     varies = varying(rows)
     if not varies.any():
         raise SerpentError(
-            f"All {rows.shape[1]} channels are constant over {len(rows)} rows: nothing can be read from "
+            f"All {counted(rows.shape[1], 'channel is', 'channels are')} constant over "
+            f"{counted(len(rows), 'row')}: nothing can be read from "
             "them; check that the body moved and that the channels were recorded."
         )
     scaled = centred[:, varies] / centred[:, varies].std(axis=0)
@@ -74,7 +76,8 @@ def fine_cut(rows: int, rank: int, coarsest: float = COARSEST) -> float:
     if cut > coarsest:
         needed = int(np.ceil(rows * cut / coarsest))
         raise SerpentError(
-            f"With {rows} rows and {rank} independent channels, capacities below {cut:.2f} are lost in "
+            f"With {counted(rows, 'row')} and {counted(rank, 'independent channel')}, capacities "
+            f"below {cut:.2f} are lost in "
             f"chance, where {coarsest:.2g} is wanted: use {needed:,} rows after washout and delays, or "
             "fewer channels."
         )

@@ -7,6 +7,7 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 from serpent_twin.reservoir.basis import basis, varying
 from serpent_twin.reservoir.inputs import as_rows
 
@@ -65,7 +66,8 @@ def contraction_rate(apart: Array, period: float, floor: float = 1e-9) -> float:
     end = int(low[0]) if low.size else len(apart)
     if end < 3:
         raise SerpentError(
-            f"The distance is above {floor:g} for {end} rows, too few for a rate: begin with states further "
+            f"The distance is above {floor:g} for {counted(end, 'row')}, too few for a rate: begin "
+            f"with states further "
             "apart, or lower the floor."
         )
     slope = np.polynomial.polynomial.polyfit(np.arange(end) * period, np.log(apart[:end]), 1)[1]

@@ -11,6 +11,7 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 from serpent_twin.reservoir.basis import COARSEST, fine_cut, varying
 from serpent_twin.reservoir.capacity import shares
 from serpent_twin.reservoir.inputs import aligned, check_inputs, check_means
@@ -96,7 +97,8 @@ def _unit(series: Array) -> tuple[Array, Array]:
     varies = varying(series)
     if not varies.any():
         raise SerpentError(
-            f"All {series.shape[1]} coordinates are constant over {len(series)} rows: there is nothing to "
+            f"All {counted(series.shape[1], 'coordinate is', 'coordinates are')} constant over "
+            f"{counted(len(series), 'row')}: there is nothing to "
             "expand; check that they were recorded while the body moved."
         )
     centred = np.where(varies, series - series.mean(axis=0), 0.0)

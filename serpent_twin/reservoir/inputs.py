@@ -11,6 +11,7 @@ from scipy.stats import norm
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 from serpent_twin.reservoir.targets import Search, checked_delays, label, legendre
 
 FALSE_ALARM = 1e-6
@@ -62,7 +63,7 @@ def aligned(
     start, rows = max(washout, *delays), series.shape[1]
     if rows - start < 2:
         raise SerpentError(
-            f"Of {rows} rows the first {start} are left out for washout and delays: "
+            f"Of {counted(rows, 'row')} the first {start} are left out for washout and delays: "
             "give more rows or lower them."
         )
     return series[:, start:].reshape(-1, series.shape[-1]), drive, start
@@ -70,7 +71,7 @@ def aligned(
 
 def _counted(series: Array) -> str:
     S, rows, _ = series.shape
-    return f"{rows} rows" if S == 1 else f"{S} series of {rows} rows"
+    return f"{counted(rows, 'row')}" if S == 1 else f"{S} series of {counted(rows, 'row')}"
 
 
 def in_a_row(inputs: Array) -> Array:
@@ -138,7 +139,9 @@ def _check_pairs(columns: Array, delay: int) -> None:
     """Compare polynomials (m, D, T) of variance 1 with one another at delays up to one [rows]."""
     m, D, T = columns.shape
     if delay > T - 2:
-        raise SerpentError(f"A delay of {delay} rows is too long for {T} rows of inputs.")
+        raise SerpentError(
+            f"A delay of {counted(delay, 'row')} is too long for {T} rows of inputs."
+        )
     flat = columns.reshape(m * D, T)
     score = np.stack([flat[:, k:] @ flat[:, : T - k].T / np.sqrt(T - k) for k in range(delay + 1)])
     score = score.reshape(delay + 1, m, D, m, D)

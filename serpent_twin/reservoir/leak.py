@@ -11,6 +11,7 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 from serpent_twin.reservoir.basis import COARSEST
 from serpent_twin.reservoir.capacity import Capacities, capacities
 from serpent_twin.reservoir.inputs import as_series
@@ -43,7 +44,9 @@ def taps(inputs: Array, count: int) -> Array:
     """
     series = as_series(inputs, "inputs")
     if count < 1:
-        raise SerpentError(f"{count} taps were asked for: give at least 1, the present input.")
+        raise SerpentError(
+            f"{counted(count, 'tap was', 'taps were')} asked for: give at least 1, the present input."
+        )
     padded = np.pad(series, ((0, 0), (count - 1, 0), (0, 0)))
     last, rows = count - 1, series.shape[1]
     line = [padded[:, last - k : last - k + rows] for k in range(count)]

@@ -19,6 +19,7 @@ from scipy.special import eval_legendre
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 
 Indices = NDArray[np.integer[Any]]
 
@@ -73,7 +74,8 @@ def search(inputs: int, degree: int, delays: Sequence[int]) -> Search:
     number = [comb(inputs * (k + 1) + d, d + 1) for d, k in enumerate(limits)]
     if sum(number) > MOST:
         raise SerpentError(
-            f"Delays {limits} of {inputs} inputs make {sum(number):,} products, {max(number):,} of them "
+            f"Delays {limits} of {counted(inputs, 'input')} make {sum(number):,} products, "
+            f"{max(number):,} of them "
             f"of degree {1 + int(np.argmax(number))}; at most {MOST:,} are searched: lower that delay."
         )
     parts = [_of_degree(inputs, d + 1, k, degree) for d, k in enumerate(limits)]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 from serpent_twin.residual.measure import LOADS, MARKERS, Measure
 
 Array = NDArray[np.floating[Any]]
@@ -74,7 +75,7 @@ class Comparison:
             found = f"time has shape {self.time.shape}"
             raise SerpentError(f"A comparison needs segments of 8 rows or more; {found}.")
         if len(self.session) != len(self.time):
-            found = f"{len(self.session)} session names for {len(self.time)} segments"
+            found = f"{len(self.session)} session names for {counted(len(self.time), 'segment')}"
             raise SerpentError(f"A comparison names the session of every segment; found {found}.")
         for name in _ROWS:
             value = getattr(self, name)

@@ -6,6 +6,8 @@ from typing import Any
 
 from msgspec import inspect
 
+from serpent_twin.numerals import counted
+
 Steps = tuple[str | int, ...]
 """Keys and indices from a file's top to a value."""
 _LONGEST = 40
@@ -40,11 +42,7 @@ def found(value: Any) -> str:
         case float():
             return json.dumps(value)
         case list() | tuple():
-            return (
-                f"a list of {len(value)} value{'s' * (len(value) > 1)}"
-                if value
-                else "an empty list"
-            )
+            return f"a list of {counted(len(value), 'value')}" if value else "an empty list"
         case Mapping():
             return _TABLE
     return "a date or time"
@@ -54,7 +52,7 @@ def short(text: str) -> str:
     """A text, or its beginning and its length."""
     if len(text) <= _LONGEST:
         return text
-    return f"{text[: _LONGEST // 2]}… ({len(text)} characters)"
+    return f"{text[: _LONGEST // 2]}… ({counted(len(text), 'character')})"
 
 
 def expected(node: Any) -> str:

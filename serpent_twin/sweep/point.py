@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from serpent_twin.arm import N_JOINTS
 from serpent_twin.design import Design
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 from serpent_twin.option_groups import Group
 from serpent_twin.options import GIVEN, RateHz, Use, when
 from serpent_twin.parameters import NOMINAL, Parameters
@@ -155,11 +156,14 @@ class Measuring:
         longest = max(*self.delays, self.memory_delay, self.taps)
         if self.washout < longest:
             raise SerpentError(
-                f"--washout is {self.washout} command periods, and a delay or the taps reach {longest} back: "
+                f"--washout is {counted(self.washout, 'command period')}, and a delay or the taps "
+                f"reach {longest} back: "
                 "give at least as many, so that all measures use the same rows."
             )
         if self.stream <= self.taps:
-            raise SerpentError(f"--stream is {self.stream}; give more than the {self.taps} taps.")
+            raise SerpentError(
+                f"--stream is {self.stream}; give more than the {counted(self.taps, 'tap')}."
+            )
         rows = self.stretches * self.rows(steps)
         fine_cut(rows, channels.COUNT + self.taps * N_JOINTS, self.coarsest)
 

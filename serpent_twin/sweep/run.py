@@ -17,6 +17,7 @@ from serpent_twin import next_step
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.numerals import counted
 from serpent_twin.option_groups import Group
 from serpent_twin.options import ABSENT, Checked, RateHz, Seed, Use, Workers, when
 from serpent_twin.parameters import NOMINAL
@@ -102,7 +103,8 @@ def sweep(config: Sweep, points: Sequence[Point] | None = None) -> dict[str, Any
     if given_up:
         names = ", ".join(key(point, config.measuring) for point in given_up)
         raise SerpentError(
-            f"{len(given_up)} of {len(points)} points were given up, because every worker that tried them "
+            f"{len(given_up)} of {counted(len(points), 'point')} were given up, because every "
+            f"worker that tried them "
             f"died, perhaps for want of memory: {names}. The same command tries them again."
         )
     return table
@@ -203,5 +205,5 @@ def main(config: Sweep) -> None:  # noqa: D103 tyro would print it above the con
     points = table["points"]
     failed = sum(1 for point in points if point["failed"])
     note = f", {failed} of them in part, as their files say" if failed else ""
-    print(f"{len(points)} points{note}. {config.out / 'table.json'}: the table.")
+    print(f"{counted(len(points), 'point')}{note}. {config.out / 'table.json'}: the table.")
     next_step.say(next_step.after_sweep(config, table))

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from serpent_twin.numerals import counted
 from serpent_twin.report import Figure, Report, Section
 from serpent_twin.residual import describe
 from serpent_twin.residual import figures as residual_figures
@@ -130,8 +131,9 @@ def _ranking(diagnosis: Diagnosis) -> Section | None:
     count = {verdict: verdicts.count(verdict) for verdict in tables.VERDICTS}
     told = _listed([f"{n} {verdict}" for verdict, n in count.items() if n])
     text = (
-        f"{len(diagnosis.candidates)} candidates were tried: {told}. A candidate is accepted only if it "
-        "betters sessions that it was not fitted to, beyond chance and by enough to be worth its "
+        f"{counted(len(diagnosis.candidates), 'candidate was', 'candidates were')} tried: {told}. "
+        "A candidate is accepted only if it betters sessions that it was not "
+        "fitted to, beyond chance and by enough to be worth its "
         "parameters. Not excited means that these logs could not show it."
     )
     return Section(

@@ -17,6 +17,7 @@ from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.log import refuse_repeated
+from serpent_twin.numerals import counted
 from serpent_twin.option_groups import Group
 from serpent_twin.options import ABSENT, Checked, Seed, when
 from serpent_twin.provenance import file_hash, provenance, versions
@@ -80,13 +81,14 @@ def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]
         judging = [s for s in sessions if s.path and s.path.match(config.judge)]
         if not judging or len(judging) == len(sessions):
             raise SerpentError(
-                f"--judge {config.judge} names {len(judging)} of the {len(sessions)} sessions in "
+                f"--judge {config.judge} names {len(judging)} of the {counted(len(sessions), 'session')} in "
                 f"{config.logs}: some must judge and some be fitted. Name others."
             )
         return [s for s in sessions if s not in judging], judging
     if config.held_out < 1 or len(sessions) <= config.held_out:
         raise SerpentError(
-            f"{config.logs} has {len(sessions)} sessions, and --held-out is {config.held_out}: one at "
+            f"{config.logs} has {counted(len(sessions), 'session')}, and --held-out is "
+            f"{config.held_out}: one at "
             "least must judge and one at least be fitted. Record more sessions; three to fit are good."
         )
     return list(sessions[: -config.held_out]), list(sessions[-config.held_out :])

@@ -5,6 +5,7 @@ from math import isfinite
 
 import numpy as np
 
+from serpent_twin.numerals import counted
 from serpent_twin.report import Table
 from serpent_twin.residual.noise import UNKNOWN
 from serpent_twin.trace.diagnosis import (
@@ -109,7 +110,8 @@ def calibration(found: Mapping[str, Calibrated], prior: Mapping[str, float]) -> 
         f"moved, in {widths}",
     )
     note = (
-        f"The {len(rows)} of {len(found)} parameters that moved most from their start, a first guess out of "
+        f"The {len(rows)} of {counted(len(found), 'parameter')} that moved most from their start, "
+        f"a first guess out of "
         "the training sessions or, where these tell nothing at first sight, the declared number."
     )
     return Table(header, rows, note)

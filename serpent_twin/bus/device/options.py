@@ -18,6 +18,7 @@ from serpent_twin.bus.motors import SimulatedMotors
 from serpent_twin.errors import SerpentError
 from serpent_twin.mocap.frame import Rigid
 from serpent_twin.mocap.natnet.server import SimulatedCameras
+from serpent_twin.numerals import counted
 from serpent_twin.option_groups import Group
 from serpent_twin.options import GIVEN, Checked, RateHz, Seed, Use, when
 from serpent_twin.parameters import NOMINAL, Parameters
@@ -127,5 +128,5 @@ def _cameras(options: Options, noise: float) -> SimulatedCameras | None:
 def _check(options: Options) -> None:
     if len(options.start_counts) not in (1, N_MOTORS):
         raise SerpentError(
-            f"--start-counts has {len(options.start_counts)} numbers; give 1 or {N_MOTORS}."
+            f"--start-counts has {counted(len(options.start_counts), 'number')}; give 1 or {N_MOTORS}."
         )

@@ -16,6 +16,7 @@ from serpent_twin.bus import BusError
 from serpent_twin.bus.limits import Limits
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
+from serpent_twin.numerals import counted
 from serpent_twin.stored import above, many, require_fields, within
 
 _PER_MOTOR = ("zero", "homing_offset", "drive_mode")
@@ -60,7 +61,9 @@ class ArmSetup:
             self._refuse(str(error).strip().rstrip("."))
         for name in _PER_MOTOR:
             if (count := len(getattr(self, name))) not in (0, N_MOTORS):
-                self._refuse(f"{name} has {count} values, but there are {N_MOTORS} motors")
+                self._refuse(
+                    f"{name} has {counted(count, 'value')}, but there are {N_MOTORS} motors"
+                )
         if len(set(self.ids)) < N_MOTORS:
             self._refuse("ids must be ten different numbers from 0 to 252")
 

@@ -9,6 +9,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.mocap.frame import Rigid
 from serpent_twin.mocap.merge.film import Film
 from serpent_twin.mocap.merge.labels import CLEARER, GATE, stretches
+from serpent_twin.numerals import counted
 
 SAME_ARM = GATE / 2  # m rms over all markers; four arms unlike the twin leave 14 … 19 mm
 FRAME_OFF = 0.05  # m: mean shift of the markers by another frame; the four arms make 14 … 17 mm
@@ -32,7 +33,7 @@ def refuse_names(
             part = np.concatenate([parts[n] for n in np.flatnonzero(odd & (nearest == other))])
             wrong.append(
                 f"{names[column]!r}, given as marker {marker + 1}, looks like marker {other + 1} in "
-                f"{len(part)} frames from {film.time[part[0]]:.2f} s of the cameras' clock on"
+                f"{counted(len(part), 'frame')} from {film.time[part[0]]:.2f} s of the cameras' clock on"
             )
     if wrong:
         raise SerpentError(

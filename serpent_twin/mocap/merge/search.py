@@ -9,6 +9,7 @@ from scipy.fft import next_fast_len
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.mocap.merge.film import Film
+from serpent_twin.numerals import counted
 
 GRID_HZ = 20.0  # markers move slowly against it
 MOMENT = 5  # grid steps over which a motion is measured: one control step at 4 Hz
@@ -24,7 +25,8 @@ def findable(time: Array, marker: Array, film: Film) -> None:
     lasts = float(time[-1] - time[0])
     if lasts < SHORTEST:
         raise SerpentError(
-            f"this session of {len(time)} rows lasts {lasts:.2f} s; one shorter than {SHORTEST:g} s "
+            f"this session of {counted(len(time), 'row')} lasts {lasts:.2f} s; one shorter than "
+            f"{SHORTEST:g} s "
             "cannot be found by its motion. Leave it out, or record a longer one."
         )
     motion = float(np.sqrt(((marker - marker.mean(axis=0)) ** 2).sum(axis=-1).mean()))

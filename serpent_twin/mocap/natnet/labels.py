@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from serpent_twin.arm import N_JOINTS
 from serpent_twin.mocap.natnet.packets import Id
 from serpent_twin.mocap.natnet.reading import Model
+from serpent_twin.numerals import counted
 
 
 def ids_by_name(models: Sequence[Model]) -> dict[str, Id]:
@@ -30,7 +31,7 @@ def chosen(labels: Sequence[str], seen: Sequence[Id], names: dict[str, Id]) -> l
             return [key for key in seen if key[0] == nine[0]]
         return f"no one asset has nine labelled markers (seen: {listed}); name them with --labels"
     if len(labels) != N_JOINTS:
-        return f"{len(labels)} labels were given, nine are needed"
+        return f"{counted(len(labels), 'label was', 'labels were')} given, nine are needed"
     ids = [_id(label, seen, names) for label in labels]
     missing = [label for label, key in zip(labels, ids, strict=True) if key is None]
     if missing:

@@ -8,6 +8,7 @@ import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 from serpent_twin.readout import Progress, Readout
 from serpent_twin.readout.saved import Wanted, divisors, numbers
 from serpent_twin.readout.scale import Scale, scale_of
@@ -80,7 +81,7 @@ class Regression(Readout):
         if not np.isfinite([epoch.validation_loss for epoch in self.history]).any():
             raise SerpentError(
                 f"the training of {self.name} diverged: its validation loss is a number after none of "
-                f"{len(self.history)} epochs. Look for absurd values in the logs, or leave it out."
+                f"{counted(len(self.history), 'epoch')}. Look for absurd values in the logs, or leave it out."
             )
         cut_short = len(self.history) == schedule.epochs < schedule.own_epochs
         self.stopped_after = schedule.epochs if cut_short else None
