@@ -1,40 +1,38 @@
 """What do the errors look like?"""
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from serpent_twin.arm import N_JOINTS, Array
+from serpent_twin.drawing import COLD, WARM, Style, label_logarithmic, styles
 from serpent_twin.numerals import counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PUBLISHED = {
-    "analytical": "#9a9a9a",
-    "linear": "#6b9ac4",
-    "mlp": "#2f6690",
-    "no_load": "#81c3d7",
-    "lstm": "#16425b",
-}
-OURS = ("#e0a458", "#d1603d", "#a63a50", "#7b2d26", "#588157", "#344e41")
+PUBLISHED = dict(zip(("analytical", "linear", "mlp", "no_load", "lstm"), COLD, strict=True))
+
+_MARKED = 9  # points of a curve over time that have a marker
 
 
-def colours(names: list[str]) -> dict[str, str]:
-    """A colour per readout: cold for the published ones, warm for ours."""
-    ours = iter(OURS * len(names))
-    return {name: PUBLISHED[name] if name in PUBLISHED else next(ours) for name in names}
+def looks(names: Sequence[str]) -> dict[str, Style]:
+    """A style per readout that no other has: cold colours for the published ones, warm ones for ours."""
+    published = {style["color"]: style for style in itertools.islice(styles(), len(WARM + COLD))}
+    ours = styles([PUBLISHED[name] for name in names if name in PUBLISHED])
+    return {name: published[PUBLISHED[name]] if name in PUBLISHED else next(ours) for name in names}
 
 
 def by_marker(per_marker_mm: Mapping[str, Array]) -> "Figure":
     """Mean error of each marker, a line per readout."""
     figure, axes = _axes(9, 4.4)
-    colour = colours(list(per_marker_mm))
+    style = looks(list(per_marker_mm))
     number = np.arange(1, N_JOINTS + 1)
     for name, values in per_marker_mm.items():
-        axes.plot(number, values, "o-", color=colour[name], label=name, ms=4, lw=1.6)
+        axes.plot(number, values, **style[name], label=name, ms=4.5, lw=1.6)
     axes.set(xlabel="marker, 9 is the tip", ylabel="mean error [mm]", xticks=number, yscale="log")
     return _finish(figure, axes)
 
@@ -42,9 +40,11 @@ def by_marker(per_marker_mm: Mapping[str, Array]) -> "Figure":
 def over_time(time: Array, error_mm: Mapping[str, Array], width: int = 41) -> "Figure":
     """Error of each step averaged over markers, smoothed over `width` steps, a line per readout."""
     figure, axes = _axes(9, 4.4)
-    colour = colours(list(error_mm))
-    for name, error in error_mm.items():
-        axes.plot(time, smooth(error, width), color=colour[name], label=name, lw=1.2)
+    style = looks(list(error_mm))
+    for n, (name, error) in enumerate(error_mm.items()):
+        marked = (np.arange(_MARKED) + n / len(error_mm)) / _MARKED * (len(time) - 1)
+        each = {"markevery": np.unique(marked.astype(int)).tolist(), "ms": 4.5, "lw": 1.2}
+        axes.plot(time, smooth(error, width), **style[name], label=name, **each)
     label = f"error, mean of {counted(width, 'step')} [mm]"
     axes.set(xlabel="time [s]", ylabel=label, yscale="log", xlim=(time[0], time[-1]))
     return _finish(figure, axes)
@@ -53,14 +53,14 @@ def over_time(time: Array, error_mm: Mapping[str, Array], width: int = 41) -> "F
 def by_window(results: Mapping[str, Mapping[int, Mapping[str, Any]]]) -> "Figure":
     """Validation loss and test error by the rows in a window, a line per readout."""
     figure, (left, right) = _axes(9, 3.6, columns=2)
-    colour = colours(list(results))
+    style = looks(list(results))
     windows = sorted({h for of_window in results.values() for h in of_window})
     for name, of_window in results.items():
         for axes, key in ((left, "validation_loss"), (right, "mean_mm")):
             values = np.array([of_window[h][key] for h in windows])
-            axes.plot(windows, values, "o-", color=colour[name], label=name, ms=4, lw=1.6)
-            least = int(np.argmin(values))
-            axes.plot(windows[least], values[least], "o", ms=10, mfc="none", color=colour[name])
+            axes.plot(windows, values, **style[name], label=name, ms=4.5, lw=1.6)
+            least, colour = int(np.argmin(values)), style[name]["color"]
+            axes.plot(windows[least], values[least], "o", ms=11, mfc="none", color=colour)
     left.set(xlabel="rows in a window, H", ylabel="validation loss, scaled", yscale="log")
     right.set(xlabel="rows in a window, H", ylabel="mean test error [mm]", ylim=(0, None))
     for axes in (left, right):
@@ -72,22 +72,14 @@ def by_window(results: Mapping[str, Mapping[int, Mapping[str, Any]]]) -> "Figure
 def by_real_windows(curves: Mapping[str, Mapping[int, float]]) -> "Figure":
     """Mean error [mm] by windows of the arm that a correction learned from; dotted without any."""
     figure, axes = _axes(9, 4.4)
-    colour = colours(list(curves))
+    style = looks(list(curves))
     for name, curve in curves.items():
-        axes.axhline(curve[0], ls=":", lw=0.8, color=colour[name])
+        axes.axhline(curve[0], ls=":", lw=0.8, color=style[name]["color"])
         some = {count: error for count, error in curve.items() if count}
-        axes.plot(some.keys(), some.values(), "o-", color=colour[name], label=name, ms=4, lw=1.6)
+        axes.plot(some.keys(), some.values(), **style[name], label=name, ms=4.5, lw=1.6)
     axes.set(xlabel="windows of the arm", ylabel="mean error [mm]", xscale="log", yscale="log")
-    counts = sorted({count for curve in curves.values() for count in curve if count})
-    axes.set_xticks(counts, map(str, counts))
-    axes.set_xticks([], minor=True)
     errors = [error for curve in curves.values() for error in curve.values()]
-    low, high = min(errors) / 1.5, 1.5 * max(errors)
-    round_ones = [m * 10.0**k for k in range(-3, 4) for m in (1, 2, 5)]
-    shown = [each for each in round_ones if low <= each <= high]
-    axes.set(ylim=(low, high))
-    axes.set_yticks(shown, [f"{each:g}" for each in shown])
-    axes.set_yticks([], minor=True)
+    axes.set(ylim=(min(errors) / 1.5, 1.5 * max(errors)))
     return _finish(figure, axes)
 
 
@@ -108,11 +100,7 @@ def _axes(width: float, height: float, columns: int = 1) -> Any:
 
 
 def _finish(figure: "Figure", axes: "Axes", legend: bool = True) -> "Figure":
-    from matplotlib.ticker import NullFormatter, StrMethodFormatter
-
-    if axes.get_yscale() == "log" and "mm" in axes.get_ylabel():
-        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+    label_logarithmic(axes)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(axis="y", which="both", color="#e6e6e6", lw=0.6)
     if not legend:

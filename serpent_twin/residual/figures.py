@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from serpent_twin.drawing import label_logarithmic
 from serpent_twin.report import Figure
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.curves import curve, marker_curve
@@ -21,6 +22,7 @@ COLOURS = ("#a3a7ad", "#3d7ea6", "#d1603d", "#588157", "#7d5ba6", "#c9a227")
 INK, SOFT, LINE = "#1d2129", "#5c6470", "#e4e6e9"
 GAP_S = 20.0  # drawn between sessions
 _FAR_APART = 8.0  # times
+_ABREAST, _UPRIGHT = 60, 30  # letters of all sessions' names, and names, that find their place
 
 
 def figures(
@@ -70,7 +72,6 @@ def _millimetres(axes: "Axes", comparisons: Mapping[str, Comparison], findings: 
     axes.set_yscale("log")
     floor = findings.noise.floor_mm
     axes.set_ylim(0.5 * min(floor if floor > 0 else np.inf, *means), None)
-    axes.yaxis.set_major_formatter("{x:g}")
 
 
 def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Figure:
@@ -87,9 +88,7 @@ def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     jump = findings.marker_change.jump if findings.marker_change else None
     if jump is not None and findings.marker_change and findings.marker_change.steady == "jump":
         axes.axvline(zero[jump.session] + jump.time_s, color=INK, lw=1, ls=":")
-    for name in zero if len(zero) > 1 else ():
-        begin = min(t[0] for t, s in zip(clock, first.session, strict=True) if s == name)
-        axes.annotate(name, (begin, 1), xycoords=("data", "axes fraction"), color=SOFT, fontsize=9)
+    _name_sessions(axes, clock, first.session)
     label = f"{first.marker.one} error, mean over 3 s [{first.marker.unit}]"
     axes.set(xlabel="time [s]", ylabel=label)
     _millimetres(axes, comparisons, findings)
@@ -97,6 +96,23 @@ def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     _finish(drawing, axes)
     caption = f"{first.marker.size.capitalize()} in the course of the sessions."
     return Figure("error_over_time", drawing, caption)
+
+
+def _name_sessions(axes: "Axes", clock: Array, session: Sequence[str]) -> None:
+    """Each session's name above where it begins, upright where names would meet; of very many, some."""
+    begins = dict(zip(reversed(session), reversed(clock[:, 0]), strict=True))
+    if len(begins) == 1:
+        return
+    upright = sum(map(len, begins)) > _ABREAST
+    for name, begin in list(begins.items())[:: -(-len(begins) // _UPRIGHT)]:
+        axes.annotate(
+            name.removesuffix(".parquet"),
+            (begin, 1.01),
+            xycoords=("data", "axes fraction"),
+            color=SOFT,
+            fontsize=9,
+            rotation=90 if upright else 0,
+        )
 
 
 def _by_motor(
@@ -254,5 +270,6 @@ def _finish(drawing: "Drawing", axes: "Axes", legend: bool = True) -> None:
     axes.tick_params(colors=SOFT, labelcolor=INK)
     axes.grid(axis="y", color=LINE, lw=0.7)
     axes.set_axisbelow(True)
+    label_logarithmic(axes)
     if legend:
         drawing.legend(*axes.get_legend_handles_labels(), loc="outside right upper", frameon=False)

@@ -47,12 +47,17 @@ def before_and_after(diagnosis: Diagnosis) -> Figure | None:
         return None
     names = stages(diagnosis)
     drawing, panels = _sheet(9, 0.55 * len(names) + 1.3, columns=len(known))
+    levels: dict[str, Any] = {}
     for axes, (error, measure) in zip(panels, known, strict=True):
         _bars(axes, error, names, measure.unit)
-        _levels(axes, error, measure.noise)
+        levels |= _levels(axes, error)
         axes.set_xlabel(f"{measure.size} [{measure.unit}]")
     for axes in panels[1:]:
         axes.set_yticklabels([])
+    drawing.legend(
+        levels.values(), levels.keys(), loc="outside upper left", ncols=2, frameon=False, fontsize=9,
+        labelcolor=SOFT, handlelength=1.4,
+    )  # fmt: skip
     caption = (
         "Error on the held-out sessions, to which nothing was fitted. In brackets, the change against "
         "the bar above; the band is what the measurement's noise makes by itself."
@@ -63,33 +68,31 @@ def before_and_after(diagnosis: Diagnosis) -> Figure | None:
 def _bars(axes: "Axes", error: Mapping[str, float], names: Sequence[str], unit: str) -> None:
     """A bar for each twin, with its number and its change against the one before."""
     values = np.array([error.get(name, np.nan) for name in names])
-    longest = np.nanmax(values)
+    longest = np.nanmax([*values, error.get("expected", np.nan)])
     for n, (name, value) in enumerate(zip(names, values, strict=True)):
         axes.barh(n, value, height=0.62, color=STAGE_COLOUR[name], zorder=2)
         text = f"{value:.2f} {unit}" if np.isfinite(value) else "not known"
         if n and values[n - 1] > 0 and np.isfinite(value):
             text += f"  ({100 * (value / values[n - 1] - 1):+.0f} %)".replace("-", "−")
-        at = (np.nan_to_num(value) + 0.015 * longest, n)
-        axes.annotate(text, at, va="center", color=INK, fontsize=10, fontweight="bold", zorder=4)
-    axes.set(xlim=(0, 1.42 * longest), ylim=(len(names) - 0.5, -0.6))
+        at = {"xycoords": ("axes fraction", "data"), "va": "center", "fontsize": 10}
+        axes.annotate(text, (1.02, n), color=INK, fontweight="bold", **at)
+    axes.set(xlim=(0, 1.02 * longest), ylim=(len(names) - 0.5, -0.6))
     axes.set_yticks(range(len(names)), names)
+    axes.locator_params(axis="x", nbins=4)
     axes.tick_params(axis="y", length=0, labelsize=11)
     _clean(axes, "x")
 
 
-def _levels(axes: "Axes", error: Mapping[str, float], floor: str) -> None:
-    """The noise floor and what a twin that lacks nothing leaves."""
-    handles = []
+def _levels(axes: "Axes", error: Mapping[str, float]) -> dict[str, Any]:
+    """The noise floor and what a twin that lacks nothing leaves: handles by what they are."""
+    handles = {}
     if np.isfinite(noise := error.get("noise_floor", np.nan)):
-        handles.append(axes.axvspan(0, noise, color=INK, alpha=0.16, lw=0, zorder=3, label=floor))
+        band = axes.axvspan(0, noise, color=INK, alpha=0.16, lw=0, zorder=3)
+        handles["noise of the measurement alone"] = band
     if np.isfinite(expected := error.get("expected", np.nan)):
-        label = "a twin that lacks nothing"
-        handles.append(axes.axvline(expected, color=INK, lw=1.2, ls="--", zorder=3, label=label))
-    if handles:
-        axes.legend(
-            handles=handles, loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False,
-            fontsize=9, borderaxespad=0.2, labelcolor=SOFT, handlelength=1.4,
-        )  # fmt: skip
+        line = axes.axvline(expected, color=INK, lw=1.2, ls="--", zorder=3)
+        handles["a twin that lacks nothing"] = line
+    return handles
 
 
 def ranked(candidates: Sequence[Tried]) -> list[Tried]:
@@ -162,7 +165,8 @@ def _gains(axes: "Axes", order: Sequence[Tried], unit: str) -> None:
         mean, half = mean_gain(each)
         marker, colour = _VERDICT_STYLE[each.verdict]
         if not np.isfinite(mean):
-            axes.annotate(" not fitted", (0, n), va="center", color=SOFT, fontsize=8.5)
+            at = {"xycoords": ("axes fraction", "data"), "va": "center", "fontsize": 8.5}
+            axes.annotate("not fitted", (0.02, n), color=SOFT, **at)  # wherever zero lies
             continue
         gains = np.asarray(each.gain_by_segment)
         axes.plot(gains, np.full(gains.shape, n), "o", color=colour, alpha=0.25, ms=4, mew=0)
@@ -171,6 +175,7 @@ def _gains(axes: "Axes", order: Sequence[Tried], unit: str) -> None:
         )
     axes.set_xlabel(f"gain on held-out segments [{unit}]")
     axes.margins(x=0.08)
+    axes.locator_params(axis="x", nbins=4)  # so that long numbers find their place
     axes.tick_params(axis="y", length=0)
     _clean(axes, "x")
 
