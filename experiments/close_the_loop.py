@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from close_the_loop_picture import picture
 from tqdm import tqdm
 
-from serpent_twin import cli
+from serpent_twin import cli, stored
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
@@ -85,7 +85,7 @@ def diagnose(config: CloseTheLoop, name: str, folder: Path) -> dict[str, Any]:
     out = config.out / name
     done = out / "diagnosis.json"
     if done.exists():
-        return json.loads(done.read_text())
+        return stored.read_json(done)
     return trace(Trace(folder, out, sessions=config.sessions, seed=config.seed))
 
 

@@ -23,7 +23,7 @@ from confusion_plan import Trial, chosen, plan
 from confusion_score import called, quantity, right, scores
 from tqdm import tqdm
 
-from serpent_twin import cli
+from serpent_twin import cli, stored
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
@@ -86,13 +86,21 @@ def _trials(config: Confusion) -> list[Trial]:
     return chosen(every, config.only, config.trials)
 
 
+class Row(stored.OpenForm, frozen=True):
+    """What every row of results.jsonl has."""
+
+    id: str
+    """Of the trial"""
+
+
 class Results:
     """The rows of results.jsonl by trial; the file is replaced whole after every trial."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        lines = path.read_text().splitlines() if path.exists() else []
-        self.rows: dict[str, dict[str, Any]] = {row["id"]: row for row in map(json.loads, lines)}
+        lines = stored.read_json_lines(path) if path.exists() else []
+        ids = [stored.take(row, Row, str(path)).id for row in lines]
+        self.rows: dict[str, dict[str, Any]] = dict(zip(ids, lines, strict=True))
 
     @property
     def scored(self) -> list[dict[str, Any]]:

@@ -25,7 +25,7 @@ from serpent_twin.numerals import counted
 from serpent_twin.options import GIVEN, Checked, Seed, when
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import git_commit, provenance
-from serpent_twin.stored import within
+from serpent_twin.stored import read_json_lines, within
 from serpent_twin.train import Train, train
 
 PAPER_MM = {"analytical": 39.5, "no_load": 5.1, "linear": 7.2, "mlp": 4.3, "lstm": 4.4}
@@ -102,7 +102,7 @@ def run(config: PaperTable, parameters: Parameters, full: bool) -> dict:
 def stored(config: PaperTable) -> list[dict]:
     """All runs made so far, each its key and its errors."""
     path = config.out / "runs.jsonl"
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    return read_json_lines(path) if path.exists() else []
 
 
 def short_runs(config: PaperTable) -> tuple[NDArray, NDArray]:

@@ -23,7 +23,7 @@ from sim_to_real_page import arm_table, page
 from sim_to_real_twins import CORRECTED, FULL, QUICK, Size
 from tqdm import tqdm
 
-from serpent_twin import cli, design
+from serpent_twin import cli, design, stored
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
@@ -158,7 +158,7 @@ def _other_conditions(
     folder = config.out / name
     done = folder / "conditions.json"
     if done.exists():
-        return json.loads(done.read_text())
+        return stored.read_json(done)
     models = folder / "models"
     readouts = {
         "observer": load(models / f"observer_{CORRECTED}" / "observer"),
@@ -178,7 +178,7 @@ def _changes(config: SimToReal, name: str, tell: Callable[[str], None]) -> dict[
     folder = config.out / name
     done = folder / "changes.json"
     if done.exists():
-        return json.loads(done.read_text())
+        return stored.read_json(done)
     rows, at = CHANGING
     arm = design.read(sorted((folder / "trace" / "twins").glob("drawn_*.json"))[-1])
     models, found = folder / "models", dict[str, Any]()

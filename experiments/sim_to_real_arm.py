@@ -24,7 +24,7 @@ from sim_to_real_twins import (
     trace_arm,
 )
 
-from serpent_twin import design
+from serpent_twin import design, stored
 from serpent_twin.files import write_whole
 from serpent_twin.log import read_folder
 from serpent_twin.numerals import counted
@@ -125,7 +125,7 @@ def study_arm(folder: Path, out: Path, seed: int, size: Size, tell: Tell) -> dic
     """All routes on one arm; made once, then read from OUT/arm.json."""
     done = out / "arm.json"
     if done.exists():
-        return json.loads(done.read_text())
+        return stored.read_json(done)
     parts = split(read_folder(folder))
     out.mkdir(parents=True, exist_ok=True)
     tell("tracing")

@@ -1,6 +1,5 @@
 """From which twins do readouts learn, and what do they see of them?"""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin import design, rigs
+from serpent_twin import design, rigs, stored
 from serpent_twin.collect import Collect, collect
 from serpent_twin.design import NOMINAL_DESIGN, Design
 from serpent_twin.log import read_folder
@@ -63,7 +62,7 @@ def trace_arm(folder: Path, parts: Split, out: Path, seed: int, size: Size) -> T
     done = out / "diagnosis.json"
     if not done.exists():
         trace_sessions(config, rigs.find("arm"), parts.train, parts.validate)
-    diagnosis = json.loads(done.read_text())
+    diagnosis = stored.read_json(done)
     drawn = sorted((out / "twins").glob("drawn_*.json"))[: size.drawn]
     return Twins(
         design.read(out / "twin.json"),

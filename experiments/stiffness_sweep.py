@@ -21,7 +21,7 @@ from stiffness_sweep_rows import Row, known, rows_of
 from stiffness_sweep_transfer import matrix
 from tqdm import tqdm
 
-from serpent_twin import cli, rigs
+from serpent_twin import cli, rigs, stored
 from serpent_twin.claim import claimed
 from serpent_twin.files import write_whole
 from serpent_twin.log import Session
@@ -113,7 +113,7 @@ def measured(
         asked = Sweep(out, steps=plan.steps, workers=config.workers, measuring=measuring)
         table = sweep(asked, points)["points"]
         found |= dict(zip(points, table, strict=True))
-        costs += [json.loads((out / "provenance" / each["file"]).read_text()) for each in table]
+        costs += [stored.read_json(out / "provenance" / each["file"]) for each in table]
     rows = rows_of(named, found, plan.measuring)
     rows[GRID] = added(
         rows[GRID], named[GRID], networks(plan, config.out / "networks", config.workers)
@@ -163,7 +163,7 @@ def _kept(path: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """What a file holds, made first if it is not there."""
     if not path.exists():
         write_whole(path, json.dumps(known(make()), indent=1) + "\n")
-    return json.loads(path.read_text())
+    return stored.read_json(path)
 
 
 def _facts(results: Mapping[str, Any]) -> dict[str, str]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from serpent_twin import stored
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
@@ -21,12 +22,13 @@ from serpent_twin.provenance import file_hash
 from serpent_twin.readout import Readout, load
 from serpent_twin.readout.adapted import Adapted, least_windows
 from serpent_twin.readout.split import Split, split
-from serpent_twin.readout.trial import COST, judged
+from serpent_twin.readout.trial import COST, judged, training_time
 from serpent_twin.readout.windows import Windows, cut
 
 FOLDER, SETTINGS, SCORES = "adapted", "adapt.json", "scores.json"
 NONE, ALL = "0", "all"
 SAME_RATE = 1.05
+_AGAIN = "Delete it, and the same command with --adapt makes it anew."
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,36 @@ def adapt(plan: Adaptation, names: Sequence[str], out: Path) -> dict[str, Any]:
 def earlier(out: Path) -> dict[str, Any] | None:
     """What an earlier run adapted in this folder: it stays in the report."""
     path = out / FOLDER / SCORES
-    return json.loads(path.read_text()) if path.exists() else None
+    if not path.exists():
+        return None
+    found = stored.read_json(path, advice=_AGAIN)
+    stored.take(found, _Scores, str(path), _AGAIN)
+    return found
+
+
+class _Score(stored.OpenForm, frozen=True):
+    """What the report shows of a readout on the arm."""
+
+    mean_mm: float
+    std_mm: float
+    tip_mm: float
+    latency_ms: float
+    train_s: float
+    real_windows: int
+
+
+class _Scores(stored.Form, frozen=True):
+    """What scores.json of an adaptation holds."""
+
+    logs: str
+    test_sessions: tuple[str, ...]
+    windows: dict[str, dict[str, _Score]]
+    provenance: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        counts = sorted({count for of in self.windows.values() for count in of})
+        if odd := [count for count in counts if not re.fullmatch(r"\d{1,9}|all", count)]:
+            raise SerpentError(f"windows has {stored.names(odd)}, which is no number of windows.")
 
 
 def _scored(plan: Adaptation, base: Readout, count: str, folder: Path) -> dict[str, Any]:
@@ -141,7 +172,7 @@ def _scored(plan: Adaptation, base: Readout, count: str, folder: Path) -> dict[s
         if not (folder / COST).exists():
             _train(base, few, folder)
         readout, windows = load(folder, plan.window), len(few.x)
-        took = json.loads((folder / COST).read_text())["train_s"]
+        took = training_time(folder)
     result = judged(readout, plan.test, took)
     cost = {"train_s": took, "latency_ms": result.latency_ms, "real_windows": windows}
     return asdict(result.scores) | result.certain | cost

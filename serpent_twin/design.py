@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import mujoco
 import numpy as np
@@ -98,6 +98,15 @@ class Design:
 NOMINAL_DESIGN = Design()
 
 
+class Origin(stored.OpenForm, frozen=True):
+    """Which logs made a twin, by what `trace` says of them."""
+
+    input_sha256: dict[str, str] = field(default_factory=dict)
+    """Of each session's file, by its name"""
+    held_out: Annotated[int, stored.within(0, 1_000_000)] | tuple[str, ...] = 0
+    """How many of the last sessions judged, or which ones"""
+
+
 class TwinFile(stored.Form, frozen=True):
     """What twin.json holds."""
 
@@ -108,7 +117,7 @@ class TwinFile(stored.Form, frozen=True):
     effects: tuple[effects.Stored, ...]
     arm: str = ""
     """Name of the arm whose logs made it"""
-    provenance: dict[str, Any] = field(default_factory=dict)
+    provenance: Origin = Origin()
 
     def __post_init__(self) -> None:
         effects.require_distinct(self.effects)

@@ -11,7 +11,7 @@ import numpy as np
 from tqdm import tqdm
 
 from serpent_twin import adapt as adapting
-from serpent_twin import cli, design, next_step
+from serpent_twin import cli, design, next_step, stored
 from serpent_twin.claim import claimed, prior_settings
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
@@ -171,8 +171,15 @@ def _adaptation(config: Train) -> adapting.Adaptation | None:
 def _servo_error(plan: adapting.Adaptation | None, out: Path) -> float:
     """What the arm's servos miss their commands by [rad/s]; without an arm, as an earlier run had it."""
     if plan is None:
-        return prior_settings(out, SETTINGS).get(JITTER, 0.0)
+        where = str(out / SETTINGS)
+        return stored.take(prior_settings(out, SETTINGS), _Kept, where).command_jitter_rad_s
     return round(command_error(plan.learn), 4) if plan.window > 1 else 0.0
+
+
+class _Kept(stored.OpenForm, frozen=True):
+    """What a run that goes on keeps of its settings."""
+
+    command_jitter_rad_s: Annotated[float, stored.within(0.0, 100.0, "rad/s")] = 0.0
 
 
 def _trained_before(config: Train) -> list[tuple[str, int]]:

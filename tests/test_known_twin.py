@@ -11,6 +11,7 @@ from serpent_twin import design
 from serpent_twin.collect import Collect, collect
 from serpent_twin.design import NOMINAL_DESIGN
 from serpent_twin.effects.payload import Payload
+from serpent_twin.errors import SerpentError
 from serpent_twin.log import read_folder
 from serpent_twin.provenance import file_hash
 from serpent_twin.readout.known_twin import known_twin
@@ -103,7 +104,21 @@ def test_a_twin_fitted_to_the_test_session_is_told(unknown, tmp_path):
     assert first.twin.note(["linear"]) == ""
 
 
-@pytest.mark.parametrize("origin", [{}, {"input_sha256": []}, {"input_sha256": {"a": 1}}])
+@pytest.mark.parametrize("origin", [{}, {"input_sha256": {}}, {"held_out": ["session_01.parquet"]}])
 def test_a_twin_that_says_nothing_of_its_logs_is_used_all_the_same(origin, unknown, tmp_path):
     design.write(tmp_path / "twin.json", HEAVY, {"provenance": origin})
     assert planned(Train(unknown, tmp_path, twin=tmp_path / "twin.json")).twin.fitted_to == ()
+
+
+@pytest.mark.parametrize(
+    ("origin", "key"),
+    [
+        ({"input_sha256": []}, "provenance.input_sha256 is an empty list"),
+        ({"input_sha256": {"a": 1}}, "provenance.input_sha256.a is 1; it must be a text"),
+        ({"held_out": 1.5}, "provenance.held_out is 1.5"),
+    ],
+)
+def test_a_twin_that_says_nonsense_of_its_logs_is_refused(origin, key, unknown, tmp_path):
+    design.write(tmp_path / "twin.json", HEAVY, {"provenance": origin})
+    with pytest.raises(SerpentError, match=key):
+        planned(Train(unknown, tmp_path, twin=tmp_path / "twin.json"))

@@ -100,10 +100,13 @@ REFUSALS = {
     "time back": (lambda t: with_column("time", np.r_[CLOCK[:30], CLOCK[:30]])(t), "at row 30"),
     "time nan": (lambda t: with_column("time", np.r_[np.nan, CLOCK[1:]])(t), "time"),
     "other rate": (with_metadata(rate_hz=5.0), "claims rate_hz 5.*4 Hz"),
-    "no rate": (with_metadata(rate_hz=None), "rate_hz is None"),
-    "newer": (with_metadata(schema_version=2), "schema_version 2"),
+    "no rate": (with_metadata(rate_hz=None), "rate_hz is null; it must be a number from 0.001"),
+    "newer": (with_metadata(schema_version=2), "schema_version is 2; it must be 1"),
     "no metadata": (lambda t: t.replace_schema_metadata(None), "no metadata"),
-    "no object": (lambda t: t.replace_schema_metadata({"serpent_twin": "[1]"}), "JSON object"),
+    "no object": (
+        lambda t: t.replace_schema_metadata({"serpent_twin": "[1]"}),
+        "metadata: it is a list",
+    ),
     "no JSON": (lambda t: t.replace_schema_metadata({"serpent_twin": "{"}), "not JSON"),
     "no arm": (lambda t: t.replace_schema_metadata({"serpent_twin": "{}"}), "lack.*arm"),
 }

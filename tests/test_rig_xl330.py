@@ -105,7 +105,7 @@ def test_refusals_say_what_to_do(tmp_path):
     about, columns = pendulum(200, 0, 0, 0, seconds=1)
     path = tmp_path / "a.parquet"
     write_log(path, {k: v for k, v in about.items() if k != "kp"}, **columns)
-    with pytest.raises(SerpentError, match=r"lacks metadata kp: .* Name another --rig or --logs"):
+    with pytest.raises(SerpentError, match=r"metadata: it lacks kp\. Name another --rig or --logs"):
         RIG.read(tmp_path)
     write_log(path, about, **(columns | {"position": columns["position"] * np.nan}))
     with pytest.raises(SerpentError, match=r"position are not finite .* Repair or leave out"):

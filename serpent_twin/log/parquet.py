@@ -5,26 +5,29 @@ import logging
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from serpent_twin import stored
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.log.session import (
     COLUMNS,
+    FEWEST_HZ,
+    MOST_HZ,
     SCHEMA_VERSION,
     UNITS,
     Session,
     columns_of,
-    rate_of,
     session_from_columns,
 )
+from serpent_twin.stored import within
 
 KEY = b"serpent_twin"
-REQUIRED_METADATA = ("schema_version", "backend", "arm", "session", "rate_hz")
+_ADVICE = "Copy it again from where it was recorded, or leave it out."
 RATE_TOLERANCE = 0.05  # a clock that runs further off than this belongs to another rate
 
 _log = logging.getLogger(__name__)
@@ -59,14 +62,16 @@ def say_unread(folder: Path, tell: Callable[[str], object] = _log.warning) -> No
 def read_session(path: Path | str) -> Session:
     """Read one log, or raise a `SerpentError` that names the file and what is wrong with it."""
     path = Path(path)
-    table = _read_table(path)
-    raw = (table.schema.metadata or {}).get(KEY)
+    if path.is_dir():
+        raise SerpentError(f"{path} is a folder. {_one_of(path)}")
+    table = stored.read_table(path, _ADVICE)
+    raw = table.metadata.get(KEY)
     if raw is None:
         raise SerpentError(f"{path} has no metadata under the key serpent_twin: no session log.")
-    metadata = check_metadata(_parse(path, raw), str(path))
+    metadata = check_metadata(stored.parse_json(raw, dict[str, Any], _about(path)), str(path))
     _check_columns(path, table)
-    wide = {c: table.column(c).to_numpy().astype(np.float64, copy=False) for c in COLUMNS}
-    extra = {c: table.column(c).to_numpy() for c in table.column_names if c not in UNITS}
+    wide = {c: table.columns[c].astype(np.float64, copy=False) for c in COLUMNS}
+    extra = {c: values for c, values in table.columns.items() if c not in UNITS}
     session = session_from_columns(path, metadata, wide | extra)
     _check_clock(path, session)
     return session
@@ -114,41 +119,35 @@ def write_session(path: Path | str, session: Session) -> Path:
     return path
 
 
+class Metadata(stored.OpenForm, frozen=True):
+    """What every log says of itself; further keys are the recorder's."""
+
+    schema_version: Literal[1]
+    backend: str
+    arm: str
+    session: Annotated[int, within(0, 1_000_000_000)]
+    rate_hz: Annotated[float, within(FEWEST_HZ, MOST_HZ, "Hz")]
+    complete: bool = True
+    recovered: bool = False
+    bytes_dropped: int = 0
+    markers: str = ""
+    """Where they are from"""
+
+
 def check_metadata(metadata: dict[str, Any], where: str) -> dict[str, Any]:
     """Return the metadata of a log if a reader can rely on it, else raise, naming `where`."""
-    lacking = [key for key in REQUIRED_METADATA if key not in metadata]
-    if lacking:
-        raise SerpentError(f"{where}: the metadata lack {', '.join(lacking)}.")
-    if metadata["schema_version"] != SCHEMA_VERSION:
-        raise SerpentError(
-            f"{where} has schema_version {metadata['schema_version']!r}; this program reads "
-            f"{SCHEMA_VERSION}. Use the version of serpent-twin that wrote it."
-        )
-    rate_of(metadata, where)
+    stored.take(metadata, Metadata, _about(where))
     return metadata
+
+
+def _about(where: Path | str) -> str:
+    return f"{where}: the metadata"
 
 
 def listing(names: Sequence[str], most: int = 5) -> str:
     """The first few names of many, as text."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
-
-
-def _read_table(path: Path) -> pa.Table:
-    if path.is_dir():
-        raise SerpentError(f"{path} is a folder. {_one_of(path)}")
-    if not path.is_file():
-        raise SerpentError(f"There is no file {path}.")
-    try:
-        return pq.ParquetFile(path, page_checksum_verification=True).read()
-    except PermissionError:
-        raise
-    except (pa.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise SerpentError(
-            f"{path} is not a whole Parquet file: torn, damaged or something else ({reason}). "
-            "Copy it again from where it was recorded, or leave it out."
-        ) from error
 
 
 def _one_of(folder: Path) -> str:
@@ -161,35 +160,24 @@ def _one_of(folder: Path) -> str:
     )
 
 
-def _parse(path: Path, raw: bytes) -> dict[str, Any]:
-    try:
-        metadata = json.loads(raw)
-    except ValueError as error:
-        raise SerpentError(f"{path}: the metadata are not JSON ({error}).") from error
-    if not isinstance(metadata, dict):
-        raise SerpentError(f"{path}: the metadata are not a JSON object.")
-    return metadata
-
-
-def _check_columns(path: Path, table: pa.Table) -> None:
-    if len(set(table.column_names)) < len(table.column_names):
-        raise SerpentError(f"{path} has two columns of one name. Rename or drop one.")
-    lacking = [c for c in COLUMNS if c not in table.column_names]
+def _check_columns(path: Path, table: stored.Table) -> None:
+    lacking = [c for c in COLUMNS if c not in table.columns]
     if lacking:
         raise SerpentError(
             f"{path} lacks {len(lacking)} of the {len(COLUMNS)} columns of a session log: "
             f"{listing(lacking)}. Record them, or leave the file out."
         )
-    odd = [c for c in COLUMNS if not pa.types.is_floating(table.schema.field(c).type)]
+    odd = [c for c in COLUMNS if table.columns[c].dtype.kind != "f"]
     if odd:
-        kind = table.schema.field(odd[0]).type
+        kind = table.columns[odd[0]].dtype
         raise SerpentError(f"{path}: {listing(odd)} must be float64, found {kind}. Convert them.")
-    if table.num_rows == 0:
+    if table.rows == 0:
         raise SerpentError(f"{path} has no rows. Leave it out, or record the session again.")
 
 
 def _check_clock(path: Path, session: Session) -> None:
-    step = np.diff(session.time)
+    with np.errstate(invalid="ignore"):
+        step = np.diff(session.time)
     wrong = np.flatnonzero(~(step > 0))
     if len(wrong) or not np.isfinite(session.time).all():
         row = wrong[0] + 1 if len(wrong) else 0

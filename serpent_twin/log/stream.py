@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from serpent_twin import stored
 from serpent_twin.arm import Array
-from serpent_twin.log.parquet import KEY, write_session
-from serpent_twin.log.session import session_from_columns
+from serpent_twin.errors import SerpentError
+from serpent_twin.log.parquet import KEY, check_metadata, write_session
+from serpent_twin.log.session import COLUMNS, session_from_columns
 
 _DAMAGE = (pa.ArrowException, OSError, EOFError, ValueError, KeyError, TypeError)
 
@@ -63,30 +65,39 @@ def read_journal(path: Path) -> JournalContent:
     source = pa.BufferReader(data)
     try:
         schema = pa.ipc.read_schema(source)
-        stored = schema.metadata[KEY]
-        metadata, columns = json.loads(stored), tuple(json.loads(schema.metadata[b"columns"]))
+        metadata, columns = _header(schema, str(path))
         crc = header_crc(schema)
-    except _DAMAGE:
+    except (*_DAMAGE, SerpentError):
         return JournalContent({}, (), np.empty((0, 0)), len(data))
     rows, end = [], source.tell()
-    for row in _rows(source, schema, crc):
+    for row in _rows(source, schema, crc, len(columns)):
         rows.append(row)
         end = source.tell()
     matrix = np.array(rows).reshape(len(rows), len(columns))
     return JournalContent(metadata, columns, matrix, len(data) - end)
 
 
-def _rows(source: pa.BufferReader, schema: pa.Schema, crc: int) -> Iterator[Array]:
+def _header(schema: pa.Schema, where: str) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The metadata and the columns of a journal."""
+    metadata = stored.parse_json(schema.metadata[KEY], dict[str, Any], where)
+    check_metadata(metadata, where)
+    columns = stored.parse_json(schema.metadata[b"columns"], tuple[str, ...], where)
+    if columns[: len(COLUMNS)] != COLUMNS or len(set(columns)) < len(columns):
+        raise SerpentError(f"{where}: its columns are not those of a session.")
+    return metadata, columns
+
+
+def _rows(source: pa.BufferReader, schema: pa.Schema, crc: int, width: int) -> Iterator[Array]:
     """The rows of an Arrow stream until one does not continue the chain of checksums."""
     while True:
         try:
             batch = pa.ipc.read_record_batch(pa.ipc.read_message(source), schema)
             batch.validate(full=True)
             row = batch.column(0).values.to_numpy()
-            stored = batch.column(1).to_numpy()
+            checksum = batch.column(1).to_numpy()
         except _DAMAGE:
             return
         crc = zlib.crc32(row, crc)
-        if batch.num_rows != 1 or stored[0] != crc:
+        if batch.num_rows != 1 or len(row) != width or checksum[0] != crc:
             return
         yield row

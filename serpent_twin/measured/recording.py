@@ -4,22 +4,21 @@ One run is one Parquet file of float columns in SI units, `time` among them; its
 the key `measured`, say how it was driven. The file's name says nothing to the reader.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
+from serpent_twin import stored
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 
 KEY = b"measured"
 FEWEST = 50
+_OTHER = "Name another --rig or --logs."
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,34 +48,31 @@ class Recording:
         return np.stack([values for name, values in self.columns.items() if name != "time"], axis=1)
 
 
-def read(path: Path, columns: Sequence[str], metadata: Sequence[str] = ()) -> Recording:
-    """Read one run that must have these columns and metadata, or raise a `SerpentError`."""
-    try:
-        table = pq.read_table(path)
-    except (pa.ArrowException, OSError) as error:
-        raise SerpentError(
-            f"{path} is not a whole Parquet file ({str(error).splitlines()[0]}). Copy it again."
-        ) from error
-    raw = (table.schema.metadata or {}).get(KEY)
+def read(path: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any]) -> Recording:
+    """Read one run that must have these columns, and metadata of this form, or raise a `SerpentError`."""
+    table = stored.read_table(path, "Copy it again.")
+    raw = table.metadata.get(KEY)
     if raw is None:
         raise SerpentError(
             f"{path} has no metadata under the key measured: it is no log of this kind. Leave it out."
         )
-    about = json.loads(raw)
-    lacking = [c for c in columns if c not in table.column_names]
-    lacking += [f"metadata {key}" for key in metadata if key not in about]
-    if lacking:
+    where = f"{path}: the metadata"
+    about = stored.parse_json(raw, dict[str, Any], where)
+    stored.take(about, metadata, where, _OTHER)
+    if lacking := [c for c in columns if c not in table.columns]:
+        raise SerpentError(f"{path} lacks {', '.join(lacking)}: it is of another machine. {_OTHER}")
+    if odd := [c for c, values in table.columns.items() if values.dtype.kind not in "fiub"]:
         raise SerpentError(
-            f"{path} lacks {', '.join(lacking)}: it is of another machine. Name another --rig or --logs."
+            f"{path}: the columns {stored.names(odd)} hold no numbers. Leave it out."
         )
-    found = {c: table.column(c).to_numpy().astype(float) for c in table.column_names}
+    found = {c: values.astype(float) for c, values in table.columns.items()}
     _check(path, found, columns)
     found["time"] -= found["time"][0]
     return Recording(path, about, found)
 
 
 def read_folder(
-    folder: Path, columns: Sequence[str], metadata: Sequence[str] = ()
+    folder: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any]
 ) -> list[Recording]:
     """Read all runs of a folder, by name."""
     if not folder.is_dir():

@@ -4,18 +4,22 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from serpent_twin import stored
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
 from serpent_twin.numerals import counted
+from serpent_twin.stored import many, within
 
 COLLINEAR = 0.02  # second over first singular value below which points lie on a line
 ORTHOGONAL = 1e-6  # error of RᵀR that is rounding in a file
+_AGAIN = "Make the file with `python -m serpent_twin.mocap frame`."
+_Row = Annotated[tuple[Annotated[float, within(-1.001, 1.001)], ...], many(3)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,23 +54,20 @@ class Rigid:
     @classmethod
     def load(cls, path: Path) -> "Rigid":
         """Read what `save` wrote, or raise a `SerpentError` that says what is wrong with it."""
-        try:
-            found = json.loads(path.read_text())
-            rotation = np.array(found["rotation"], float)
-            translation = np.array(found["translation_m"], float)
-            rest = float(found.get("residual_rms_m", 0.0)), int(found.get("count", 0))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise SerpentError(
-                f"{path} is no frame file ({type(error).__name__}: {error}). "
-                "Make one with `python -m serpent_twin.mocap frame`."
-            ) from None
-        shapes = rotation.shape, translation.shape
-        if shapes != ((3, 3), (3,)) or not _is_rotation(rotation) or not np.isfinite(rest[0]):
-            raise SerpentError(
-                f"{path}: the rotation is no rotation matrix, or the translation no three numbers. "
-                "Make the file again with `python -m serpent_twin.mocap frame`."
-            )
-        return cls(rotation, translation, *rest)
+        found = stored.read_json(path, FrameFile, _AGAIN)
+        rotation = np.array(found.rotation)
+        if not _is_rotation(rotation):
+            raise SerpentError(f"{path}: rotation is no rotation matrix. {_AGAIN}")
+        return cls(rotation, np.array(found.translation_m), found.residual_rms_m, found.count)
+
+
+class FrameFile(stored.OpenForm, frozen=True):
+    """What the file of a frame holds, and whatever else there is to say of it."""
+
+    rotation: Annotated[tuple[_Row, ...], many(3)]
+    translation_m: Annotated[tuple[Annotated[float, within(-1000.0, 1000.0, "m")], ...], many(3)]
+    residual_rms_m: Annotated[float, within(0.0, 1000.0, "m")] = 0.0
+    count: Annotated[int, within(0, 10**9)] = 0
 
 
 IDENTITY = Rigid(np.eye(3), np.zeros(3))

@@ -1,6 +1,5 @@
 """Which twin do readouts that need one get, and is it the very arm of the logs?"""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -76,7 +75,8 @@ def known_twin(sessions: Split, path: Path | None = None) -> KnownTwin:
     of_logs = arms[0] if len(arms) == 1 else None
     if path is None:
         return KnownTwin(of_logs, of_logs is not None)
-    given, fitted = design.read(path), _fitted(json.loads(path.read_text()))
+    file = design.read_file(path)
+    given, fitted = file.design, _fitted(file.provenance)
     same = of_logs is not None and given.fingerprint() == of_logs.fingerprint()
     tested = [s.name for s in sessions.test if s.path and file_hash(s.path) in fitted]
     return KnownTwin(given, same, path, tuple(tested))
@@ -92,12 +92,9 @@ def _different(sessions: Sequence[Session]) -> list[Mapping[str, Any]]:
     return list(first.values())
 
 
-def _fitted(twin: Mapping[str, Any]) -> set[str]:
+def _fitted(origin: design.Origin) -> set[str]:
     """Hashes of the logs that a twin.json says it was fitted to: all but the last ones, or those named."""
-    origin = twin.get("provenance", {})
-    inputs, judging = origin.get("input_sha256"), origin.get("held_out")
-    if not isinstance(inputs, dict):
-        return set()
+    inputs, judging = origin.input_sha256, origin.held_out
     if isinstance(judging, int):
         judging = list(inputs)[max(0, len(inputs) - judging) :]
-    return {str(hashed) for name, hashed in inputs.items() if name not in (judging or [])}
+    return {hashed for name, hashed in inputs.items() if name not in judging}

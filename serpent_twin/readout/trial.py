@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from serpent_twin.readout.score import Scores, distances, score
 from serpent_twin.readout.tables import PEER, best_of, cut_short
 from serpent_twin.readout.uncertainty import Steps, differences, steps_of, uncertainty
 from serpent_twin.readout.windows import Windows
+from serpent_twin.stored import Form, read_json, same_in_json, within
 
 COST = "cost.json"
 
@@ -108,8 +109,8 @@ class Trial:
         """Whether it was trained already; an error if it was with other settings."""
         if not (self.folder / COST).exists():
             return False
-        wanted = json.loads(json.dumps(self.untrained().config()))
-        found = json.loads(json.dumps(load(self.folder).config()))
+        wanted = same_in_json(self.untrained().config())
+        found = same_in_json(load(self.folder).config())
         if differing := [key for key in wanted if wanted[key] != found.get(key)]:
             told = "; ".join(f"{key} was {found.get(key)}, now {wanted[key]}" for key in differing)
             raise SerpentError(
@@ -130,8 +131,19 @@ class Trial:
 
     def result(self, test: Windows) -> Result:
         """Scores and costs of the stored readout."""
-        cost = json.loads((self.folder / COST).read_text())
-        return judged(load(self.folder, self.window), test, cost["train_s"])
+        return judged(load(self.folder, self.window), test, training_time(self.folder))
+
+
+class Cost(Form, frozen=True):
+    """What cost.json holds."""
+
+    train_s: Annotated[float, within(0.0, 1e9, "s")]
+    """Wall time of the training"""
+
+
+def training_time(folder: Path) -> float:
+    """What the training of the readout in a folder took [s]."""
+    return read_json(folder / COST, Cost, "Delete it, and the same command trains anew.").train_s
 
 
 def summaries(results: Mapping[str, Result]) -> dict[str, dict[str, Any]]:

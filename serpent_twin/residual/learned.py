@@ -8,15 +8,20 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from msgspec.structs import asdict
 
+from serpent_twin import stored
 from serpent_twin.errors import SerpentError
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.size import marker_size
+from serpent_twin.stored import Numbers, above, many, within
 
 VERSION = 1
+_AGAIN = "Trace the logs again."
+_SIZED = ("mean", "phase", "offset")
 FOLDS = 5
 _TOO_LITTLE = 0.02  # of the error's square in training folds left out: not worth switching on
 
@@ -98,16 +103,43 @@ class Learned:
 
 def load(path: Path) -> Learned:
     """The correction in a file that `save` wrote."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        about = json.loads(str(arrays.pop("about")))
-    except (OSError, KeyError, ValueError) as error:
-        raise SerpentError(f"{path} holds no learned correction: {error}.") from error
-    if (version := about.pop("version", None)) != VERSION:
-        raise SerpentError(f"{path} is of version {version}, expected {VERSION}. Learn it again.")
-    about["lags"], about["interval"] = tuple(about["lags"]), tuple(about["interval"])
-    return Learned(arrays=arrays, **about)
+    arrays = stored.read_arrays(path, _AGAIN)
+    about = asdict(stored.json_in(arrays, "about", About, str(path), _AGAIN))
+    del about["version"]
+    learned = Learned(arrays=arrays, **about)
+    stored.require_arrays(arrays, _wanted(learned), str(path), _AGAIN)
+    return learned
+
+
+class About(stored.Form, frozen=True):
+    """What the file says of a correction, see `Learned`."""
+
+    version: Literal[1]
+    lags: Annotated[tuple[Annotated[int, within(0, 10_000)], ...], many(1, 100)]
+    period: Annotated[float, above(0.0, 1e4, "s")]
+    on: bool
+    before_mm: float
+    """NaN where it was judged on nothing"""
+    after_mm: float
+    share: float
+    interval: tuple[float, float]
+    dimension: Annotated[int, within(1, 3)]
+
+
+def _wanted(learned: Learned) -> dict[str, Numbers]:
+    """The arrays of a correction: as many readings, waves and coordinates as its first ones have."""
+    count = {n: learned.arrays[n].size if n in learned.arrays else 0 for n in _SIZED}
+    readings, waves, size = (count[name] for name in _SIZED)
+    offset = {"offset": Numbers((size,))}
+    if learned.arrays.keys() == offset.keys():  # nothing was found
+        return offset
+    return offset | {
+        "mean": Numbers((readings,)),
+        "scale": Numbers((readings,), divides=True),
+        "wave": Numbers((readings, waves)),
+        "phase": Numbers((waves,)),
+        "weight": Numbers((len(learned.lags) * readings + waves, size)),
+    }
 
 
 def learn(

@@ -6,6 +6,7 @@ The logs are the pendulum bench of Rhoban's BAM: goal angles and P gain in, the 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Annotated
 
 import mujoco
 import numpy as np
@@ -16,6 +17,7 @@ from serpent_twin.effects import Effect
 from serpent_twin.measured import Output, Recording, RunCase, Runs, Turns, hinge, read, read_folder
 from serpent_twin.residual import ANGLE
 from serpent_twin.rigs.rig import Candidate, Declared, Point, Quantity, candidate, effects_at
+from serpent_twin.stored import OpenForm, above
 
 _STALL, _SPEED, _VOLTAGE = 0.52, 103 * np.pi / 30, 5.0  # XL330-M288-T data sheet, at 5.0 V
 _TORQUE = _STALL / _VOLTAGE  # [N m/V]
@@ -28,7 +30,6 @@ _DUTY = 4096 / (2 * np.pi) / 256 / 885  # per rad of error and unit of gain
 _SMOOTH = 0.1  # [s] over which an angle is a parabola
 _ENCODER = 2 * np.pi / 4096 / np.sqrt(12)  # [rad]
 _COLUMNS = ("time", "position", "goal_position", "torque_enable")
-_METADATA = ("mass", "length", "kp", "vin")
 _CANDIDATES = (
     "hinge_friction",
     "gear_friction",
@@ -38,6 +39,17 @@ _CANDIDATES = (
     "joint_elasticity",
     "mocap_latency",
 )
+
+
+class Driven(OpenForm, frozen=True):
+    """What a log says of how the servo was driven."""
+
+    mass: Annotated[float, above(0.0, 100.0, "kg")]
+    length: Annotated[float, above(0.0, 10.0, "m")]
+    """Of the rod"""
+    kp: Annotated[float, above(0.0, 16383.0)]
+    """P gain, as in the register: 14 bits"""
+    vin: Annotated[float, above(0.0, 100.0, "V")]
 
 
 def _declared() -> tuple[Declared, ...]:
@@ -190,11 +202,11 @@ class Xl330Rig:
 
     def read(self, folder: Path) -> list[Recording]:
         """The runs of a folder."""
-        return [_with_velocity(run) for run in read_folder(folder, _COLUMNS, _METADATA)]
+        return [_with_velocity(run) for run in read_folder(folder, _COLUMNS, Driven)]
 
     def read_files(self, paths: Sequence[Path]) -> list[Recording]:
         """The runs of some files."""
-        return [_with_velocity(read(path, _COLUMNS, _METADATA)) for path in paths]
+        return [_with_velocity(read(path, _COLUMNS, Driven)) for path in paths]
 
     def open(self, training: Sequence[Recording]) -> RunCase:
         """The data sheet's numbers are the first guess."""

@@ -10,9 +10,11 @@ import json
 from pathlib import Path
 from typing import Any, TypeVar
 
+from serpent_twin.errors import SerpentError
 from serpent_twin.stored.arrays import Arrays, Numbers, read_arrays, require_arrays
 from serpent_twin.stored.form import (
     Form,
+    OpenForm,
     above,
     bounded,
     many,
@@ -24,7 +26,8 @@ from serpent_twin.stored.form import (
 )
 from serpent_twin.stored.source import MOST, contents, require_file
 from serpent_twin.stored.syntax import parsed_json, parsed_toml
-from serpent_twin.stored.words import names
+from serpent_twin.stored.tables import Table, read_table
+from serpent_twin.stored.words import found, names
 
 T = TypeVar("T")
 __all__ = [
@@ -32,9 +35,13 @@ __all__ = [
     "Arrays",
     "Form",
     "Numbers",
+    "OpenForm",
+    "Table",
     "above",
     "bounded",
     "contents",
+    "found",
+    "json_in",
     "many",
     "names",
     "naming",
@@ -42,6 +49,7 @@ __all__ = [
     "read_arrays",
     "read_json",
     "read_json_lines",
+    "read_table",
     "read_toml",
     "require_arrays",
     "require_fields",
@@ -78,6 +86,14 @@ def read_toml(path: Path, form: type[T] = dict[str, Any], advice: str = "", most
     return take(
         parsed_toml(contents(path, most, advice), str(path), advice), form, str(path), advice
     )
+
+
+def json_in(arrays: Arrays, name: str, form: type[T], where: str, advice: str = "") -> T:
+    """What the JSON text that is kept among arrays holds; it is taken out of them."""
+    text = arrays.pop(name, None)
+    if text is None or text.dtype.kind != "U" or text.shape:
+        raise SerpentError(f"{where} has no text {name}. {advice}".rstrip())
+    return parse_json(str(text).encode("utf-8", "replace"), form, f"{where}: {name}", advice)
 
 
 def same_in_json(value: Any) -> Any:

@@ -22,6 +22,10 @@ class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a file holds, key by key; those with a default may be absent, others may not be there."""
 
 
+class OpenForm(Form, frozen=True, forbid_unknown_fields=False):
+    """The same where further keys may be there, which nobody looks at."""
+
+
 def within(low: float, high: float, unit: str = "") -> msgspec.Meta:
     """Bounds of a number, in a unit."""
     return msgspec.Meta(ge=low, le=high, title=unit)

@@ -58,7 +58,8 @@ def parsed_json(raw: bytes, where: str, advice: str = "") -> Any:
         raise SerpentError(f"{where} is not JSON: {place}: {why}. {advice}".rstrip()) from None
     except (RecursionError, _UnreadableError) as error:
         raise SerpentError(f"{where} {_why(error)}. {advice}".rstrip()) from None
-    return _sound(value, where, advice)
+    _refuse_unsound(value, where, advice)
+    return value
 
 
 def parsed_toml(raw: bytes, where: str, advice: str = "") -> Any:
@@ -76,7 +77,8 @@ def parsed_toml(raw: bytes, where: str, advice: str = "") -> Any:
         raise SerpentError(
             f"{where} has a number of thousands of digits. {advice}".rstrip()
         ) from None
-    return _sound(value, where, advice)
+    _refuse_unsound(value, where, advice)
+    return value
 
 
 class _UnreadableError(Exception):
@@ -120,8 +122,8 @@ def _number(text: str) -> Any:
     return value
 
 
-def _sound(value: Any, where: str, advice: str) -> Any:
-    """The value, if nothing in it is to be refused."""
+def _refuse_unsound(value: Any, where: str, advice: str) -> None:
+    """Refuse a value if something in it is to be, with its place."""
     left: list[tuple[Any, Steps]] = [(value, ())]
     while left:
         now, steps = left.pop()
@@ -132,7 +134,6 @@ def _sound(value: Any, where: str, advice: str) -> Any:
             left += [(part, (*steps, key)) for key, part in reversed(now.items())]
         elif isinstance(now, list):
             left += [(part, (*steps, n)) for n, part in reversed([*enumerate(now)])]
-    return value
 
 
 def _unsound(value: Any, steps: Steps) -> str:

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 from tqdm import tqdm
 
-from serpent_twin import next_step
+from serpent_twin import next_step, stored
 from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
 from serpent_twin.files import write_whole
@@ -22,7 +22,7 @@ from serpent_twin.option_groups import Group
 from serpent_twin.options import ABSENT, Checked, RateHz, Seed, Use, Workers, when
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import provenance, versions
-from serpent_twin.stored import within
+from serpent_twin.stored import same_in_json, within
 from serpent_twin.sweep.cluster import cluster
 from serpent_twin.sweep.execute import Pool, execute
 from serpent_twin.sweep.outcome import Outcome, measured
@@ -30,6 +30,7 @@ from serpent_twin.sweep.point import Measuring, Point, key
 from serpent_twin.sweep.processes import processes
 
 SETTINGS = "sweep.json"
+_ANEW = "Delete it, and the same command measures it anew."
 _GRID, _WHERE = Group("grid"), Group("computing")
 
 
@@ -188,16 +189,24 @@ def _gather(config: Sweep, points: Sequence[Point]) -> dict[str, Any]:
     }
     text = json.dumps(table, indent=1, ensure_ascii=False)
     write_whole(config.out / "table.json", text + "\n")
-    return json.loads(text)
+    return same_in_json(table)
+
+
+class _PointFile(stored.Form, frozen=True):
+    """What the file of a point holds; what could not be measured is null, and `failed` says why."""
+
+    point: dict[str, Any]
+    arm: dict[str, Any]
+    measuring: dict[str, Any]
+    failed: dict[str, str]
+    body: dict[str, Any] | None
+    pose: dict[str, Any] | None
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        return json.loads(path.read_text())
-    except ValueError as error:
-        raise SerpentError(
-            f"{path} is damaged ({error}): delete it, and the same command measures it anew."
-        ) from error
+    found = stored.read_json(path, advice=_ANEW)
+    stored.take(found, _PointFile, str(path), _ANEW)
+    return found
 
 
 def main(config: Sweep) -> None:  # noqa: D103 tyro would print it above the config's own

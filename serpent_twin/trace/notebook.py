@@ -3,18 +3,23 @@
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
+from serpent_twin import stored
+from serpent_twin.errors import SerpentError
 from serpent_twin.rigs.rig import Point, Stopwatch
+from serpent_twin.stored import Numbers, above, within
 from serpent_twin.trace.least_squares import Fit
 from serpent_twin.trace.moves import Moves
 from serpent_twin.trace.search import Score
 
 T = TypeVar("T")
+Number = Annotated[float, within(-1e12, 1e12)]
+Index = Annotated[int, within(0, 1_000_000)]
+_AGAIN = "Delete it, and the same command makes it anew."
 
 
 class Notebook:
@@ -31,8 +36,7 @@ class Notebook:
         """The fit of a stage, made now or read back."""
         path = self._folder / f"{name}.npz"
         if path.exists():
-            self._add_time(path)
-            return _read_fit(path)
+            return _read_fit(path, self._read(path))
         made, took = self._timed(make)
         self._told.add(path)
         _save(path, _fit_arrays(made) | took)
@@ -42,13 +46,11 @@ class Notebook:
         """The score tests of a stage, made now or read back."""
         path = self._folder / f"{name}.npz"
         if path.exists():
-            self._add_time(path)
-            with np.load(path) as stored:
-                rows = json.loads(str(stored["scores"]))
-            return [Score(**{**row, "start": np.array(row["start"])}) for row in rows]
+            rows = stored.json_in(self._read(path), "scores", list[_Score], str(path), _AGAIN)
+            return [Score(r.name, r.share, r.excitation, np.array(r.start)) for r in rows]
         made, took = self._timed(make)
         self._told.add(path)
-        rows = [{**asdict(each), "start": each.start.tolist()} for each in made]
+        rows = [{**vars(each), "start": each.start.tolist()} for each in made]
         _save(path, {"scores": np.array(json.dumps(rows))} | took)
         return made
 
@@ -58,13 +60,37 @@ class Notebook:
         took = time.perf_counter() - began, self._clock.seconds - simulated
         return made, {"took": np.array(took)}
 
-    def _add_time(self, path: Path) -> None:
-        if path in self._told:
-            return
-        self._told.add(path)
-        with np.load(path) as stored:
-            seconds, simulated = stored["took"]
-        self.seconds, self.simulated = self.seconds + seconds, self.simulated + simulated
+    def _read(self, path: Path) -> stored.Arrays:
+        """The arrays of a stage; what it took is added up once."""
+        arrays = stored.read_arrays(path, _AGAIN)
+        took = {"took": arrays.pop("took", np.zeros(0))}
+        stored.require_arrays(took, {"took": Numbers((2,), low=0.0)}, str(path), _AGAIN)
+        if path not in self._told:
+            self._told.add(path)
+            self.seconds += float(took["took"][0])
+            self.simulated += float(took["took"][1])
+        return arrays
+
+
+class _Score(stored.Form, frozen=True):
+    """A score test as its file has it, see `Score`."""
+
+    name: str
+    share: float
+    excitation: float
+    start: tuple[Number, ...]
+
+
+class _Fit(stored.Form, frozen=True):
+    """What a fit's file says beside its arrays, see `Fit`."""
+
+    effects: dict[str, tuple[Number, ...]]
+    moved: tuple[Index, ...]
+    moved_effects: tuple[tuple[str, Index], ...]
+    cost: float
+    converged: bool
+    used: tuple[Index, ...]
+    worth: Annotated[float, above(0.0, 1e12)]
 
 
 def _save(path: Path, arrays: dict[str, Any]) -> None:
@@ -93,19 +119,31 @@ def _fit_arrays(fit: Fit) -> dict[str, Any]:
     }
 
 
-def _read_fit(path: Path) -> Fit:
-    with np.load(path) as stored:
-        about = json.loads(str(stored["about"]))
-        effects = {name: np.array(values) for name, values in about["effects"].items()}
-        moved = tuple((name, int(k)) for name, k in about["moved_effects"])
-        return Fit(
-            point=Point(stored["declared"], effects),
-            moves=Moves(tuple(about["moved"]), moved),
-            cost=about["cost"],
-            error=stored["error"],
-            correlation=stored["correlation"],
-            converged=about["converged"],
-            slope=stored["slope"],
-            used=tuple(about["used"]),
-            worth=about["worth"],
-        )
+def _read_fit(path: Path, arrays: stored.Arrays) -> Fit:
+    about = stored.json_in(arrays, "about", _Fit, str(path), _AGAIN)
+    moves = Moves(about.moved, about.moved_effects)
+    declared = arrays.get("declared", np.zeros(0)).size
+    known = [k < declared for k in about.moved]
+    known += [k < len(about.effects.get(name, ())) for name, k in about.moved_effects]
+    if not all(known):
+        raise SerpentError(f"{path}: about.moved names what the fit does not have. {_AGAIN}")
+    n, rows = len(moves), arrays["slope"].shape[2:] if "slope" in arrays else (0,)
+    wanted = {
+        "declared": Numbers((declared,)),
+        "error": Numbers((n,), unknown=True),
+        "correlation": Numbers((n, n), unknown=True),
+        "slope": Numbers((n, len(about.used), *rows[:1]), unknown=True),
+    }
+    stored.require_arrays(arrays, wanted, str(path), _AGAIN)
+    effects = {name: np.array(values) for name, values in about.effects.items()}
+    return Fit(
+        point=Point(arrays["declared"], effects),
+        moves=moves,
+        cost=about.cost,
+        error=arrays["error"],
+        correlation=arrays["correlation"],
+        converged=about.converged,
+        slope=arrays["slope"],
+        used=about.used,
+        worth=about.worth,
+    )

@@ -1,6 +1,5 @@
 """How does another program's test start a device and make it fail?"""
 
-import json
 import queue
 import subprocess
 import sys
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.stored import parse_json
 
 _START = 60.0  # [s] a device needs about two to start, more where many start at once
 _ANSWER = 10.0  # [s]
@@ -74,7 +74,7 @@ class Running:
         self._reader.join(_ANSWER)
         while not self._lines.empty():
             if (line := self._lines.get()).startswith("{"):
-                return json.loads(line)
+                return parse_json(line.encode(), dict[str, Any], "what the device counted")
         raise SerpentError(f"the device ended without saying what it counted: {self._words()}")
 
     def end(self) -> None:

@@ -1,6 +1,5 @@
 """Did a host log what the motors really did?"""
 
-import json
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -11,15 +10,20 @@ import numpy as np
 
 from serpent_twin.bus import xl430
 from serpent_twin.log import Session
+from serpent_twin.stored import contents, parse_json
 
 STALE = 0.03
 """Between the moment a row tells and the moment when the device was read [s]."""
+MOST_BYTES = 1_000_000_000
+"""Of a transcript"""
 Event = dict[str, Any]
 
 
 def read_transcript(path: Path) -> list[Event]:
     """The whole lines of a device's transcript; the last one of a killed device may be torn."""
-    return [json.loads(line) for line in path.read_text().splitlines() if line.endswith("}")]
+    lines = contents(path, MOST_BYTES).split(b"\n")
+    whole = [line for line in lines if line.endswith(b"}")]
+    return [parse_json(line, dict[str, Any], str(path)) for line in whole]
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """How do a take's markers get into session logs?"""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from tyro.conf import Positional, arg
 
+from serpent_twin import stored
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Session, read_session, say_unread, session_files, write_session
@@ -19,8 +19,10 @@ from serpent_twin.mocap.merge.match import Match, match
 from serpent_twin.mocap.motive import Take, read_take
 from serpent_twin.options import ABSENT, Checked, when
 from serpent_twin.provenance import file_hash
+from serpent_twin.stored import many, within
 
 BASE_FIT = 0.010  # m rms: markers glued to the base are measured better than this
+_Place = Annotated[tuple[Annotated[float, within(-100.0, 100.0, "m")], ...], many(3)]
 OF_CAMERAS = ("camera_time", "marker_age")  # columns that speak of the live markers
 
 HEADING = (
@@ -195,15 +197,9 @@ def _given_frame(config: Merge, take: Take) -> tuple[Rigid, str] | None:
 
 def _from_base_markers(path: Path, take: Take) -> Rigid:
     """Cameras to base from markers that stand still on the base: their middle places in the take."""
-    try:
-        places = {
-            str(k): np.array(v, float).reshape(3) for k, v in json.loads(path.read_text()).items()
-        }
-    except (OSError, ValueError, TypeError, AttributeError) as error:
-        raise SerpentError(
-            f"{path} is not a JSON object of name: [x, y, z] in metres ({error}). Example: "
-            '{"base:1": [0.0, 0.03, 0.02]}'
-        ) from None
+    example = 'Give name: [x, y, z] in metres, such as {"base:1": [0.0, 0.03, 0.02]}.'
+    found = stored.read_json(path, dict[str, _Place], example)
+    places = {name: np.array(place) for name, place in found.items()}
     missing = [name for name in places if name not in take.names]
     if missing:
         raise SerpentError(
