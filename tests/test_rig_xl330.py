@@ -114,7 +114,7 @@ def test_refusals_say_what_to_do(tmp_path):
     with pytest.raises(SerpentError, match=r"time does not increase .* Repair or leave out"):
         RIG.read_files([path])
     path.write_bytes(b"no parquet")
-    with pytest.raises(SerpentError, match=r"not a whole Parquet file .* Copy it again"):
+    with pytest.raises(SerpentError, match=r"not a whole Parquet file.* Copy it again"):
         RIG.read_files([path])
 
 
