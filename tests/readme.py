@@ -14,7 +14,7 @@ SMALL: tuple[tuple[str, str], ...] = (
     ("collect --backend real --out arm_logs", "--sessions 1 --steps 240"),
     ("collect --backend real", ""),
     ("collect", "--sessions 3 --steps 170 --workers 1"),
-    ("train --logs corrected", "--epochs 1 --adapt-windows 0,all --readout linear observer"),
+    ("train --logs corrected", "--adapt-windows 0,all --readout linear observer"),
     ("train", "--epochs 1 --windows 1,2"),
     ("trace", "--sessions 2"),
     ("estimate", "--steps 40"),
