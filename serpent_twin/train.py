@@ -23,7 +23,7 @@ from serpent_twin.readout import available, find
 from serpent_twin.readout.jitter import command_error, jittered
 from serpent_twin.readout.known_twin import KnownTwin, known_twin
 from serpent_twin.readout.page import page
-from serpent_twin.readout.split import Split, split
+from serpent_twin.readout.split import Split, refuse_unseen, split
 from serpent_twin.readout.tables import adapt_table, detail_table, score_table
 from serpent_twin.readout.trial import COST, Result, Trial, summaries
 from serpent_twin.readout.uncertainty import METHOD
@@ -154,10 +154,9 @@ def planned(config: Train) -> Plan:
     swept = [(name, h) for name in SWEPT for h in parse_windows(config.windows)]
     wanted = list(dict.fromkeys([(name, config.window) for name in names] + swept))
     for window in {h for _, h in wanted}:
-        sessions.windows(window, config.drop)
+        refuse_unseen(*sessions.windows(window, config.drop))
     if config.command_jitter is None:
-        jitter = _servo_error(adaptation, config.out)
-        config = replace(config, command_jitter=jitter)
+        config = replace(config, command_jitter=_servo_error(adaptation, config.out))
     return Plan(config, sessions, wanted, twin, adaptation)
 
 
@@ -270,7 +269,7 @@ def _conclude(
         swept = trial.window != config.window or trial.window in parse_windows(config.windows)
         if trial.name in SWEPT and swept:
             by_window.setdefault(trial.name, {})[str(trial.window)] = result.summary()
-    scores = {
+    scores: dict[str, Any] = {
         "logs": str(config.logs),
         "test_sessions": sessions.names()["test"],
         "window": config.window,
@@ -298,11 +297,8 @@ def _conclude(
 
 def main(config: Train) -> None:  # noqa: D103 tyro would print it above the config's own
     plan = planned(config)
-    scores = carried_out(plan)
-    step = next_step.after_training(plan, scores)
-    if plan.twin.design is None and not config.readout:
-        print(next_step.without_observer(plan))
-    next_step.say(step)
+    step = next_step.after_training(plan, carried_out(plan))
+    next_step.say(step, next_step.without_observer(plan))
 
 
 if __name__ == "__main__":

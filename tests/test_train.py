@@ -162,6 +162,20 @@ def test_markers_lost_for_a_while_do_not_spoil_training(logs, tmp_path):
     assert found["residual"]["mean_mm"] < 0.5 * found["analytical"]["mean_mm"]
 
 
+@pytest.mark.parametrize(("number", "part"), [(1, "train"), (2, "validate"), (3, "test")])
+def test_sessions_that_never_show_a_marker_are_refused_before_training(number, part, tmp_path):
+    (tmp_path / "logs").mkdir()
+    for each in (1, 2, 3):
+        session = make_session(each, rows=200)
+        if each == number:
+            session.marker[100:, slice(None) if part == "test" else 3] = np.nan
+        write(tmp_path / "logs", session)
+    told = rf"^Marker (1, 2, 3, )?4.*sessions that {part} \(session_0{number}\)"
+    with pytest.raises(SerpentError, match=told):
+        run(Train(tmp_path / "logs", tmp_path / "out", ("linear",)))
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_twin_is_given_to_the_readouts_that_have_one(tmp_path):
     path, few = tmp_path / "twin.json", tmp_path / "logs"
     soft = replace(design.NOMINAL_DESIGN.parameters, strand_stiffness=9000.0)

@@ -56,7 +56,9 @@ def after_training(plan: "Plan", scores: Mapping[str, Any]) -> Words | None:
 
 
 def without_observer(plan: "Plan") -> str:
-    """Why the observer was not trained, and what trains it."""
+    """Why the observer was not trained, and what trains it; nothing if it was, or others were asked for."""
+    if plan.twin.design or plan.config.readout:
+        return ""
     why = (
         "The observer, which simulates the arm, was not trained: the twin of this arm is not known."
     )

@@ -12,8 +12,10 @@ Words = list[str]
 """A module and its arguments"""
 
 
-def say(step: Words | None) -> None:
-    """Print the next step as the last line of a command, if there is one."""
+def say(step: Words | None, note: str = "") -> None:
+    """Print the next step as the last line of a command, if there is one, and a note before it."""
+    if note:
+        print(note)
     if step:
         print(line(step))
 

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from serpent_twin.errors import SerpentError
 from serpent_twin.log import Session, refuse_repeated
 from serpent_twin.numerals import counted
@@ -36,6 +38,20 @@ class Split:
     def all(self) -> list[Session]:
         """All sessions."""
         return [*self.train, *self.validate, *self.test]
+
+
+def refuse_unseen(train: Windows, validate: Windows, test: Windows) -> None:
+    """Refuse windows of which some show a marker never: nothing can be learned of it, or scored."""
+    for part, windows in (("train", train), ("validate", validate), ("test", test)):
+        seen = np.isfinite(windows.marker).all(axis=2).any(axis=0)
+        enough = seen.any() if part == "test" else seen.all()
+        if not enough:
+            lost = ", ".join(str(n + 1) for n in np.flatnonzero(~seen))
+            names = ", ".join(session.name for session in windows.sessions)
+            raise SerpentError(
+                f"Marker {lost}: lost in every row of the sessions that {part} ({names}), the first rows, "
+                "which are dropped, left out. Give sessions that show all markers."
+            )
 
 
 def split(
