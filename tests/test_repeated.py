@@ -124,6 +124,12 @@ def test_no_log_of_the_arm_to_adapt_to_has_trained(logs, tmp_path):
         train(Train(logs, tmp_path / "out", ("analytical",), adapt=arm))
 
 
+def test_one_folder_is_not_adapted_to_itself(logs, tmp_path):
+    with pytest.raises(SerpentError, match=r"session_01.parquet is given twice"):
+        train(Train(logs, tmp_path / "out", ("analytical",), adapt=logs / "." / ".." / "logs"))
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.fixture
 def twice(tmp_path) -> Path:
     """Logs of an arm, the last of which repeats a part of the first."""

@@ -45,13 +45,18 @@ def refuse_repeated(logs: Sequence[Read]) -> None:
     rows = [set(_rows(log.readings)) for log in logs]
     for (a, of_a), (b, of_b) in itertools.combinations(zip(logs, rows, strict=True), 2):
         shared, fewest = len(of_a & of_b), min(len(of_a), len(of_b))
-        if shared >= max(1, min(SHARED, fewest)):
+        if shared < max(1, min(SHARED, fewest)):
+            continue
+        if a.path and b.path and a.path.resolve() == b.path.resolve():
             raise SerpentError(
-                f"{_where(a)} and {_where(b)} hold the same readings ({shared} of "
-                f"{counted(fewest, 'row')}): one "
-                "repeats the other or a part of it, and a result on the one says nothing where the other was "
-                "trained on or fitted to. Leave one of them out."
+                f"{a.path} is given twice: a result on it says nothing where it was trained on or fitted to. "
+                "Give it once."
             )
+        raise SerpentError(
+            f"{_where(a)} and {_where(b)} hold the same readings ({shared} of {fewest} rows): one repeats "
+            "the other or a part of it, and a result on the one says nothing where the other was trained on "
+            "or fitted to. Leave one of them out."
+        )
 
 
 def readings_hash(log: Read) -> str:

@@ -122,7 +122,8 @@ def rate_of(metadata: Mapping[str, Any], where: str) -> float:
     rate = metadata.get("rate_hz")
     is_number = isinstance(rate, int | float | np.number) and not isinstance(rate, bool)
     if not is_number or not FEWEST_HZ <= rate <= MOST_HZ:
-        told = str(rate) if len(str(rate)) < 30 else f"{str(rate)[:20]} …"
+        told = repr(rate) if isinstance(rate, str) else str(rate)
+        told = told if len(told) < 30 else f"{told[:20]} …"
         raise SerpentError(
             f"{where}: rate_hz is {told}, expected a number from {FEWEST_HZ:g} to {MOST_HZ:g}."
         )
