@@ -46,6 +46,26 @@ def joints_from_markers(
     return q
 
 
+def linearised(
+    marker: Array, q: Array, offset: Array, arm: Arm = ARM
+) -> tuple[Array, Array, Array, Array]:
+    """Measured markers (N, 9, 3) against those at joint angles q (N, 9) and offsets (9, 3): errors [m],
+    (N, 27), their slopes by joint angles, (N, 27, 9), what gives the angles that undo an error,
+    (N, 9, 27), and the slopes by offsets, (N, 27, 27). Zero where a marker is NaN.
+    """
+    n, seen = len(q), np.isfinite(marker).reshape(len(q), -1)
+    at, slope, rotation = marker_jacobian(q, offset, arm)
+    error = np.where(seen, (marker - at).reshape(n, -1), 0.0)
+    slope = slope * seen[..., None]
+    moves = np.zeros((n, 3 * N_JOINTS, 3 * N_JOINTS))
+    for k in range(N_JOINTS):
+        moves[:, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = rotation[:, k]
+    moves *= seen[..., None]
+    normal = np.swapaxes(slope, 1, 2) @ slope + _LEAN * np.eye(N_JOINTS)
+    solve = np.linalg.solve(normal, np.swapaxes(slope, 1, 2))
+    return error, slope, solve, moves
+
+
 def marker_offsets(
     marker: Array,
     start: Array,
@@ -64,15 +84,7 @@ def marker_offsets(
     q = joints_from_markers(marker, start, offset, arm)  # from afar both at once may run away
     seen = np.isfinite(marker).reshape(n, -1)
     for _ in range(iterations):
-        at, slope, rotation = marker_jacobian(q, offset, arm)
-        error = np.where(seen, (marker - at).reshape(n, -1), 0.0)
-        slope = slope * seen[..., None]
-        moves = np.zeros((n, 3 * N_JOINTS, 3 * N_JOINTS))
-        for k in range(N_JOINTS):
-            moves[:, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = rotation[:, k]
-        moves *= seen[..., None]
-        normal = np.swapaxes(slope, 1, 2) @ slope + _LEAN * np.eye(N_JOINTS)
-        solve = np.linalg.solve(normal, np.swapaxes(slope, 1, 2))
+        error, slope, solve, moves = linearised(marker, q, offset, arm)
         free = moves - slope @ (solve @ moves)
         information = np.einsum("nki,nkj->ij", free, free) / noise**2
         information += np.eye(3 * N_JOINTS) / prior**2

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from serpent_twin import log
+from serpent_twin.arm import joint_from_motor, markers
 
 METADATA = {"backend": "sim", "arm": "nominal", "session": 1, "rate_hz": 4.0, "seed": 7}
 
@@ -15,9 +16,9 @@ def make_session(rows: int = 60, seed: int = 0, **metadata: object) -> log.Sessi
     """A smooth session with noise in every column; marker 3 is lost in rows 5 … 7."""
     rng = np.random.default_rng(seed)
     clock = np.arange(rows) / 4
-    marker = rng.uniform(-0.5, 0.5, (rows, 9, 3))
-    marker[5:8, 2] = np.nan
     position = 2 * np.sin(0.3 * clock[:, None] + np.arange(10)) + rng.normal(0, 1e-3, (rows, 10))
+    marker = markers(joint_from_motor(position[:, :9])) + rng.normal(0, 1e-4, (rows, 9, 3))
+    marker[5:8, 2] = np.nan
     return log.Session(
         path=None,
         metadata={"schema_version": 1} | METADATA | metadata,

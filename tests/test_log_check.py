@@ -51,7 +51,12 @@ DAMAGES = {  # the array, what is done to it, the level and words of the finding
     "a reboot": ("motor_position", reboot, "error", r"motor1_.*-\d\.\d\d turns.* row 40"),
     "no number": ("motor_load", put(3, 4, np.inf), "error", r"motor5_load.* row 3\."),
     "no target": ("joint_target", put(4, 4, np.nan), "error", r"targets.* row 4\."),
-    "millimetres": ("marker", put(ALL, ALL, lambda x: 1000 * x), "error", "Marker 1 .*not metres"),
+    "millimetres": (
+        "marker",
+        put(ALL, ALL, lambda x: 1000 * x),
+        "error",
+        "1000 times .* as if in millimetres",
+    ),
     "no marker ever": ("marker", put(ALL, ALL, np.nan), "error", "No marker"),
     "no marker for a while": ("marker", put(slice(20, 30), ALL, np.nan), "warning", "All.* 20–29"),
     "one marker lost": ("marker", put(slice(20, 30), 5, np.nan), "warning", "6 .* 10 .* row 20"),

@@ -1,6 +1,7 @@
 """The session log: journal, seal, recover, read, check. `python -m serpent_twin.log --help`."""
 
-from serpent_twin.log.check import Finding, examine, refuse_damaged
+from serpent_twin.log.check import examine, refuse_damaged, refuse_odd_markers
+from serpent_twin.log.finding import Finding
 from serpent_twin.log.journal import Journal
 from serpent_twin.log.parquet import (
     read_folder,
@@ -30,6 +31,7 @@ __all__ = [
     "readings_hash",
     "recover",
     "refuse_damaged",
+    "refuse_odd_markers",
     "refuse_repeated",
     "say_unread",
     "session_files",

@@ -1,15 +1,15 @@
 """What is wrong with a session that can be read?"""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from serpent_twin.arm import ARM, Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.log import markers
+from serpent_twin.log.finding import Finding, Mask, rows_text
 from serpent_twin.log.session import Session
 from serpent_twin.numerals import counted
 
@@ -19,25 +19,34 @@ LATE = 1.5  # control periods from which a step counts as a missed deadline
 REACH = 1.5  # travel of the servo's top speed in a step that is believed, with its overshoot
 STUCK_SECONDS = 2.0  # a commanded motor that stands still for this long is stuck
 STUCK_COMMAND = 0.2  # rad: the travel asked for meanwhile
-LOST_SECONDS = 1.0  # a marker lost for longer than this leaves a gap worth a warning
 FARTHEST_MARKER = 1.0  # m: nearly twice the arm's length
 
-Mask = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One sentence about a session: an `error` spoils it, a `warning` may, a `note` does not."""
-
-    level: Literal["error", "warning", "note"]
-    text: str
+_KNOWN: WeakKeyDictionary[Session, tuple[Finding, ...]] = WeakKeyDictionary()
+"""What was found in sessions that are still in use: each step of a command asks again."""
 
 
 def examine(session: Session) -> list[Finding]:
     """All findings, errors first; rows count from 0, within what `session` holds."""
-    checks = (_not_finite, _jumps, _stuck, _loads, _late, _lost, _far, _status)
-    found = [finding for check in checks for finding in check(session)]
-    return sorted(found, key=lambda f: ("error", "warning", "note").index(f.level))
+    found = _KNOWN.get(session)
+    if found is None:
+        found = _KNOWN[session] = _examined(session)
+    return list(found)
+
+
+def refuse_odd_markers(session: Session) -> None:
+    """Raise a `SerpentError` that quotes every error of this session's markers, if there is one."""
+    if errors := [finding.text for finding in _of_markers(session) if finding.level == "error"]:
+        raise SerpentError(" ".join(errors))
+
+
+def _examined(session: Session) -> tuple[Finding, ...]:
+    found = [
+        each for check in (_not_finite, _jumps, _stuck, _loads, _late) for each in check(session)
+    ]
+    motors_sound = not any(finding.level == "error" for finding in found)
+    found += _of_markers(session, motors_sound)
+    found += _status(session)
+    return tuple(sorted(found, key=lambda f: ("error", "warning", "note").index(f.level)))
 
 
 def refuse_damaged(sessions: list[Session]) -> None:
@@ -46,20 +55,6 @@ def refuse_damaged(sessions: list[Session]) -> None:
     if errors:
         quoted = " ".join(f"{s.path or s.name}: {f.text}" for s, f in errors)
         raise SerpentError(f"{quoted} Leave these sessions out, or mend them.")
-
-
-def stretches(mask: Mask) -> NDArray[np.int64]:
-    """First row and row after the last of each run of true in `mask` (T,), (n, 2)."""
-    edges = np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))
-    return np.flatnonzero(edges).reshape(-1, 2)
-
-
-def rows_text(mask: Mask, most: int = 4) -> str:
-    """The rows where `mask` (T,) is true, as text."""
-    runs = stretches(mask)
-    named = [f"{a}" if b == a + 1 else f"{a}–{b - 1}" for a, b in runs[:most]]
-    more = f" and {len(runs) - most} more stretches" if len(runs) > most else ""
-    return f"row{'s' if mask.sum() > 1 else ''} {', '.join(named)}{more}"
 
 
 def lost_turns(session: Session) -> Mask:
@@ -75,12 +70,6 @@ def lost_turns(session: Session) -> Mask:
     travel = step[:, None] * np.roll(session.motor_velocity_command, 1, axis=0)
     stray = (np.abs(change - travel) > TURN / 2) & (np.abs(change) > TURN / 4)
     return (np.abs(change) > limit[:, None]) | (stray & (limit > TURN / 2)[:, None])
-
-
-def _longest(mask: Mask) -> tuple[int, int]:
-    """First row and length of the longest run of true in `mask` (T,)."""
-    runs = [(first, stop - first) for first, stop in stretches(mask).tolist()]
-    return max(runs, key=lambda run: run[1], default=(0, 0))
 
 
 def _not_finite(session: Session) -> Iterator[Finding]:
@@ -145,30 +134,6 @@ def _late(session: Session) -> Iterator[Finding]:
         )
 
 
-def _lost(session: Session) -> Iterator[Finding]:
-    lost = np.logical_or.reduce(np.isnan(session.marker), axis=-1)
-    together = np.logical_and.reduce(lost, axis=1)
-    if together.all() and session.metadata.get("markers") == "none":
-        yield Finding(
-            "note", "It was recorded without markers; see python -m serpent_twin.mocap merge."
-        )
-    elif together.all():
-        yield Finding("error", "No marker was seen in any row.")
-    elif together.any():
-        yield Finding("warning", f"All markers are lost in {rows_text(together)}.")
-    alone = np.logical_and(lost, ~together[:, None])
-    runs = [_longest(alone[:, marker]) for marker in range(alone.shape[1])]
-    for marker, (first, rows) in enumerate(runs, start=1):
-        if rows > LOST_SECONDS * session.rate_hz:
-            text = f"Marker {marker} is lost for {counted(rows, 'row')} on end, from row {first}."
-            yield Finding("warning", text)
-    if lost.any() and not together.all():
-        shares = ", ".join(f"{share:.2f}" for share in 100 * lost.mean(axis=0))
-        once = max(_longest(lost[:, marker])[1] for marker in range(len(runs)))
-        text = f"Markers 1 … {len(runs)} are lost in {shares} % of the rows, at most {once} on end."
-        yield Finding("note", text)
-
-
 def _far(session: Session) -> Iterator[Finding]:
     far = np.fmax.reduce(np.abs(session.marker), axis=-1) > FARTHEST_MARKER
     for marker in np.flatnonzero(far.any(axis=0)):
@@ -177,6 +142,13 @@ def _far(session: Session) -> Iterator[Finding]:
             f"Marker {marker + 1} is more than {FARTHEST_MARKER:g} m from joint 1 in "
             f"{rows_text(far[:, marker])}: not metres, not the base frame, or another marker.",
         )
+
+
+def _of_markers(session: Session, motors_sound: bool = True) -> list[Finding]:
+    """What is wrong with the markers; where the motors say what the pose should be, they must be sound."""
+    found = markers.check(session, motors_sound)
+    odd = any(finding.level == "error" for finding in found)
+    return found if odd else [*_far(session), *found]
 
 
 def _status(session: Session) -> Iterator[Finding]:

@@ -53,9 +53,9 @@ def refuse_repeated(logs: Sequence[Read]) -> None:
                 "Give it once."
             )
         raise SerpentError(
-            f"{_where(a)} and {_where(b)} hold the same readings ({shared} of {fewest} rows): one repeats "
-            "the other or a part of it, and a result on the one says nothing where the other was trained on "
-            "or fitted to. Leave one of them out."
+            f"{_where(a)} and {_where(b)} hold the same readings ({shared} of {counted(fewest, 'row')}): one "
+            "repeats the other or a part of it, and a result on the one says nothing where the other was "
+            "trained on or fitted to. Leave one of them out."
         )
 
 

@@ -1,12 +1,13 @@
 """Where in a take is a session, and is that certain?"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from serpent_twin.arm import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.log.markers.suspects import ODD_SCALE
 from serpent_twin.mocap.frame import IDENTITY, Rigid
 from serpent_twin.mocap.merge import agree, labels
 from serpent_twin.mocap.merge.align import Clock, refine
@@ -67,6 +68,9 @@ def match(
             f"{COVER:.0%} of this session of {time[-1] - time[0]:.1f} s. Give the take that was "
             "recorded meanwhile."
         )
+    if max(place.explained for place in places) < CERTAIN:
+        _refuse_labels(time, marker, film, places, owner, names)
+        _refuse_scale_or_mirror(time, marker, film, places, owner)
     best, second = _certain(places)
     clock, rigid, found, givers = best.clock, best.rigid, film, []
     for _ in range(ROUNDS):
@@ -76,9 +80,71 @@ def match(
     expected = labels.expected_on(film, clock.log_time(film.time), time, marker, rigid)
     agree.refuse_names(film, expected, best.owner if given else {}, names)
     seen = rigid.apply(sampled(found, clock.camera_time(time)))
-    agree.refuse_another_arm(marker, seen)
     explained = _explained(marker, seen)
     return Match(clock, rigid, marker, found, givers, explained, second)
+
+
+def _refuse_labels(
+    time: Array,
+    marker: Array,
+    film: Film,
+    places: list[_Place],
+    owner: dict[int, int],
+    names: Sequence[str],
+) -> None:
+    """Raise if one of the places fits once the columns' names are not believed."""
+    again = [_place(time, marker, film, place.clock, {}) for place in places] if owner else []
+    best = max(again, key=lambda place: place.explained, default=None)
+    if best is None or best.explained < CERTAIN:
+        return
+    wrong = [
+        f"{names[column]!r}, given as marker {owner[column] + 1}, looks like marker {n + 1}"
+        for column, n in best.owner.items()
+        if owner.get(column, n) != n
+    ]
+    if wrong:
+        raise SerpentError(
+            f"the take's labels do not fit the motion: {'; '.join(wrong)}. Correct the labels in Motive "
+            "and export again, or give the true order with --labels."
+        )
+
+
+def _refuse_scale_or_mirror(
+    time: Array, marker: Array, film: Film, places: list[_Place], owner: dict[int, int]
+) -> None:
+    """Raise if one of the places fits once the film's markers are scaled, or seen in a mirror."""
+    shown = film.position[:, np.isfinite(film.position).all(axis=-1).any(axis=0)]
+    for mirror in (1, -1):
+        scale = _size(np.nanstd(shown, axis=0)) / _size(marker.std(axis=0))
+        for _ in range(2):  # by how far the markers move, then by how far they are apart
+            seen = replace(film, position=film.position / scale * [1, 1, mirror])
+            best = max(
+                (_place(time, marker, seen, place.clock, owner) for place in places),
+                key=lambda place: place.explained,
+            )
+            if best.explained == -np.inf:
+                break
+            there = sampled(film, best.clock.camera_time(time))[:, list(best.owner)]
+            wanted = marker[:, list(best.owner.values())]
+            scale = _size(there - there.mean(axis=1, keepdims=True))
+            scale /= _size(wanted - wanted.mean(axis=1, keepdims=True))
+        if best.explained >= CERTAIN:
+            raise SerpentError(_scaled_or_turned(scale, mirror, best.explained))
+
+
+def _scaled_or_turned(scale: float, mirror: int, explained: float) -> str:
+    odd = abs(scale - 1) > ODD_SCALE
+    what = [f"{scale:.4g} times as far apart as the arm's"] * odd + ["mirrored"] * (mirror < 0)
+    return (
+        f"the take's markers are {' and '.join(what)}; with that undone, the motors explain "
+        f"{explained:.0%} of their motion. Calibrate the cameras with their wand's true length, or export "
+        "the take again in the unit and the axes that it names."
+    )
+
+
+def _size(vectors: Array) -> float:
+    """Median length of vectors (..., 3) [m] that are known."""
+    return float(np.nanmedian(np.linalg.norm(vectors, axis=-1)))
 
 
 def _place(time: Array, marker: Array, film: Film, clock: Clock, owner: dict[int, int]) -> _Place:

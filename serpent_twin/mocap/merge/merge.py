@@ -9,9 +9,18 @@ import numpy as np
 from tyro.conf import Positional, arg
 
 from serpent_twin import stored
-from serpent_twin.arm import Array
+from serpent_twin.arm import N_JOINTS, Array, joint_from_motor
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import Session, read_session, say_unread, session_files, write_session
+from serpent_twin.log import (
+    Session,
+    read_session,
+    refuse_odd_markers,
+    say_unread,
+    session_files,
+    write_session,
+)
+from serpent_twin.log.markers import FEWEST, place
+from serpent_twin.log.markers.together import DOUBTED, HALVED
 from serpent_twin.mocap.frame import Rigid, fit_rigid
 from serpent_twin.mocap.merge import agree
 from serpent_twin.mocap.merge.film import Film, sampled
@@ -80,6 +89,8 @@ def merge(config: Merge) -> Iterator[tuple[Session, str]]:
             found = _found(session, film, take, config.labels)
             used = _not_twice(session, found, used)
             merged = _merged(session, take, found, given)
+            refuse_odd_markers(merged)
+            agree.refuse_another_arm(found.predicted, merged.marker)
             write_session(config.folder / path.name, merged)
             yield merged, line(merged)
         except SerpentError as error:
@@ -152,8 +163,8 @@ def _not_twice(
 
 def _merged(session: Session, take: Take, found: Match, given: tuple[Rigid, str] | None) -> Session:
     """The session with markers at its time stamps, and what was found out in its metadata."""
-    rigid, source = given or (found.rigid, "fitted on the arm's markers")
     clock, filmed = found.clock, sampled(found.film, found.clock.camera_time(session.time))
+    rigid, source = given or _own_frame(session, filmed, found.rigid)
     agree.refuse_frame(rigid, source, found.rigid, filmed)
     marker = rigid.apply(filmed)
     seen = np.isfinite(marker).all(axis=-1)
@@ -185,6 +196,25 @@ def _merged(session: Session, take: Take, found: Match, given: tuple[Rigid, str]
     metadata = session.metadata | {"markers": "motive", "mocap": facts}
     extra = {name: column for name, column in session.extra.items() if name not in OF_CAMERAS}
     return replace(session, marker=marker, metadata=metadata, extra=extra)
+
+
+def _own_frame(session: Session, filmed: Array, rigid: Rigid) -> tuple[Rigid, str]:
+    """The frame fitted to the twin's markers; where the arm's own joints contradict it, fitted to these.
+
+    `filmed` (T, 9, 3) are the session's markers in the cameras' frame [m].
+    """
+    seen = np.flatnonzero(np.isfinite(filmed).all(axis=-1).sum(axis=1) >= FEWEST)
+    if len(seen) == 0:
+        return rigid, "fitted on the arm's markers"
+    rows = seen[np.linspace(0, len(seen) - 1, min(len(seen), place.ROWS)).round().astype(int)]
+    start = joint_from_motor(session.motor_position[rows, :N_JOINTS])
+    by_twin = place.fit(filmed[rows], start, to_base=rigid)
+    if by_twin.misplaced <= DOUBTED:
+        return rigid, "fitted on the arm's markers"
+    by_joints = place.fit(filmed[rows], start, frame=True, to_base=rigid)
+    if by_joints.misplaced > HALVED * by_twin.misplaced:
+        return rigid, "fitted on the arm's markers"
+    return by_joints.to_base, "fitted on the arm's joints"
 
 
 def _given_frame(config: Merge, take: Take) -> tuple[Rigid, str] | None:

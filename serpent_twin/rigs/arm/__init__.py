@@ -19,8 +19,6 @@ from serpent_twin.rigs.rig import Candidate, Point
 
 _FRICTIONS = (0.0015, 0.004, 0.01)  # [N m] of each hinge, tried with
 _DAMPINGS = (0.001, 0.004, 0.015)  # [N m s/rad]
-_FOREIGN = 2e-3  # [m] rms of what no pose explains: cameras see to tenths of a millimetre
-_MISPLACED = 5e-3  # [m] that no marker is off its place on its link
 _MOVES = 0.02  # share of rows in which a motor must turn to tell of its cable and gear
 _ROWS = 600  # rows enough to find where markers sit
 _TRIED = 4  # segments to find the hinges' friction
@@ -49,6 +47,7 @@ class ArmRig:
         """First guesses: marker places and cable laws from poses and loads alone, then the hinges'
         friction and damping by trying nine of each.
         """
+        refuse_damaged(list(training))
         marker, motor, velocity, load = (
             np.concatenate([getattr(session, name) for session in training])
             for name in ("marker", "motor_position", "motor_velocity", "motor_load")
@@ -56,13 +55,6 @@ class ArmRig:
         start = joint_from_motor(motor[:, :N_JOINTS])
         few = slice(None, None, max(1, len(marker) // _ROWS))
         offset, error, rms = marker_offsets(marker[few], start[few])
-        misplaced = float(np.abs(offset).max())
-        if rms > _FOREIGN or misplaced > _MISPLACED:
-            raise SerpentError(
-                f"no pose of this arm puts its markers where the logs have them: {1e3 * rms:.1f} mm "
-                f"remain, with markers misplaced by up to {1e3 * misplaced:.1f} mm. The logs are of "
-                "another machine, or in another frame: see python -m serpent_twin.mocap frame --help."
-            )
         joint = joints_from_markers(marker, start, offset)
         laws = cable_laws(joint, motor, velocity, load)
         about = vector(laws, offset, error, _FRICTIONS[1], _DAMPINGS[1])
