@@ -105,7 +105,7 @@ def measured(
     others = list(
         dict.fromkeys(point for of in named.values() for point in of if point not in posed)
     )
-    parts = {"sweep": (posed, plan.measuring),
+    parts = {"sweep": (posed, used_only(plan.measuring)),
              "commands": (others, used_only(replace(plan.measuring, readouts=())))}  # fmt: skip
     found, costs = {}, []
     for name, (points, measuring) in parts.items():

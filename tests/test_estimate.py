@@ -142,9 +142,9 @@ def test_the_arm_to_simulate_is_another_flag(models, tmp_path):
     [
         ({"twin": Path("twin.json"), "backend": "real"}, r"residual in .* has no twin"),
         ({"twin": Path("twin.json"), "simulate": Path("a.json")}, r"residual in .* has no twin"),
-        ({"simulate": Path("a.json"), "backend": "real"}, "--simulate is the arm to simulate"),
+        ({"simulate": Path("a.json"), "backend": "real"}, "--simulate is for --backend sim"),
         ({"simulate": Path("none.json")}, "none.json cannot be read"),
-        ({"rate_hz": 101.0}, "up to 100 Hz"),
+        ({"rate_hz": 101.0}, "from 0.01 to 100 Hz"),
         ({"steps": 0}, "--steps is 0"),
         ({"backend": "real"}, "no port"),
         ({"model": Path("nowhere")}, "nowhere holds no trained readout"),
@@ -199,7 +199,8 @@ def test_over_the_wire_estimates_are_those_of_the_twin(models, tmp_path):
     estimate(config)
     with running("--lockstep", "--load-noise", "0") as device:
         real = Real(port=device.port, setup=tmp_path / "none.toml")
-        found = estimate(replace(config, out=tmp_path / "real", backend="real", real=real))
+        own = {"backend": "real", "real": real, "parameters": NOMINAL}
+        found = estimate(replace(config, out=tmp_path / "real", **own))
     here, there = logged(tmp_path / "sim"), logged(tmp_path / "real")
     np.testing.assert_array_equal(estimated(there), estimated(here))
     assert there.metadata["estimate"]["readout"] == "residual"
