@@ -2,7 +2,7 @@ PYTHON ?= python3.11
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: setup demo test test-fast lint bench faults loop sweep model lock clean
+.PHONY: setup demo test test-fast lint bench faults fuzz loop sweep model lock clean
 
 help:           ## Say what can be made
 	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  .*##' $(MAKEFILE_LIST) | sed 's/:.*##/ —/'
@@ -37,6 +37,9 @@ bench: setup  ## Speed and memory, as ratios against bare MuJoCo
 
 faults: setup  ## Every fault of the bus through the collect loop: some five minutes
 	$(BIN)/python experiments/fault_matrix.py --out fault_matrix
+
+fuzz: setup  ## Damaged packets and files, 10,000 of each source: some ten minutes
+	$(BIN)/python experiments/fuzz.py --out out/fuzz
 
 loop: setup  ## Find what the twin lacks of the arm in data/: some ten minutes
 	$(BIN)/python experiments/close_the_loop.py --logs data --out close_the_loop

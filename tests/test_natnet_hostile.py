@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from fuzzed import mutants
+from fuzz import mutants
 from test_mocap_live import STRAIGHT, stage
 
 from serpent_twin.errors import SerpentError

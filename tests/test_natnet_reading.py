@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from fuzzed import mutants
+from fuzz import mutants
 
 from serpent_twin.arm import markers
 from serpent_twin.mocap.natnet import packets, reading
