@@ -170,7 +170,7 @@ def _scored(plan: Adaptation, base: Readout, count: str, folder: Path) -> dict[s
     if count != NONE:
         few = plan.learn if count == ALL else plan.learn.first(int(count))
         if not (folder / COST).exists():
-            _train(base, few, folder)
+            _train(base, few, plan.test, folder)
         readout, windows = load(folder, plan.window), len(few.x)
         took = training_time(folder)
     result = judged(readout, plan.test, took)
@@ -178,11 +178,12 @@ def _scored(plan: Adaptation, base: Readout, count: str, folder: Path) -> dict[s
     return asdict(result.scores) | result.certain | cost
 
 
-def _train(base: Readout, few: Windows, folder: Path) -> None:
+def _train(base: Readout, few: Windows, test: Windows, folder: Path) -> None:
     """Learn the correction and save it, the cost last: what was interrupted is done again."""
     adapted = Adapted.of(base)
     began = time.perf_counter()
     adapted.fit(few, few, np.random.default_rng(0))
     cost = {"train_s": time.perf_counter() - began}
+    adapted.tested_on = (*base.tested_on, *test.sources("test"))
     adapted.save(folder)
     write_whole(folder / COST, json.dumps(cost) + "\n")

@@ -1,23 +1,24 @@
 """How is a session drawn in rerun?"""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from serpent_twin import log, meshes, routing, twin
 from serpent_twin.arm import ARM, N_JOINTS, N_MOTORS, Arm, Array, link_frames
+from serpent_twin.blueprint import KEY, LOADS, TENSIONS, blueprint, key, short
 from serpent_twin.errors import SerpentError
 from serpent_twin.mjcf import STRANDS
 from serpent_twin.numerals import counted
 
 Rows = NDArray[np.intp]
+Colour = tuple[int, int, int]
 
 _SLACK, _HALF, _TIGHT = (40, 85, 205), (235, 215, 205), (225, 30, 30)
 MEASURED, ESTIMATED, TWIN = (70, 215, 120), (255, 150, 30), (150, 165, 190)
@@ -34,6 +35,8 @@ class Estimate:
     """Rows of the session, (N,)"""
     marker: Array
     """[m], (N, 9, 3)"""
+    seen: str = ""
+    """Whether it was trained on this session, as a sentence"""
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class Overlay:
     """Of its entities"""
     look: str
     """Its colour in words"""
-    colour: tuple[int, int, int]
+    colour: Colour
     """0 … 255"""
     moved: twin.Replay
     """What it did"""
@@ -101,9 +104,10 @@ def _draw(
         writer.markers("estimated", guess.marker, guess.row, ESTIMATED, 0.0048)
         writer.error(guess.name, guess.marker - session.marker[guess.row], guess.row, ESTIMATED)
     for j in range(N_MOTORS):
-        writer.curve(f"plots/load/motor{j + 1}", 100 * session.motor_load[:, j], hue(j))
+        load = 100 * session.motor_load[:, j]
+        writer.curve(f"{LOADS}/motor{j + 1}", load, hue(j), name=f"motor {j + 1}")
     for n, name in enumerate(STRANDS):
-        writer.curve(f"plots/tension/{name}", posed.tension[:, n], hue(n // 2))
+        writer.curve(f"{TENSIONS}/{name}", posed.tension[:, n], hue(n // 2), name=short(name))
 
 
 def require_writable(out: Path) -> None:
@@ -151,35 +155,6 @@ def tension_colour(tension: Array, full: float) -> np.ndarray:
     return np.stack([*channels, np.full_like(share, 255)], axis=-1).astype(np.uint8)
 
 
-def blueprint(title: str, plots: Sequence[rrb.TimeSeriesView] | None = None) -> rrb.Blueprint:
-    """The arm large, plots beside it, those of a session unless told, in a quiet window."""
-    eye = rrb.EyeControls3D(
-        position=(0.12, 0.46, 0.62), look_target=(0.135, 0.01, 0.0), eye_up=(-1, 0, 0)
-    )
-    scene = rrb.Spatial3DView(
-        origin="/", contents=["arm/**", "markers/**"], name=title, eye_controls=eye,
-        background=(28, 31, 36), line_grid=False,
-    )  # fmt: skip
-    about = rrb.TextDocumentView(origin="about", name="About")
-    plots = _plots() if plots is None else plots
-    side = rrb.Vertical(*plots, about, row_shares=[6] + [5] * len(plots))
-    return rrb.Blueprint(
-        rrb.Horizontal(scene, side, column_shares=[5, 4]),
-        rrb.TimePanel(state="collapsed", timeline="time"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-    )
-
-
-def _plots() -> list[rrb.TimeSeriesView]:
-    legend = rrb.PlotLegend(visible=False)
-    return [
-        rrb.TimeSeriesView(origin="plots/error", name="Marker error, mean of nine [mm]"),
-        rrb.TimeSeriesView(origin="plots/load", name="Motor load [% of stall]", plot_legend=legend),
-        rrb.TimeSeriesView(origin="plots/tension", name="Strand tension [N]", plot_legend=legend),
-    ]
-
-
 @dataclass(frozen=True)
 class Writer:
     """Puts columns of a session's rows on both timelines of a recording."""
@@ -195,8 +170,6 @@ class Writer:
 
     def about(self, session: log.Session, twins: list[Overlay], guess: Estimate | None) -> None:
         """A page that says what is shown."""
-        looks = [("green", "measured"), *((t.look, t.name.replace("_", " ")) for t in twins)]
-        looks += [("orange", f"`{guess.name}`")] if guess else []
         last = twins[-1]
         lines = [
             f"### {session.metadata.get('arm')}, {session.name}",
@@ -204,11 +177,15 @@ class Writer:
             f"backend `{session.metadata.get('backend')}`.",
             f"Pose and tensions: the {last.name.replace('_', ' ')}, driven by the measured motor angles.",
             *(_distance(t, session.marker) for t in twins),
-            f"Cables: blue is slack, red is {full_tension(last.moved.tension):.1f} N or more.",
-            "Markers: " + ", ".join(f"{look} {what}" for look, what in looks) + ".",
+            guess.seen if guess else "",
         ]
         page = rr.TextDocument("\n\n".join(filter(None, lines)), media_type="text/markdown")
         self.recording.log("about", page, static=True)
+        looks = {"green": "marker, as the cameras measured it"}
+        looks |= {t.look: f"marker of the {t.name.replace('_', ' ')}" for t in twins}
+        looks |= {"orange": f"marker, as `{guess.name}` estimates it"} if guess else {}
+        looks["blue … red cable"] = f"slack … {full_tension(last.moved.tension):.1f} N or more"
+        self.recording.log(KEY, key(looks), static=True)
         self.recording.log("/", rr.ViewCoordinates.DLF, static=True)  # +x hangs down
 
     def shapes(self) -> None:
@@ -248,9 +225,7 @@ class Writer:
                 self.recording.log(path, shape, static=True)
                 self.send(path, rr.LineStrips3D.columns(colors=colours[:, n]))
 
-    def markers(
-        self, kind: str, marker: Array, row: Rows, colour: tuple[int, int, int], radius: float
-    ) -> None:
+    def markers(self, kind: str, marker: Array, row: Rows, colour: Colour, radius: float) -> None:
         """Marker positions [m], (N, 9, 3), at some rows; nothing is shown where one was lost."""
         for i in range(N_JOINTS):
             path, seen = f"markers/{kind}/marker{i + 1}", np.isfinite(marker[:, i]).all(axis=-1)
@@ -260,7 +235,7 @@ class Writer:
             points = rr.Points3D.columns(positions=marker[seen, i])
             self.send(path, points.partition(seen.astype(int)), row)
 
-    def chain(self, kind: str, marker: Array, colour: tuple[int, int, int]) -> None:
+    def chain(self, kind: str, marker: Array, colour: Colour) -> None:
         """A line from the base through the markers that are seen, (T, 9, 3)."""
         path, radius = f"markers/{kind}/chain", rr.Radius.ui_points(2.0)
         look = rr.LineStrips3D.from_fields(colors=[colour], radii=radius)
@@ -269,7 +244,7 @@ class Writer:
         lines = [np.vstack([base, each[np.isfinite(each).all(axis=-1)]]) for each in marker]
         self.send(path, rr.LineStrips3D.columns(strips=lines))
 
-    def error(self, name: str, off: Array, row: Rows, colour: tuple[int, int, int]) -> None:
+    def error(self, name: str, off: Array, row: Rows, colour: Colour) -> None:
         """Mean distance of the markers seen [mm], from their differences [m], (N, 9, 3)."""
         distance = 1e3 * np.linalg.norm(off, axis=-1)
         seen = np.isfinite(distance)
@@ -278,15 +253,16 @@ class Writer:
         self.curve(f"plots/error/{name}", mean, colour, row[some])
 
     def curve(
-        self, path: str, value: Array, colour: tuple[int, int, int], row: Rows | None = None
+        self, path: str, value: Array, colour: Colour, row: Rows | None = None, name: str = ""
     ) -> None:
         """One line of a plot, in its style."""
-        self.style(path, colour)
+        self.style(path, colour, name)
         self.send(path, rr.Scalars.columns(scalars=value), row)
 
-    def style(self, path: str, colour: tuple[int, int, int]) -> None:
-        """How a line of a plot looks."""
-        style = rr.SeriesLines(colors=[colour], names=path.rsplit("/", 1)[-1], widths=[1.3])
+    def style(self, path: str, colour: Colour, name: str = "") -> None:
+        """How a line of a plot looks, and its name in the legend: without one, the end of its path."""
+        named = name or path.rsplit("/", 1)[-1].replace("_", " ")
+        style = rr.SeriesLines(colors=[colour], names=named, widths=[1.3])
         self.recording.log(path, style, static=True)
 
     def _pose(self, path: str, place: Array, turned: Rotation) -> None:

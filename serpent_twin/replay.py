@@ -23,6 +23,7 @@ from serpent_twin.numerals import counted
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import file_hash
 from serpent_twin.readout.belief import require_finite
+from serpent_twin.readout.membership import told
 from serpent_twin.readout.windows import cut
 from serpent_twin.recording import Estimate
 from serpent_twin.twin import replay_motors
@@ -54,6 +55,7 @@ def main(
     log.refuse_damaged([seen])
     corrected = corrected_twin(twin, seen) if twin else None
     identity = _identity(session, readout, corrected)
+    said = membership(seen, readout) if readout else ""
     if not _already_there(out, identity):
         guess = estimate(seen, readout) if readout else None
         recording.require_writable(out)
@@ -61,7 +63,7 @@ def main(
         moved = replay_motors(seen.time, seen.motor_position)
         better = corrected and replay_motors(seen.time, seen.motor_position, corrected)
         recording.write(out, seen, moved, guess, identity, corrected=better)
-    print(f"{out}: the session as rerun shows it")
+    print("\n".join(filter(None, (said, f"{out}: the session as rerun shows it"))))
     if view:
         _open(out)
     next_step.say(next_step.after_replay(out))
@@ -75,7 +77,12 @@ def estimate(session: log.Session, folder: Path) -> Estimate:
     row = np.arange(len(session) - len(seen.x), len(session))
     belief = trained.follow(seen)
     require_finite(belief, trained.name, f"in {session.path or session.name}")
-    return Estimate(trained.name, row, belief.marker)
+    return Estimate(trained.name, row, belief.marker, told(trained, session))
+
+
+def membership(session: log.Session, folder: Path) -> str:
+    """In which set of the readout saved in `folder` a session is, as a sentence."""
+    return told(readout.load(folder), session)
 
 
 def corrected_twin(path: Path, seen: log.Session) -> Design:

@@ -237,16 +237,14 @@ def _run(trials: list[Trial], sessions: Split, config: Train) -> dict[Trial, Res
     """Train what is not stored yet, then score everything."""
     missing = [trial for trial in trials if not trial.stored()]
     for number, trial in enumerate(missing, 1):
+        *known, test = sessions.windows(trial.window, config.drop)
         learn, steer = (
             jittered(part, config.command_jitter or 0.0, np.random.default_rng([config.seed, n]))
-            for n, part in enumerate(sessions.windows(trial.window, config.drop)[:2])
+            for n, part in enumerate(known)
         )
-        with tqdm(
-            desc=f"[{number}/{len(missing)}] {trial.name}, H = {trial.window}",
-            unit="epoch",
-            leave=True,
-        ) as bar:
-            trial.train(learn, steer, lambda *told, bar=bar: _show(bar, *told))
+        label = f"[{number}/{len(missing)}] {trial.name}, H = {trial.window}"
+        with tqdm(desc=label, unit="epoch", leave=True) as bar:
+            trial.train(learn, steer, lambda *told, bar=bar: _show(bar, *told), test)
     tested = {h: sessions.windows(h, config.drop)[2] for h in {trial.window for trial in trials}}
     return {trial: trial.result(tested[trial.window]) for trial in trials}
 

@@ -21,13 +21,14 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from serpent_twin.arm import N_JOINTS, N_MOTORS, Array, joint_from_motor
+from serpent_twin.blueprint import KEY, LOADS, TEN, Plot, blueprint, key, loads
 from serpent_twin.bus.dynamixel.shutdown import STOPPING
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimate.stream import Page, Sample
 from serpent_twin.pose import joints_from_markers
 from serpent_twin.readout.belief import Belief
 from serpent_twin.readout.score import distances, step_means
-from serpent_twin.recording import ESTIMATED, MEASURED, Writer, blueprint, hue
+from serpent_twin.recording import ESTIMATED, MEASURED, Writer, hue
 
 EVERY = 0.2
 """Rows are drawn together, so often [s]"""
@@ -36,6 +37,11 @@ MOST = 500
 PORT = 9876
 """Where rerun's viewer listens"""
 _EXPECTED, _LATENCY = (200, 200, 200), (120, 160, 255)
+_LOOKS = {
+    "orange": "marker, as it is estimated: the mean",
+    "orange ellipsoid": "should hold the measured marker in 95 % of the rows",
+    "green": "marker, as the cameras measured it",
+}
 
 
 def draw(rows: Connection, page: Page) -> None:
@@ -114,7 +120,7 @@ class Drawing:
         self._curve(writer, "plots/error/expected_rms", step_means(1e3 * spread))
         self._curve(writer, "plots/latency/ms", latency)
         for j in range(N_MOTORS):
-            self._curve(writer, f"plots/load/motor{j + 1}", 100 * load[:, j])
+            self._curve(writer, f"{LOADS}/motor{j + 1}", 100 * load[:, j])
 
     def end(self) -> str:
         """Make the recording whole; says what is wrong with it, or nothing."""
@@ -149,17 +155,18 @@ class Drawing:
             "error/expected_rms": _EXPECTED,
             "latency/ms": _LATENCY,
         }
-        colours |= {f"load/motor{j + 1}": hue(j) for j in range(N_MOTORS)}
         for name, colour in colours.items():
             writer.style(f"plots/{name}", colour)
+        for j in range(N_MOTORS):
+            writer.style(f"{LOADS}/motor{j + 1}", hue(j), f"motor {j + 1}")
         lines = [
             f"### {self._page.readout}, live",
             f"{self._page.about}.",
-            "Pose: as estimated, from the motor bus alone. Markers: orange estimated, in ellipsoids that "
-            "should hold 95 % of the measured ones; green measured.",
+            "Pose: as estimated, from the motor bus alone.",
         ]
         page = rr.TextDocument("\n\n".join(lines), media_type="text/markdown")
         self._stream.log("about", page, **fixed)
+        self._stream.log(KEY, key(_LOOKS), **fixed)
         self._stream.log("/", rr.ViewCoordinates.DLF, **fixed)  # +x hangs down
         writer.shapes()
 
@@ -217,12 +224,9 @@ def _listens() -> bool:
         return probe.connect_ex(("127.0.0.1", PORT)) == 0
 
 
-def _plots() -> list[rrb.TimeSeriesView]:
-    legend = rrb.PlotLegend(visible=False)
-    return [
-        rrb.TimeSeriesView(
-            origin="plots/error", name="Marker error: measured, and as expected [mm]"
-        ),
-        rrb.TimeSeriesView(origin="plots/load", name="Motor load [% of stall]", plot_legend=legend),
-        rrb.TimeSeriesView(origin="plots/latency", name="From reading to estimate [ms]"),
-    ]
+def _plots() -> dict[Plot, int]:
+    error = rrb.TimeSeriesView(
+        origin="plots/error", name="Marker error: measured, and as expected [mm]"
+    )
+    latency = rrb.TimeSeriesView(origin="plots/latency", name="From reading to estimate [ms]")
+    return {error: 1, loads(): TEN, latency: 1}

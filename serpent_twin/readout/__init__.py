@@ -70,6 +70,8 @@ class Readout(ABC):
     """Of each marker's error over the validation sessions [m²], (9, 3, 3); NaN if that is not known"""
     trained_on: tuple[Source, ...] = field(default=(), init=False, repr=False)
     """The logs that it was trained and validated on; empty if they are not known"""
+    tested_on: tuple[Source, ...] = field(default=(), init=False, repr=False)
+    """The logs that it was scored on when it was trained; empty if they are not known"""
     stopped_after: int | None = field(default=None, init=False)
     """Epochs after which training was ended before the readout's own rule ends it; None if it was not"""
 
@@ -151,6 +153,7 @@ class Readout(ABC):
             "rate_hz": self.rate_hz,
             "covariance_m2": self.covariance.tolist(),
             "trained_on": [asdict(source) for source in self.trained_on],
+            "tested_on": [asdict(source) for source in self.tested_on],
             "stopped_after_epochs": self.stopped_after,
             "history": [asdict(epoch) for epoch in self.history],
         }
@@ -243,7 +246,7 @@ def load(folder: Path, window: int | None = None) -> Readout:
     readout.learned = read_learned(folder, wanted)
     readout.rate_hz, readout.covariance = about.rate_hz, about.covariance
     readout.trained_on, readout.stopped_after = about.trained_on, about.stopped_after_epochs
-    readout.history = about.history
+    readout.tested_on, readout.history = about.tested_on, about.history
     return readout
 
 

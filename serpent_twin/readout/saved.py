@@ -59,6 +59,7 @@ class About(stored.Form, frozen=True):
     """NaN where that is not known"""
     history: list[Epoch]
     trained_on: tuple[Source, ...] = ()
+    tested_on: tuple[Source, ...] = ()
     stopped_after_epochs: Annotated[int, within(0, 1_000_000)] | None = None
 
     @property

@@ -119,13 +119,19 @@ class Trial:
             )
         return True
 
-    def train(self, train: Windows, validate: Windows, progress: Progress) -> None:
-        """Fit and save, the cost last: a trial that was interrupted is not `stored`."""
+    def train(
+        self, train: Windows, validate: Windows, progress: Progress, test: Windows | None = None
+    ) -> None:
+        """Fit and save, the cost last: a trial that was interrupted is not `stored`.
+
+        Of the test windows only their logs' names and hashes are kept.
+        """
         readout = self.untrained()
         rng = np.random.default_rng([self.seed, self.window, zlib.crc32(self.name.encode())])
         began = time.perf_counter()
         readout.fit(train, validate, rng, progress)
         cost = {"train_s": time.perf_counter() - began}
+        readout.tested_on = test.sources("test") if test else ()
         readout.save(self.folder)
         write_whole(self.folder / COST, json.dumps(cost) + "\n")
 

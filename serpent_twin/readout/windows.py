@@ -58,7 +58,7 @@ class Source:
     model_sha256: str = ""
     """Fingerprint of the arm that was simulated; empty if none was"""
     use: str = "train"
-    """train, or validate: used for early stopping, covariances and model selection"""
+    """train; validate: used for early stopping, covariances and model selection; or test"""
 
 
 @dataclass(frozen=True)
