@@ -55,9 +55,10 @@ class MachineTwin(stored.Form, frozen=True):
 
     def along(self, wanted: Sequence[str], where: str) -> Array:
         """Where it lies along these parameters, which must be all; errors begin with `where`."""
-        if sorted(wanted) != sorted(self.declared):
-            odd = stored.names(sorted({*wanted} ^ {*self.declared}))
-            raise SerpentError(f"{where} lacks or should not have {odd}. {_ADVICE}")
+        if lacking := [name for name in wanted if name not in self.declared]:
+            raise SerpentError(f"{where} lacks {stored.names(lacking)}. {_ADVICE}")
+        if strange := [name for name in self.declared if name not in wanted]:
+            raise SerpentError(f"{where} has {stored.names(strange)}, which is unknown there. {_ADVICE}")
         return np.array([self.declared[name].value for name in wanted])
 
     @property

@@ -10,7 +10,7 @@ from serpent_twin.numerals import counted
 
 Steps = tuple[str | int, ...]
 """Keys and indices from a file's top to a value."""
-_LONGEST = 40
+_LONGEST = 48
 _TABLE = "a table of keys"
 
 
