@@ -25,7 +25,7 @@ def styles(taken: Sequence[str] = ()) -> Iterator[Style]:
     those taken, then all of them again with other line styles.
     """
     colours = (*WARM, *COLD)
-    markers = dict(zip((*COLD, *WARM), _MARKERS, strict=True))
+    markers: dict[str, str] = dict(zip((*COLD, *WARM), _MARKERS, strict=True))
     for n, line in enumerate(itertools.cycle(_LINES)):
         for colour in (each for each in colours if n or each not in taken):
             yield {"color": colour, "marker": markers[colour], "ls": line}

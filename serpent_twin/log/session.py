@@ -119,7 +119,7 @@ class Session:
 
 def rate_of(metadata: Mapping[str, Any], where: str) -> float:
     """Control steps per second that a log's metadata tell, or a `SerpentError` that names `where`."""
-    rate = metadata.get("rate_hz")
+    rate: Any = metadata.get("rate_hz")
     is_number = isinstance(rate, int | float | np.number) and not isinstance(rate, bool)
     if not is_number or not FEWEST_HZ <= rate <= MOST_HZ:
         told = repr(rate) if isinstance(rate, str) else str(rate)

@@ -56,7 +56,7 @@ class Steps:
         off = (self.total - self.mean * self.count) / self.count.mean()
         parts = np.split(off, np.cumsum(self.lengths)[:-1])
         longest = max(self.lengths)
-        covariance = sum(_autocovariance(part, longest) for part in parts)
+        covariance = np.sum([_autocovariance(part, longest) for part in parts], axis=0)
         if covariance[0] <= 0:
             return 1.0
         time = 2 * np.cumsum(covariance / covariance[0]) - 1
