@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from tqdm import tqdm
@@ -34,7 +35,9 @@ from serpent_twin.mocap.frame import IDENTITY, Rigid
 from serpent_twin.mocap.motive import read_take
 from serpent_twin.mocap.natnet import packets, reading
 from serpent_twin.mocap.natnet.reading import PacketError
+from serpent_twin.options import Checked, Seed
 from serpent_twin.readout import find, load, windows
+from serpent_twin.stored import within
 from serpent_twin.twin import Twin
 
 _VERSIONS: tuple[packets.Version, ...] = ((3, 1), (4, 0), (4, 1))
@@ -46,12 +49,12 @@ _VALUES = (
 
 
 @dataclass(frozen=True)
-class Fuzz:
+class Fuzz(Checked):
     """Mutate packets and files, and count what becomes of them."""
 
-    number: int = 10_000
+    number: Annotated[int, within(1, 100_000_000)] = 10_000
     """Mutants of each source."""
-    seed: int = 0
+    seed: Seed = 0
     """Of the mutations."""
     out: Path = Path("out/fuzz")
     """Folder for the table and for mutants that were neither read nor refused."""

@@ -78,7 +78,7 @@ IGNORED = {
 } | {
     name: [({}, set())]
     for name in (
-        "CloseTheLoop", "CollectSpeed", "Confusion", "Demo", "EstimateSpeed", "FaultMatrix",
+        "CloseTheLoop", "CollectSpeed", "Confusion", "Demo", "EstimateSpeed", "FaultMatrix", "Fuzz",
         "Measured", "SimToReal", "SweepSpeed", "TraceSpeed",
     )
 }  # fmt: skip

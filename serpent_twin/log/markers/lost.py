@@ -52,7 +52,7 @@ def lost(session: Session) -> Iterator[Finding]:
 def _missing(missing: np.ndarray, gone: np.ndarray) -> str:
     numbers = np.flatnonzero(missing) + 1
     shown = int((~gone[:, missing]).sum(axis=0).max())
-    where = "no row" if shown == 0 else f"at most {shown} of {len(gone)} rows"
+    where = "no row" if shown == 0 else f"at most {shown} of {counted(len(gone), 'row')}"
     many = len(numbers) > 1
     return (
         f"Marker{'s' * many} {listed(numbers)} {'are' if many else 'is'} missing: seen in {where}, and all "
