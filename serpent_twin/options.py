@@ -226,6 +226,4 @@ def _numbers(value: Any) -> Iterator[Real]:
 def _within(value: Any, limits: tuple[Meta, ...]) -> bool:
     if isinstance(value, float) and not isfinite(value):
         return False
-    return all(
-        (m.ge is None or m.ge <= value) and (m.le is None or value <= m.le) for m in limits
-    )
+    return all((m.ge is None or m.ge <= value) and (m.le is None or value <= m.le) for m in limits)
