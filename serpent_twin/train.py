@@ -262,11 +262,10 @@ def _conclude(
     """Write scores.json and the report, print the table; returns what scores.json holds."""
     config, sessions = plan.config, plan.sessions
     table = {t.name: r for t, r in results.items() if t.window == config.window}
-    by_window: dict[str, dict[str, Any]] = {}
-    for trial, result in results.items():
-        swept = trial.window != config.window or trial.window in parse_windows(config.windows)
-        if trial.name in SWEPT and swept:
-            by_window.setdefault(trial.name, {})[str(trial.window)] = result.summary()
+    asked, by_window = parse_windows(config.windows), dict[str, dict[str, Any]]()
+    for t, result in results.items():
+        if t.name in SWEPT and (t.window != config.window or t.window in asked):
+            by_window.setdefault(t.name, {})[str(t.window)] = result.summary()
     scores: dict[str, Any] = {
         "logs": str(config.logs),
         "test_sessions": sessions.names()["test"],
@@ -280,15 +279,13 @@ def _conclude(
     write_whole(config.out / "scores.json", json.dumps(scores, indent=1) + "\n")
     tested = sessions.windows(config.window, config.drop)[2]
     report = write(page(scores, {n: r.error_mm for n, r in table.items()}, tested), config.out)
-    for table_of in (score_table, detail_table):
-        shown = table_of(scores["readouts"])
+    for shown in (score_table(scores["readouts"]), detail_table(scores["readouts"])):
         print(f"{text_table(shown)}\n\n{fill(shown.note, 100)}\n")
     if scores["note"]:
         print(f"{fill(scores['note'], 100)}\n")
     if real:
         print(f"{text_table(adapt_table(real))}\n")
-    total = sum(readout["train_s"] for readout in scores["readouts"].values())
-    print(f"The table took {total:.0f} s of training.")
+    print(f"The table took {sum(r.train_s for r in table.values()):.0f} s of training.")
     print(f"\n{report}: the figures. {config.out / 'models'}: the trained readouts.")
     return scores
 

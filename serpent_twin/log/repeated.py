@@ -13,8 +13,8 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 
 SHARED = 10
-"""Equal rows that make two logs one. Of all pairs among 79 logs of the simulated arms, the XL330, the jaw and
-the trunk, two pairs share a row, and none shares two."""
+"""Equal rows that make two logs one. Of 69 logs of nine simulated arms, the XL330, the jaw and the trunk, two
+pairs of one machine share a row, and none shares two."""
 
 
 class Read(Protocol):

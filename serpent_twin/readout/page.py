@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arm import Array
+from serpent_twin.numerals import counted
 from serpent_twin.readout import figures
 from serpent_twin.readout.known_twin import listed
 from serpent_twin.readout.score import step_means
@@ -15,7 +16,6 @@ from serpent_twin.readout.tables import (
     best_of,
     cut_short,
     detail_table,
-    epochs,
     interval,
     marker_table,
     score_table,
@@ -47,7 +47,11 @@ def _lead(scores: Mapping[str, Any]) -> str:
     best = readouts[name]
     known, stopped = interval(best), cut_short(best)
     mean = f"{best['mean_mm']:.2f} mm" + (f" (95 % interval {known})" if known != "–" else "")
-    what = f"{name}, whose training was stopped after {epochs(stopped)}," if stopped else name
+    what = (
+        f"{name}, whose training was stopped after {counted(stopped, 'epoch')},"
+        if stopped
+        else name
+    )
     tested = ", ".join(scores["test_sessions"])
     lead = (
         f"{what} is nearest to the measured markers: {mean} on average over {tested}, which no readout saw "
@@ -77,7 +81,7 @@ def _against_peer(readouts: Mapping[str, Mapping[str, Any]]) -> str:
     if PEER not in readouts or name == PEER:
         return ""
     if stopped := cut_short(readouts[PEER]):
-        return f"The training of {PEER} was stopped after {epochs(stopped)}: it is no measure."
+        return f"The training of {PEER} was stopped after {counted(stopped, 'epoch')}: it is no measure."
     share = readouts[name]["mean_mm"] / readouts[PEER]["mean_mm"]
     return f"That is {share:.2f} times the error of {PEER}."
 
@@ -114,7 +118,9 @@ def _by_window(windows: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Figure
     )
     stopped = {n: cut_short(r) for n, of in windows.items() for r in of.values()}
     for name, count in stopped.items():
-        caption += f" The training of {name} was stopped after {epochs(count)}." if count else ""
+        caption += (
+            f" The training of {name} was stopped after {counted(count, 'epoch')}." if count else ""
+        )
     return Figure("error_by_window", figures.by_window(results), caption)
 
 

@@ -26,11 +26,6 @@ def cut_short(result: Mapping[str, Any]) -> int | None:
     return result.get("stopped_after_epochs")
 
 
-def epochs(count: int) -> str:
-    """A number of epochs in words."""
-    return f"{count} epoch{'s' * (count > 1)}"
-
-
 def score_table(readouts: Scores) -> Table:
     """The mean errors of scores.json with what they are worth, the least marked."""
     against = [key for key in AGAINST if any(f"against_{key}" in r for r in readouts.values())]
