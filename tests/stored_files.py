@@ -13,11 +13,10 @@ import pyarrow.parquet as pq
 from measured_logs import pendulum, write_log
 from session_log import make_session
 from test_readout_saved import made
-from test_rig_trunk import RIG, Trunk, shape
+from test_rig_trunk import RIG, Trunk, moving, shape
 from test_rig_trunk import made as trunk_log
-from test_rig_trunk import moving
 
-from serpent_twin import adapt, claim, design, log, readout
+from serpent_twin import adapt, design, log, readout
 from serpent_twin.bus.dynamixel.setup import ArmSetup, read_setup, write_setup
 from serpent_twin.bus.dynamixel.turns import LastSeen, read_turns, write_turns
 from serpent_twin.design import NOMINAL_DESIGN
@@ -108,8 +107,6 @@ def _among(name: str) -> tuple[Callable[[Path], str], Callable[[Path, bytes], ob
 def _scores(path: Path) -> None:
     score = Score("payload", 0.2, 0.1, np.array([0.03, 0.09]))
     Notebook(path.parent, Stopwatch()).scores(path.stem, lambda: [score])
-
-
 
 
 def _correction(path: Path) -> None:

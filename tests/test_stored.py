@@ -163,7 +163,16 @@ def test_an_unknown_key_is_named(reader, path):
         pytest.skip("these files may say more")
     content = json.loads(reader.text(path))
     for steps in list(objects(content)):
-        if key_of(steps) in ("provenance", "point", "measuring", "arm", "failed", "0", "windows", "linear"):
+        if key_of(steps) in (
+            "provenance",
+            "point",
+            "measuring",
+            "arm",
+            "failed",
+            "0",
+            "windows",
+            "linear",
+        ):
             continue
         more = copy.deepcopy(content)
         at(more, steps)["typo"] = 1
@@ -228,7 +237,9 @@ def test_toml_is_refused_as_json_is(text, says, tmp_path):
 
 
 def test_a_bound_is_told_with_its_unit():
-    with pytest.raises(SerpentError, match=r"a: x\[1\] is 7.0; it must be a number from 0 to 5 kg\."):
+    with pytest.raises(
+        SerpentError, match=r"a: x\[1\] is 7.0; it must be a number from 0 to 5 kg\."
+    ):
         stored.take({"x": [1.0, 7.0]}, _Weights, "a")
 
 
@@ -261,7 +272,21 @@ def test_a_command_says_it_in_one_sentence(command, tmp_path):
 def test_mutants_are_read_or_refused(reader, path):
     """Bytes changed, dropped, doubled and put in, by a seed."""
     rng, good = np.random.default_rng(1), reader.text(path).encode()
-    signs = [b"[", b"{", b"]", b"}", b'"', b",", b":", b"-", b"9" * 30, b"1e999", b"null", b"true", b"NaN"]
+    signs = [
+        b"[",
+        b"{",
+        b"]",
+        b"}",
+        b'"',
+        b",",
+        b":",
+        b"-",
+        b"9" * 30,
+        b"1e999",
+        b"null",
+        b"true",
+        b"NaN",
+    ]
     for _ in range(60 if reader.inside else 300):
         mutant = bytearray(good)
         for _ in range(rng.integers(1, 4)):

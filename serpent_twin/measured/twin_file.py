@@ -58,7 +58,9 @@ class MachineTwin(stored.Form, frozen=True):
         if lacking := [name for name in wanted if name not in self.declared]:
             raise SerpentError(f"{where} lacks {stored.names(lacking)}. {_ADVICE}")
         if strange := [name for name in self.declared if name not in wanted]:
-            raise SerpentError(f"{where} has {stored.names(strange)}, which is unknown there. {_ADVICE}")
+            raise SerpentError(
+                f"{where} has {stored.names(strange)}, which is unknown there. {_ADVICE}"
+            )
         return np.array([self.declared[name].value for name in wanted])
 
     @property
