@@ -104,7 +104,7 @@ def test_commands(tmp_path):
     assert recovered.returncode == 0 and "60 rows recovered" in recovered.stdout
     info = command("info", tmp_path)
     assert info.returncode == 0
-    for part in ("nominal", "seed: 7", "14.75", "0.56 %", "recovered"):
+    for part in ("nominal", "seed: 7", "14.75", "lost markers [%]", "0.56", "recovered"):
         assert part in info.stdout
     assert command("check", tmp_path).returncode == 0
     log.write_session(tmp_path / "session_02.parquet", damaged("a turn lost"))

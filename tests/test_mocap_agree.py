@@ -18,6 +18,7 @@ from serpent_twin.mocap.merge.align import Clock, refine
 from serpent_twin.mocap.merge.film import Film
 from serpent_twin.mocap.merge.match import match
 from serpent_twin.mocap.merge.merge import Merge, line
+from serpent_twin.numerals import counted
 from serpent_twin.twin import replay_motors
 
 NAMES = [f"arm:{n}" for n in range(1, 10)]
@@ -89,7 +90,10 @@ def test_what_cannot_be_found_at_all_is_said_in_its_own_words(recording):
     assert "less than 10 mm, so it cannot be found" in refusal(recording, predicted=still)
     for rows in (1, 2, 5):
         text = refusal(recording, time=session.time[:rows], predicted=predicted[:rows])
-        assert f"of {rows} rows lasts {session.time[rows - 1]:.2f} s; one shorter than 2 s" in text
+        assert (
+            f"of {counted(rows, 'row')} lasts {session.time[rows - 1]:.2f} s; one shorter than 2 s"
+            in text
+        )
     assert "shows no marker in any frame" in refusal(recording, seen=np.full_like(seen, np.nan))
     text = refusal(recording, seen=seen[:, :2], names=NAMES[:2])
     assert "only 2 markers; three are needed" in text
@@ -127,11 +131,11 @@ def test_the_residual_told_is_that_of_the_frame_in_use(recording, tmp_path):
     assert float(line(result).split()[5]) == pytest.approx(5, abs=1)
 
 
-def test_base_markers_in_millimetres_or_hidden_are_refused(recording, tmp_path):
+def test_base_markers_in_centimetres_or_hidden_are_refused(recording, tmp_path):
     session, _, frame, seen = recording
     fixed = np.broadcast_to(CAMERAS.apply(list(GLUED.values())), (len(frame), 3, 3)).copy()
     path, places = tmp_path / "base.json", GLUED
-    path.write_text(json.dumps({k: [1e3 * x for x in v] for k, v in places.items()}))
+    path.write_text(json.dumps({k: [100 * x for x in v] for k, v in places.items()}))
     everything = np.concatenate([seen, fixed], axis=1)
     take = write_take(tmp_path / "take.csv", frame, NAMES + list(GLUED), everything)
     with pytest.raises(SerpentError, match=r"base:a \d+, base:b \d+, base:c \d+\).* in metres"):
