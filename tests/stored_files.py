@@ -125,11 +125,17 @@ READERS: dict[str, Reader] = {
         design.read,
         ("parameters", "joint_damping"),
     ),
-    "trunk": Reader(_written("twin.json", lambda path: path.write_text(_trunk_text())), lambda path: RIG.changed(path).open([]), ("first", "hose", 0)),
+    "trunk": Reader(
+        _written("twin.json", lambda path: path.write_text(_trunk_text())),
+        lambda path: RIG.changed(path).open([]),
+        ("first", "hose", 0),
+    ),
     "readout.json": Reader(_readout, lambda path: readout.load(path.parent), ("config", "ridge")),
     "cost": Reader(_json(COST, {"train_s": 3.0}), lambda path: training_time(path.parent), ("train_s",)),
     "adapted": Reader(
-        lambda folder: _json_in(folder, _ADAPTED | {"windows": {"linear": {"0": _ROW | {"real_windows": 0}}}}),
+        lambda folder: _json_in(
+            folder, _ADAPTED | {"windows": {"linear": {"0": _ROW | {"real_windows": 0}}}}
+        ),
         lambda path: adapt.earlier(path.parent.parent),
         ("windows", "linear", "0", "real_windows"),
     ),

@@ -11,6 +11,7 @@ import pytest
 from live_runs import STEPS, estimated, logged, spread, train_few
 
 from serpent_twin import design
+from serpent_twin.arm import joint_from_motor, markers
 from serpent_twin.bus.device import running
 from serpent_twin.collect import Collect, Real, collect
 from serpent_twin.design import NOMINAL_DESIGN
@@ -228,7 +229,7 @@ def test_in_real_time_over_the_wire(models, tmp_path):
 
 def one_row_windows(session: Session):
     """Its windows from the first row on, of a session that shows no marker."""
-    stiff = replace(session, marker=np.zeros_like(session.marker))
+    stiff = replace(session, marker=markers(joint_from_motor(session.motor_position[:, :9])))
     windows: Windows = cut([stiff], 1, drop=0)
     return windows.sessions[0]
 

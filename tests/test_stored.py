@@ -58,8 +58,8 @@ NUMBERS = {
     "list": "[1]",
     "table": '{"a": 1}',
 }
-MAY_BE_ABSENT = {"schema_version", "arm", "tested_on", "provenance", "fitted_to", "standard_error", "trained_on",
-                 "stopped_after_epochs", "residual_rms_m", "count"}  # fmt: skip
+MAY_BE_ABSENT = {"schema_version", "arm", "tested_on", "provenance", "fitted_to", "standard_error",
+                 "trained_on", "stopped_after_epochs", "residual_rms_m", "count"}  # fmt: skip
 
 
 def refused(reader, path, *named):
