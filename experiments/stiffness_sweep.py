@@ -17,7 +17,7 @@ from stiffness_sweep_engine import engine_ratio, seconds_per_point
 from stiffness_sweep_networks import added, networks
 from stiffness_sweep_page import page, reasons
 from stiffness_sweep_plan import GRID, POSED, Plan, full, quick
-from stiffness_sweep_rows import Row, known, rows_of
+from stiffness_sweep_rows import rows_of
 from stiffness_sweep_transfer import matrix
 from tqdm import tqdm
 
@@ -31,6 +31,7 @@ from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.report import write
 from serpent_twin.stored import within
 from serpent_twin.sweep.run import Sweep, sweep
+from serpent_twin.sweep.rows import Row, known
 
 SETTINGS = "stiffness_sweep.json"
 

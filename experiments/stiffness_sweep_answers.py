@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from stiffness_sweep_plan import GRID, RATES, RATIO, RIGID, WEIGHTLESS, natural_period
-from stiffness_sweep_rows import Row, Rows, error_of, steady_readouts, values
+from stiffness_sweep_rows import Rows
 from stiffness_sweep_trend import (
     HELD,
     NOT,
@@ -23,6 +23,7 @@ from stiffness_sweep_trend import (
 
 from serpent_twin.arm import Array
 from serpent_twin.numerals import counted
+from serpent_twin.sweep.rows import Row, error_of, steady_readouts, values
 
 SLACK, STIFFNESS = 0, 1
 _NOTHING = 0.01  # share of all capacity that counts as none

@@ -5,11 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from stiffness_sweep_plan import GRID, Plan
-from stiffness_sweep_rows import Row
 
 from serpent_twin.options import used_only
 from serpent_twin.sweep.point import Point
 from serpent_twin.sweep.run import Sweep, sweep
+from serpent_twin.sweep.rows import Row
 
 Errors = Mapping[Point, Mapping[str, float]]
 """Mean marker distances [mm] by point and readout"""

@@ -8,12 +8,13 @@ from stiffness_sweep_answers import control
 from stiffness_sweep_arms import disagreement
 from stiffness_sweep_figures import figures
 from stiffness_sweep_plan import CROSSED, GRID, NOISES, RATIO
-from stiffness_sweep_rows import Row, Rows, error_of, readouts, steady_readouts, values
+from stiffness_sweep_rows import Rows
 from stiffness_sweep_transfer import worst
 from stiffness_sweep_trend import HELD, NOT, OPEN, TREND, Answer
 
 from serpent_twin.numerals import counted
 from serpent_twin.report import Report, Section, Table
+from serpent_twin.sweep.rows import Row, error_of, readouts, steady_readouts, values
 
 _CRITERIA = (
     f"A trend counts from a rank correlation of {TREND:g} on: it held if the whole 95 % interval lies "

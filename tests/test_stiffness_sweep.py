@@ -10,6 +10,7 @@ import pytest
 
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.sweep import drive
+from serpent_twin.sweep.rows import Row, values
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "experiments"))
 import stiffness_sweep
@@ -31,7 +32,6 @@ from stiffness_sweep_plan import (
     natural_period,
     quick,
 )
-from stiffness_sweep_rows import Row, values
 from stiffness_sweep_trend import HELD, NOT, OPEN, correlation, over_seeds, trend
 
 ROW = {

@@ -4,7 +4,7 @@ import itertools
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -22,12 +22,15 @@ from serpent_twin.option_groups import Group
 from serpent_twin.options import ABSENT, Checked, RateHz, Seed, Use, Workers, when
 from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import provenance, versions
+from serpent_twin.report import write
 from serpent_twin.stored import same_in_json, within
 from serpent_twin.sweep.cluster import cluster
 from serpent_twin.sweep.execute import Pool, execute
 from serpent_twin.sweep.outcome import Outcome, measured
+from serpent_twin.sweep.page import facts, page
 from serpent_twin.sweep.point import Measuring, Point, key
 from serpent_twin.sweep.processes import processes
+from serpent_twin.sweep.rows import row_of
 
 SETTINGS = "sweep.json"
 _ANEW = "Delete it, and the same command measures it anew."
@@ -49,8 +52,9 @@ class Sweep(Checked):
     """Measure how memory, computation and pose error change with an arm's cables and its commands.
 
     Each point of the grid becomes OUT/points/HASH.json, where it came from and how long it took
-    OUT/provenance/HASH.json, and the asked grid OUT/table.json. A second run measures only what is
-    missing; other grids may share the folder. The damping constant is given, not the damping ratio.
+    OUT/provenance/HASH.json, and the asked grid OUT/table.json, report.html, report.md and figures. A
+    second run measures only what is missing; other grids may share the folder. The damping constant is
+    given, not the damping ratio.
     """
 
     out: Path
@@ -209,10 +213,22 @@ def _read(path: Path) -> dict[str, Any]:
     return found
 
 
+def report(config: Sweep, table: Mapping[str, Any]) -> Path:
+    """Write the report of a grid that was measured; returns its path."""
+    measuring = config.measuring
+    of = {_path(config, point).name: point for point in grid(config)}
+    rows = [row_of(of[each["file"]], each, measuring) for each in table["points"]]
+    return write(page(config.out.resolve().name, rows, facts(table)), config.out)
+
+
 def main(config: Sweep) -> None:  # noqa: D103 tyro would print it above the config's own
     table = sweep(config)
     points = table["points"]
     failed = sum(1 for point in points if point["failed"])
     note = f", {failed} of them in part, as their files say" if failed else ""
-    print(f"{counted(len(points), 'point')}{note}. {config.out / 'table.json'}: the table.")
+    path = report(config, table)
+    print(
+        f"{counted(len(points), 'point')}{note}. {path}: the figures. "
+        f"{config.out / 'table.json'}: the table."
+    )
     next_step.say(next_step.after_sweep(config, table))
