@@ -150,7 +150,7 @@ def page(found: Mapping[str, dict[str, Any]], origin: Mapping[str, Any], figure:
     facts = {"commit": str(origin["git_commit"])}
     facts |= {k: str(v) for k, v in origin["settings"].items() if k != "input_sha256"}
     facts |= {f"seconds, {name}": f"{each['seconds']:.0f}" for name, each in found.items()}
-    return Report("The loop closed", lead(found), tuple(sections), facts)
+    return Report(f"The loop closed on {', '.join(found)}", lead(found), tuple(sections), facts)
 
 
 def lead(found: Mapping[str, dict[str, Any]]) -> str:

@@ -20,6 +20,7 @@ from confusion_score import (
 )
 from matplotlib.figure import Figure as Drawing
 
+from serpent_twin.drawing import label_logarithmic
 from serpent_twin.numerals import counted
 from serpent_twin.report import Figure, Report, Section, Table
 
@@ -44,7 +45,12 @@ def page(rows: Sequence[Row], figures: Mapping[str, Any], facts: Mapping[str, st
         sections.append(
             Section("Every arm of the catalogue that was called wrongly", "", (_each(bad),))
         )
-    return Report("What the trace confuses", _lead(rows), tuple(sections), facts)
+    return Report(
+        f"What the trace confuses, over {counted(len(rows), 'arm')}",
+        _lead(rows),
+        tuple(sections),
+        facts,
+    )
 
 
 _MATRIX = (
@@ -143,9 +149,7 @@ def _curves(found: Sequence[Limit]) -> Figure:
         axes.set(xscale="log", ylim=(-0.5, 1.5), xlabel="" if each.unit == "1" else each.unit)
         axes.set_yticks([0, 1], ["wrong", "right"])
         axes.set_title(each.name.replace("_", " "), loc="left", fontsize=9)
-        ticks = np.geomspace(each.strength.min(), each.strength.max(), 3)
-        axes.set_xticks(ticks, [f"{tick:.2g}" for tick in ticks])
-        axes.minorticks_off()
+        label_logarithmic(axes)
         axes.tick_params(labelsize=8)
         axes.spines[["top", "right"]].set_visible(False)
     return Figure("limits", drawing, "Every arm with one effect; the dotted line is the limit.")

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from measured_metric import METRICS, Metric
 
+from serpent_twin.drawing import label_logarithmic
 from serpent_twin.report import Figure, Report, Section, Table
 from serpent_twin.residual.figures import COLOURS, INK, SOFT
 
@@ -85,7 +86,9 @@ def page(found: Found) -> Report:
         if of["changed"]:
             texts = [_change_said(name, each, _metric(of)) for each in of["changed"]]
             sections.append(Section(f"{name}, changed", "\n\n".join([*texts, _OWN_WEIGHTS])))
-    return Report("The loop on measured machines", lead(found), tuple(sections))
+    return Report(
+        f"The loop on measured machines: {', '.join(found)}", lead(found), tuple(sections)
+    )
 
 
 def lead(found: Found) -> str:
@@ -153,8 +156,7 @@ def _bars(found: Found) -> Figure:
         axes.axhline(of["reference"], color=INK, lw=1, ls="--", label="reference")
         axes.set_xticks(range(len(of["splits"])), [_short(e["held_out"]) for e in of["splits"]])
         axes.set(title=name, ylabel=f"{_metric(of).words} [{_metric(of).unit}]", yscale="log")
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter("{x:g}")
+        label_logarithmic(axes)
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(colors=SOFT, labelcolor=INK)
     drawing.legend(

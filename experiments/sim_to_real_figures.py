@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
 from sim_to_real_twins import CALIBRATED, CORRECTED, NOMINAL, RANDOMISED
+
+from serpent_twin.drawing import label_axis, styles
 
 _COLOUR = {
     "real alone": "#6f6f6f",
@@ -23,6 +24,7 @@ _LABEL = {
     CORRECTED: "on the corrected twin, then the arm",
     RANDOMISED: "on twins drawn about it, then the arm",
 }
+_APART = 1.6  # times, so that their labels keep apart
 _ZERO = 30  # where no window at all is drawn on a logarithmic axis
 
 
@@ -30,7 +32,9 @@ def curves(arms: Mapping[str, Any]) -> Figure:
     """Error against real windows, an arm a panel."""
     columns = min(2, len(arms))
     rows = -(-len(arms) // columns)
-    figure, panels = plt.subplots(rows, columns, figsize=(5.2 * columns, 3.6 * rows), squeeze=False)
+    figure, panels = plt.subplots(
+        rows, columns, figsize=(5.2 * columns, 3.6 * rows), squeeze=False, layout="constrained"
+    )
     for axes in panels.ravel()[len(arms) :]:
         axes.set_visible(False)
     for axes, (name, a) in zip(panels.ravel(), arms.items(), strict=False):
@@ -54,16 +58,14 @@ def curves(arms: Mapping[str, Any]) -> Figure:
         axes.set(
             xscale="log", yscale="log", title=name, xlabel="real windows", ylabel="mean error [mm]"
         )
-        axes.set_xticks(
-            [_ZERO, 100, 500, 2000, most], ["0", "100", "500", "2,000", f"{most:,}"], fontsize=8
-        )
+        counts = [count for count in (100, 500, 2000) if _APART * count < most]
+        axes.set_xticks([_ZERO, *counts, most], [f"{n:,}" for n in (0, *counts, most)], fontsize=8)
         axes.minorticks_off()
-        axes.set_yticks([0.5, 1, 2, 5, 10, 20], ["0.5", "1", "2", "5", "10", "20"])
+        label_axis(axes.yaxis)
         axes.grid(alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=2, frameon=False, fontsize=9)
-    figure.tight_layout(rect=(0, 0.1 if rows > 1 else 0.2, 1, 1))
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     plt.close(figure)
     return figure
 
@@ -74,38 +76,35 @@ def _place(count: str, most: int) -> float:
 
 def coverage(arms: Mapping[str, Any]) -> Figure:
     """Share stated against share found."""
-    figure, axes = plt.subplots(figsize=(4.6, 4.2))
+    figure, axes = plt.subplots(figsize=(4.6, 4.2), layout="constrained")
     axes.plot([0.45, 1], [0.45, 1], color="#9a9a9a", lw=1)
-    for (name, a), colour in zip(
-        arms.items(), plt.get_cmap("tab10").colors * len(arms), strict=False
-    ):  # type: ignore[attr-defined]
+    for (name, a), style in zip(arms.items(), styles(), strict=False):
         stated = [float(share) for share in a["coverage"]]
-        axes.plot(stated, list(a["coverage"].values()), "o-", ms=4, label=name, color=colour)
+        axes.plot(stated, list(a["coverage"].values()), **style, ms=4.5, label=name)
     axes.set(xlabel="stated share", ylabel="share of markers inside", xlim=(0.45, 1), ylim=(0.3, 1))
     axes.legend(frameon=False)
     axes.spines[["top", "right"]].set_visible(False)
-    figure.tight_layout()
     plt.close(figure)
     return figure
 
 
 def changes(found: Mapping[str, Any]) -> Figure:
     """Error while an arm changes, a change a panel, an estimator a line."""
-    figure, panels = plt.subplots(len(found), 1, figsize=(8, 3.2 * len(found)), squeeze=False)
+    figure, panels = plt.subplots(
+        len(found), 1, figsize=(8, 3.2 * len(found)), squeeze=False, layout="constrained"
+    )
     for axes, of in zip(panels.ravel(), found.values(), strict=True):
-        for name, each in of["estimators"].items():
+        for (name, each), style in zip(of["estimators"].items(), styles(), strict=False):
+            style = style | {"marker": ""}
             mean = np.convolve(np.array(each["error_mm"]), np.ones(20) / 20, "valid")
-            axes.plot((np.arange(len(mean)) + 10) / 4, mean, lw=1.2, label=name)
+            axes.plot((np.arange(len(mean)) + 10) / 4, mean, **style, lw=1.2, label=name)
         axes.axvline(of["at_row"] / 4, color="#9a9a9a", lw=1)
         axes.set(
             xlabel="time [s]", ylabel="error, mean of 5 s [mm]", yscale="log", title=of["what"]
         )
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_locator(NullLocator())
+        label_axis(axes.yaxis)
         axes.spines[["top", "right"]].set_visible(False)
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=2, frameon=False, fontsize=8)
-    figure.tight_layout(rect=(0, 0.24 / len(found), 1, 1))
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
     plt.close(figure)
     return figure

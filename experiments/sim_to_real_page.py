@@ -32,7 +32,7 @@ def page(results: Mapping[str, Any], origin: Mapping[str, Any]) -> Report:
         Section("An arm that changes on the way", _CHANGES, _changes(results)),
         Section("What an estimate costs", "", (cost_table(arms),)),
     )
-    return Report("From simulation to the arm", lead(arms), sections, _facts(origin))
+    return Report(f"From simulation to {', '.join(arms)}", lead(arms), sections, _facts(origin))
 
 
 _CURVES = (

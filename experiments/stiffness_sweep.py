@@ -30,8 +30,8 @@ from serpent_twin.parameters import NOMINAL
 from serpent_twin.provenance import file_hash, provenance
 from serpent_twin.report import write
 from serpent_twin.stored import within
-from serpent_twin.sweep.run import Sweep, sweep
 from serpent_twin.sweep.rows import Row, known
+from serpent_twin.sweep.run import Sweep, sweep
 
 SETTINGS = "stiffness_sweep.json"
 

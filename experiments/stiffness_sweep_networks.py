@@ -8,8 +8,8 @@ from stiffness_sweep_plan import GRID, Plan
 
 from serpent_twin.options import used_only
 from serpent_twin.sweep.point import Point
-from serpent_twin.sweep.run import Sweep, sweep
 from serpent_twin.sweep.rows import Row
+from serpent_twin.sweep.run import Sweep, sweep
 
 Errors = Mapping[Point, Mapping[str, float]]
 """Mean marker distances [mm] by point and readout"""

@@ -49,7 +49,14 @@ def page(
         sections.append(Section("Readouts on other arms", worst(transfer), (drawn["transfer"],)))
     if failed := [row for row in rows[GRID] if row.failed]:
         sections.append(Section("What could not be measured", "", (_failed(failed),)))
-    return Report("What stiffness does", lead(rows, answers), tuple(sections), facts)
+    return Report(_title(rows, arms), lead(rows, answers), tuple(sections), facts)
+
+
+def _title(rows: Rows, arms: Mapping[str, Any]) -> str:
+    """What was swept, and which logged arms stand beside."""
+    stiffness = [row.stiffness / 1e3 for row in rows[GRID]]
+    beside = f", beside {', '.join(arms)}" if arms else ""
+    return f"What stiffness does, {min(stiffness):.3g} … {max(stiffness):.3g} kN/m{beside}"
 
 
 def lead(rows: Rows, answers: Sequence[Answer]) -> str:

@@ -17,5 +17,6 @@ def rows_of(
 ) -> dict[str, list[Row]]:
     """Rows by what they are for, out of what was found at each point."""
     return {
-        name: [row_of(point, found[point], measuring) for point in of] for name, of in points.items()
+        name: [row_of(point, found[point], measuring) for point in of]
+        for name, of in points.items()
     }

@@ -35,10 +35,11 @@ def label_logarithmic(axes: "Axes") -> None:
     """Give each logarithmic axis at least two labels within its limits, as they are now."""
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_scale() == "log":
-            _label(axis)
+            label_axis(axis)
 
 
-def _label(axis: "Axis") -> None:
+def label_axis(axis: "Axis") -> None:
+    """Give one logarithmic axis a few round numbers within its limits."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
     low, high = sorted(axis.get_view_interval())

@@ -1,6 +1,7 @@
 """What does a reader want to know of the trained readouts?"""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,8 @@ def page(scores: Mapping[str, Any], error_mm: Mapping[str, Array], test: Windows
         sections.append(Section("How much of the past", "", (_by_window(scores["windows"]),)))
     if "adapt" in scores:
         sections.append(_adapted(scores["adapt"]))
-    title = f"Pose readouts on {_folder(scores['logs'])}"
+    tested = ", ".join(scores["test_sessions"])
+    title = f"Pose readouts on {_folder(scores['logs'])}, tested on {tested}"
     return Report(title, _lead(scores), tuple(sections), _facts(scores))
 
 
@@ -147,7 +149,7 @@ def _curve(of_counts: Mapping[str, Mapping[str, Any]]) -> dict[int, float]:
 
 
 def _folder(logs: str) -> str:
-    return logs.rstrip("/").split("/")[-1]
+    return Path(logs).resolve().name
 
 
 def _facts(scores: Mapping[str, Any]) -> dict[str, str]:

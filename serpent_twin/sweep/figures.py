@@ -137,13 +137,17 @@ def by_degree(rows: Sequence[Row], control: Sequence[Row]) -> Figure:
     look = styles()
     for d, style in zip(range(len(rows[0].capacity)), look, strict=False):
         for axes, each in zip(panels, of.panels.values(), strict=True):
-            curve(axes, each, of.along, lambda r, d=d: r.capacity[d], label=f"degree {d + 1}", **style)
+            curve(
+                axes, each, of.along, lambda r, d=d: r.capacity[d], label=f"degree {d + 1}", **style
+            )
             if len(rigid):
                 axes.axhline(rigid[d], color=style["color"], lw=1, ls=":")
     if len(rigid):
         panels[0].plot([], [], color=SOFT, lw=1, ls=":", label=RIGID)
     finish(drawing, panels, of)
-    caption = "What motor angles and loads hold of their input history, by degree. Bars span the seeds."
+    caption = (
+        "What motor angles and loads hold of their input history, by degree. Bars span the seeds."
+    )
     return Figure("capacity_by_degree", drawing, caption + _left_out(of))
 
 
@@ -157,7 +161,9 @@ def memory(rows: Sequence[Row]) -> Figure:
             profiles = [row.memory for row in each if getattr(row, of.along) == value]
             if profiles:
                 label = f"{axis.text(value)} {axis.unit}"
-                axes.semilogy(np.mean(profiles, axis=0), "o-", color=colour, lw=1.6, ms=3, label=label)
+                axes.semilogy(
+                    np.mean(profiles, axis=0), "o-", color=colour, lw=1.6, ms=3, label=label
+                )
         axes.set_xlabel("delay [command periods]")
     finish(drawing, panels)
     caption = (
@@ -193,4 +199,8 @@ def shades(count: int) -> Array:
 
 
 def _left_out(of: Layout) -> str:
-    return f" {of.left_out} more panels are left out; the table has their points." if of.left_out else ""
+    return (
+        f" {of.left_out} more panels are left out; the table has their points."
+        if of.left_out
+        else ""
+    )

@@ -56,7 +56,9 @@ def lead(rows: Sequence[Row]) -> str:
     useful = {key: _mean(of, _MEASURES["beyond the taps"]) for key, of in groups.items()}
     if known := {key: mean for key, mean in useful.items() if np.isfinite(mean)}:
         at = max(known, key=lambda key: known[key])
-        most = f"Beyond the taps, motor angles and loads hold most{_where(at, rows)}: {known[at]:.2f}"
+        most = (
+            f"Beyond the taps, motor angles and loads hold most{_where(at, rows)}: {known[at]:.2f}"
+        )
         told.append(f"{most} of {_mean(groups[at], _MEASURES['capacity']):.1f} capacities.")
     measured = f"{counted(len(rows), 'point')}, {counted(len({row.seed for row in rows}), 'seed')}."
     return " ".join([measured, *told])
@@ -80,9 +82,7 @@ def failed_table(rows: Sequence[Row]) -> Table:
     """What failed at which point."""
     varied = _varied(rows) or ["stiffness"]
     header = (*(f"{AXES[n].name} {AXES[n].unit}" for n in varied), "seed", "what failed")
-    lines = tuple(
-        (*_place(row, varied), f"{row.seed}", row.failed) for row in rows
-    )
+    lines = tuple((*_place(row, varied), f"{row.seed}", row.failed) for row in rows)
     return Table(header, lines)
 
 

@@ -36,8 +36,15 @@ def page(
         _calibration(diagnosis, prior or {}),
         _last_resort(diagnosis),
     )
-    title = f"What the twin of {diagnosis.arm} lacks"
+    title = f"What the twin of {diagnosis.arm} lacks{_given(diagnosis, facts)}"
     return Report(title, lead(diagnosis), tuple(s for s in sections if s), facts)
+
+
+def _given(diagnosis: Diagnosis, facts: Mapping[str, str]) -> str:
+    """The logs and the sessions that judge, for the title."""
+    names = [name.removesuffix(".parquet") for name in diagnosis.held_out]
+    told = [facts.get("logs", ""), f"judged by {_listed(names)}" if names else ""]
+    return f" ({', '.join(filter(None, told))})" if any(told) else ""
 
 
 def lead(diagnosis: Diagnosis) -> str:
