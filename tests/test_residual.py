@@ -187,7 +187,7 @@ def test_a_learned_correction_is_saved_and_refused_where_it_does_not_fit(tmp_pat
     ):
         again.corrected(faster)
     (tmp_path / "other.npz").write_bytes(b"no such thing")
-    with pytest.raises(SerpentError, match="other.npz is not a whole .npz file"):
+    with pytest.raises(SerpentError, match=r"other\.npz is not a whole \.npz file"):
         last_resort.load(tmp_path / "other.npz")
 
 
