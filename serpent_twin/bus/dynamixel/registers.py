@@ -57,8 +57,11 @@ class MotorRegisters:
         if self.get(motor, name) == value:
             return False
         self.put(motor, name, value)
-        found = self.get(motor, name)
-        if found != value:
+        for _ in range(TRIES):
+            if (found := self.get(motor, name)) == value:
+                break
+            self.wire.drain()  # a late answer to an earlier question reads like one to this
+        else:
             raise BusError(
                 f"motor {motor} confirmed {value} for {name}, but holds {found}. "
                 "Check its supply and run serpent_twin.bus.doctor."
