@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.files import unused
 from serpent_twin.log import FIELDS, read_session, recover
 
 
@@ -39,7 +40,7 @@ def _is_complete(path: Path) -> bool:
     if read_session(path).metadata.get("complete", True):
         return True
     _partial(path).mkdir(exist_ok=True)
-    path.rename(_unused(_partial(path) / path.name))
+    path.rename(unused(_partial(path) / path.name))
     return False
 
 
@@ -58,11 +59,3 @@ def _recover_when_free(journal: Path, patience: float = 10.0) -> None:
             if time.monotonic() > until:
                 raise
             time.sleep(0.2)
-
-
-def _unused(path: Path) -> Path:
-    number, free = 1, path
-    while free.exists():
-        number += 1
-        free = path.with_name(f"{path.stem}_{number}{path.suffix}")
-    return free

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from serpent_twin import log
-from serpent_twin.next_step.words import Words, allowed, at_rate, flags, named_after, typed, unused
+from serpent_twin.files import unused
+from serpent_twin.next_step.words import Words, allowed, at_rate, flags, named_after, typed
 from serpent_twin.parameters import NOMINAL, Parameters
 from serpent_twin.provenance import file_hash
 

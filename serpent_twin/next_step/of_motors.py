@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from serpent_twin.next_step.words import Words, allowed, flags, unused
+from serpent_twin.files import unused
+from serpent_twin.next_step.words import Words, allowed, flags
 
 if TYPE_CHECKING:  # each command imports this module, which imports the others where it asks them
     from serpent_twin.collect import Real

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.files import unused
 
 Words = list[str]
 """A module and its arguments"""
@@ -37,15 +38,6 @@ def allowed(check: Callable[[], object]) -> bool:
     except (SerpentError, OSError):
         return False
     return True
-
-
-def unused(path: Path) -> Path:
-    """A path at which nothing is: this one, or one with a number."""
-    number, free = 1, path
-    while free.exists():
-        number += 1
-        free = path.with_name(f"{path.stem}_{number}{path.suffix}")
-    return free
 
 
 def named_after(beside: Path, of: Path, usual: str, wanted: str) -> Path:
