@@ -23,7 +23,7 @@ from serpent_twin.trace.run import Trace, planned
 from serpent_twin.train import Train
 from serpent_twin.train import planned as trained
 
-QUICK = "--readout linear observer"
+QUICK = "--readout linear mlp observer"
 
 
 def run(typed: str, folder: Path) -> str:
