@@ -29,6 +29,7 @@ _IN_ORDER = {  # names in the order in which the twin addresses them
 }
 _BESIDE_MJCF = ("servo_lag", "controller_gain", "marker_noise", "load_noise")
 """Parameters that no MJCF holds, so that they may be given beside one"""
+_ADVICE = "Give a twin.json or a model in MJCF."
 _MOST = 100_000_000  # bytes of an MJCF file, without what it includes
 _HINGE = mujoco.mjtJoint.mjJNT_HINGE
 
@@ -82,12 +83,14 @@ def read(path: Path | None, parameters: Parameters = NOMINAL, flag: str = "--twi
 
 
 def _model(path: Path) -> mujoco.MjModel:
-    stored.require_file(path, _MOST, "Give a twin.json or a model in MJCF.")
+    stored.require_file(path, _MOST, _ADVICE)
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
-        why = " ".join(str(error).split())
-        raise SerpentError(f"{path} is no model that MuJoCo can load: {why}") from error
+        why = " ".join(str(error).split()).rstrip(".")
+        raise SerpentError(
+            f"{path} is no model that MuJoCo can load: {why.rstrip('.')}. {_ADVICE}"
+        ) from error
     for kind, names in _IN_ORDER.items():
         found = [mujoco.mj_id2name(model, kind, n) for n in range(len(names))]
         _refuse(path, kind, names, [a for a, b in zip(names, found, strict=True) if a != b])

@@ -103,7 +103,9 @@ def having(value, *path):
     ("values", "message"),
     [
         (having("a cake", "kind"), 'kind is the text "a cake"; it must be "serpent_twin design"'),
-        (having(3, "schema_version"), "schema_version is 3; it must be 2"),
+        (having(1, "schema_version"), "schema_version is 1; it must be 2. Give the twin.json"),
+        (having(3, "schema_version"), "schema_version is 3; it must be 2. A newer version of serp"),
+        (having([{"kind": "payload"}], "effects"), r"effects\[0\] lacks name"),
         (
             having([{"name": "gremlins"}], "effects"),
             r'effects\[0\].name is the text "gremlins"; .*payl',

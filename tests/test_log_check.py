@@ -49,6 +49,10 @@ DAMAGES = {  # the array, what is done to it, the level and words of the finding
         *("error", r"motor3_.*\+0\.81 turns.* row 20"),
     ),
     "a reboot": ("motor_position", reboot, "error", r"motor1_.*-\d\.\d\d turns.* row 40"),
+    "degrees": (
+        *("motor_position", put(ALL, 2, lambda x: np.degrees(40 * np.arange(len(x)) % 9))),
+        *("error", r"motor3_position jumps in rows 1–59, .* it is not in radians"),
+    ),
     "no number": ("motor_load", put(3, 4, np.inf), "error", r"motor5_load.* row 3\."),
     "no target": ("joint_target", put(4, 4, np.nan), "error", r"targets.* row 4\."),
     "millimetres": (

@@ -145,7 +145,10 @@ def test_a_file_that_is_no_arm_is_refused(tmp_path):
         ("twin.json", r"twin\.json: it lacks kind, parameters, tolerances"),
         ("gone.json", r"gone\.json cannot be read"),
         ("gone.xml", "there is no such file"),
-        ("empty.xml", "no model that MuJoCo can load"),
+        (
+            "empty.xml",
+            r"no model that MuJoCo can load: .*\. Give a twin\.json or a model in MJCF\.$",
+        ),
         ("one.xml", "actuators must be motor1, motor2, .* missing or elsewhere: motor1"),
         ("slide.xml", "joints that are no hinges"),
     ):

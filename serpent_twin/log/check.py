@@ -19,6 +19,7 @@ LATE = 1.5  # control periods from which a step counts as a missed deadline
 REACH = 1.5  # travel of the servo's top speed in a step that is believed, with its overshoot
 STUCK_SECONDS = 2.0  # a commanded motor that stands still for this long is stuck
 STUCK_COMMAND = 0.2  # rad: the travel asked for meanwhile
+REBOOTS = 5  # jumps of a motor in one session that are told one by one
 FARTHEST_MARKER = 1.0  # m: nearly twice the arm's length
 
 _KNOWN: WeakKeyDictionary[Session, tuple[Finding, ...]] = WeakKeyDictionary()
@@ -85,13 +86,25 @@ def _not_finite(session: Session) -> Iterator[Finding]:
 
 def _jumps(session: Session) -> Iterator[Finding]:
     lost = lost_turns(session)
-    for row, motor in zip(*np.nonzero(lost), strict=True):
-        change = session.motor_position[row, motor] - session.motor_position[row - 1, motor]
-        yield Finding(
-            "error",
-            f"motor{motor + 1}_position jumps by {change:+.2f} rad ({change / TURN:+.2f} turns) at "
-            f"row {row}: it lost its turn count, as after a reboot, and with it the arm's zero.",
-        )
+    changes = np.diff(session.motor_position, axis=0, prepend=session.motor_position[:1])
+    for motor in np.flatnonzero(lost.any(axis=0)):
+        rows, name = np.flatnonzero(lost[:, motor]), f"motor{motor + 1}_position"
+        sizes = changes[rows, motor]
+        if len(rows) > REBOOTS:
+            largest = sizes[np.abs(sizes).argmax()]
+            yield Finding(
+                "error",
+                f"{name} jumps in {rows_text(lost[:, motor])}, by up to {abs(largest):.2f} rad, faster "
+                "than a motor turns and more often than one restarts: it is not in radians, or not "
+                "this motor's angle.",
+            )
+            continue
+        for row, change in zip(rows, sizes, strict=True):
+            yield Finding(
+                "error",
+                f"{name} jumps by {change:+.2f} rad ({change / TURN:+.2f} turns) at row {row}: it lost "
+                "its turn count, as after a reboot, and with it the arm's zero.",
+            )
 
 
 def _stuck(session: Session) -> Iterator[Finding]:

@@ -101,6 +101,8 @@ def _node(form: Any) -> Any:
 def _keys_amiss(node: Any, value: Any, steps: Steps) -> Iterator[str]:
     """What is wrong with the keys of objects, from the top down."""
     node = _alternative(node, value)
+    if (tag := _tag_field(node)) and isinstance(value, dict):
+        yield from _lacking([tag], value, steps)
     if isinstance(node, _OBJECTS) and isinstance(value, dict):
         known = {each.encode_name: each for each in node.fields}
         whole = isinstance(node, inspect.DataclassType)
@@ -152,6 +154,12 @@ def _alternative(node: Any, value: Any) -> Any:
     return fitting[0] if fitting else node
 
 
+def _tag_field(node: Any) -> str:
+    """The key that tells the alternatives of a union apart, if it has one."""
+    types = node.types if isinstance(node, inspect.UnionType) else ()
+    return next((tag for n in types if (tag := getattr(n, "tag_field", None))), "")
+
+
 def _problem(value: Any, form: Any, message: str, name: str = "") -> str:
     """What msgspec refuses, in words: it says where, the value there and its type say the rest."""
     steps = _steps(value, form, message)
@@ -160,7 +168,18 @@ def _problem(value: Any, form: Any, message: str, name: str = "") -> str:
         node, at = _inside(node, at, step), _at(at, step)
     inner = key_path(steps)
     where = name + (f".{inner}" if name and inner and inner[0] != "[" else inner)
-    return f"{where or 'it'} is {found(at)}; it must be {_wanted(node)}."
+    return f"{where or 'it'} is {found(at)}; it must be {_wanted(node)}.{_newer(node, at, steps)}"
+
+
+def _newer(node: Any, value: Any, steps: Steps) -> str:
+    """What to do about the version of a file that is above those that can be read."""
+    node = _plain(node)
+    if not steps or not str(steps[-1]).endswith("_version"):
+        return ""
+    if not isinstance(node, inspect.LiteralType) or type(value) is not int:
+        return ""
+    newer = value > max(node.values)
+    return " A newer version of serpent-twin wrote it: update this one." if newer else ""
 
 
 def _wanted(node: Any) -> str:
