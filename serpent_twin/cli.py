@@ -22,6 +22,7 @@ def run(
     A `SerpentError` or a full disk is printed as one sentence and exits 1, Ctrl-C exits 130;
     anything else is a defect of ours and keeps its traceback.
     """
+    _open_streams()
     argv = sys.argv[1:] if argv is None else argv
     how: Any = {"args": argv, "prog": _program(), "registry": _numbers(argv)}
     how["config"] = (tyro.conf.OmitArgPrefixes,)
@@ -51,6 +52,17 @@ def fail(sentence: str) -> None:
     """Print an error to the user and leave with exit status 1."""
     print(f"error: {shortened(sentence)}", file=sys.stderr)
     sys.exit(1)
+
+
+def _open_streams() -> None:
+    """Lead standard streams that were closed to nowhere: the next file opened would take their place."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            if nowhere != number:
+                os.dup2(nowhere, number)
+                os.close(nowhere)
+            setattr(sys, name, open(number, "r" if number == 0 else "w", closefd=False))  # noqa: SIM115
 
 
 def _program() -> str | None:

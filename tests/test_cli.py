@@ -1,12 +1,16 @@
 """Do commands tell a person what went wrong, and exit as a shell expects?"""
 
 import os
+import subprocess
+import sys
 from contextlib import redirect_stdout
+from pathlib import Path
 
 import pytest
 
 from serpent_twin import cli
 from serpent_twin.errors import SerpentError
+from serpent_twin.log import read_session
 
 
 def raising(error):
@@ -51,3 +55,12 @@ def test_a_reader_that_has_enough_is_no_error():
         os.dup2(saved, 1)
         os.close(saved)
         os.close(writer)
+
+
+@pytest.mark.parametrize("closed", ["0<&-", "1>&-", "2>&-", "0<&- 1>&- 2>&-"])
+def test_a_closed_stream_is_no_error(closed, tmp_path):
+    collect = f"-m serpent_twin.collect --sessions 1 --steps 20 --workers 1 --out {tmp_path}/logs"
+    root = Path(__file__).resolve().parents[1]
+    done = subprocess.run(["bash", "-c", f"'{sys.executable}' {collect} {closed}"], cwd=root)
+    assert done.returncode == 0
+    assert len(read_session(tmp_path / "logs" / "session_01.parquet")) == 20
