@@ -97,6 +97,15 @@ def test_400_changed_bytes_never_pass_for_a_row(tmp_path):
         np.testing.assert_array_equal(rows, expected[: len(rows)].reshape(rows.shape))
 
 
+def test_a_journal_whose_schema_lost_its_columns_holds_no_row(tmp_path):
+    path, _ = write_journal(tmp_path, make_session())
+    with pa.ipc.open_stream(path.read_bytes()) as stream:
+        schema = pa.schema([], metadata=stream.schema.metadata)
+    with pa.OSFile(str(path), "wb") as file, pa.ipc.new_stream(file, schema) as out:
+        out.write_batch(pa.RecordBatch.from_arrays([], schema=schema))
+    assert not len(log.read_journal(path).rows)
+
+
 @pytest.mark.parametrize("order", [[0, 2, 3], [0, 1, 1, 2], [0, 2, 1], [1, 2]])
 def test_rows_out_of_order_end_the_readable_part(tmp_path, order):
     path, sizes = write_journal(tmp_path, make_session(4))

@@ -21,7 +21,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.log.parquet import KEY, check_metadata, write_session
 from serpent_twin.log.session import COLUMNS, session_from_columns
 
-_DAMAGE = (pa.ArrowException, OSError, EOFError, ValueError, KeyError, TypeError)
+_DAMAGE = (pa.ArrowException, OSError, EOFError, ValueError, LookupError, TypeError)
 
 
 def stream_schema(metadata: Mapping[str, Any], columns: Sequence[str]) -> pa.Schema:

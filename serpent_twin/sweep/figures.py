@@ -153,6 +153,8 @@ def by_degree(rows: Sequence[Row], control: Sequence[Row]) -> Figure:
 
 def memory(rows: Sequence[Row]) -> Figure:
     """Linear memory at each delay, a line for each value of what is varied most."""
+    from matplotlib.ticker import MaxNLocator
+
     of = layout([row for row in rows if np.isfinite(row.memory).any()])
     drawing, panels = sheet(of, "linear memory, of 9 inputs", along=False)
     axis, values = AXES[of.along], sorted({getattr(row, of.along) for row in rows})
@@ -165,6 +167,7 @@ def memory(rows: Sequence[Row]) -> Figure:
                     np.mean(profiles, axis=0), "o-", color=colour, lw=1.6, ms=3, label=label
                 )
         axes.set_xlabel("delay [command periods]")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     finish(drawing, panels)
     caption = (
         "How well each command can be read from motor angles and loads so many command periods later. The "
