@@ -2,7 +2,7 @@ PYTHON ?= python3.11
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: setup demo test test-fast lint bench faults fuzz loop sweep model lock clean
+.PHONY: setup demo test test-fast lint bench faults fuzz loop sweep model clean
 
 help:           ## Say what can be made
 	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  .*##' $(MAKEFILE_LIST) | sed 's/:.*##/ —/'
@@ -16,7 +16,7 @@ $(READY): requirements.lock pyproject.toml
 	touch $@
 
 demo: setup  ## Collect, train, report and replay: a few minutes, results in demo/
-	$(BIN)/python experiments/demo.py --out demo
+	$(BIN)/python -m experiments.demo --out demo
 
 test: setup lint  ## Everything that CI runs: lint, types, all tests
 	$(BIN)/python -m pytest
@@ -24,28 +24,29 @@ test: setup lint  ## Everything that CI runs: lint, types, all tests
 test-fast: setup  ## The tests without the slow ones
 	$(BIN)/python -m pytest -m "not slow"
 
-lint: setup  ## ruff and pyright
+lint: setup  ## ruff, the layers of imports, pyright
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 bench: setup  ## Speed and memory, as ratios against bare MuJoCo
-	$(BIN)/python experiments/collect_speed.py
-	$(BIN)/python experiments/trace_speed.py
-	$(BIN)/python experiments/sweep_speed.py
-	$(BIN)/python experiments/estimate_speed.py
+	$(BIN)/python -m benchmarks.collect_speed
+	$(BIN)/python -m benchmarks.trace_speed
+	$(BIN)/python -m benchmarks.sweep_speed
+	$(BIN)/python -m benchmarks.estimate_speed
 
 faults: setup  ## Every fault of the bus through the collect loop: some five minutes
-	$(BIN)/python experiments/fault_matrix.py --out fault_matrix
+	$(BIN)/python -m experiments.fault_matrix --out fault_matrix
 
 fuzz: setup  ## Damaged packets and files, 10,000 of each source: some ten minutes
-	$(BIN)/python experiments/fuzz.py --out out/fuzz
+	$(BIN)/python -m experiments.fuzz --out out/fuzz
 
 loop: setup  ## Find what the twin lacks of the arm in data/: some ten minutes
-	$(BIN)/python experiments/close_the_loop.py --logs data --out close_the_loop
+	$(BIN)/python -m experiments.close_the_loop --logs data --out close_the_loop
 
 sweep: setup  ## What stiffness does, in a few short points: some two minutes
-	$(BIN)/python experiments/stiffness_sweep.py --quick --logs data --out out/stiffness_sweep
+	$(BIN)/python -m experiments.stiffness_sweep --quick --logs data --out out/stiffness_sweep
 
 model: setup  ## Write model/ anew after a change of numbers or shapes
 	$(BIN)/python -m serpent_twin.mjcf

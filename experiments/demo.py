@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from serpent_twin import cli, next_step
+from serpent_twin import next_step
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
-from serpent_twin.options import Checked
-from serpent_twin.train import Train, planned
+from serpent_twin.readouts.training.train import Train, planned
 
 DATA = Path(os.path.relpath(Path(__file__).parent.parent / "data" / "arm_a"))
 

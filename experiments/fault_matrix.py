@@ -20,19 +20,19 @@ from typing import Annotated
 import numpy as np
 from tqdm import tqdm
 
-from serpent_twin import cli
-from serpent_twin.bus.device import Running, running
-from serpent_twin.bus.device.verify import Event, check_rows, read_transcript
-from serpent_twin.bus.dynamixel import DynamixelBus
-from serpent_twin.bus.dynamixel.setup import ArmSetup, write_setup
-from serpent_twin.bus.simulated import SimulatedBus
-from serpent_twin.control import joint_p_control, random_targets
+from serpent_twin.arm.control import joint_p_control, random_targets
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.options import Checked, RateHz, Seed
+from serpent_twin.emulator.device import Running, running
+from serpent_twin.emulator.device.verify import Event, check_rows, read_transcript
+from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
-from serpent_twin.files import write_whole
-from serpent_twin.log import read_journal, read_session, recover
-from serpent_twin.options import Checked, RateHz, Seed
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.provenance import provenance
+from serpent_twin.hardware.dynamixel import DynamixelBus
+from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
+from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.provenance import provenance
+from serpent_twin.sessions import read_journal, read_session, recover
 from serpent_twin.stored import within
 
 FAULTS = {

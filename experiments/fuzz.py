@@ -18,27 +18,28 @@ from typing import Annotated
 import numpy as np
 from tqdm import tqdm
 
-from serpent_twin import cli, design
-from serpent_twin.arm import markers
-from serpent_twin.bus import protocol
-from serpent_twin.bus.device.responder import Responder
-from serpent_twin.bus.device.servos import Servos
-from serpent_twin.bus.dynamixel.setup import ArmSetup, read_setup, write_setup
-from serpent_twin.bus.dynamixel.turns import LastSeen, read_turns, write_turns
-from serpent_twin.bus.motors import SimulatedMotors
-from serpent_twin.collect import Collect, collect
+from serpent_twin.arm.geometry import markers
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.options import Checked, Seed
+from serpent_twin.emulator.device.responder import Responder
+from serpent_twin.emulator.device.servos import Servos
+from serpent_twin.emulator.motors import SimulatedMotors
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import FIELDS, Journal, read_session, session_files, write_session
-from serpent_twin.log.check import examine
-from serpent_twin.log.stream import read_journal
-from serpent_twin.mocap.frame import IDENTITY, Rigid
-from serpent_twin.mocap.motive import read_take
-from serpent_twin.mocap.natnet import packets, reading
-from serpent_twin.mocap.natnet.reading import PacketError
-from serpent_twin.options import Checked, Seed
-from serpent_twin.readout import find, load, windows
+from serpent_twin.hardware import protocol
+from serpent_twin.hardware.base_frame import IDENTITY, Rigid
+from serpent_twin.hardware.dynamixel.setup import ArmSetup, read_setup, write_setup
+from serpent_twin.hardware.dynamixel.turns import LastSeen, read_turns, write_turns
+from serpent_twin.hardware.motive import read_take
+from serpent_twin.hardware.natnet import packets, reading
+from serpent_twin.hardware.natnet.reading import PacketError
+from serpent_twin.readouts import find, load, windows
+from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.sessions import FIELDS, Journal, read_session, session_files, write_session
+from serpent_twin.sessions.check import examine
+from serpent_twin.sessions.stream import read_journal
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin import Twin
 from serpent_twin.stored import within
-from serpent_twin.twin import Twin
 
 _VERSIONS: tuple[packets.Version, ...] = ((3, 1), (4, 0), (4, 1))
 _WORDS = (0, 1, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0x00010000)
@@ -214,8 +215,8 @@ def _log(path: Path) -> None:
 
 def _texts(folder: Path) -> Iterator[Source]:
     twin = folder / "twin.json"
-    design.write(twin, design.NOMINAL_DESIGN, {})
-    yield Source("twin.json", (twin.read_bytes(),), _file(folder / "t.json", design.read), True)
+    twin_model.write(twin, twin_model.NOMINAL_DESIGN, {})
+    yield Source("twin.json", (twin.read_bytes(),), _file(folder / "t.json", twin_model.read), True)
     setup = write_setup(ArmSetup("/dev/null", zero=(0,) * 10, path=folder / "arm.toml"))
     yield Source("arm.toml", (setup.read_bytes(),), _file(folder / "a.toml", read_setup), True)
     turns = folder / "arm.turns.json"

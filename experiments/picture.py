@@ -17,9 +17,10 @@ import numpy as np
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-from serpent_twin import cli, mjcf
-from serpent_twin.arm import motor_from_joint
-from serpent_twin.options import GIVEN, Checked, when
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.geometry import motor_from_joint
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.options import GIVEN, Checked, when
 from serpent_twin.stored import within
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"

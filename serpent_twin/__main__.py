@@ -11,9 +11,9 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import serpent_twin
-from serpent_twin import cli
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.option_groups import about
 from serpent_twin.errors import SerpentError
-from serpent_twin.option_groups import about
 
 _GUARD = 'if __name__ == "__main__":\n'
 _WIDTH = 79

@@ -1,9 +1,9 @@
 """What does the bench arm do, worked out by hand? Cases and closed forms that its tests share."""
 
 import numpy as np
-from bench_arm import NONE, BenchArm, Machine
 
-from serpent_twin.arm import ARM
+from bench_arm import NONE, BenchArm, Machine
+from serpent_twin.arm.geometry import ARM
 
 G = np.array([9.81, 0.0, 0.0])
 LOOSE = BenchArm(strand_slack=(1.0,) * 18, joint_friction=(1e-12,) * 9, joint_damping=0.0)

@@ -3,16 +3,16 @@
 import functools
 import importlib
 import inspect
-import sys
 import typing
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from serpent_twin.options import Checked
+from serpent_twin.command_line.options import Checked
 
 ROOT = Path(__file__).resolve().parents[1]
+CODE = ("serpent_twin", "experiments", "benchmarks")
 NEEDED = {
     "Collect": {"out": Path("out")},
     "Estimate": {"model": Path("model"), "out": Path("out")},
@@ -28,17 +28,12 @@ NEEDED = {
 @functools.cache
 def mains() -> dict[str, Any]:
     """The functions that are run as commands, by module and name."""
-    sys.path.insert(0, str(ROOT / "experiments"))
     found = {}
-    for path in sorted(
-        [*(ROOT / "serpent_twin").rglob("*.py"), *(ROOT / "experiments").glob("*.py")]
-    ):
+    for path in sorted(p for folder in CODE for p in (ROOT / folder).rglob("*.py")):
         if "    cli.run(" not in path.read_text():
             continue
         inside = path.relative_to(ROOT).with_suffix("").parts
-        module = importlib.import_module(
-            inside[-1] if inside[0] == "experiments" else ".".join(inside)
-        )
+        module = importlib.import_module(".".join(inside))
         for name, value in vars(module).items():
             if inspect.isfunction(value) and (name == "main" or name.endswith("_command")):
                 found[f"{'.'.join(inside)}:{name}"] = value

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from serpent_twin.collect import Collect, collect
-from serpent_twin.estimate.follower import MARKERS, SPREADS
-from serpent_twin.log import Session, read_folder, read_session
-from serpent_twin.readout import find
-from serpent_twin.readout.windows import cut
+from serpent_twin.live.follower import MARKERS, SPREADS
+from serpent_twin.readouts import find
+from serpent_twin.readouts.windows import cut
+from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.sessions import Session, read_folder, read_session
 
 STEPS = 60
 

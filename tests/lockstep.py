@@ -3,7 +3,7 @@
 import pytest
 from sdk_client import Client
 
-from serpent_twin.bus.device import running
+from serpent_twin.emulator.device import running
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from serpent_twin.arm import Array
+from serpent_twin.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from serpent_twin.arm import ARM
+from serpent_twin.arm.geometry import ARM
 from serpent_twin.effects import Moment
 
 

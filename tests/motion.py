@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from serpent_twin.arm import motor_from_joint
-from serpent_twin.imposed import Stretches
+from serpent_twin.arm.geometry import motor_from_joint
+from serpent_twin.sim.many_twins import Stretches
 
 
 def wander(rows, dt=0.25, seed=0, pace=0.04, stretches=1):

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from serpent_twin.arm import joint_axis, link_frames, markers, motor_from_joint
+from serpent_twin.arm.geometry import joint_axis, link_frames, markers, motor_from_joint
 from serpent_twin.residual import Comparison, analyse
 
 PERIOD = 0.25

@@ -11,9 +11,9 @@ from dynamixel_sdk import (
     Protocol2PacketHandler,
 )
 
-from serpent_twin.bus import protocol
-from serpent_twin.bus.control_table import TABLE
-from serpent_twin.bus.device.responder import Responder
+from serpent_twin.emulator.device.responder import Responder
+from serpent_twin.hardware import protocol
+from serpent_twin.hardware.control_table import TABLE
 
 IDS = range(1, 11)
 OK, RESULT_FAIL, INSTRUCTION, RANGE, LENGTH, LIMIT, ACCESS = 0, 1, 2, 4, 5, 6, 7

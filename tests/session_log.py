@@ -6,20 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
-from serpent_twin import log
-from serpent_twin.arm import joint_from_motor, markers
+from serpent_twin import sessions
+from serpent_twin.arm.geometry import joint_from_motor, markers
 
 METADATA = {"backend": "sim", "arm": "nominal", "session": 1, "rate_hz": 4.0, "seed": 7}
 
 
-def make_session(rows: int = 60, seed: int = 0, **metadata: object) -> log.Session:
+def make_session(rows: int = 60, seed: int = 0, **metadata: object) -> sessions.Session:
     """A smooth session with noise in every column; marker 3 is lost in rows 5 … 7."""
     rng = np.random.default_rng(seed)
     clock = np.arange(rows) / 4
     position = 2 * np.sin(0.3 * clock[:, None] + np.arange(10)) + rng.normal(0, 1e-3, (rows, 10))
     marker = markers(joint_from_motor(position[:, :9])) + rng.normal(0, 1e-4, (rows, 9, 3))
     marker[5:8, 2] = np.nan
-    return log.Session(
+    return sessions.Session(
         path=None,
         metadata={"schema_version": 1} | METADATA | metadata,
         time=clock,
@@ -32,20 +32,22 @@ def make_session(rows: int = 60, seed: int = 0, **metadata: object) -> log.Sessi
     )
 
 
-def rows_of(session: log.Session) -> list[dict]:
-    return [{name: getattr(session, name)[t] for name in log.FIELDS} for t in range(len(session))]
+def rows_of(session: sessions.Session) -> list[dict]:
+    return [
+        {name: getattr(session, name)[t] for name in sessions.FIELDS} for t in range(len(session))
+    ]
 
 
-def assert_same(a: log.Session, b: log.Session) -> None:
-    mine, other = log.columns_of(a), log.columns_of(b)
+def assert_same(a: sessions.Session, b: sessions.Session) -> None:
+    mine, other = sessions.columns_of(a), sessions.columns_of(b)
     assert mine.keys() == other.keys()
     for name in mine:
         np.testing.assert_array_equal(mine[name], other[name])
 
 
-def write_journal(folder: Path, session: log.Session) -> tuple[Path, list[int]]:
+def write_journal(folder: Path, session: sessions.Session) -> tuple[Path, list[int]]:
     """An unsealed journal of a session, and its size after the header and after each row."""
-    with log.Journal(folder / "session_01.journal", METADATA) as journal:
+    with sessions.Journal(folder / "session_01.journal", METADATA) as journal:
         sizes = [journal.path.stat().st_size]
         for row in rows_of(session):
             journal.append(row)

@@ -16,19 +16,21 @@ from test_readout_saved import made
 from test_rig_trunk import RIG, Trunk, moving, shape
 from test_rig_trunk import made as trunk_log
 
-from serpent_twin import adapt, design, log, readout
-from serpent_twin.bus.dynamixel.setup import ArmSetup, read_setup, write_setup
-from serpent_twin.bus.dynamixel.turns import LastSeen, read_turns, write_turns
-from serpent_twin.design import NOMINAL_DESIGN
+from serpent_twin import readouts, sessions
 from serpent_twin.effects.payload import Payload
-from serpent_twin.mocap.frame import IDENTITY, Rigid
-from serpent_twin.readout.trial import COST, training_time
+from serpent_twin.hardware.base_frame import IDENTITY, Rigid
+from serpent_twin.hardware.dynamixel.setup import ArmSetup, read_setup, write_setup
+from serpent_twin.hardware.dynamixel.turns import LastSeen, read_turns, write_turns
+from serpent_twin.identification.checkpoints import Notebook
+from serpent_twin.identification.score_test import Score
+from serpent_twin.machines.machine import Point, Stopwatch
+from serpent_twin.machines.xl330 import RIG as SERVO
+from serpent_twin.readouts.training import adapt
+from serpent_twin.readouts.training.trial import COST, training_time
+from serpent_twin.reservoir.sweep import run as sweep
 from serpent_twin.residual import learned
-from serpent_twin.rigs.rig import Point, Stopwatch
-from serpent_twin.rigs.xl330 import RIG as SERVO
-from serpent_twin.sweep import run as sweep
-from serpent_twin.trace.notebook import Notebook
-from serpent_twin.trace.search import Score
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN
 
 Steps = tuple[str | int, ...]
 
@@ -121,8 +123,11 @@ _ABOUT, _DRIVEN = pendulum(200, 0, 0, 0, seconds=1)
 
 READERS: dict[str, Reader] = {
     "twin.json": Reader(
-        _written("twin.json", lambda path: design.write(path, NOMINAL_DESIGN.with_effect(Payload(0.04)), {})),
-        design.read,
+        _written(
+            "twin.json",
+            lambda path: twin_model.write(path, NOMINAL_DESIGN.with_effect(Payload(0.04)), {}),
+        ),
+        twin_model.read,
         ("parameters", "joint_damping"),
     ),
     "trunk": Reader(
@@ -130,7 +135,7 @@ READERS: dict[str, Reader] = {
         lambda path: RIG.changed(path).open([]),
         ("first", "hose", 0),
     ),
-    "readout.json": Reader(_readout, lambda path: readout.load(path.parent), ("config", "ridge")),
+    "readout.json": Reader(_readout, lambda path: readouts.load(path.parent), ("config", "ridge")),
     "cost": Reader(_json(COST, {"train_s": 3.0}), lambda path: training_time(path.parent), ("train_s",)),
     "adapted": Reader(
         lambda folder: _json_in(
@@ -145,8 +150,8 @@ READERS: dict[str, Reader] = {
     ),
     "frame": Reader(_written("frame.json", IDENTITY.save), Rigid.load, ("translation_m", 0), further=True),
     "log": Reader(
-        _written("session_01.parquet", lambda path: log.write_session(path, make_session())),
-        log.read_session, ("rate_hz",), *_footer(b"serpent_twin"), inside=True, further=True,
+        _written("session_01.parquet", lambda path: sessions.write_session(path, make_session())),
+        sessions.read_session, ("rate_hz",), *_footer(b"serpent_twin"), inside=True, further=True,
     ),
     "measured": Reader(
         _written("a.parquet", lambda path: write_log(path, _ABOUT, **_DRIVEN)),

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from serpent_twin.sweep.point import Measuring, Point
+from serpent_twin.reservoir.sweep.point import Measuring, Point
 
 QUICK = Measuring(
     delays=(4, 2), memory_delay=6, taps=1, stretches=10, washout=8, repeated=20, stream=2,

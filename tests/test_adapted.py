@@ -8,18 +8,21 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 from test_readout import QUIET, make_session
 
-from serpent_twin import arm, log
+from serpent_twin import sessions
+from serpent_twin.arm import geometry
 from serpent_twin.errors import SerpentError
-from serpent_twin.readout import Readout, available, find, load
-from serpent_twin.readout.adapted import Adapted, Folds
-from serpent_twin.readout.belief import Belief, growth
-from serpent_twin.readout.live import readings
-from serpent_twin.readout.observer import Observer
-from serpent_twin.readout.score import score
-from serpent_twin.readout.windows import Windows, cut
+from serpent_twin.readouts import Readout, available, find, load
+from serpent_twin.readouts.adapted import Adapted, Folds
+from serpent_twin.readouts.belief import Belief, growth
+from serpent_twin.readouts.live import readings
+from serpent_twin.readouts.observer import Observer
+from serpent_twin.readouts.score import score
+from serpent_twin.readouts.windows import Windows, cut
 
 
-def wandering(number: int, rows: int = 400, give: float = 0.3, lost: float = 0.0) -> log.Session:
+def wandering(
+    number: int, rows: int = 400, give: float = 0.3, lost: float = 0.0
+) -> sessions.Session:
     """As the protocol drives it: new random targets every five rows, so that any stretch shows all."""
     rng = np.random.default_rng(number)
     joint, load = (
@@ -27,7 +30,7 @@ def wandering(number: int, rows: int = 400, give: float = 0.3, lost: float = 0.0
         for s in (0.4, 0.15)
     )
     motor = np.cumsum(joint, axis=1)
-    marker = arm.markers(joint[:, :9] + give * load[:, :9])
+    marker = geometry.markers(joint[:, :9] + give * load[:, :9])
     marker[rng.random((rows, 9)) < lost] = np.nan
     velocity = np.gradient(motor, 0.25, axis=0)
     return replace(

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from serpent_twin import arm, mjcf
-from serpent_twin.arm import ARM
+from serpent_twin.arm import geometry, mjcf
+from serpent_twin.arm.geometry import ARM
 
 
 @pytest.fixture(scope="module")
@@ -20,31 +20,31 @@ def test_numpy_forward_kinematics_is_mujocos(model):
         data.qpos[10:19] = q
         mujoco.mj_forward(model, data)
         sensed = np.stack([data.sensor(f"marker{i}").data for i in range(1, 10)])
-        assert np.abs(sensed - arm.markers(q)).max() < 1e-9
+        assert np.abs(sensed - geometry.markers(q)).max() < 1e-9
 
 
 def test_leading_axes_are_free():
     q = np.random.default_rng(1).uniform(-1, 1, (4, 5, 9))
-    assert np.array_equal(arm.markers(q)[2, 3], arm.markers(q[2, 3]))
+    assert np.array_equal(geometry.markers(q)[2, 3], geometry.markers(q[2, 3]))
 
 
 def test_rotations_are_rotations():
     q = np.random.default_rng(2).uniform(-3, 3, (20, 9))
-    rotation = arm.link_frames(q)[1]
+    rotation = geometry.link_frames(q)[1]
     assert np.allclose(rotation @ np.swapaxes(rotation, -1, -2), np.eye(3), atol=1e-12)
     assert np.allclose(np.linalg.det(rotation), 1)
 
 
 def test_signs_of_odd_and_even_joints():
     """Positive odd joints swing the arm to +y, positive even ones to −z (right-handed about y)."""
-    assert arm.markers(np.eye(9)[0] * 0.1)[8, 1] > 0.05
-    assert arm.markers(np.eye(9)[1] * 0.1)[8, 2] < -0.04
+    assert geometry.markers(np.eye(9)[0] * 0.1)[8, 1] > 0.05
+    assert geometry.markers(np.eye(9)[1] * 0.1)[8, 2] < -0.04
 
 
 def test_coupling_inverts_and_is_the_published_matrix():
     q = np.random.default_rng(3).normal(size=(7, 9))
-    assert np.allclose(arm.motor_from_joint(q), q @ arm.COUPLING.T)
-    assert np.allclose(arm.joint_from_motor(arm.motor_from_joint(q)), q)
+    assert np.allclose(geometry.motor_from_joint(q), q @ geometry.COUPLING.T)
+    assert np.allclose(geometry.joint_from_motor(geometry.motor_from_joint(q)), q)
 
 
 def test_published_length_mass_and_radii():

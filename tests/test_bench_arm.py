@@ -5,6 +5,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from bench_by_hand import LOOSE, SMOOTH, G, calm, com_places, hold_at, machine, run, weight_moments
+
 from bench_arm import (
     NONE,
     BenchArm,
@@ -20,11 +22,9 @@ from bench_arm import (
     simulate,
 )
 from bench_arm.cables import RADIUS
-from bench_by_hand import LOOSE, SMOOTH, G, calm, com_places, hold_at, machine, run, weight_moments
-
-from serpent_twin.arm import ARM, markers
+from serpent_twin.arm.geometry import ARM, markers
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import examine, read_session
+from serpent_twin.sessions import examine, read_session
 
 
 @pytest.mark.parametrize("bends", [False, True])

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from bench_by_hand import LOOSE, SMOOTH, com_places, hold_at, machine, run
+
 from bench_arm import NAMES, NONE, TYPICAL, BenchArm, Effects, Row, draw, inject, simulate
 from bench_arm.cables import RADIUS, Strands
 from bench_arm.session import _delayed
-from bench_by_hand import LOOSE, SMOOTH, com_places, hold_at, machine, run
-
 from serpent_twin.errors import SerpentError
 
 SILENT = BenchArm(load_noise=0.0, marker_noise=0.0, marker_loss=0.0)

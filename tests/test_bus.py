@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from serpent_twin.bus import BusError, xl430
-from serpent_twin.bus.simulated import Protection, SimulatedBus
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.twin import Twin
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.emulator.simulated_bus import Protection, SimulatedBus
+from serpent_twin.hardware import xl430
+from serpent_twin.hardware.motor_bus import BusError
+from serpent_twin.sim.twin import Twin
 
 RPM = 2 * np.pi / 60
 

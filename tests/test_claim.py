@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from serpent_twin.claim import claimed
 from serpent_twin.errors import SerpentError
-from serpent_twin.files import write_whole
+from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.run_lock import claimed
 
 SETTINGS = {"seed": 0, "parameters": {"slack": 0.5}}
 
@@ -32,7 +32,7 @@ def test_a_nested_difference_is_named(tmp_path):
 
 def test_a_folder_in_use_by_another_process_is_refused(tmp_path):
     hold = (
-        "import sys\nfrom pathlib import Path\nfrom serpent_twin.claim import claimed\n"
+        "import sys\nfrom pathlib import Path\nfrom serpent_twin.runs.run_lock import claimed\n"
         f"with claimed(Path(sys.argv[1]), 'run.json', {SETTINGS!r}):\n"
         "    print('held', flush=True)\n    sys.stdin.read()\n"
     )

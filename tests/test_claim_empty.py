@@ -9,8 +9,8 @@ from contextlib import suppress
 
 import pytest
 
-from serpent_twin.claim import claimed, prior_settings
 from serpent_twin.errors import SerpentError
+from serpent_twin.runs.run_lock import claimed, prior_settings
 
 FIRST, SECOND = {"seed": 0}, {"seed": 1}
 
@@ -115,7 +115,7 @@ def test_a_kill_at_any_moment_leaves_a_folder_that_another_run_can_take(tmp_path
 RACE = """
 import os, sys, time
 from pathlib import Path
-from serpent_twin.claim import claimed
+from serpent_twin.runs.run_lock import claimed
 from serpent_twin.errors import SerpentError
 folder, inside, me = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
 print("ready", flush=True)
@@ -153,7 +153,7 @@ def test_processes_that_come_and_fail_at_once_are_never_two_in_a_folder(tmp_path
 
 def test_of_two_processes_with_other_settings_one_waits_outside(tmp_path):
     hold = (
-        "import sys\nfrom pathlib import Path\nfrom serpent_twin.claim import claimed\n"
+        "import sys\nfrom pathlib import Path\nfrom serpent_twin.runs.run_lock import claimed\n"
         "with claimed(Path(sys.argv[1]), 'run.json', {'seed': 0}):\n"
         "    print('held', flush=True)\n    sys.stdin.read()\n"
     )

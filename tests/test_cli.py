@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from serpent_twin import cli
+from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import read_session
+from serpent_twin.sessions import read_session
 
 
 def raising(error):

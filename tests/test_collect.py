@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serpent_twin.arm import joint_from_motor
-from serpent_twin.bus.xl430 import VELOCITY_UNIT
-from serpent_twin.collect import Collect, collect, settings
-from serpent_twin.collect.simulated import simulate_session
+from serpent_twin.arm.geometry import joint_from_motor
+from serpent_twin.arm.parameters import Parameters
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import FIELDS, examine, read_folder, read_session, recover
-from serpent_twin.parameters import Parameters
+from serpent_twin.hardware.xl430 import VELOCITY_UNIT
+from serpent_twin.recording.collect import Collect, collect, settings
+from serpent_twin.recording.simulated import simulate_session
+from serpent_twin.sessions import FIELDS, examine, read_folder, read_session, recover
 
 SHORT = {"sessions": 2, "steps": 30, "workers": 1}
 
@@ -215,7 +215,7 @@ def test_a_part_that_came_out_otherwise_is_kept(run, tmp_path):
     config = replace(run[0], out=tmp_path / "logs", sessions=1)
     path = collect(config)[0]
     session = read_session(path)
-    from serpent_twin.log import write_session
+    from serpent_twin.sessions import write_session
 
     changed = replace(
         session,
@@ -245,10 +245,13 @@ def test_a_failing_disk_keeps_the_rows_before(run, tmp_path, monkeypatch):
 
 def test_a_tripped_motor_stops_the_recording_and_keeps_the_rows(tmp_path, monkeypatch):
     """Motors whose overload counts from the first newton metre trip within the first seconds."""
-    from serpent_twin.bus import BusError, simulated
+    from serpent_twin.emulator import simulated_bus
+    from serpent_twin.hardware.motor_bus import BusError
 
-    touchy = simulated.Protection(overload_level=0.02, overload_time=0.3)
-    monkeypatch.setattr(simulated.SimulatedBus.__init__, "__defaults__", (None, None, 0.0, touchy))
+    touchy = simulated_bus.Protection(overload_level=0.02, overload_time=0.3)
+    monkeypatch.setattr(
+        simulated_bus.SimulatedBus.__init__, "__defaults__", (None, None, 0.0, touchy)
+    )
     config = Collect(tmp_path / "logs", sessions=1, steps=200, workers=1)
     with pytest.raises(BusError, match=r"motor \d+ reports overload at .* s"):
         collect(config)
@@ -257,7 +260,7 @@ def test_a_tripped_motor_stops_the_recording_and_keeps_the_rows(tmp_path, monkey
 
 
 def test_another_model_under_the_same_name_is_refused(run, monkeypatch):
-    monkeypatch.setattr("serpent_twin.mjcf.TIMESTEP", 0.001)
+    monkeypatch.setattr("serpent_twin.arm.mjcf.TIMESTEP", 0.001)
     with pytest.raises(SerpentError, match="model_sha256"):
         collect(run[0])
 

@@ -11,12 +11,12 @@ from session_log import make_session
 from test_mocap_live import STRAIGHT, stage
 from test_natnet_hostile import FORGED, sender
 
-from serpent_twin.bus.device import running
-from serpent_twin.bus.dynamixel.setup import ArmSetup, write_setup
-from serpent_twin.collect.lost_markers import Watch, conclude
+from serpent_twin.emulator.device import running
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import read_journal, read_session, write_session
-from serpent_twin.mocap.frame import IDENTITY
+from serpent_twin.hardware.base_frame import IDENTITY
+from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
+from serpent_twin.recording.lost_markers import Watch, conclude
+from serpent_twin.sessions import read_journal, read_session, write_session
 
 STEPS, RATE = 60, 20
 

@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serpent_twin.bus.device import running
-from serpent_twin.bus.dynamixel.setup import ArmSetup, write_setup
-from serpent_twin.collect import Collect, Real, collect
-from serpent_twin.collect import real as real_module
-from serpent_twin.collect.real import loop_times
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.emulator.device import running
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import examine, read_journal, read_session, recover
-from serpent_twin.parameters import NOMINAL
+from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
+from serpent_twin.recording import real as real_module
+from serpent_twin.recording.collect import Collect, Real, collect
+from serpent_twin.recording.real import loop_times
+from serpent_twin.sessions import examine, read_journal, read_session, recover
 
 QUIET = replace(NOMINAL, load_noise=0.0)
 
@@ -194,8 +194,8 @@ def start_and_log(tmp_path, setup, rows=10):
 
 
 def peek(device, name, motor=1):
-    from serpent_twin.bus.control_table import TABLE
-    from serpent_twin.bus.dynamixel.wire import Wire
+    from serpent_twin.hardware.control_table import TABLE
+    from serpent_twin.hardware.dynamixel.wire import Wire
 
     wire = Wire(device.port, 1_000_000)
     wire.open()

@@ -6,13 +6,14 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from serpent_twin.bus import BusError, xl430
-from serpent_twin.bus.device import running
-from serpent_twin.bus.dynamixel import DynamixelBus
-from serpent_twin.bus.dynamixel.setup import ArmSetup
-from serpent_twin.bus.limits import Limits
-from serpent_twin.bus.simulated import SimulatedBus
-from serpent_twin.bus.xl430 import Registers
+from serpent_twin.emulator.device import running
+from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.hardware import xl430
+from serpent_twin.hardware.dynamixel import DynamixelBus
+from serpent_twin.hardware.dynamixel.setup import ArmSetup
+from serpent_twin.hardware.limits import Limits
+from serpent_twin.hardware.motor_bus import BusError
+from serpent_twin.hardware.xl430 import Registers
 
 PERIOD = 0.25
 WIDE = Limits(joint_angle=100.0, load=9.0)

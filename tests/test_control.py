@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from serpent_twin import control
-from serpent_twin.arm import COUPLING
+from serpent_twin.arm import control
+from serpent_twin.arm.geometry import COUPLING
 
 
 def test_targets_have_the_published_ranges_and_hold_for_five_steps():

@@ -1,6 +1,7 @@
 """Does the demo of the README do what it says?"""
 
 import json
+import os
 import shlex
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from serpent_twin.trace.run import Trace, planned
+from serpent_twin.identification.run import Trace, planned
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -17,8 +18,9 @@ ROOT = Path(__file__).resolve().parents[1]
 @pytest.mark.slow
 def test_the_demo_ends_with_its_reports_and_its_replay(tmp_path):
     out = tmp_path / "a demo"  # a path with a space, too
-    command = [sys.executable, str(ROOT / "experiments/demo.py"), "--out", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    command = [sys.executable, "-m", "experiments.demo", "--out", str(out)]
+    env = dict(os.environ, PYTHONPATH=str(ROOT))
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=env)
     assert done.returncode == 0, done.stderr
     for name in ("twin_readouts/report.html", "arm_a_readouts/report.html"):
         assert "<svg" in (page := (out / name).read_text()) or "data:image/png;base64" in page

@@ -7,12 +7,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from serpent_twin import design, mjcf
-from serpent_twin.design import NOMINAL_DESIGN, Design
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.deviations import EXACT, Tolerances
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import CATALOGUE
 from serpent_twin.errors import SerpentError
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.tolerances import EXACT, Tolerances
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
 
 PAYLOAD, FRICTION = CATALOGUE["payload"](0.04), CATALOGUE["cable_friction"](0.1)
 PAYLOAD_FILE = {"name": "payload", "mass": 0.04, "place": 0.09}
@@ -30,13 +31,13 @@ def unlike(seed=0):
 
 
 def test_comes_back_whole(tmp_path):
-    design.write(tmp_path / "twin.json", unlike(), {"arm": "a"})
-    assert design.read(tmp_path / "twin.json") == unlike()
+    twin_model.write(tmp_path / "twin.json", unlike(), {"arm": "a"})
+    assert twin_model.read(tmp_path / "twin.json") == unlike()
     assert json.loads((tmp_path / "twin.json").read_text())["arm"] == "a"
 
 
 def test_twin_xml_stands_alone(tmp_path):
-    design.write(tmp_path / "twin.json", unlike(), {})
+    twin_model.write(tmp_path / "twin.json", unlike(), {})
     text = (tmp_path / "twin.xml").read_text()
     assert "twin.json holds: cable_friction." in text.splitlines()[0]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))
@@ -82,7 +83,7 @@ def test_fingerprint_tells_physics_apart():
 
 
 def stored():
-    return design.to_dict(NOMINAL_DESIGN.with_effect(PAYLOAD))
+    return twin_model.to_dict(NOMINAL_DESIGN.with_effect(PAYLOAD))
 
 
 def without(key, group=None):
@@ -139,7 +140,7 @@ def test_what_is_no_twin_is_refused(tmp_path, values, message):
     file = tmp_path / "twin.json"
     file.write_text(json.dumps(values))
     with pytest.raises(SerpentError, match=message) as error:
-        design.read(file)
+        twin_model.read(file)
     assert str(file) in str(error.value)
 
 
@@ -154,10 +155,10 @@ def test_a_twin_that_lacks_any_key_is_refused_by_name(tmp_path, versioned):
             del values["schema_version"]
         (tmp_path / "twin.json").write_text(json.dumps(values))
         if not versioned and key == "servo_lag":
-            assert design.read(tmp_path / "twin.json").parameters.servo_lag == 0.0
+            assert twin_model.read(tmp_path / "twin.json").parameters.servo_lag == 0.0
             continue
         with pytest.raises(SerpentError, match=f"{group or 'it'} lacks {key}"):
-            design.read(tmp_path / "twin.json")
+            twin_model.read(tmp_path / "twin.json")
 
 
 def test_the_earliest_files_are_read_as_what_they_said(tmp_path):
@@ -167,14 +168,14 @@ def test_the_earliest_files_are_read_as_what_they_said(tmp_path):
     del values["parameters"]["transition_velocity"], values["tolerances"]["transition_velocity"]
     del values["tolerances"]["jaw_held"]
     (tmp_path / "twin.json").write_text(json.dumps(values))
-    assert design.read(tmp_path / "twin.json") == NOMINAL_DESIGN.with_effect(PAYLOAD)
+    assert twin_model.read(tmp_path / "twin.json") == NOMINAL_DESIGN.with_effect(PAYLOAD)
 
 
 def test_a_key_that_is_given_twice_is_refused(tmp_path):
     text = json.dumps(stored()).replace('"gear_friction": 0.0269', '"servo_lag": 0.1')
     (tmp_path / "twin.json").write_text(text)
     with pytest.raises(SerpentError, match="parameters has servo_lag twice"):
-        design.read(tmp_path / "twin.json")
+        twin_model.read(tmp_path / "twin.json")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"kind": "serpent_twin design"}', "3"])
@@ -182,9 +183,9 @@ def test_a_damaged_file_is_refused(tmp_path, text):
     file = tmp_path / "twin.json"
     file.write_text(text)
     with pytest.raises(SerpentError, match=r"twin\.json"):
-        design.read(file)
+        twin_model.read(file)
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(SerpentError, match=r"nothing\.json cannot be read"):
-        design.read(tmp_path / "nothing.json")
+        twin_model.read(tmp_path / "nothing.json")

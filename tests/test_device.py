@@ -11,13 +11,13 @@ import pytest
 from dynamixel_sdk import COMM_SUCCESS, GroupBulkRead, GroupBulkWrite
 from sdk_client import ACCESS, BLOCK, IDS, INSTRUCTION, LENGTH, LIMIT, OK, RANGE, Client, sync_read
 
-from serpent_twin.bus import protocol
-from serpent_twin.bus.control_table import TABLE
-from serpent_twin.bus.device import running
-from serpent_twin.bus.simulated import SimulatedBus
-from serpent_twin.bus.xl430 import Registers
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.twin import Twin
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.emulator.device import running
+from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.hardware import protocol
+from serpent_twin.hardware.control_table import TABLE
+from serpent_twin.hardware.xl430 import Registers
+from serpent_twin.sim.twin import Twin
 
 device, bus = lockstep.device, lockstep.bus
 

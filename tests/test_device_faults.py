@@ -22,14 +22,14 @@ from sdk_client import (
     sync_read,
 )
 
-from serpent_twin.bus import protocol
-from serpent_twin.bus.device import running
-from serpent_twin.bus.device.faults import KINDS, Fault, Strikes, named
-from serpent_twin.bus.device.options import Options, build
-from serpent_twin.bus.device.orders import Orders
-from serpent_twin.bus.device.responder import Responder, accesses
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.emulator.device import running
+from serpent_twin.emulator.device.faults import KINDS, Fault, Strikes, named
+from serpent_twin.emulator.device.options import Options, build
+from serpent_twin.emulator.device.orders import Orders
+from serpent_twin.emulator.device.responder import Responder, accesses
 from serpent_twin.errors import SerpentError
-from serpent_twin.parameters import NOMINAL
+from serpent_twin.hardware import protocol
 
 # Faults
 

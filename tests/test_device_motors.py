@@ -7,8 +7,8 @@ import pytest
 from dynamixel_sdk import COMM_SUCCESS, GroupSyncWrite
 from sdk_client import ALERT, IDS, LIMIT, OK, RANGE, RESULT_FAIL
 
-from serpent_twin.bus import protocol
-from serpent_twin.bus.control_table import TABLE
+from serpent_twin.hardware import protocol
+from serpent_twin.hardware.control_table import TABLE
 
 device, bus = lockstep.device, lockstep.bus
 

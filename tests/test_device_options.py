@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 from sdk_client import LIMIT, OK, Client
 
-from serpent_twin import cli
-from serpent_twin.bus import protocol
-from serpent_twin.bus.control_table import TABLE
-from serpent_twin.bus.device import running
-from serpent_twin.bus.device.__main__ import main
-from serpent_twin.bus.device.faults import KINDS
-from serpent_twin.bus.device.options import Options, build
-from serpent_twin.bus.device.responder import Responder
+from serpent_twin.bus.device import main
+from serpent_twin.command_line import cli
+from serpent_twin.emulator.device import running
+from serpent_twin.emulator.device.faults import KINDS
+from serpent_twin.emulator.device.options import Options, build
+from serpent_twin.emulator.device.responder import Responder
 from serpent_twin.errors import SerpentError
+from serpent_twin.hardware import protocol
+from serpent_twin.hardware.control_table import TABLE
 
 # Options
 
@@ -135,7 +135,7 @@ def test_the_straight_arm_reads_what_it_is_told_to():
 
 
 def test_a_model_file_is_read_or_what_it_lacks_is_named(tmp_path):
-    from serpent_twin import mjcf
+    from serpent_twin.arm import mjcf
 
     text = mjcf.build().to_xml()
     good, bad = tmp_path / "good.xml", tmp_path / "bad.xml"

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from sdk_client import IDS, OK, RANGE, Client, send, sync_read
 
-from serpent_twin.bus import protocol
-from serpent_twin.bus.control_table import BAUD_RATES
-from serpent_twin.bus.device import child, running
-from serpent_twin.bus.device.options import Options, build
-from serpent_twin.bus.device.orders import Orders
+from serpent_twin.emulator.device import child, running
+from serpent_twin.emulator.device.options import Options, build
+from serpent_twin.emulator.device.orders import Orders
 from serpent_twin.errors import SerpentError
+from serpent_twin.hardware import protocol
+from serpent_twin.hardware.control_table import BAUD_RATES
 
 # In real time
 

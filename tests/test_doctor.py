@@ -7,11 +7,11 @@ import sys
 import pytest
 from wire_bench import touch
 
-from serpent_twin.bus.control_table import TABLE
-from serpent_twin.bus.device import running
-from serpent_twin.bus.dynamixel import ArmSetup
-from serpent_twin.bus.dynamixel.wire import Wire
-from serpent_twin.bus.examination import examine
+from serpent_twin.emulator.device import running
+from serpent_twin.hardware.control_table import TABLE
+from serpent_twin.hardware.dynamixel import ArmSetup
+from serpent_twin.hardware.dynamixel.examination import examine
+from serpent_twin.hardware.dynamixel.wire import Wire
 
 
 def errors(diagnosis):

@@ -10,16 +10,16 @@ import pytest
 from wire_bench import touch
 
 from serpent_twin.bus import doctor
-from serpent_twin.bus.control_table import TABLE
-from serpent_twin.bus.device import Running, running
-from serpent_twin.bus.dynamixel import DynamixelBus, setup, turns
-from serpent_twin.bus.dynamixel.setup import ArmSetup, write_setup
-from serpent_twin.bus.dynamixel.turns import turns_file
-from serpent_twin.bus.dynamixel.wire import Wire
-from serpent_twin.bus.limits import Limits
-from serpent_twin.bus.protocol import CLEAR_POSITION, Instruction
-from serpent_twin.collect import Collect, Real, collect
+from serpent_twin.emulator.device import Running, running
 from serpent_twin.errors import SerpentError
+from serpent_twin.hardware.control_table import TABLE
+from serpent_twin.hardware.dynamixel import DynamixelBus, setup, turns
+from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
+from serpent_twin.hardware.dynamixel.turns import turns_file
+from serpent_twin.hardware.dynamixel.wire import Wire
+from serpent_twin.hardware.limits import Limits
+from serpent_twin.hardware.protocol import CLEAR_POSITION, Instruction
+from serpent_twin.recording.collect import Collect, Real, collect
 
 MOTORS = range(1, 11)
 STRAIGHT = ArmSetup(zero=(0,) * 10)

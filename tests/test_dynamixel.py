@@ -9,13 +9,13 @@ import pytest
 from wire_bench import MILD, PERIOD, WIDE, real_time, words
 from wire_proxy import BadCable
 
-from serpent_twin.bus import BusError
-from serpent_twin.bus.device import running
-from serpent_twin.bus.dynamixel import DynamixelBus, reading
-from serpent_twin.bus.dynamixel.setup import ArmSetup
-from serpent_twin.bus.dynamixel.wire import PortLostError, Wire
-from serpent_twin.bus.limits import Guard, Limits
-from serpent_twin.bus.simulated import SimulatedBus
+from serpent_twin.emulator.device import running
+from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.hardware.dynamixel import DynamixelBus, reading
+from serpent_twin.hardware.dynamixel.setup import ArmSetup
+from serpent_twin.hardware.dynamixel.wire import PortLostError, Wire
+from serpent_twin.hardware.limits import Guard, Limits
+from serpent_twin.hardware.motor_bus import BusError
 
 # What is believed
 

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from wire_bench import peek, real_time
 
-from serpent_twin.bus import BusError
-from serpent_twin.bus.control_table import TABLE
-from serpent_twin.bus.device import running
-from serpent_twin.bus.dynamixel import DynamixelBus
-from serpent_twin.bus.dynamixel.setup import ArmSetup
-from serpent_twin.bus.dynamixel.shutdown import close_after
-from serpent_twin.bus.dynamixel.wire import Wire
-from serpent_twin.bus.limits import Guard, Limits
-from serpent_twin.bus.protocol import status_packet
-from serpent_twin.bus.simulated import SimulatedBus
+from serpent_twin.emulator.device import running
+from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.hardware.control_table import TABLE
+from serpent_twin.hardware.dynamixel import DynamixelBus
+from serpent_twin.hardware.dynamixel.setup import ArmSetup
+from serpent_twin.hardware.dynamixel.shutdown import close_after
+from serpent_twin.hardware.dynamixel.wire import Wire
+from serpent_twin.hardware.limits import Guard, Limits
+from serpent_twin.hardware.motor_bus import BusError
+from serpent_twin.hardware.protocol import status_packet
 
 
 def test_torque_is_off_after_every_way_out():
@@ -40,8 +40,9 @@ def test_torque_is_off_after_every_way_out():
 
 def test_a_killed_program_leaves_motors_that_stop_by_themselves():
     program = (
-        "import sys, time; from serpent_twin.bus.dynamixel import DynamixelBus;"
-        "from serpent_twin.bus.dynamixel.setup import ArmSetup; bus = DynamixelBus(ArmSetup(sys.argv[1]));"
+        "import sys, time; from serpent_twin.hardware.dynamixel import DynamixelBus;"
+        "from serpent_twin.hardware.dynamixel.setup import ArmSetup;"
+        "bus = DynamixelBus(ArmSetup(sys.argv[1]));"
         "bus.connect(); bus.configure(); bus.enable_torque(); bus.write_velocity([0.5] * 10);"
         "bus.wait(0.3); print('moving', flush=True);\nwhile True: bus.wait(0.1)"
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from wire_bench import MILD, real_time
 
-from serpent_twin.bus.dynamixel import reading
+from serpent_twin.hardware.dynamixel import reading
 
 
 @pytest.mark.parametrize(("period", "asked"), [(0.01, 1), (0.05, 1), (0.25, 10)])

@@ -9,12 +9,12 @@ from moments import moment
 from motion import wander
 from numpy.testing import assert_allclose, assert_array_equal
 
-from serpent_twin.arm import ARM, joint_axis, link_frames
-from serpent_twin.design import NOMINAL_DESIGN, Design
+from serpent_twin.arm.deviations import Tolerances
+from serpent_twin.arm.geometry import ARM, joint_axis, link_frames
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import CATALOGUE
-from serpent_twin.imposed import Stretches, impose
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.tolerances import Tolerances
+from serpent_twin.sim.many_twins import Stretches, impose
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
 
 RADIUS = np.array(ARM.pulley_radius)
 

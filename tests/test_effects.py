@@ -9,11 +9,12 @@ import pytest
 from motion import wander
 from numpy.testing import assert_allclose, assert_array_equal
 
-from serpent_twin import design, effects, stored
-from serpent_twin.design import NOMINAL_DESIGN, Design
+from serpent_twin import effects, stored
 from serpent_twin.effects import CATALOGUE
 from serpent_twin.errors import SerpentError
-from serpent_twin.imposed import impose
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.many_twins import impose
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
 
 every = pytest.mark.parametrize("kind", CATALOGUE.values(), ids=CATALOGUE)
 
@@ -102,8 +103,8 @@ def test_stable_over_its_whole_range(kind):
 @every
 def test_comes_back_from_twin_json(kind, tmp_path):
     arm = Design(effects=(kind.variants()[-1],))
-    design.write(tmp_path / "twin.json", arm, {"arm": "made for a test"})
-    assert design.read(tmp_path / "twin.json") == arm
+    twin_model.write(tmp_path / "twin.json", arm, {"arm": "made for a test"})
+    assert twin_model.read(tmp_path / "twin.json") == arm
 
 
 @every

@@ -5,9 +5,9 @@ from absl.testing import absltest
 from dm_env import test_utils
 
 from serpent_twin import env
-from serpent_twin.arm import motor_from_joint
-from serpent_twin.bus.simulated import SimulatedBus
-from serpent_twin.control import joint_p_control
+from serpent_twin.arm.control import joint_p_control
+from serpent_twin.arm.geometry import motor_from_joint
+from serpent_twin.emulator.simulated_bus import SimulatedBus
 
 
 class EnvironmentContract(test_utils.EnvironmentTestMixin, absltest.TestCase):

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 from live_runs import STEPS, estimated, logged, spread, train_few
 
-from serpent_twin import design
-from serpent_twin.arm import joint_from_motor, markers
-from serpent_twin.bus.device import running
-from serpent_twin.collect import Collect, Real, collect
-from serpent_twin.design import NOMINAL_DESIGN
+from serpent_twin.arm.geometry import joint_from_motor, markers
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.emulator.device import running
 from serpent_twin.errors import SerpentError
-from serpent_twin.estimate import Estimate, estimate
-from serpent_twin.estimate.follower import LATENCY, Follower
-from serpent_twin.log import Session, examine, read_session
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.readout import Readout, load
-from serpent_twin.readout.belief import Belief
-from serpent_twin.readout.windows import Windows, cut
+from serpent_twin.live.estimate import Estimate, estimate
+from serpent_twin.live.follower import LATENCY, Follower
+from serpent_twin.readouts import Readout, load
+from serpent_twin.readouts.belief import Belief
+from serpent_twin.readouts.windows import Windows, cut
+from serpent_twin.recording.collect import Collect, Real, collect
+from serpent_twin.sessions import Session, examine, read_session
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +107,7 @@ def test_a_windowed_readout_takes_its_own_rate_and_an_observer_any(models, tmp_p
 
 def test_an_observer_takes_another_twin_and_stays_as_sure(models, runs, tmp_path):
     soft = replace(NOMINAL_DESIGN, parameters=replace(NOMINAL, strand_stiffness=8e3))
-    design.write(tmp_path / "twin.json", soft, {})
+    twin_model.write(tmp_path / "twin.json", soft, {})
     trained = load(models / "observer")
     other = trained.with_twin(soft)  # pyright: ignore
     assert other.arm == soft and trained.arm == NOMINAL_DESIGN  # pyright: ignore
@@ -126,7 +126,7 @@ def test_an_observer_takes_another_twin_and_stays_as_sure(models, runs, tmp_path
 def test_the_arm_to_simulate_is_another_flag(models, tmp_path):
     soft = replace(NOMINAL_DESIGN, parameters=replace(NOMINAL, strand_stiffness=8e3))
     twin = tmp_path / "twin.json"
-    design.write(twin, soft, {})
+    twin_model.write(twin, soft, {})
     (path,) = collect(Collect(tmp_path / "logs", sessions=1, steps=20, workers=1, twin=twin))
     asked = (
         {"model": models / "residual", "twin": twin},

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from live_runs import logged
 
-from serpent_twin import design
-from serpent_twin.collect import Collect, collect
-from serpent_twin.design import NOMINAL_DESIGN
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.payload import Payload
-from serpent_twin.estimate import Estimate, estimate
-from serpent_twin.log import read_folder, read_session, readings_hash
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.readout import find, load
-from serpent_twin.readout.adapted import Adapted
-from serpent_twin.readout.windows import cut
+from serpent_twin.live.estimate import Estimate, estimate
+from serpent_twin.readouts import find, load
+from serpent_twin.readouts.adapted import Adapted
+from serpent_twin.readouts.windows import cut
+from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.sessions import read_folder, read_session, readings_hash
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN
 
 SOFT = replace(NOMINAL_DESIGN, parameters=replace(NOMINAL, strand_stiffness=8e3)).with_effect(
     Payload(mass=0.02)
@@ -31,8 +31,8 @@ FEW = {"steps": 12, "record": False}
 def folder(tmp_path_factory) -> Path:
     """Logs of a soft arm, its twin.json, and readouts trained on them: two of windows, two with a twin."""
     folder = tmp_path_factory.mktemp("soft")
-    design.write(folder / "soft.json", SOFT, {})
-    design.write(folder / "nominal.json", NOMINAL_DESIGN, {})
+    twin_model.write(folder / "soft.json", SOFT, {})
+    twin_model.write(folder / "nominal.json", NOMINAL_DESIGN, {})
     collect(
         Collect(folder / "logs", sessions=2, steps=70, workers=1, arm="soft", seed=3,
                 twin=folder / "soft.json")
@@ -40,7 +40,7 @@ def folder(tmp_path_factory) -> Path:
     train, validate = (cut([s], 4, drop=10) for s in read_folder(folder / "logs"))
     rng = np.random.default_rng(0)
     made = {"residual": find("residual")(4)}
-    made["observer"] = find("observer")(4, twin=design.to_dict(SOFT))
+    made["observer"] = find("observer")(4, twin=twin_model.to_dict(SOFT))
     made["foreign"] = find("observer")(4)
     for readout in made.values():
         readout.fit(train, validate, rng)
@@ -70,7 +70,7 @@ def test_an_observers_own_twin_is_simulated_unless_another_is_named(name, folder
         Collect(tmp_path / "logs", sessions=1, steps=12, workers=1, twin=folder / "soft.json")
     )
     np.testing.assert_array_equal(logged(tmp_path / "own").marker, read_session(path).marker)
-    assert design.simulated_by(logged(tmp_path / "own").metadata) == SOFT
+    assert twin_model.simulated_by(logged(tmp_path / "own").metadata) == SOFT
 
 
 def test_another_arm_than_the_observers_is_said(folder, tmp_path, capsys):

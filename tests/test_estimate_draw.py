@@ -5,10 +5,10 @@ import pytest
 from live_runs import STEPS, estimated, logged, spread, train_few
 from rerun.chunk import RrdReader
 
-from serpent_twin.estimate import Estimate, estimate
-from serpent_twin.estimate.draw import Drawing, ellipsoids
-from serpent_twin.estimate.follower import COLUMNS
-from serpent_twin.estimate.stream import Page, Sample, Stream
+from serpent_twin.live.draw import Drawing, ellipsoids
+from serpent_twin.live.estimate import Estimate, estimate
+from serpent_twin.live.follower import COLUMNS
+from serpent_twin.live.stream import Page, Sample, Stream
 
 
 def test_the_recording_holds_what_the_log_says(tmp_path):

@@ -1,7 +1,6 @@
 """Does the measured machines' experiment split, score and say what is missing?"""
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,19 +9,17 @@ import numpy as np
 import pytest
 from measured_logs import jaw, pendulum, write_log
 
-from serpent_twin import rigs
+from experiments.measured import __main__ as measured
+from experiments.measured import changed as measured_changed
+from experiments.measured import metric as measured_metric
+from experiments.measured import regression as measured_regression
+from experiments.measured import split as measured_split
+from experiments.measured.bench import BENCHES
+from serpent_twin import machines
 from serpent_twin.errors import SerpentError
-from serpent_twin.measured import Recording, read, read_folder
+from serpent_twin.identification.run import _file
+from serpent_twin.machines.measured import Recording, read, read_folder
 from serpent_twin.residual import ANGLE, MARKERS, Comparison
-from serpent_twin.trace.run import _file
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "experiments"))
-import measured
-import measured_changed
-import measured_metric
-import measured_regression
-import measured_split
-from measured_bench import BENCHES
 
 
 @pytest.fixture
@@ -75,8 +72,8 @@ class TrunkRig:
 @pytest.fixture
 def trunks(tmp_path, monkeypatch):
     """Logs of a trunk beside a rig that reads them."""
-    found, known = TrunkRig(), rigs.find
-    monkeypatch.setattr(rigs, "find", lambda name: found if name == "trunk" else known(name))
+    found, known = TrunkRig(), machines.find
+    monkeypatch.setattr(machines, "find", lambda name: found if name == "trunk" else known(name))
     for n, name in enumerate(("controlled_1", "controlled_2", "heavy", "same")):
         about, columns = trunk(seed=n)
         write_log(tmp_path / "data" / "trunk" / f"{name}.parquet", about, **columns)

@@ -1,18 +1,15 @@
 """Do the experiments on the trace plan each trial once, and count rightly what was named?"""
 
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from diagnoses import ERRORS, diagnosis, estimate
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "experiments"))
-import confusion_arms
-import confusion_plan
-import confusion_score
-from confusion_plan import CLEAN, KNOWN, OUTSIDE, PAIR
+from experiments.confusion import arms as confusion_arms
+from experiments.confusion import plan as confusion_plan
+from experiments.confusion import score as confusion_score
+from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR
 
 
 def row(kind, name, strength=1.0, named=(), unexplained=False):

@@ -1,21 +1,12 @@
 """Does the comparison of routes keep windows apart, and make the conditions that it names?"""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from test_readout import make_windows
 
-from serpent_twin.design import NOMINAL_DESIGN
-from serpent_twin.effects.payload import Payload
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.readout.belief import Belief
-from serpent_twin.readout.online import Online
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "experiments"))
-from sim_to_real_conditions import (
+from experiments.sim_to_real.conditions import (
     Change,
     Condition,
     changing,
@@ -24,7 +15,12 @@ from sim_to_real_conditions import (
     recovery,
     session_of,
 )
-from sim_to_real_twins import after, joined
+from experiments.sim_to_real.twins import after, joined
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.effects.payload import Payload
+from serpent_twin.readouts.belief import Belief
+from serpent_twin.readouts.online import Online
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN
 
 ARM = replace(NOMINAL_DESIGN, parameters=replace(NOMINAL, marker_noise=0.0, load_noise=0.0))
 

@@ -1,28 +1,25 @@
 """Do the experiments on the trace inject what they say, go on where they stopped, and show it?"""
 
 import json
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from diagnoses import diagnosis, estimate
 
-from serpent_twin import design, effects
-from serpent_twin.arm import ARM, link_frames
-from serpent_twin.design import Design
+from experiments.close_the_loop import __main__ as close_the_loop
+from experiments.close_the_loop import picture as close_the_loop_picture
+from experiments.confusion import __main__ as confusion
+from experiments.confusion import arms as confusion_arms
+from experiments.confusion import outside as confusion_outside
+from experiments.confusion.plan import KNOWN, PAIR, Trial
+from serpent_twin import effects
+from serpent_twin.arm.geometry import ARM, link_frames
 from serpent_twin.effects import by_name
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import read_session, write_session
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "experiments"))
-import close_the_loop
-import close_the_loop_picture
-import confusion
-import confusion_arms
-import confusion_outside
-from confusion_plan import KNOWN, PAIR, Trial
+from serpent_twin.sessions import read_session, write_session
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin_model import Design
 
 # what is injected
 
@@ -181,7 +178,7 @@ def arms(tmp_path, monkeypatch):
         calls.append(config.logs.name)
         config.out.mkdir()
         found = diagnosis([("payload", {"mass": estimate(0.15, 0.14, 0.16)})])
-        design.write(config.out / "twin.json", built, {})
+        twin_model.write(config.out / "twin.json", built, {})
         (config.out / "diagnosis.json").write_text(json.dumps(found))
         return found
 

@@ -1,19 +1,13 @@
 """Would the fault matrix notice a row that is wrong, old, lost, or commanded otherwise?"""
 
-import importlib.util
 import json
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from serpent_twin.bus.device.verify import check_rows, read_transcript
-
-PATH = Path(__file__).resolve().parents[1] / "experiments" / "fault_matrix.py"
-spec = importlib.util.spec_from_file_location("fault_matrix", PATH)
-fault_matrix = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(fault_matrix)
+from experiments import fault_matrix
+from serpent_twin.emulator.device.verify import check_rows, read_transcript
 
 
 @pytest.fixture(scope="module")

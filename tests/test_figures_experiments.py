@@ -1,23 +1,19 @@
 """Are the experiments' figures legible, and do their titles name what was given?"""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnoses import diagnosis as made_up
 from figure_checks import wrong
 from test_trace_page import diagnosis
 
-from serpent_twin.arm import N_JOINTS, markers
-from serpent_twin.rigs.arm.vector import candidates
-from serpent_twin.trace.page import page
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "experiments"))
-import close_the_loop_picture as picture
-import sim_to_real_figures as routes
-from close_the_loop import page as loop_page
-from diagnoses import diagnosis as made_up
+from experiments.close_the_loop import picture
+from experiments.close_the_loop.__main__ import page as loop_page
+from experiments.sim_to_real import figures as routes
+from serpent_twin.arm.geometry import N_JOINTS, markers
+from serpent_twin.identification.page import page
+from serpent_twin.machines.arm.vector import candidates
 
 RNG = np.random.default_rng(0)
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serpent_twin import design
-from serpent_twin.collect import Collect, collect
-from serpent_twin.design import Design
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.payload import Payload
-from serpent_twin.log import read_folder
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.readout import find
-from serpent_twin.readout.score import score
-from serpent_twin.readout.windows import cut
+from serpent_twin.readouts import find
+from serpent_twin.readouts.score import score
+from serpent_twin.readouts.windows import cut
+from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.sessions import read_folder
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin_model import Design
 
 SOFT = Design(
     replace(NOMINAL, strand_stiffness=4e3, strand_slack=6e-4, marker_noise=2e-4, load_noise=2e-3)
@@ -25,7 +25,7 @@ HEAVY = SOFT.with_effect(Payload(mass=0.05))
 def sessions(tmp_path_factory):
     """Of an arm that carries 50 g."""
     folder = tmp_path_factory.mktemp("heavy")
-    design.write(folder / "twin.json", HEAVY, {})
+    twin_model.write(folder / "twin.json", HEAVY, {})
     collect(Collect(folder / "logs", sessions=3, steps=240, workers=1, twin=folder / "twin.json"))
     return read_folder(folder / "logs")
 
@@ -35,7 +35,7 @@ def errors_mm(sessions, twin, **settings):
     train, validate, test = (cut([each], 4, 40) for each in sessions)
     found = []
     for name, given in (("observer", {}), ("filtered_observer", settings)):
-        made = find(name)(4, twin=design.to_dict(twin), **given)
+        made = find(name)(4, twin=twin_model.to_dict(twin), **given)
         made.fit(train, validate, np.random.default_rng(0))
         told = made.follow(test.sessions[0])
         found.append(score(told.marker, test.marker).mean_mm)

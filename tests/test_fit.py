@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from serpent_twin.effects import Range
-from serpent_twin.rigs.rig import Candidate, Declared, Point, Quantity, Stopwatch
-from serpent_twin.trace.held_out import Errors, gain
-from serpent_twin.trace.least_squares import fit, indistinguishable, worth
-from serpent_twin.trace.moves import moves_of
-from serpent_twin.trace.notebook import Notebook
-from serpent_twin.trace.search import full_fit, score, worth_fitting
-from serpent_twin.trace.steps import Trial, why_not
+from serpent_twin.identification.checkpoints import Notebook
+from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.held_out import Errors, gain
+from serpent_twin.identification.least_squares import fit, indistinguishable, worth
+from serpent_twin.identification.score_test import full_fit, score, worth_fitting
+from serpent_twin.identification.steps import Trial, why_not
+from serpent_twin.machines.machine import Candidate, Declared, Point, Quantity, Stopwatch
 
 SEGMENTS, NUMBERS = 12, 300
 GUST, NOTHING = "gust", "nothing"

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from moments import moment
 
-from serpent_twin import mjcf
-from serpent_twin.bus.simulated import SimulatedBus
-from serpent_twin.design import NOMINAL_DESIGN, Design
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.hinge_friction import STICKS, soften, softness
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import CATALOGUE
-from serpent_twin.friction import STICKS, soften, softness
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.twin import Twin
+from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.sim.twin import Twin
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
 
 FRICTION, TRANSITION = 0.02, 0.03
 CREEPING = Design(replace(NOMINAL, transition_velocity=TRANSITION))

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from serpent_twin import design
-from serpent_twin.bus.simulated import SimulatedBus
-from serpent_twin.collect.loop import record
-from serpent_twin.control import random_targets
-from serpent_twin.design import NOMINAL_DESIGN, Design
+from serpent_twin.arm.control import random_targets
+from serpent_twin.arm.deviations import EXACT
 from serpent_twin.effects import CATALOGUE
-from serpent_twin.imposed import Stretches, impose
-from serpent_twin.log import FIELDS, read_session
-from serpent_twin.mocap.simulated import SimulatedMocap
-from serpent_twin.tolerances import EXACT
-from serpent_twin.twin import Twin
+from serpent_twin.emulator.cameras import SimulatedMocap
+from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.recording.loop import record
+from serpent_twin.sessions import FIELDS, read_session
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.many_twins import Stretches, impose
+from serpent_twin.sim.twin import Twin
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
 
 HERE = Path(__file__).resolve().parent
 FROZEN, DATA = HERE / "frozen", HERE.parent / "data" / "arm_a"
@@ -85,7 +85,7 @@ def test_arms_that_the_committed_logs_drive_move_as_before(entry):
 
 def test_a_twin_that_was_written_before_is_read_as_it_was():
     """tests/frozen/twin.json is of 0.1.0, before it carried a version; it is never written anew."""
-    assert design.read(FROZEN / "twin.json") == BUILT["worn"]
+    assert twin_model.read(FROZEN / "twin.json") == BUILT["worn"]
 
 
 if __name__ == "__main__":

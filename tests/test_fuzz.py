@@ -1,8 +1,9 @@
 """Is whatever is damaged read or refused, and nothing else?"""
 
-import fuzz
 import numpy as np
 import pytest
+
+from experiments import fuzz
 
 
 @pytest.fixture(scope="module")

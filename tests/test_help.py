@@ -12,9 +12,10 @@ from typing import Annotated
 import pytest
 from tyro.conf import Positional, arg
 
-from serpent_twin import cli, rigs
+from serpent_twin import machines
 from serpent_twin.__main__ import verbs
-from serpent_twin.option_groups import Group
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.option_groups import Group
 
 COMMANDS = [
     "bus.device", "bus.doctor", "bus.zero", "collect", "estimate", "log", "mjcf", "mocap", "replay",
@@ -82,8 +83,8 @@ def test_mocap_says_what_its_commands_do():
 
 def test_trace_says_which_machines_there_are():
     text = said(run("serpent_twin.trace", "--help").stdout)
-    for name in rigs.available():
-        assert f"{name}, {rigs.find(name).about}" in text
+    for name in machines.available():
+        assert f"{name}, {machines.find(name).about}" in text
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,15 @@ import pytest
 from motion import sway, wander
 from numpy.testing import assert_allclose, assert_array_equal
 
-from serpent_twin import mjcf
-from serpent_twin.arm import markers
-from serpent_twin.design import NOMINAL_DESIGN, Design
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.deviations import Tolerances
+from serpent_twin.arm.geometry import markers
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import CATALOGUE
 from serpent_twin.errors import SerpentError
-from serpent_twin.imposed import Stretches, gaps, impose
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.tolerances import Tolerances
-from serpent_twin.twin import Twin
+from serpent_twin.sim.many_twins import Stretches, gaps, impose
+from serpent_twin.sim.twin import Twin
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
 
 STIFF = Design(replace(NOMINAL, strand_slack=0.0, joint_friction=0.0, joint_damping=0.05))
 

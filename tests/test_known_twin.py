@@ -7,16 +7,16 @@ import pytest
 from test_readout import make_session
 from trainings import run, write
 
-from serpent_twin import design
-from serpent_twin.collect import Collect, collect
-from serpent_twin.design import NOMINAL_DESIGN
 from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import read_folder
-from serpent_twin.provenance import file_hash
-from serpent_twin.readout.known_twin import known_twin
-from serpent_twin.readout.split import split
-from serpent_twin.train import Train, planned
+from serpent_twin.readouts.training.known_twin import known_twin
+from serpent_twin.readouts.training.split import split
+from serpent_twin.readouts.training.train import Train, planned
+from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.runs.provenance import file_hash
+from serpent_twin.sessions import read_folder
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN
 
 HEAVY = NOMINAL_DESIGN.with_effect(Payload(mass=0.04))
 TWO = ("linear", "observer")
@@ -43,7 +43,7 @@ def unknown(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def twin(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("trace") / "twin.json"
-    design.write(path, HEAVY, {})
+    twin_model.write(path, HEAVY, {})
     return path
 
 
@@ -96,7 +96,7 @@ def test_a_true_model_is_told_and_no_other(nominal, unknown, twin, tmp_path, cap
 def test_a_twin_fitted_to_the_test_session_is_told(unknown, tmp_path):
     inputs = {f"session_0{n}": file_hash(unknown / f"session_0{n}.parquet") for n in (1, 2, 3)}
     about = {"provenance": {"input_sha256": inputs, "held_out": 1}}
-    design.write(tmp_path / "twin.json", HEAVY, about)
+    twin_model.write(tmp_path / "twin.json", HEAVY, about)
     last = planned(Train(unknown, tmp_path, twin=tmp_path / "twin.json"))
     assert last.twin.note(["observer"]) == ""
     first = planned(Train(unknown, tmp_path, twin=tmp_path / "twin.json", test=("session_01",)))
@@ -106,7 +106,7 @@ def test_a_twin_fitted_to_the_test_session_is_told(unknown, tmp_path):
 
 @pytest.mark.parametrize("origin", [{}, {"input_sha256": {}}, {"held_out": ["session_01.parquet"]}])
 def test_a_twin_that_says_nothing_of_its_logs_is_used_all_the_same(origin, unknown, tmp_path):
-    design.write(tmp_path / "twin.json", HEAVY, {"provenance": origin})
+    twin_model.write(tmp_path / "twin.json", HEAVY, {"provenance": origin})
     assert planned(Train(unknown, tmp_path, twin=tmp_path / "twin.json")).twin.fitted_to == ()
 
 
@@ -119,6 +119,6 @@ def test_a_twin_that_says_nothing_of_its_logs_is_used_all_the_same(origin, unkno
     ],
 )
 def test_a_twin_that_says_nonsense_of_its_logs_is_refused(origin, key, unknown, tmp_path):
-    design.write(tmp_path / "twin.json", HEAVY, {"provenance": origin})
+    twin_model.write(tmp_path / "twin.json", HEAVY, {"provenance": origin})
     with pytest.raises(SerpentError, match=key):
         planned(Train(unknown, tmp_path, twin=tmp_path / "twin.json"))

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from serpent_twin.readout import Readout
-from serpent_twin.readout.live import LiveWindows, Reading
-from serpent_twin.readout.windows import input_size
+from serpent_twin.readouts import Readout
+from serpent_twin.readouts.live import LiveWindows, Reading
+from serpent_twin.readouts.windows import input_size
 
 
 @dataclass

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 from session_log import METADATA, assert_same, full_disk, make_session, write_journal
 
-from serpent_twin import log
+from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
 
 LOGS = Path(__file__).resolve().parents[1] / "data" / "arm_a"
@@ -38,14 +38,14 @@ def with_column(name: str, values: np.ndarray):
 
 @pytest.fixture
 def sealed(tmp_path: Path) -> Path:
-    return log.write_session(tmp_path / "session_01.parquet", make_session())
+    return sessions.write_session(tmp_path / "session_01.parquet", make_session())
 
 
 def test_a_written_session_is_read_back_exactly(tmp_path):
     session = make_session()
     session = replace(session, extra={"voltage": np.linspace(11, 12, len(session))})
-    path = log.write_session(tmp_path / "session_04.parquet", session)
-    back = log.read_session(path)
+    path = sessions.write_session(tmp_path / "session_04.parquet", session)
+    back = sessions.read_session(path)
     assert_same(session, back)
     assert (back.path, back.name, back.rate_hz, len(back)) == (path, "session_04", 4.0, 60)
     assert back.metadata == session.metadata | {"rows": 60}
@@ -58,11 +58,13 @@ def test_columns_are_those_of_logs_from_elsewhere():
     if not LOGS.is_dir():
         pytest.skip(f"{LOGS} is absent")
     path = LOGS / "session_01.parquet"
-    assert tuple(pq.read_schema(path).names) == log.COLUMNS
-    session, table = log.read_session(path), pq.read_table(path)
+    assert tuple(pq.read_schema(path).names) == sessions.COLUMNS
+    session, table = sessions.read_session(path), pq.read_table(path)
     np.testing.assert_array_equal(session.marker[:, 6, 1], table["marker7_y"].to_numpy())
     np.testing.assert_array_equal(session.motor_load[:, 9], table["motor10_load"].to_numpy())
-    assert not [f for s in log.read_folder(LOGS) for f in log.examine(s) if f.level != "note"]
+    assert not [
+        f for s in sessions.read_folder(LOGS) for f in sessions.examine(s) if f.level != "note"
+    ]
 
 
 def test_rows_of_a_session_are_views_of_it():
@@ -76,9 +78,9 @@ def test_rows_of_a_session_are_views_of_it():
 def test_nothing_is_overwritten(sealed):
     before = sealed.read_bytes()
     with pytest.raises(SerpentError, match="exists already"):
-        log.write_session(sealed, make_session(seed=1))
+        sessions.write_session(sealed, make_session(seed=1))
     with pytest.raises(SerpentError, match="exists already"):
-        log.Journal(sealed, METADATA)
+        sessions.Journal(sealed, METADATA)
     assert sealed.read_bytes() == before
 
 
@@ -86,7 +88,7 @@ def test_a_full_disk_leaves_no_half_file(sealed):
     before = sealed.read_bytes()
     other = sealed.with_name("session_02.parquet")
     with pytest.raises(OSError) as refused, full_disk(4096):
-        log.write_session(other, make_session(seed=1))
+        sessions.write_session(other, make_session(seed=1))
     assert refused.value.filename == str(other)
     assert [p.name for p in sealed.parent.iterdir()] == [sealed.name]
     assert sealed.read_bytes() == before
@@ -117,7 +119,7 @@ def test_read_refuses_and_says_why_and_where(sealed, case):
     change, says = REFUSALS[case]
     edit(sealed, change)
     with pytest.raises(SerpentError, match=says) as refused:
-        log.read_session(sealed)
+        sessions.read_session(sealed)
     assert str(sealed) in str(refused.value)
 
 
@@ -130,33 +132,33 @@ def test_read_refuses_a_damaged_file(sealed, damage):
         {"torn": data[: len(data) // 2], "text": b"a,b\n", "changed": changed}[damage]
     )
     with pytest.raises(SerpentError, match="torn, damaged") as refused:
-        log.read_session(sealed)
+        sessions.read_session(sealed)
     assert str(sealed) in str(refused.value)
 
 
 def test_a_folder_is_read_in_the_order_of_its_numbers(tmp_path):
     for number in (10, 2, 1, 100):
         session = make_session(seed=number, session=number)
-        log.write_session(tmp_path / f"session_{number:02d}.parquet", session)
+        sessions.write_session(tmp_path / f"session_{number:02d}.parquet", session)
     (tmp_path / "notes.txt").write_text("not a session")
-    assert [s.metadata["session"] for s in log.read_folder(tmp_path)] == [1, 2, 10, 100]
+    assert [s.metadata["session"] for s in sessions.read_folder(tmp_path)] == [1, 2, 10, 100]
 
 
 @pytest.mark.parametrize(("key", "value"), [("arm", "other"), ("rate_hz", 4.1)])
 def test_a_folder_of_mixed_runs_is_refused(sealed, key, value):
-    log.write_session(sealed.with_name("session_02.parquet"), make_session(**{key: value}))
+    sessions.write_session(sealed.with_name("session_02.parquet"), make_session(**{key: value}))
     with pytest.raises(SerpentError, match=f"differ in {key}.*session_01.*session_02"):
-        log.read_folder(sealed.parent)
+        sessions.read_folder(sealed.parent)
 
 
 def test_an_empty_or_absent_folder_is_refused_and_a_journal_mentioned(tmp_path, caplog):
     with pytest.raises(SerpentError, match="no folder"):
-        log.read_folder(tmp_path / "absent")
+        sessions.read_folder(tmp_path / "absent")
     with pytest.raises(SerpentError, match="no session_NN"):
-        log.read_folder(tmp_path)
+        sessions.read_folder(tmp_path)
     write_journal(tmp_path, make_session())
     with pytest.raises(SerpentError, match="log recover"):
-        log.read_folder(tmp_path)
-    log.write_session(tmp_path / "session_02.parquet", make_session())
-    log.read_folder(tmp_path)
+        sessions.read_folder(tmp_path)
+    sessions.write_session(tmp_path / "session_02.parquet", make_session())
+    sessions.read_folder(tmp_path)
     assert "session_01.journal" in caplog.text

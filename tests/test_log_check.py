@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from session_log import make_session, write_journal
 
-from serpent_twin import log
+from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
 
 TURN = 2 * np.pi
@@ -73,7 +73,7 @@ DAMAGES = {  # the array, what is done to it, the level and words of the finding
 }
 
 
-def damaged(name: str) -> log.Session:
+def damaged(name: str) -> sessions.Session:
     """A session that is sound but for one damage."""
     session = make_session()
     array, change, _, _ = DAMAGES[name]
@@ -83,17 +83,17 @@ def damaged(name: str) -> log.Session:
 
 @pytest.mark.parametrize("name", DAMAGES)
 def test_check_names_injected_damage(name):
-    assert [f.level for f in log.examine(make_session())] == ["note"]
+    assert [f.level for f in sessions.examine(make_session())] == ["note"]
     session, (_, _, level, says) = damaged(name), DAMAGES[name]
-    found, *others = log.examine(session)
+    found, *others = sessions.examine(session)
     assert found.level == level
     assert re.search(says, found.text), found.text
     if level == "error":
         with pytest.raises(SerpentError, match=says):
-            log.refuse_damaged([make_session(), session])
+            sessions.refuse_damaged([make_session(), session])
     else:
         assert [f.level for f in others] == ["note"]
-        log.refuse_damaged([session])
+        sessions.refuse_damaged([session])
 
 
 def command(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -111,7 +111,7 @@ def test_commands(tmp_path):
     for part in ("nominal", "seed: 7", "14.75", "lost markers [%]", "0.56", "recovered"):
         assert part in info.stdout
     assert command("check", tmp_path).returncode == 0
-    log.write_session(tmp_path / "session_02.parquet", damaged("a turn lost"))
+    sessions.write_session(tmp_path / "session_02.parquet", damaged("a turn lost"))
     (tmp_path / "session_03.parquet").write_bytes(b"PAR1")
     check = command("check", tmp_path)
     assert check.returncode == 1
@@ -135,6 +135,8 @@ def test_a_turn_lost_in_a_long_gap_is_found_and_a_gap_alone_is_none(turns):
         changed = replace(
             session, time=time, motor_position=position, motor_velocity_command=command
         )
-        found = [f.text for f in log.examine(changed) if "turns" in f.text and f.level == "error"]
+        found = [
+            f.text for f in sessions.examine(changed) if "turns" in f.text and f.level == "error"
+        ]
         assert bool(found) == bool(turns)
         assert all("motor5_position" in text and "row 30" in text for text in found)

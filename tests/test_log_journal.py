@@ -11,27 +11,27 @@ import pyarrow as pa
 import pytest
 from session_log import METADATA, assert_same, full_disk, make_session, rows_of, write_journal
 
-from serpent_twin import log
+from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
 
 
 def test_a_sealed_journal_holds_what_was_appended(tmp_path):
     session = make_session()
-    with log.Journal(tmp_path / "session_01.parquet", METADATA) as journal:
+    with sessions.Journal(tmp_path / "session_01.parquet", METADATA) as journal:
         for row in rows_of(session):
             journal.append(row)
         sealed = journal.seal()
-    back = log.read_session(sealed)
+    back = sessions.read_session(sealed)
     assert_same(session, back)
     assert back.metadata == session.metadata | {"complete": True, "rows": 60}
     assert [p.name for p in tmp_path.iterdir()] == ["session_01.parquet"]
 
 
 def test_a_journal_keeps_further_columns(tmp_path):
-    with log.Journal(tmp_path / "session_01.journal", METADATA, extra=("voltage",)) as journal:
+    with sessions.Journal(tmp_path / "session_01.journal", METADATA, extra=("voltage",)) as journal:
         for k, row in enumerate(rows_of(make_session())):
             journal.append(row | {"voltage": 12.0 - k / 100})
-        back = log.read_session(journal.seal())
+        back = sessions.read_session(journal.seal())
     np.testing.assert_array_equal(back.extra["voltage"], 12.0 - np.arange(60) / 100)
 
 
@@ -40,7 +40,9 @@ def test_a_journal_is_an_arrow_stream_that_any_reader_opens(tmp_path):
     path, _ = write_journal(tmp_path, session)
     table = pa.ipc.open_stream(path.read_bytes()).read_all()
     rows = table["row"].combine_chunks().flatten().to_numpy().reshape(60, -1)
-    np.testing.assert_array_equal(rows, np.stack(list(log.columns_of(session).values()), axis=1))
+    np.testing.assert_array_equal(
+        rows, np.stack(list(sessions.columns_of(session).values()), axis=1)
+    )
 
 
 @pytest.mark.parametrize(
@@ -55,12 +57,12 @@ def test_a_journal_is_an_arrow_stream_that_any_reader_opens(tmp_path):
 )
 def test_a_journal_refuses_a_wrong_row_and_goes_on(tmp_path, change, says):
     first, second = rows_of(make_session())[:2]
-    with log.Journal(tmp_path / "session_01.journal", METADATA) as journal:
+    with sessions.Journal(tmp_path / "session_01.journal", METADATA) as journal:
         journal.append(first)
         with pytest.raises(SerpentError, match=says):
             journal.append(change(second))
         journal.append(second)
-        assert len(log.read_session(journal.seal())) == 2
+        assert len(sessions.read_session(journal.seal())) == 2
 
 
 def test_400_truncations_give_exactly_the_whole_rows(tmp_path):
@@ -71,7 +73,7 @@ def test_400_truncations_give_exactly_the_whole_rows(tmp_path):
     for length in rng.integers(0, len(data) + 1, 400):
         path.write_bytes(data[:length])
         whole = sum(size <= length for size in sizes[1:])
-        content = log.read_journal(path)
+        content = sessions.read_journal(path)
         assert len(content.rows) == whole
         assert content.bytes_dropped == length - (sizes[whole] if length >= sizes[0] else 0)
         assert whole == 0 or (content.rows[:, 0] == session.time[:whole]).all()
@@ -81,13 +83,13 @@ def test_400_changed_bytes_never_pass_for_a_row(tmp_path):
     session = make_session(40)
     path, sizes = write_journal(tmp_path, session)
     data = path.read_bytes()
-    expected = np.stack(list(log.columns_of(session).values()), axis=1)
+    expected = np.stack(list(sessions.columns_of(session).values()), axis=1)
     rng = np.random.default_rng(2)
     for at in rng.integers(0, len(data), 400):
         changed = bytearray(data)
         changed[at] ^= int(rng.integers(1, 256))
         path.write_bytes(changed)
-        rows = log.read_journal(path).rows
+        rows = sessions.read_journal(path).rows
         hit = max(0, int(np.searchsorted(sizes, at, side="right")) - 1)
         if at >= sizes[0]:
             assert len(rows) >= hit, "a row before the damage is missing"
@@ -103,7 +105,7 @@ def test_a_journal_whose_schema_lost_its_columns_holds_no_row(tmp_path):
         schema = pa.schema([], metadata=stream.schema.metadata)
     with pa.OSFile(str(path), "wb") as file, pa.ipc.new_stream(file, schema) as out:
         out.write_batch(pa.RecordBatch.from_arrays([], schema=schema))
-    assert not len(log.read_journal(path).rows)
+    assert not len(sessions.read_journal(path).rows)
 
 
 @pytest.mark.parametrize("order", [[0, 2, 3], [0, 1, 1, 2], [0, 2, 1], [1, 2]])
@@ -113,14 +115,14 @@ def test_rows_out_of_order_end_the_readable_part(tmp_path, order):
     frames = [data[a:b] for a, b in pairwise(sizes)]
     path.write_bytes(data[: sizes[0]] + b"".join(frames[k] for k in order))
     good = next((n for n, k in enumerate(order) if n != k), len(order))
-    assert len(log.read_journal(path).rows) == good
+    assert len(sessions.read_journal(path).rows) == good
 
 
 _RECORDER = """
 import sys, json, numpy as np
-from serpent_twin import log
+from serpent_twin import sessions
 from tests.session_log import make_session, rows_of, METADATA
-with log.Journal(sys.argv[1] + "/session_01.journal", METADATA) as journal:
+with sessions.Journal(sys.argv[1] + "/session_01.journal", METADATA) as journal:
     for row in rows_of(make_session(100000)):
         journal.append(row)
         print(journal.rows, flush=True)
@@ -135,11 +137,11 @@ def test_kill_9_loses_no_row(tmp_path):
         for _ in range(137):
             logged = int(recorder.stdout.readline())
         with pytest.raises(SerpentError, match="recorded right now"):
-            log.recover(tmp_path)
+            sessions.recover(tmp_path)
         recorder.send_signal(signal.SIGKILL)
         logged = max([logged, *(int(line) for line in recorder.stdout.read().split("\n")[:-1])])
-    (sealed,) = log.recover(tmp_path)
-    session = log.read_session(sealed)
+    (sealed,) = sessions.recover(tmp_path)
+    session = sessions.read_session(sealed)
     assert logged <= len(session) <= logged + 1
     assert session.metadata["recovered"] and not session.metadata["complete"]
     assert_same(session, make_session(100000)[: len(session)])
@@ -150,9 +152,9 @@ def test_recover_keeps_a_torn_journal(tmp_path):
     torn = path.read_bytes()[: sizes[30] + 11]
     path.write_bytes(torn)
     (tmp_path / "session_01.journal.torn").write_bytes(b"an older one")
-    (sealed,) = log.recover(path)
-    assert len(log.read_session(sealed)) == 30
-    assert log.read_session(sealed).metadata["bytes_dropped"] == 11
+    (sealed,) = sessions.recover(path)
+    assert len(sessions.read_session(sealed)) == 30
+    assert sessions.read_session(sealed).metadata["bytes_dropped"] == 11
     assert not path.exists()
     assert (tmp_path / "session_01.journal.torn").read_bytes() == b"an older one"
     assert (tmp_path / "session_01.journal.torn2").read_bytes() == torn
@@ -160,7 +162,7 @@ def test_recover_keeps_a_torn_journal(tmp_path):
 
 def test_recover_sets_a_journal_without_rows_aside(tmp_path, caplog):
     (tmp_path / "session_01.journal").write_bytes(b"")
-    assert log.recover(tmp_path) == []
+    assert sessions.recover(tmp_path) == []
     assert "no whole row" in caplog.text
     assert [p.name for p in tmp_path.iterdir()] == ["session_01.journal.torn"]
 
@@ -168,28 +170,28 @@ def test_recover_sets_a_journal_without_rows_aside(tmp_path, caplog):
 def test_recover_ends_a_seal_that_was_killed_and_overwrites_nothing(tmp_path):
     session = make_session()
     path, _ = write_journal(tmp_path, session)
-    sealed = log.write_session(tmp_path / "session_01.parquet", session)
+    sealed = sessions.write_session(tmp_path / "session_01.parquet", session)
     before, journal = sealed.read_bytes(), path.read_bytes()
-    assert log.recover(tmp_path) == [sealed]
+    assert sessions.recover(tmp_path) == [sealed]
     assert not path.exists() and sealed.read_bytes() == before
     path.write_bytes(journal)
     sealed.unlink()
-    log.write_session(sealed, make_session(seed=1))
+    sessions.write_session(sealed, make_session(seed=1))
     before = sealed.read_bytes()
     with pytest.raises(SerpentError, match="other rows"):
-        log.recover(tmp_path)
+        sessions.recover(tmp_path)
     assert path.read_bytes() == journal and sealed.read_bytes() == before
 
 
 def test_a_full_disk_leaves_the_journal_at_its_last_row(tmp_path):
     rows = rows_of(make_session())
-    with log.Journal(tmp_path / "session_01.journal", METADATA) as journal:
+    with sessions.Journal(tmp_path / "session_01.journal", METADATA) as journal:
         with pytest.raises(OSError) as refused, full_disk(20_000):
             for row in rows:
                 journal.append(row)
         assert refused.value.filename == str(journal.path)
         logged = journal.rows
         journal.append(rows[logged])
-        back = log.read_session(journal.seal())
+        back = sessions.read_session(journal.seal())
     assert 0 < logged < 59
     assert_same(back, make_session()[: logged + 1])

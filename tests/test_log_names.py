@@ -9,7 +9,7 @@ import pytest
 from session_log import make_session
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import read_folder, read_session, write_session
+from serpent_twin.sessions import read_folder, read_session, write_session
 
 
 @pytest.fixture

@@ -6,18 +6,18 @@ from functools import partial
 import numpy as np
 import pytest
 
-from serpent_twin.bus.device import running
-from serpent_twin.bus.device.verify import read_transcript
-from serpent_twin.bus.dynamixel import DynamixelBus, bus, find_setup
-from serpent_twin.bus.dynamixel.registers import MotorRegisters
-from serpent_twin.bus.dynamixel.setup import setup_to_run
-from serpent_twin.bus.dynamixel.wire import Wire
-from serpent_twin.bus.xl430 import POSITION_UNIT
-from serpent_twin.collect import Collect, Real, collect
-from serpent_twin.collect.loop import record
-from serpent_twin.collect.sunken import bring_back
-from serpent_twin.log import read_session
-from serpent_twin.mocap import NoMocap
+from serpent_twin.emulator.device import running
+from serpent_twin.emulator.device.verify import read_transcript
+from serpent_twin.hardware.cameras import NoMocap
+from serpent_twin.hardware.dynamixel import DynamixelBus, bus, find_setup
+from serpent_twin.hardware.dynamixel.registers import MotorRegisters
+from serpent_twin.hardware.dynamixel.setup import setup_to_run
+from serpent_twin.hardware.dynamixel.wire import Wire
+from serpent_twin.hardware.xl430 import POSITION_UNIT
+from serpent_twin.recording.collect import Collect, Real, collect
+from serpent_twin.recording.loop import record
+from serpent_twin.recording.sunken import bring_back
+from serpent_twin.sessions import read_session
 
 BENT = np.tile(np.deg2rad([14.0] * 9), (16, 1))
 """Joint targets [rad] at which motor 9 stands a third of a turn from straight."""

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from serpent_twin import mjcf
-from serpent_twin.arm import N_MOTORS
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.geometry import N_MOTORS
 
 
 @pytest.fixture(scope="module")

@@ -10,15 +10,15 @@ from motive_csv import DIALECTS, write_take
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from serpent_twin.bus.simulated import SimulatedBus
-from serpent_twin.control import joint_p_control, random_targets
+from serpent_twin.arm.control import joint_p_control, random_targets
+from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import Session, read_session, write_session
-from serpent_twin.mocap.frame import Rigid
-from serpent_twin.mocap.merge import Merge, merge
-from serpent_twin.mocap.merge.align import Clock, refine
-from serpent_twin.mocap.merge.film import Film
-from serpent_twin.twin import Twin, replay_motors
+from serpent_twin.hardware.base_frame import Rigid
+from serpent_twin.sessions import Session, read_session, write_session
+from serpent_twin.sessions.merge import Merge, merge
+from serpent_twin.sessions.merge.align import Clock, refine
+from serpent_twin.sessions.merge.film import Film
+from serpent_twin.sim.twin import Twin, replay_motors
 
 BENCH = Path(__file__).resolve().parents[2] / "shared" / "logs" / "arm_a" / "session_01.parquet"
 NOISE = 5e-4

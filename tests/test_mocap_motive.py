@@ -8,7 +8,7 @@ import pytest
 from motive_csv import DIALECTS, write_take
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.mocap.motive import read_take
+from serpent_twin.hardware.motive import read_take
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "measured" / "optitrack"
 

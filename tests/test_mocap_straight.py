@@ -5,9 +5,9 @@ import warnings
 import numpy as np
 import pytest
 
-from serpent_twin.arm import markers
+from serpent_twin.arm.geometry import markers
 from serpent_twin.errors import SerpentError
-from serpent_twin.mocap.straight import fit_straight
+from serpent_twin.hardware.find_frame import fit_straight
 
 LABELS = [f"Marker {n}" for n in range(1, 10)]
 STRAIGHT = markers(np.zeros(9))

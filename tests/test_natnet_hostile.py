@@ -9,13 +9,13 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from fuzz import mutants
 from test_mocap_live import STRAIGHT, stage
 
+from experiments.fuzz import mutants
+from serpent_twin.emulator.natnet_server import NAMES, TICK_HZ
 from serpent_twin.errors import SerpentError
-from serpent_twin.mocap.natnet import live, packets
-from serpent_twin.mocap.natnet.live import NatNet, NatNetMocap
-from serpent_twin.mocap.natnet.server import NAMES, TICK_HZ
+from serpent_twin.hardware.natnet import live, packets
+from serpent_twin.hardware.natnet.live import NatNet, NatNetMocap
 
 FORGED = [packets.server_info(version, TICK_HZ, 1511) for version in ((3, 0), (2, 9))]
 FRAME = packets.frame_of_data((4, 1), 1, "arm", STRAIGHT + 0.3, [False] * 9, 9.0, (1, 2, 3))

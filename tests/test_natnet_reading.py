@@ -4,11 +4,11 @@ import struct
 
 import numpy as np
 import pytest
-from fuzz import mutants
 
-from serpent_twin.arm import markers
-from serpent_twin.mocap.natnet import packets, reading
-from serpent_twin.mocap.natnet.reading import PacketError
+from experiments.fuzz import mutants
+from serpent_twin.arm.geometry import markers
+from serpent_twin.hardware.natnet import packets, reading
+from serpent_twin.hardware.natnet.reading import PacketError
 
 VERSIONS = ((3, 0), (3, 1), (4, 0), (4, 1), (4, 2))
 STAMPS = (7_000_000, 7_040_000, 7_050_000)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from serpent_twin import arm
-from serpent_twin.readout.network import fit, forward, modules
+from serpent_twin.arm import geometry
+from serpent_twin.readouts.network import fit, forward, modules
 
 torch.set_num_threads(1)  # networks this small only wait for a second thread
 
@@ -16,11 +16,11 @@ def quiet(*_: object) -> None:
 
 def test_torch_and_numpy_place_the_markers_alike():
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (50, 9))
-    place = torch.tensor(arm.ARM.markers_in_links)
+    place = torch.tensor(geometry.ARM.markers_in_links)
     found = modules.markers(torch.tensor(q), place).numpy()
-    np.testing.assert_allclose(found, arm.markers(q), atol=1e-12)
+    np.testing.assert_allclose(found, geometry.markers(q), atol=1e-12)
     single = modules.markers(torch.tensor(q, dtype=torch.float32), place.float()).numpy()
-    np.testing.assert_allclose(single, arm.markers(q), atol=1e-6)
+    np.testing.assert_allclose(single, geometry.markers(q), atol=1e-6)
 
 
 def test_torch_and_numpy_run_the_same_perceptron():

@@ -12,16 +12,17 @@ from readme import ROOT, options, small
 from test_readout import make_session
 from trainings import write
 
-from serpent_twin import design, next_step
-from serpent_twin.bus.device import running
-from serpent_twin.collect import Collect, collect
-from serpent_twin.design import NOMINAL_DESIGN
+from serpent_twin import next_step
 from serpent_twin.effects.payload import Payload
-from serpent_twin.log import read_folder, read_session, write_session
-from serpent_twin.sweep.run import Sweep
-from serpent_twin.trace.run import Trace, planned
-from serpent_twin.train import Train
-from serpent_twin.train import planned as trained
+from serpent_twin.emulator.device import running
+from serpent_twin.identification.run import Trace, planned
+from serpent_twin.readouts.training.train import Train
+from serpent_twin.readouts.training.train import planned as trained
+from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.reservoir.sweep.run import Sweep
+from serpent_twin.sessions import read_folder, read_session, write_session
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN
 
 QUICK = "--readout linear mlp observer"
 
@@ -78,7 +79,7 @@ def test_logs_are_trained_on_and_then_traced(place):
 def test_a_corrected_twin_is_collected_from_trained_on_and_followed(place):
     twin = place / "trace" / "twin.json"
     twin.parent.mkdir()
-    design.write(twin, NOMINAL_DESIGN.with_effect(Payload(mass=0.03)), {})
+    twin_model.write(twin, NOMINAL_DESIGN.with_effect(Payload(mass=0.03)), {})
     step = next_step.after_trace(Trace(place / "my runs/logs", Path("trace")))
     assert step is None  # there is no such twin from here
     step = next_step.after_trace(Trace(place / "my runs/logs", place / "trace"))
@@ -93,7 +94,7 @@ def test_a_corrected_twin_is_collected_from_trained_on_and_followed(place):
     assert "--readout corrected_readouts/models/observer --out live_session_01.rrd" in step
     step = after(run(step, place))
     assert "rerun" in step and (place / shlex.split(step)[-1]).is_file()
-    design.write(twin, NOMINAL_DESIGN, {})  # no longer the twin that was collected from
+    twin_model.write(twin, NOMINAL_DESIGN, {})  # no longer the twin that was collected from
     assert "--twin" not in after(run("python -m serpent_twin.log info corrected", place))
 
 
@@ -207,9 +208,9 @@ def test_the_steps_from_the_device_to_its_log(tmp_path):
 
 def test_a_frame_is_used_by_a_run_that_can_begin(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    from serpent_twin.bus.dynamixel.setup import ArmSetup, write_setup
-    from serpent_twin.mocap.frame import IDENTITY
-    from serpent_twin.mocap.natnet.live import NatNet
+    from serpent_twin.hardware.base_frame import IDENTITY
+    from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
+    from serpent_twin.hardware.natnet.live import NatNet
 
     there = NatNet(server="10.0.0.7", labels=tuple("abcdefghi"))
     step = next_step.after_frame(Path("base.json"), there)

@@ -9,11 +9,11 @@ from diagnoses import ERRORS
 from residual_cases import LOAD_NOISE, NOISE, made
 from test_trace_page import diagnosis
 
+from serpent_twin.identification import page, tables
+from serpent_twin.identification.run import _finite
 from serpent_twin.residual import analyse, describe
 from serpent_twin.residual.figures import figures
 from serpent_twin.residual.noise import in_words, measurement_noise
-from serpent_twin.trace import page, tables
-from serpent_twin.trace.run import _finite
 
 
 @pytest.mark.parametrize("rows", [8, 12, 20, 40])

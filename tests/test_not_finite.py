@@ -12,15 +12,15 @@ import session_log
 from test_readout import make_session, make_windows
 from trainings import write, write_five
 
-from serpent_twin import log
+from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
-from serpent_twin.estimate import Estimate, estimate
-from serpent_twin.estimate.follower import Follower
-from serpent_twin.readout import Readout, find
-from serpent_twin.readout.linear import Linear
-from serpent_twin.readout.residual_mlp import ResidualMlp
-from serpent_twin.readout.trial import judged
-from serpent_twin.train import Train, train
+from serpent_twin.live.estimate import Estimate, estimate
+from serpent_twin.live.follower import Follower
+from serpent_twin.readouts import Readout, find
+from serpent_twin.readouts.linear import Linear
+from serpent_twin.readouts.residual_mlp import ResidualMlp
+from serpent_twin.readouts.training.train import Train, train
+from serpent_twin.readouts.training.trial import judged
 
 
 @pytest.fixture
@@ -69,7 +69,9 @@ def test_an_estimate_that_ceases_to_be_a_number_ends_the_run(linear, tmp_path, m
         estimate(Estimate(tmp_path / "model", tmp_path / "out", steps=40, record=False))
     found = json.loads((tmp_path / "out" / "results.json").read_text())
     assert not found["complete"] and "not a number" in found["ended"]
-    assert found["rows"] == 13 == len(log.read_session(tmp_path / "out" / "session_01.parquet"))
+    assert (
+        found["rows"] == 13 == len(sessions.read_session(tmp_path / "out" / "session_01.parquet"))
+    )
 
 
 @pytest.mark.parametrize("command", ["estimate", "replay"])
@@ -122,9 +124,9 @@ def test_a_log_with_such_a_rate_is_not_read(tmp_path):
     session = session_log.make_session()
     session.metadata["rate_hz"] = math.nan
     with pytest.raises(SerpentError, match=r"session_01.parquet: the metadata: rate_hz is NaN"):
-        log.write_session(path, session)
+        sessions.write_session(path, session)
     with pytest.raises(SerpentError, match=r"session_02.journal: .*rate_hz is NaN"):
-        log.Journal(tmp_path / "session_02.journal", session.metadata)
+        sessions.Journal(tmp_path / "session_02.journal", session.metadata)
 
 
 def test_a_readout_whose_rate_is_no_number_takes_no_rows(linear):
@@ -151,4 +153,4 @@ def test_train_ends_with_a_sentence_where_a_stored_readout_is_spoiled(tmp_path):
 
 def test_the_logs_of_the_project_have_rates():
     folder = Path(__file__).resolve().parents[1] / "data" / "arm_a"
-    assert {session.rate_hz for session in log.read_folder(folder)} == {4.0}
+    assert {session.rate_hz for session in sessions.read_folder(folder)} == {4.0}

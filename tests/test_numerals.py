@@ -30,7 +30,7 @@ def test_a_noun_is_counted(said, counts):
 
 def test_no_text_counts_by_itself():
     found = []
-    for path in (*(ROOT / "serpent_twin").rglob("*.py"), *(ROOT / "experiments").glob("*.py")):
+    for path in (*(ROOT / "serpent_twin").rglob("*.py"), *(ROOT / "experiments").rglob("*.py")):
         for text in (
             n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.JoinedStr)
         ):

@@ -5,22 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serpent_twin import design
-from serpent_twin.bus.simulated import SimulatedBus
-from serpent_twin.collect import Collect, collect
-from serpent_twin.collect.loop import record
-from serpent_twin.control import random_targets
-from serpent_twin.design import NOMINAL_DESIGN, Design
+from serpent_twin.arm.control import random_targets
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.payload import Payload
+from serpent_twin.emulator.cameras import SimulatedMocap
+from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import FIELDS, Session, read_folder
-from serpent_twin.mocap.simulated import SimulatedMocap
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.readout import find, load
-from serpent_twin.readout.live import readings
-from serpent_twin.readout.score import score
-from serpent_twin.readout.windows import SessionWindows, cut
-from serpent_twin.twin import Twin
+from serpent_twin.readouts import find, load
+from serpent_twin.readouts.live import readings
+from serpent_twin.readouts.score import score
+from serpent_twin.readouts.windows import SessionWindows, cut
+from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.loop import record
+from serpent_twin.sessions import FIELDS, Session, read_folder
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin import Twin
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
 
 SOFT = Design(
     replace(NOMINAL, strand_stiffness=4e3, strand_slack=6e-4, marker_noise=2e-4, load_noise=4e-3)
@@ -41,7 +41,7 @@ def observer(sessions):
 
 
 def trained(sessions, twin: Design = SOFT):
-    made = find("observer")(4, twin=design.to_dict(twin))
+    made = find("observer")(4, twin=twin_model.to_dict(twin))
     made.fit(cut(sessions[:1], 4, 20), cut(sessions[1:2], 4, 20), np.random.default_rng(0))
     return made
 
@@ -121,7 +121,7 @@ def test_is_not_lost_by_motors_that_reboot():
 
 def test_doubts_itself_when_loads_say_that_the_arm_has_changed(sessions, observer, tmp_path):
     heavy = SOFT.with_effect(Payload(mass=0.05))
-    design.write(tmp_path / "twin.json", heavy, {})
+    twin_model.write(tmp_path / "twin.json", heavy, {})
     collect(Collect(tmp_path / "logs", sessions=1, steps=300, twin=tmp_path / "twin.json"))
     test = windows(read_folder(tmp_path / "logs")[0], drop=200)
     usual = observer.follow(windows(sessions[2], drop=200)).spread.mean()

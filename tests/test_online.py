@@ -7,19 +7,19 @@ import pytest
 from test_adapted import wandering
 from test_readout import QUIET
 
-from serpent_twin import arm
-from serpent_twin.readout import Readout, find
-from serpent_twin.readout.belief import Belief
-from serpent_twin.readout.live import Reading, readings
-from serpent_twin.readout.online import FEATURES, Memory, Online, features
-from serpent_twin.readout.windows import SessionWindows, cut
+from serpent_twin.arm import geometry
+from serpent_twin.readouts import Readout, find
+from serpent_twin.readouts.belief import Belief
+from serpent_twin.readouts.live import Reading, readings
+from serpent_twin.readouts.online import FEATURES, Memory, Online, features
+from serpent_twin.readouts.windows import SessionWindows, cut
 
 
 class Fixed:
     """An estimator that always says the same markers, or none for its first readings."""
 
     def __init__(self, silent: int = 0, covariance: float = 1e-6) -> None:
-        self.marker = arm.markers(np.zeros((1, 9)))
+        self.marker = geometry.markers(np.zeros((1, 9)))
         self.covariance = np.tile(covariance * np.eye(3), (1, 9, 1, 1))
         self.silent = silent
 
@@ -69,7 +69,7 @@ def test_weights_are_those_of_the_batch_problem():
     rows, before = [], live.marker[0]
     for k, now in enumerate(readings(of.bus)):
         online.update(now)
-        marker = arm.markers(0.3 * np.sin(k / 7 + np.arange(9)))
+        marker = geometry.markers(0.3 * np.sin(k / 7 + np.arange(9)))
         marker[~seen[k]] = np.nan
         online.correct(marker)
         rows.append((features(now, live.marker[0], np.zeros((9, 3))), marker - before))
@@ -138,11 +138,11 @@ def test_standing_still_for_long_does_not_wind_up():
     moving = list(readings(of.bus))
     for now in moving:
         online.update(now)
-        online.correct(arm.markers(np.zeros(9)) + rng.normal(0, 1e-3, (9, 3)))
+        online.correct(geometry.markers(np.zeros(9)) + rng.normal(0, 1e-3, (9, 3)))
     largest = np.abs(online.weight).max()
     for k in range(3000):  # twelve times the memory
         online.update(Reading(moving[-1].time + 0.25 * (k + 1), *still(moving[-1])))
-        online.correct(arm.markers(np.zeros(9)) + rng.normal(0, 1e-3, (9, 3)))
+        online.correct(geometry.markers(np.zeros(9)) + rng.normal(0, 1e-3, (9, 3)))
     assert np.isfinite(online.weight).all()
     assert np.abs(online.weight).max() < largest
     now = moving[0]
@@ -158,7 +158,7 @@ def still(now: Reading) -> tuple[np.ndarray, ...]:
 def test_nothing_is_learned_before_the_first_estimate_nor_twice():
     of, online = session(), Online(Fixed(silent=3))
     rows = readings(of.bus)
-    measured = arm.markers(np.full(9, 0.05))
+    measured = geometry.markers(np.full(9, 0.05))
     online.correct(measured)
     for now in itertools.islice(rows, 3):
         assert online.update(now) is None

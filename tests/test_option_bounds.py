@@ -9,11 +9,12 @@ from math import inf, nan
 import pytest
 from configs import configs, made, mains, number, options
 
-from serpent_twin import cli, env
-from serpent_twin.collect import Collect
+from serpent_twin import env
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import number as shown
-from serpent_twin.options import Checked
+from serpent_twin.recording.collect import Collect
 
 ODD = [0, -1, nan, inf, 1e300, 1e-300, 10**300]
 SENSIBLE = {

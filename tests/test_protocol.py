@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from dynamixel_sdk import Protocol2PacketHandler
 
-from serpent_twin.bus import protocol
-from serpent_twin.bus.protocol import (
+from serpent_twin.hardware import protocol
+from serpent_twin.hardware.protocol import (
     BROADCAST,
     Instruction,
     Parser,

@@ -14,10 +14,10 @@ from motive_csv import write_take
 from readme import ROOT, commands, module, options, small
 from scipy.interpolate import CubicSpline
 
-from serpent_twin.bus.device import running
-from serpent_twin.log import read_session
-from serpent_twin.mocap.frame import IDENTITY
-from serpent_twin.twin import replay_motors
+from serpent_twin.emulator.device import running
+from serpent_twin.hardware.base_frame import IDENTITY
+from serpent_twin.sessions import read_session
+from serpent_twin.sim.twin import replay_motors
 
 NOT_RUN = {
     "make ": "made in its own environment; tests/test_demo.py",
@@ -25,7 +25,7 @@ NOT_RUN = {
     "python -m mujoco.viewer": "opens a window",
     "dask ": "tests/test_sweep_workers.py",
     "python -m serpent_twin.sweep --cluster": "tests/test_sweep_workers.py",
-    "python experiments/": "hours; that they take these options is tested below",
+    "python -m experiments.": "hours; that they take these options is tested below",
     "python -m serpent_twin.bus.device": "serves until Ctrl-C; started by the test",
 }
 PATH = ("collect", "train", "trace", "collect", "train", "estimate", "replay")
@@ -68,10 +68,10 @@ def test_no_two_commands_claim_one_folder():
 
 
 def test_experiments_take_the_options_of_the_readme():
-    scripts = [shlex.split(c) for c in commands() if c.startswith("python experiments/")]
+    scripts = [shlex.split(c) for c in commands() if c.startswith("python -m experiments.")]
     assert scripts
     for words in scripts:
-        done = run([str(ROOT / words[1]), "--help"], ROOT)
+        done = run([*words[1:3], "--help"], ROOT)
         assert done.returncode == 0, done.stderr
         assert set(options(words)) - {""} <= set(re.findall(r"--[a-z-]+", done.stdout))
 

@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 import torch
 
-from serpent_twin import arm, log
+from serpent_twin import sessions
+from serpent_twin.arm import geometry
 from serpent_twin.errors import SerpentError
-from serpent_twin.readout import Readout, available, find, load
-from serpent_twin.readout import windows as win
-from serpent_twin.readout.decoder import joint_angles
-from serpent_twin.readout.linear import ridge_weights, with_one
-from serpent_twin.readout.live import readings
-from serpent_twin.readout.scale import scale_of, spread_of
-from serpent_twin.readout.score import score
+from serpent_twin.readouts import Readout, available, find, load
+from serpent_twin.readouts import windows as win
+from serpent_twin.readouts.decoder import joint_angles
+from serpent_twin.readouts.linear import ridge_weights, with_one
+from serpent_twin.readouts.live import readings
+from serpent_twin.readouts.scale import scale_of, spread_of
+from serpent_twin.readouts.score import score
 
 WINDOWED = [
     name for name in available() if "observer" not in name
@@ -25,7 +26,9 @@ torch.set_num_threads(1)  # networks this small only wait for a second thread
 QUIET = lambda *_: None  # noqa: E731
 
 
-def make_session(number: int, rows: int = 400, give: float = 0.3, lost: float = 0.0) -> log.Session:
+def make_session(
+    number: int, rows: int = 400, give: float = 0.3, lost: float = 0.0
+) -> sessions.Session:
     """An arm whose joints give way to the motors' loads: q = A⁻¹ m + give × load, known to be so."""
     rng = np.random.default_rng(number)
     clock = np.arange(rows) / 4
@@ -33,9 +36,9 @@ def make_session(number: int, rows: int = 400, give: float = 0.3, lost: float = 
     joint = 0.3 * np.sin((0.3 + 0.1 * speed) * clock[:, None] + phase)
     motor = np.cumsum(joint, axis=1)
     load = 0.1 * np.sin((0.5 + 0.1 * phase) * clock[:, None] + speed)
-    marker = arm.markers(joint[:, :9] + give * load[:, :9])
+    marker = geometry.markers(joint[:, :9] + give * load[:, :9])
     marker[rng.random((rows, 9)) < lost] = np.nan
-    return log.Session(
+    return sessions.Session(
         path=None,
         metadata={
             "schema_version": 1,
@@ -207,7 +210,7 @@ def test_the_residual_ridge_finds_a_linear_residual_exactly(data):
 def test_joint_angles_are_recovered_from_markers_and_unknown_where_some_are_lost():
     rng = np.random.default_rng(0)
     q = rng.uniform(-0.4, 0.4, (30, 9))
-    marker = arm.markers(q)
+    marker = geometry.markers(q)
     marker[::2, 3] = np.nan
     found = joint_angles(marker, q + rng.normal(0, 0.1, q.shape))
     assert np.isnan(found[::2]).all()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.readout import Readout, available, kind_of, load
+from serpent_twin.readouts import Readout, available, kind_of, load
 
 SMALL = {"width": 6, "layers": 2}
 MADE = [*available(), "adapted"]

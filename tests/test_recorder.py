@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serpent_twin.collect import Collect, collect
-from serpent_twin.log import read_folder
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.rigs.arm.recorder import controller_gain, recorded_by
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.machines.arm.recorder import controller_gain, recorded_by
+from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.sessions import read_folder
 
 
 @pytest.fixture(scope="module")

@@ -14,17 +14,15 @@ from measured_logs import pendulum, write_log
 from test_readout import make_session
 from trainings import write, write_five
 
-from serpent_twin import log
+from experiments.close_the_loop import __main__ as close_the_loop
+from experiments.measured import split as measured_split
+from experiments.sim_to_real import arm as sim_to_real_arm
+from experiments.sim_to_real.twins import QUICK
+from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
-from serpent_twin.measured import Recording
-from serpent_twin.trace import Trace, trace
-from serpent_twin.train import Train, train
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "experiments"))
-import close_the_loop
-import measured_split
-import sim_to_real_arm
-from sim_to_real_twins import QUICK
+from serpent_twin.identification import Trace, trace
+from serpent_twin.machines.measured import Recording
+from serpent_twin.readouts.training.train import Train, train
 
 LOGS = Path(__file__).resolve().parents[1] / "data" / "arm_a"
 
@@ -53,7 +51,7 @@ def in_float32(path: Path, source: Path) -> None:
     pq.write_table(pa.Table.from_arrays(columns, schema=schema), path)
 
 
-def changed(session: log.Session) -> dict[str, log.Session]:
+def changed(session: sessions.Session) -> dict[str, sessions.Session]:
     """A session as another might hand it on."""
     rows = slice(120, 180)
     return {
@@ -73,19 +71,19 @@ def test_a_copy_is_known_by_what_it_holds(how, logs, tmp_path):
     with pytest.raises(SerpentError, match=r"session_02.parquet and .*session_06.parquet hold"):
         train(Train(logs, tmp_path / "out", ("analytical",)))
     assert not (tmp_path / "out").exists()
-    one, two = (log.read_session(logs / f"session_0{n}.parquet") for n in (2, 6))
-    assert log.readings_hash(one) == log.readings_hash(two)
+    one, two = (sessions.read_session(logs / f"session_0{n}.parquet") for n in (2, 6))
+    assert sessions.readings_hash(one) == sessions.readings_hash(two)
 
 
 @pytest.mark.parametrize("how", changed(make_session(1)))
 def test_a_part_or_a_changed_copy_is_known(how):
     session = make_session(1)
     with pytest.raises(SerpentError, match="session_01 and session_01 hold the same readings"):
-        log.refuse_repeated([make_session(2), session, changed(session)[how]])
+        sessions.refuse_repeated([make_session(2), session, changed(session)[how]])
 
 
 def test_sessions_of_one_arm_are_not_taken_for_each_other():
-    log.refuse_repeated([make_session(n) for n in range(1, 9)])
+    sessions.refuse_repeated([make_session(n) for n in range(1, 9)])
     # One pose at which both begin, one in which both end and stand.
     one, two = make_session(1), make_session(2)
     for rows in (slice(0, 1), slice(380, 400)):
@@ -93,11 +91,11 @@ def test_sessions_of_one_arm_are_not_taken_for_each_other():
             getattr(two, name)[rows] = getattr(one, name)[rows][:1]
         for session in (one, two):
             session.motor_velocity[rows] = 0.0
-    log.refuse_repeated([one, two])
-    logged = log.read_folder(LOGS)
-    log.refuse_repeated(logged)
+    sessions.refuse_repeated([one, two])
+    logged = sessions.read_folder(LOGS)
+    sessions.refuse_repeated(logged)
     halves = [logged[0].rows(slice(1000)), logged[0].rows(slice(1000, None))]
-    log.refuse_repeated(halves)
+    sessions.refuse_repeated(halves)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +137,7 @@ def twice(tmp_path) -> Path:
     for session in (first, make_session(2)):
         write(folder, session)
     part = first.rows(slice(0, 300))
-    log.write_session(folder / "session_03.parquet", replace(part, path=None))
+    sessions.write_session(folder / "session_03.parquet", replace(part, path=None))
     return folder
 
 
@@ -169,10 +167,10 @@ def test_runs_of_other_machines_are_compared_by_all_that_they_measured(tmp_path)
         Recording(None, {}, {"time": time, "angle": rng.normal(size=200)}, f"run {n}")
         for n in (1, 2)
     ]
-    log.refuse_repeated(runs)
+    sessions.refuse_repeated(runs)
     late = {name: values[50:] for name, values in runs[0].columns.items()}
     with pytest.raises(SerpentError, match="run 1 and a copy hold the same readings"):
-        log.refuse_repeated([*runs, replace(runs[0], columns=late, label="a copy")])
+        sessions.refuse_repeated([*runs, replace(runs[0], columns=late, label="a copy")])
 
 
 def test_files_that_judge_elsewhere_are_no_copies_of_what_is_fitted(tmp_path):

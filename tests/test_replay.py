@@ -7,12 +7,21 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from serpent_twin import design, log, readout, recording, replay, twin
-from serpent_twin.arm import ARM, N_JOINTS, N_MOTORS, link_frames, markers, motor_from_joint
-from serpent_twin.design import NOMINAL_DESIGN
+from serpent_twin import playback, readouts, replay, sessions
+from serpent_twin.arm.geometry import (
+    ARM,
+    N_JOINTS,
+    N_MOTORS,
+    link_frames,
+    markers,
+    motor_from_joint,
+)
+from serpent_twin.arm.mjcf import STRANDS
 from serpent_twin.effects import CATALOGUE
 from serpent_twin.errors import SerpentError
-from serpent_twin.mjcf import STRANDS
+from serpent_twin.reporting import rerun_recording
+from serpent_twin.sim import twin, twin_model
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN
 
 T = 24
 LOST = (5, 6, 20)
@@ -30,7 +39,7 @@ def make_session(rng, lost=((2, LOST),)):
     velocity = np.gradient(motor, time, axis=0)
     load = rng.uniform(-0.2, 0.2, (T, N_MOTORS))
     about = {"schema_version": 1, "backend": "sim", "arm": "swing", "session": 1, "rate_hz": 4.0}
-    return log.Session(None, about, time, motor, velocity, load, velocity, q, seen)
+    return sessions.Session(None, about, time, motor, velocity, load, velocity, q, seen)
 
 
 def column(path, entity, component):
@@ -49,8 +58,8 @@ def made(tmp_path_factory):
     """A session file, a saved readout, and the recording that the command makes of both."""
     folder = tmp_path_factory.mktemp("replay")
     session = make_session(np.random.default_rng(0))
-    log.write_session(folder / "session_01.parquet", session)
-    readout.find("analytical")().save(folder / "analytical")
+    sessions.write_session(folder / "session_01.parquet", session)
+    readouts.find("analytical")().save(folder / "analytical")
     replay.main(folder / "session_01.parquet", folder / "swing.rrd", folder / "analytical")
     moved = twin.replay_motors(session.time, session.motor_position)
     return folder, session, moved
@@ -71,8 +80,8 @@ def test_measured_markers_are_those_of_the_log(made):
 
 def test_estimated_markers_are_the_readout_s_and_start_with_a_whole_window(made):
     folder, session, _ = made
-    guess = replay.estimate(session, folder / "analytical")
-    assert guess.row[0] == readout.load(folder / "analytical").window - 1
+    guess = playback.estimate(session, folder / "analytical")
+    assert guess.row[0] == readouts.load(folder / "analytical").window - 1
     entity = "/markers/estimated/marker9"
     step, _, points = column(folder / "swing.rrd", entity, "Points3D:positions")
     assert np.array_equal(step, guess.row)
@@ -111,7 +120,7 @@ def test_curves_hold_loads_tensions_and_errors(made):
 
 def test_a_cable_is_blue_where_slack_and_red_where_tightest(made):
     folder, _, moved = made
-    full = recording.full_tension(moved.tension)
+    full = rerun_recording.full_tension(moved.tension)
     n = int(moved.tension.max(0).argmax())
     entity = f"/arm/base/{STRANDS[n]}"
     _, _, packed = column(folder / "swing.rrd", entity, "LineStrips3D:colors")
@@ -119,7 +128,7 @@ def test_a_cable_is_blue_where_slack_and_red_where_tightest(made):
     slack, tight = moved.tension[:, n] == 0, moved.tension[:, n] >= full
     assert tight.any() and (rgb[tight, 0] > rgb[tight, 2]).all()
     assert (rgb[slack, 2] > rgb[slack, 0]).all()
-    blue, red = recording.tension_colour(np.array([0.0, full]), full)
+    blue, red = rerun_recording.tension_colour(np.array([0.0, full]), full)
     assert blue[2] > blue[0] and red[0] > red[2]
 
 
@@ -166,16 +175,16 @@ def test_lost_markers_leave_gaps_in_the_recording(tmp_path):
     lost = tuple((marker, range(T)) for marker in range(N_JOINTS))
     session = make_session(np.random.default_rng(1), lost)
     moved = twin.replay_motors(session.time, session.motor_position)
-    recording.write(tmp_path / "blind.rrd", session, moved)
+    rerun_recording.write(tmp_path / "blind.rrd", session, moved)
     _, _, points = column(tmp_path / "blind.rrd", "/markers/measured/marker1", "Points3D:positions")
     assert points == [[]] * T
 
 
 def test_a_log_of_another_arm_replays(tmp_path):
     path = DATA / "arm_a/session_04.parquet"
-    session = log.read_session(path).rows(slice(0, 60))
+    session = sessions.read_session(path).rows(slice(0, 60))
     moved = twin.replay_motors(session.time, session.motor_position)
-    recording.write(tmp_path / "bench.rrd", session, moved, arm=ARM)
+    rerun_recording.write(tmp_path / "bench.rrd", session, moved, arm=ARM)
     step, _, points = column(tmp_path / "bench.rrd", "/markers/twin/marker9", "Points3D:positions")
     assert len(step) == 60 and np.allclose(np.array(points)[:, 0], moved.marker[:, 8], atol=1e-6)
 
@@ -185,12 +194,12 @@ def overlaid(tmp_path_factory):
     """A session of an arm with a payload, its twin.json, and the recording of both."""
     folder = tmp_path_factory.mktemp("overlaid")
     heavy = NOMINAL_DESIGN.with_effect(CATALOGUE["payload"](0.1))
-    design.write(folder / "twin.json", heavy, {"arm": "swing"})
+    twin_model.write(folder / "twin.json", heavy, {"arm": "swing"})
     session = make_session(np.random.default_rng(2))
     moved = twin.replay_motors(session.time, session.motor_position, heavy)
     session = dataclasses.replace(session, marker=moved.marker.copy())
     session.marker[list(LOST), 2] = np.nan
-    log.write_session(folder / "session_01.parquet", session)
+    sessions.write_session(folder / "session_01.parquet", session)
     replay.main(folder / "session_01.parquet", folder / "both.rrd", twin=folder / "twin.json")
     return folder, session, moved
 
@@ -225,7 +234,7 @@ def test_a_recording_is_of_one_corrected_twin(overlaid, tmp_path, capsys):
     again = folder / "session_01.parquet", folder / "both.rrd"
     replay.main(*again, twin=folder / "twin.json")
     assert "Driving" not in capsys.readouterr().out
-    design.write(tmp_path / "twin.json", NOMINAL_DESIGN, {})
+    twin_model.write(tmp_path / "twin.json", NOMINAL_DESIGN, {})
     for other in (None, tmp_path / "twin.json"):
         with pytest.raises(SerpentError, match=r"both\.rrd exists"):
             replay.main(*again, twin=other)
@@ -233,7 +242,7 @@ def test_a_recording_is_of_one_corrected_twin(overlaid, tmp_path, capsys):
 
 def test_the_twin_of_another_arm_is_refused(overlaid, tmp_path):
     folder, _, _ = overlaid
-    design.write(tmp_path / "twin.json", NOMINAL_DESIGN, {"arm": "arm_b"})
+    twin_model.write(tmp_path / "twin.json", NOMINAL_DESIGN, {"arm": "arm_b"})
     for twin_file, message in (
         (tmp_path / "twin.json", r"is the twin of the arm arm_b, and .* is of the arm swing"),
         (tmp_path / "twin.xml", r"Give the twin\.json that"),

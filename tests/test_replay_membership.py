@@ -7,10 +7,10 @@ import pytest
 from rerun.chunk import RrdReader
 from trainings import run, write_five
 
-from serpent_twin import readout, replay
-from serpent_twin.log import read_session, write_session
-from serpent_twin.mjcf import STRANDS
-from serpent_twin.train import Train
+from serpent_twin import readouts, replay
+from serpent_twin.arm.mjcf import STRANDS
+from serpent_twin.readouts.training.train import Train
+from serpent_twin.sessions import read_session, write_session
 
 SETS = {1: "training", 3: "training", 4: "validation", 5: "test"}
 
@@ -66,7 +66,7 @@ def test_a_copy_by_another_name_is_told_by_what_its_motors_read(trained, tmp_pat
 
 def test_of_an_older_readout_it_is_unknown(trained, tmp_path, capsys):
     old = tmp_path / "old"
-    readout.load(trained / "out/models/residual").save(old)
+    readouts.load(trained / "out/models/residual").save(old)
     about = json.loads((old / "readout.json").read_text())
     log = trained / "logs/session_05.parquet"
     (old / "readout.json").write_text(

@@ -8,7 +8,7 @@ import sys
 import pytest
 from session_log import make_session
 
-from serpent_twin.log import write_session
+from serpent_twin.sessions import write_session
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from residual_cases import NOISE, PERIOD, SWAY, fading, found, made, only
 
-from serpent_twin.arm import joint_axis, link_frames, markers
+from serpent_twin.arm.geometry import joint_axis, link_frames, markers
 from serpent_twin.residual import Comparison, describe, place
 from serpent_twin.residual.drift import drift
 from serpent_twin.residual.place import joint_jacobian

@@ -7,11 +7,11 @@ import pytest
 from measured_logs import DATA, WHERE, jaw, write_log
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.measured import Recording
-from serpent_twin.rigs.jaw import RIG
-from serpent_twin.rigs.rig import Point
-from serpent_twin.trace.least_squares import fit
-from serpent_twin.trace.moves import moves_of
+from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.least_squares import fit
+from serpent_twin.machines.jaw import RIG
+from serpent_twin.machines.machine import Point
+from serpent_twin.machines.measured import Recording
 
 MEASURED = DATA / "jaw"
 measured = pytest.mark.skipif(not MEASURED.is_dir(), reason=WHERE)

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from serpent_twin import mjcf
-from serpent_twin.arm import ARM
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.rigs import jaw, trunk, xl330
-from serpent_twin.rigs.arm.cable_law import CableLaw
-from serpent_twin.rigs.arm.quantities import quantities
-from serpent_twin.rigs.arm.vector import vector
-from serpent_twin.rigs.rig import Point
-from serpent_twin.rigs.trunk.shape import KINDS
-from serpent_twin.trace.conclude import _calibrated
-from serpent_twin.trace.least_squares import Fit
-from serpent_twin.trace.moves import Moves
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.geometry import ARM
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.identification.conclude import _calibrated
+from serpent_twin.identification.free_parameters import Moves
+from serpent_twin.identification.least_squares import Fit
+from serpent_twin.machines import jaw, trunk, xl330
+from serpent_twin.machines.arm.cable_law import CableLaw
+from serpent_twin.machines.arm.quantities import quantities
+from serpent_twin.machines.arm.vector import vector
+from serpent_twin.machines.machine import Point
+from serpent_twin.machines.trunk.shape import KINDS
 
 RNG = np.random.default_rng(6)
 

@@ -9,12 +9,12 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.measured import Recording
-from serpent_twin.rigs.rig import Point
-from serpent_twin.rigs.trunk import RIG, Trunk
-from serpent_twin.rigs.trunk.shape import ANGLES, CHANNEL, ENDS_AT, GOALS, KINDS, SEEN, TURNED
-from serpent_twin.trace.least_squares import fit
-from serpent_twin.trace.moves import moves_of
+from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.least_squares import fit
+from serpent_twin.machines.machine import Point
+from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.trunk import RIG, Trunk
+from serpent_twin.machines.trunk.shape import ANGLES, CHANNEL, ENDS_AT, GOALS, KINDS, SEEN, TURNED
 
 MEASURED = DATA / "trunk"
 measured = pytest.mark.skipif(not MEASURED.is_dir(), reason=WHERE)
@@ -45,7 +45,7 @@ def log(goal, seconds=None, period=0.01, seed=0):
 
 def answer(machine, run, **there):
     """Disks (T, 3, 3), servos (T, 6) and times (T,) of a whole run."""
-    from serpent_twin.measured import cut
+    from serpent_twin.machines.measured import cut
 
     point = Point(
         np.zeros(len(machine.declared)), {name: np.array(values) for name, values in there.items()}

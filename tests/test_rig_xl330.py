@@ -6,12 +6,12 @@ from measured_logs import DATA, WHERE, pendulum, write_log
 from scipy.special import ellipk
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.measured import Recording
-from serpent_twin.rigs.rig import Point
-from serpent_twin.rigs.xl330 import RIG, Xl330
-from serpent_twin.trace import Trace, trace
-from serpent_twin.trace.least_squares import fit
-from serpent_twin.trace.moves import moves_of
+from serpent_twin.identification import Trace, trace
+from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.least_squares import fit
+from serpent_twin.machines.machine import Point
+from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.xl330 import RIG, Xl330
 
 START = Point(np.zeros(4))
 MEASURED = DATA / "xl330"

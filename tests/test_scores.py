@@ -10,16 +10,21 @@ from test_adapted import wandering
 from test_readout import make_windows
 from trainings import run, write
 
-from serpent_twin import log
-from serpent_twin.readout import find, load
-from serpent_twin.readout.adapted import Adapted
-from serpent_twin.readout.page import page
-from serpent_twin.readout.score import distances
-from serpent_twin.readout.tables import adapt_table, detail_table, marker_table, score_table
-from serpent_twin.readout.uncertainty import METHOD, steps_of, uncertainty
-from serpent_twin.readout.windows import cut
-from serpent_twin.report import text_table
-from serpent_twin.train import Train
+from serpent_twin import sessions
+from serpent_twin.readouts import find, load
+from serpent_twin.readouts.adapted import Adapted
+from serpent_twin.readouts.score import distances
+from serpent_twin.readouts.training.page import page
+from serpent_twin.readouts.training.tables import (
+    adapt_table,
+    detail_table,
+    marker_table,
+    score_table,
+)
+from serpent_twin.readouts.training.train import Train
+from serpent_twin.readouts.training.uncertainty import METHOD, steps_of, uncertainty
+from serpent_twin.readouts.windows import cut
+from serpent_twin.reporting.report import text_table
 
 NAMES = ("analytical", "linear", "residual", "mlp", "lstm")
 
@@ -41,7 +46,7 @@ def scores(folder) -> dict:
 
 
 def test_each_mean_has_an_interval_and_the_regions_a_coverage(folder, scores):
-    test = cut([log.read_session(folder / "logs" / "session_04.parquet")], 4).sessions[0]
+    test = cut([sessions.read_session(folder / "logs" / "session_04.parquet")], 4).sessions[0]
     assert scores["intervals"] == METHOD
     for name in NAMES:
         found = scores["readouts"][name]

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serpent_twin.bus import BusError
-from serpent_twin.bus.device import running
-from serpent_twin.bus.dynamixel import DynamixelBus
-from serpent_twin.bus.dynamixel.setup import ArmSetup, find_setup, read_setup, write_setup
-from serpent_twin.bus.dynamixel.turns import read_turns, turns_file
-from serpent_twin.bus.dynamixel.wire import Wire
-from serpent_twin.bus.limits import Limits
-from serpent_twin.bus.protocol import Instruction
-from serpent_twin.bus.xl430 import nearest_turns
 from serpent_twin.bus.zero import Zero, set_zero
+from serpent_twin.emulator.device import running
+from serpent_twin.hardware.dynamixel import DynamixelBus
+from serpent_twin.hardware.dynamixel.setup import ArmSetup, find_setup, read_setup, write_setup
+from serpent_twin.hardware.dynamixel.turns import read_turns, turns_file
+from serpent_twin.hardware.dynamixel.wire import Wire
+from serpent_twin.hardware.limits import Limits
+from serpent_twin.hardware.motor_bus import BusError
+from serpent_twin.hardware.protocol import Instruction
+from serpent_twin.hardware.xl430 import nearest_turns
 
 
 def test_a_setup_survives_its_file(tmp_path):

@@ -1,23 +1,17 @@
 """Does the stiffness sweep run end to end, and do its answers say what the numbers say?"""
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.sweep import drive
-from serpent_twin.sweep.rows import Row, values
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "experiments"))
-import stiffness_sweep
-import stiffness_sweep_answers as answering
-import stiffness_sweep_engine as engine
-from stiffness_sweep_figures import _pose
-from stiffness_sweep_plan import (
+from experiments.stiffness_sweep import __main__ as stiffness_sweep
+from experiments.stiffness_sweep import answers as answering
+from experiments.stiffness_sweep import engine
+from experiments.stiffness_sweep.figures import _pose
+from experiments.stiffness_sweep.plan import (
     AMPLITUDES,
     CROSSED,
     GRID,
@@ -32,7 +26,10 @@ from stiffness_sweep_plan import (
     natural_period,
     quick,
 )
-from stiffness_sweep_trend import HELD, NOT, OPEN, correlation, over_seeds, trend
+from experiments.stiffness_sweep.trend import HELD, NOT, OPEN, correlation, over_seeds, trend
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.reservoir.sweep import drive
+from serpent_twin.reservoir.sweep.rows import Row, values
 
 ROW = {
     "stiffness_n_m", "slack_m", "seed", "capacity_by_degree", "mean_delay_steps", "consistency", "pose_mm",

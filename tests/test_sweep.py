@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 from sweep_cases import GRID, POINT, QUICK, UNSTABLE, files
 
-from serpent_twin.arm import joint_from_motor, markers
-from serpent_twin.collect import Collect
-from serpent_twin.collect.simulated import simulate_session
-from serpent_twin.design import Design
+from serpent_twin.arm.geometry import joint_from_motor, markers
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import FIELDS, read_session
-from serpent_twin.parameters import NOMINAL
+from serpent_twin.recording.collect import Collect
+from serpent_twin.recording.simulated import simulate_session
 from serpent_twin.reservoir import capacities, check_inputs, expand, memory, taps
-from serpent_twin.sweep import body, drive, pose, rigid, run
-from serpent_twin.sweep.measures import overlap
-from serpent_twin.sweep.outcome import Outcome, measured, rounded
-from serpent_twin.sweep.point import Measuring, Point, key
-from serpent_twin.sweep.run import Sweep, sweep
+from serpent_twin.reservoir.sweep import body, drive, pose, rigid, run
+from serpent_twin.reservoir.sweep.measures import overlap
+from serpent_twin.reservoir.sweep.outcome import Outcome, measured, rounded
+from serpent_twin.reservoir.sweep.point import Measuring, Point, key
+from serpent_twin.reservoir.sweep.run import Sweep, sweep
+from serpent_twin.sessions import FIELDS, read_session
+from serpent_twin.sim.twin_model import Design
 
 
 def written(out: Path) -> dict[str, int]:

@@ -7,10 +7,10 @@ import pytest
 from figure_checks import wrong
 from sweep_cases import GRID, UNSTABLE
 
-from serpent_twin.report import Figure
-from serpent_twin.sweep import run
-from serpent_twin.sweep.page import page
-from serpent_twin.sweep.rows import Row
+from serpent_twin import sweep
+from serpent_twin.reporting.report import Figure
+from serpent_twin.reservoir.sweep.page import page
+from serpent_twin.reservoir.sweep.rows import Row
 
 READOUTS = ("analytical", "linear", "residual", "mlp", "lstm", "decoder", "ensemble")
 ONE = Row(
@@ -80,7 +80,7 @@ def test_means_are_over_seeds_and_say_how_far_these_span():
 
 def test_the_command_writes_the_report_beside_the_table(tmp_path, capsys):
     out = tmp_path / "soft_arms"
-    run.main(run.Sweep(out, workers=1, **(GRID | {"stiffness": (8e3, UNSTABLE)})))
+    sweep.main(sweep.Sweep(out, workers=1, **(GRID | {"stiffness": (8e3, UNSTABLE)})))
     assert f"{out / 'report.html'}: the figures" in capsys.readouterr().out
     html, text = (out / "report.html").read_text(), (out / "report.md").read_text()
     assert html.count("data:image/png") == 3 == len(list((out / "figures").glob("*.png")))

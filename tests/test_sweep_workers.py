@@ -16,10 +16,10 @@ from fragile import fragile
 from sweep_cases import GRID, files
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.sweep import cluster, execute
-from serpent_twin.sweep.execute import Pool
-from serpent_twin.sweep.processes import processes
-from serpent_twin.sweep.run import Sweep, sweep
+from serpent_twin.reservoir.sweep.run import Sweep, sweep
+from serpent_twin.runs import cluster, worker_pool
+from serpent_twin.runs.processes import processes
+from serpent_twin.runs.worker_pool import Pool
 
 
 def test_jobs_of_a_dead_worker_are_done_again_and_deadly_ones_given_up(tmp_path):
@@ -31,7 +31,7 @@ def test_jobs_of_a_dead_worker_are_done_again_and_deadly_ones_given_up(tmp_path)
     ]
     kept = []
     with processes(2) as pool:
-        given_up = execute.execute(
+        given_up = worker_pool.execute(
             jobs, fragile, pool, lambda job, result: kept.append((job, result))
         )
     assert given_up == [("deadly", 2)]
@@ -45,14 +45,14 @@ def test_an_error_of_a_job_is_raised_and_lost_workers_are_said():
     with ThreadPoolExecutor(1) as threads:
         pool = Pool(lambda: threads, lambda: 1)
         with pytest.raises(ZeroDivisionError):
-            execute.execute([ZeroDivisionError()], work, pool, lambda job, result: None)
+            worker_pool.execute([ZeroDivisionError()], work, pool, lambda job, result: None)
         with pytest.raises(SerpentError, match="workers were lost"):
-            execute.execute([CancelledError()], work, pool, lambda job, result: None)
+            worker_pool.execute([CancelledError()], work, pool, lambda job, result: None)
 
 
 def test_processes_end_with_their_parent_at_once():
     script = (
-        "import signal\nfrom fragile import fragile\nfrom serpent_twin.sweep.processes import processes\n"
+        "import signal\nfrom fragile import fragile\nfrom serpent_twin.runs.processes import processes\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run behind\n"
         "if __name__ == '__main__':\n"
         "    with processes(1) as pool:\n"

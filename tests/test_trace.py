@@ -3,21 +3,18 @@ committed logs of an arm that is not the twin; and on logs that cannot be traced
 """
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from serpent_twin import design
-from serpent_twin.errors import SerpentError
-from serpent_twin.log import read_session, write_session
-from serpent_twin.rigs.arm import ArmRig
-from serpent_twin.trace import Trace, trace
-
-sys.path.insert(0, str(Path(__file__).parent))
 from bench_arm import NONE, Job, draw, inject, record_many
+from serpent_twin.errors import SerpentError
+from serpent_twin.identification import Trace, trace
+from serpent_twin.machines.arm import ArmRig
+from serpent_twin.sessions import read_session, write_session
+from serpent_twin.sim import twin_model
 
 SESSIONS, STEPS = 2, 560
 LAG = 0.03  # of the arms' servos [s]
@@ -79,7 +76,7 @@ def test_a_tilted_base_is_named_with_its_angle(diagnosis):
     assert np.hypot(*about[:2]) == pytest.approx(ARMS["base_tilt"], rel=0.1)
     assert tilt["probability_of_chance"] < 0.01
     assert found["error_mm"]["corrected"] < 0.5 * found["error_mm"]["calibrated"]
-    twin = design.read(out / "twin.json")
+    twin = twin_model.read(out / "twin.json")
     assert [type(effect).__name__ for effect in twin.effects] == ["BaseTilt"]
     assert twin.parameters.servo_lag == pytest.approx(LAG, abs=3e-3)
     assert "<mujoco" in (out / "twin.xml").read_text()

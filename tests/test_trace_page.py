@@ -6,12 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from serpent_twin import report
-from serpent_twin.residual import ANGLE, TORQUE, Comparison, analyse, marker_size
-from serpent_twin.residual.learned import Learned
-from serpent_twin.rigs.arm.vector import candidates
-from serpent_twin.trace import figures, tables
-from serpent_twin.trace.diagnosis import (
+from serpent_twin.identification import figures, tables
+from serpent_twin.identification.diagnosis import (
     Calibrated,
     Diagnosis,
     Estimate,
@@ -20,7 +16,11 @@ from serpent_twin.trace.diagnosis import (
     Unexplained,
     key,
 )
-from serpent_twin.trace.page import lead, page
+from serpent_twin.identification.page import lead, page
+from serpent_twin.machines.arm.vector import candidates
+from serpent_twin.reporting import report
+from serpent_twin.residual import ANGLE, TORQUE, Comparison, analyse, marker_size
+from serpent_twin.residual.learned import Learned
 
 S, T, MARKERS, MOTORS = 6, 80, 4, 3
 NAN = float("nan")

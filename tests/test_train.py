@@ -12,10 +12,11 @@ import pytest
 from test_readout import make_session
 from trainings import numbers, run, write, write_five
 
-from serpent_twin import design, log
+from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
-from serpent_twin.readout import load
-from serpent_twin.train import Train, parse_windows
+from serpent_twin.readouts import load
+from serpent_twin.readouts.training.train import Train, parse_windows
+from serpent_twin.sim import twin_model
 
 QUICK = ("analytical", "linear", "residual")
 REAL = Path(__file__).resolve().parents[1] / "data" / "arm_a"
@@ -53,7 +54,7 @@ def test_scores_hold_what_was_promised(logs, tmp_path, capsys):
 
 def test_the_score_is_that_of_the_saved_readout(logs, tmp_path):
     scores = run(Train(logs, tmp_path, ("residual",)))
-    session = log.read_session(logs / "session_05.parquet")
+    session = sessions.read_session(logs / "session_05.parquet")
     s = np.concatenate([session.motor_position[:, :9], session.motor_load[:, :9]], axis=1)
     u, rows = session.motor_velocity_command[:, :9], range(100, 300)
     x = np.array([np.concatenate([*s[t : t - 4 : -1], *u[t - 1 : t - 4 : -1]]) for t in rows])
@@ -178,8 +179,8 @@ def test_sessions_that_never_show_a_marker_are_refused_before_training(number, p
 
 def test_a_twin_is_given_to_the_readouts_that_have_one(tmp_path):
     path, few = tmp_path / "twin.json", tmp_path / "logs"
-    soft = replace(design.NOMINAL_DESIGN.parameters, strand_stiffness=9000.0)
-    design.write(path, replace(design.NOMINAL_DESIGN, parameters=soft), {})
+    soft = replace(twin_model.NOMINAL_DESIGN.parameters, strand_stiffness=9000.0)
+    twin_model.write(path, replace(twin_model.NOMINAL_DESIGN, parameters=soft), {})
     few.mkdir()
     for number in (1, 2, 3):
         write(few, make_session(number, rows=120))

@@ -10,15 +10,15 @@ from test_adapted import wandering
 from test_readout import make_session
 from trainings import numbers, run, write, write_five
 
-from serpent_twin import log
+from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import read_folder
-from serpent_twin.readout import load
-from serpent_twin.readout.jitter import command_error
-from serpent_twin.readout.score import score
-from serpent_twin.readout.split import split
-from serpent_twin.readout.windows import cut
-from serpent_twin.train import Train
+from serpent_twin.readouts import load
+from serpent_twin.readouts.score import score
+from serpent_twin.readouts.training.jitter import command_error
+from serpent_twin.readouts.training.split import split
+from serpent_twin.readouts.training.train import Train
+from serpent_twin.readouts.windows import cut
+from serpent_twin.sessions import read_folder
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_the_scores_on_the_arm_are_those_of_the_saved_readouts(logs, arm, tmp_pa
     config = Train(logs, tmp_path, ("residual",), adapt=arm, test=("session_12",))
     real = run(config)["adapt"]
     assert real["test_sessions"] == ["session_12"]
-    test = cut([log.read_session(arm / "session_12.parquet")], 4).sessions[0]
+    test = cut([sessions.read_session(arm / "session_12.parquet")], 4).sessions[0]
     for count, folder in (("0", "models"), ("all", "adapted/all")):
         marker = load(tmp_path / folder / "residual").follow(test).marker
         expected = score(marker, test.marker).mean_mm

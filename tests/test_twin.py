@@ -6,14 +6,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from serpent_twin import arm, mjcf
-from serpent_twin.arm import ARM, joint_from_motor
-from serpent_twin.control import joint_p_control, random_targets
-from serpent_twin.design import Design
+from serpent_twin.arm import geometry, mjcf
+from serpent_twin.arm.control import joint_p_control, random_targets
+from serpent_twin.arm.geometry import ARM, joint_from_motor
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.errors import SerpentError
-from serpent_twin.imposed import Stretches, impose
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.twin import Twin, replay_motors
+from serpent_twin.sim.many_twins import Stretches, impose
+from serpent_twin.sim.twin import Twin, replay_motors
+from serpent_twin.sim.twin_model import Design
 
 FRICTIONLESS = replace(NOMINAL, joint_friction=0.0, gear_friction=0.0, joint_damping=0.0)
 STIFF = replace(NOMINAL, strand_slack=0.0, joint_friction=0.0, joint_damping=0.1)
@@ -36,7 +36,7 @@ def run_free(parameters, start, seconds, timestep=None):
         model.opt.timestep = timestep
     data = mujoco.MjData(model)
     data.qpos[10:19] = start
-    data.qpos[:9] = arm.motor_from_joint(start)
+    data.qpos[:9] = geometry.motor_from_joint(start)
     data.qpos[9] = data.qpos[8]
     every = round(0.01 / model.opt.timestep)
     energies = [energy(model, data)]
@@ -73,7 +73,7 @@ def held(design, motor, times, timestep=mjcf.TIMESTEP):
 def test_stiff_taut_cables_give_the_joints_the_motors_tell():
     """The gravity-loaded joints approach A⁻¹ m as 1 / stiffness."""
     target = random_targets(1, np.random.default_rng(0))[0]
-    motor = arm.motor_from_joint(target)
+    motor = geometry.motor_from_joint(target)
     motor = np.append(motor, motor[-1])
     error = []
     for stiffness in (2e5, 4e5):
@@ -106,7 +106,7 @@ def test_a_hanging_arm_loads_its_strand_by_the_lever_of_its_weight():
     free = replace(NOMINAL, joint_friction=0.0, gear_friction=0.0, joint_damping=0.05)
     did = held(Design(free), np.full(10, 0.4), [0.0, 2.0, 41.0, 42.0])
     joint, tension = did.joint_angle[0, 0], did.tension[0, 0, -1]
-    origin, rotation = arm.link_frames(joint[-1])
+    origin, rotation = geometry.link_frames(joint[-1])
     centre = origin + rotation @ np.array([1.0, 0, 0]) * np.array(ARM.link_length)[:, None] / 2
     moment = -(np.array(ARM.link_mass) * 9.81) @ centre[:, 1]
     side = np.array([1.0, -1.0] * 10) * np.repeat(ARM.pulley_radius, 2)
@@ -180,7 +180,7 @@ def test_replay_has_a_row_for_each_of_the_log():
     replay = replay_motors(time, motor)
     assert replay.joint_angle.shape == (12, 9)
     assert replay.tension.shape == (12, 20)
-    assert np.abs(replay.marker - arm.markers(replay.joint_angle)).max() < 1e-9
+    assert np.abs(replay.marker - geometry.markers(replay.joint_angle)).max() < 1e-9
 
 
 def test_replay_of_a_driven_run_finds_its_joints_again():
@@ -192,9 +192,10 @@ def test_replay_of_a_driven_run_finds_its_joints_again():
         joint.append(twin.joint_angle[0])
         twin.advance(joint_p_control(target, motor[-1], 1.6), 0.25)
     replay = replay_motors(np.array(time), np.array(motor))
-    error = np.linalg.norm(replay.marker - arm.markers(np.array(joint)), axis=-1)
+    error = np.linalg.norm(replay.marker - geometry.markers(np.array(joint)), axis=-1)
     straight = np.linalg.norm(
-        arm.markers(joint_from_motor(np.array(motor)[:, :9])) - arm.markers(np.array(joint)),
+        geometry.markers(joint_from_motor(np.array(motor)[:, :9]))
+        - geometry.markers(np.array(joint)),
         axis=-1,
     )
     assert error[8:].mean() < 0.25 * straight[8:].mean()

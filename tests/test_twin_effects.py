@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from serpent_twin import arm, effects
-from serpent_twin.control import joint_p_control, random_targets
-from serpent_twin.design import Design
+from serpent_twin import effects
+from serpent_twin.arm import geometry
+from serpent_twin.arm.control import joint_p_control, random_targets
+from serpent_twin.arm.deviations import Tolerances
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import CATALOGUE
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.tolerances import Tolerances
-from serpent_twin.twin import Twin, replay_motors
+from serpent_twin.sim.twin import Twin, replay_motors
+from serpent_twin.sim.twin_model import Design
 
 ACTING = tuple(kind.variants()[0] for kind in CATALOGUE.values() if kind.acts())
 UNEVEN = Tolerances(strand_stiffness=tuple(np.linspace(-0.1, 0.1, 20)), winch_radius=(0.01,) * 10)
@@ -85,7 +86,7 @@ def test_runs_at_full_strength_and_reads_the_right_places(kind):
     assert_array_equal(told, np.hstack([twin.motor_angle, twin.motor_velocity]))
     assert np.abs(twin.joint_angle - nominal.joint_angle).max() < 0.6
     if effects.name_of(kind) not in ("link_flex", "mocap_latency"):
-        assert_allclose(twin.markers, arm.markers(twin.joint_angle), atol=1e-9)
+        assert_allclose(twin.markers, geometry.markers(twin.joint_angle), atol=1e-9)
 
 
 def turned_until_joint_1_follows(gap):

@@ -9,19 +9,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serpent_twin import arm_file, design, mjcf
-from serpent_twin.bus.device import running
-from serpent_twin.bus.dynamixel.setup import ArmSetup, write_setup
-from serpent_twin.bus.simulated import SimulatedBus
-from serpent_twin.bus.xl430 import VELOCITY_UNIT
-from serpent_twin.collect import Collect, Real, collect
-from serpent_twin.design import Design
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.deviations import Tolerances
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import CATALOGUE
+from serpent_twin.emulator.device import running
+from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
-from serpent_twin.log import FIELDS, read_session
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.tolerances import Tolerances
-from serpent_twin.twin import Twin
+from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
+from serpent_twin.hardware.xl430 import VELOCITY_UNIT
+from serpent_twin.recording.collect import Collect, Real, collect
+from serpent_twin.sessions import FIELDS, read_session
+from serpent_twin.sim import arm_file, twin_model
+from serpent_twin.sim.twin import Twin
+from serpent_twin.sim.twin_model import Design
 
 QUIET = replace(NOMINAL, load_noise=0.0, marker_noise=0.0)
 EFFECTS = (
@@ -36,7 +37,7 @@ SHORT = {"sessions": 1, "steps": 24}
 
 def written(folder, arm=ARM, name="twin.json"):
     folder.mkdir(parents=True, exist_ok=True)
-    design.write(folder / name, arm, {"arm": "made for a test"})
+    twin_model.write(folder / name, arm, {"arm": "made for a test"})
     return folder / name
 
 

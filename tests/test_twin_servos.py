@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from serpent_twin import mjcf
-from serpent_twin.arm import ARM
-from serpent_twin.design import Design
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.twin import Twin
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.geometry import ARM
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.sim.twin import Twin
+from serpent_twin.sim.twin_model import Design
 
 FREE = replace(
     NOMINAL, joint_friction=0.0, gear_friction=0.0, joint_damping=0.0, strand_stiffness=0.0

@@ -3,16 +3,14 @@
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from diagnoses import ERRORS, diagnosis
 from test_readout import make_session
 from trainings import write
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "experiments"))
-import close_the_loop
-import sim_to_real_page as page
-from diagnoses import ERRORS, diagnosis
+from experiments.close_the_loop import __main__ as close_the_loop
+from experiments.sim_to_real import page
 
 UNIT = re.compile(r"\[(mm|ms|s|Hz|%|% of stall)\]$|, (mm|s|mrad)$")
 

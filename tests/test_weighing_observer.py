@@ -1,29 +1,25 @@
 """Do loads say what the gripper holds, also once it holds something else?"""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from serpent_twin import design
-from serpent_twin.arm import joint_from_motor
-from serpent_twin.design import Design
-from serpent_twin.driven import DrivenArms, Motors
+from experiments.sim_to_real.conditions import Change, Condition, changing, recovery, session_of
+from experiments.sim_to_real.conditions import followed as errors_of
+from serpent_twin.arm.geometry import joint_from_motor
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.base_tilt import BaseTilt
 from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
-from serpent_twin.estimate import Estimate, estimate
-from serpent_twin.parameters import NOMINAL
-from serpent_twin.readout import find, load
-from serpent_twin.readout.score import score
-from serpent_twin.readout.weighing_observer import followed
-from serpent_twin.readout.windows import cut
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "experiments"))
-from sim_to_real_conditions import Change, Condition, changing, recovery, session_of
-from sim_to_real_conditions import followed as errors_of
+from serpent_twin.live.estimate import Estimate, estimate
+from serpent_twin.readouts import find, load
+from serpent_twin.readouts.score import score
+from serpent_twin.readouts.weighing_observer import followed
+from serpent_twin.readouts.windows import cut
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.prescribed_motion import DrivenArms, Motors
+from serpent_twin.sim.twin_model import Design
 
 TWIN = Design(
     replace(NOMINAL, strand_stiffness=4e3, strand_slack=6e-4, marker_noise=2e-4, load_noise=2e-3)
@@ -38,7 +34,7 @@ def windows_of(arm, seed):
 
 
 def fitted(name, **settings):
-    made = find(name)(4, twin=design.to_dict(TWIN), **settings)
+    made = find(name)(4, twin=twin_model.to_dict(TWIN), **settings)
     made.fit(windows_of(ARM, 1), windows_of(ARM, 2), np.random.default_rng(0))
     return made
 
@@ -105,7 +101,7 @@ def test_nothing_weighs_less_than_nothing(weighing):
 
 def test_a_live_run_says_what_it_weighed(weighing, tmp_path, capsys):
     weighing.save(tmp_path / "model")
-    design.write(tmp_path / "heavy.json", ARM.with_effect(Payload(mass=0.03)), {})
+    twin_model.write(tmp_path / "heavy.json", ARM.with_effect(Payload(mass=0.03)), {})
     config = Estimate(tmp_path / "model", tmp_path / "out", steps=80, record=False)
     found = estimate(replace(config, simulate=tmp_path / "heavy.json"))["weighed"]
     assert found["payload.mass"]["value"] == pytest.approx(0.03, abs=0.006)

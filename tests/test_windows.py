@@ -8,9 +8,9 @@ import pytest
 from test_readout import make_session, make_windows
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.readout import find, load
-from serpent_twin.readout import windows as win
-from serpent_twin.readout.split import split
+from serpent_twin.readouts import find, load
+from serpent_twin.readouts import windows as win
+from serpent_twin.readouts.training.split import split
 
 
 @pytest.mark.parametrize("window", [1, 2, 4, 7])

@@ -5,12 +5,12 @@ from pathlib import Path
 
 from test_readout import make_session
 
-from serpent_twin import log
-from serpent_twin.log import write_session
-from serpent_twin.train import Train, train
+from serpent_twin import sessions
+from serpent_twin.readouts.training.train import Train, train
+from serpent_twin.sessions import write_session
 
 
-def write(folder: Path, session: log.Session) -> None:
+def write(folder: Path, session: sessions.Session) -> None:
     write_session(folder / f"{session.name}.parquet", session)
 
 

@@ -3,13 +3,13 @@
 from contextlib import contextmanager
 from dataclasses import fields
 
-from serpent_twin.bus.control_table import TABLE
-from serpent_twin.bus.device import running
-from serpent_twin.bus.dynamixel import DynamixelBus
-from serpent_twin.bus.dynamixel.setup import ArmSetup
-from serpent_twin.bus.dynamixel.wire import Wire
-from serpent_twin.bus.limits import Limits
-from serpent_twin.bus.xl430 import Registers
+from serpent_twin.emulator.device import running
+from serpent_twin.hardware.control_table import TABLE
+from serpent_twin.hardware.dynamixel import DynamixelBus
+from serpent_twin.hardware.dynamixel.setup import ArmSetup
+from serpent_twin.hardware.dynamixel.wire import Wire
+from serpent_twin.hardware.limits import Limits
+from serpent_twin.hardware.xl430 import Registers
 
 PERIOD = 0.25
 WIDE = Limits(joint_angle=100.0, load=9.0)

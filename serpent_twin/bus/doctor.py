@@ -9,22 +9,23 @@ from typing import Annotated
 
 import numpy as np
 
-from serpent_twin import cli, next_step
-from serpent_twin.arm import N_MOTORS
-from serpent_twin.bus.dynamixel.bus import DynamixelBus
-from serpent_twin.bus.dynamixel.registers import MotorRegisters
-from serpent_twin.bus.dynamixel.setup import (
+from serpent_twin import next_step
+from serpent_twin.arm.geometry import N_MOTORS
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.options import Checked, when
+from serpent_twin.hardware.dynamixel.bus import DynamixelBus
+from serpent_twin.hardware.dynamixel.examination import Diagnosis, examine
+from serpent_twin.hardware.dynamixel.registers import MotorRegisters
+from serpent_twin.hardware.dynamixel.setup import (
     ArmSetup,
     find_setup,
     is_pseudo_terminal,
     setup_to_run,
 )
-from serpent_twin.bus.dynamixel.wire import Wire
-from serpent_twin.bus.examination import Diagnosis, examine
-from serpent_twin.bus.xl430 import TURN
-from serpent_twin.files import write_whole
+from serpent_twin.hardware.dynamixel.wire import Wire
+from serpent_twin.hardware.xl430 import TURN
 from serpent_twin.numerals import counted
-from serpent_twin.options import Checked, when
+from serpent_twin.runs.files import write_whole
 from serpent_twin.stored import within
 
 

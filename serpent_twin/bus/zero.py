@@ -7,19 +7,20 @@ from typing import Annotated
 
 import numpy as np
 
-from serpent_twin import cli, next_step
-from serpent_twin.bus import BusError
-from serpent_twin.bus.dynamixel.bus import DynamixelBus
-from serpent_twin.bus.dynamixel.setup import (
+from serpent_twin import next_step
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.options import Checked
+from serpent_twin.hardware.dynamixel.bus import DynamixelBus
+from serpent_twin.hardware.dynamixel.setup import (
     ArmSetup,
     find_setup,
     is_pseudo_terminal,
     keep_before,
     write_setup,
 )
-from serpent_twin.bus.dynamixel.turns import LastSeen, read_turns, turns_file, write_turns
-from serpent_twin.bus.xl430 import TURN, Words
-from serpent_twin.options import Checked
+from serpent_twin.hardware.dynamixel.turns import LastSeen, read_turns, turns_file, write_turns
+from serpent_twin.hardware.motor_bus import BusError
+from serpent_twin.hardware.xl430 import TURN, Words
 from serpent_twin.stored import within
 
 STILL = 2

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from serpent_twin.arm import Array
+from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import Effect, parameter
 from serpent_twin.effects.moment import Moment
 

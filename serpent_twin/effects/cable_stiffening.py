@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import mujoco
 
-from serpent_twin.arm import Arm
+from serpent_twin.arm.geometry import Arm
 from serpent_twin.effects.effect import Effect, parameter
 
 

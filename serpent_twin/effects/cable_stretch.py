@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import mujoco
 
-from serpent_twin.arm import Arm
+from serpent_twin.arm.geometry import Arm
 from serpent_twin.effects.effect import WINDING, Effect, parameter
 
 RIGID = 1e-3

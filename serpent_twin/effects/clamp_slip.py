@@ -5,7 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from serpent_twin.arm import N_JOINTS, Array
+from serpent_twin.arm.geometry import N_JOINTS
+from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import Effect, Several, parameter
 from serpent_twin.effects.moment import Moment
 

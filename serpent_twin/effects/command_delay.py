@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from serpent_twin.arm import Array
+from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import COMMAND, Effect, parameter, ranges
 from serpent_twin.effects.moment import Told
 

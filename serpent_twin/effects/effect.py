@@ -8,7 +8,8 @@ from typing import Any, ClassVar, TypeVar
 import mujoco
 import numpy as np
 
-from serpent_twin.arm import Arm, Array
+from serpent_twin.arm.geometry import Arm
+from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 
 

@@ -5,7 +5,8 @@ from typing import Protocol
 
 import numpy as np
 
-from serpent_twin.arm import N_JOINTS, N_MOTORS, Arm, Array
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, Arm
+from serpent_twin.arrays import Array
 
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
 _STICKS = 1e-9  # [rad/s] as good as at rest

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from serpent_twin.arm import Array
+from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import SERVO, Effect, parameter
 from serpent_twin.effects.moment import Giving
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 import mujoco
 import numpy as np
 
-from serpent_twin.arm import Arm
+from serpent_twin.arm.geometry import Arm
 from serpent_twin.effects.effect import Effect, parameter
 
 SHAFT = "shaft"

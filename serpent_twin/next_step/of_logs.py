@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from serpent_twin import log
-from serpent_twin.files import unused
+from serpent_twin import sessions
+from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.next_step.words import Words, allowed, at_rate, flags, named_after, typed
-from serpent_twin.parameters import NOMINAL, Parameters
-from serpent_twin.provenance import file_hash
+from serpent_twin.runs.files import unused
+from serpent_twin.runs.provenance import file_hash
 
 if TYPE_CHECKING:  # each command imports this module, which imports the others where it asks them
-    from serpent_twin.estimate import Estimate
-    from serpent_twin.sweep.run import Sweep
-    from serpent_twin.trace import Trace
-    from serpent_twin.train import Plan
+    from serpent_twin.identification import Trace
+    from serpent_twin.live.estimate import Estimate
+    from serpent_twin.readouts.training.train import Plan
+    from serpent_twin.reservoir.sweep.run import Sweep
 
 ALIKE = 1.05
 """Times the least error, up to which a readout is as good as the best"""
@@ -24,9 +24,9 @@ ALIKE = 1.05
 
 def after_logs(folder: Path, beside: Path) -> Words | None:
     """After session logs were written or looked at: train on them; on too few, replay one."""
-    from serpent_twin.train import Train, planned
+    from serpent_twin.readouts.training.train import Train, planned
 
-    files = log.session_files(folder)
+    files = sessions.session_files(folder)
     if not files:
         return None
     out, twin = named_after(beside, folder, "logs", "readouts"), _twin_file(files[0])
@@ -44,7 +44,7 @@ def after_look(path: Path) -> Words | None:
 def after_recovery(path: Path) -> Words | None:
     """After recordings were recovered: look at what is there."""
     folder = path if path.is_dir() else path.parent
-    if not log.session_files(folder) or not allowed(lambda: log.read_folder(folder)):
+    if not sessions.session_files(folder) or not allowed(lambda: sessions.read_folder(folder)):
         return None
     return ["serpent_twin.log", "info", str(folder)]
 
@@ -74,8 +74,8 @@ def without_observer(plan: "Plan") -> str:
 
 def trace(plan: "Plan") -> Words | None:
     """Trace the logs that were trained on, if they can be."""
-    from serpent_twin.rigs.arm.pieces import segments
-    from serpent_twin.trace.run import Trace, planned
+    from serpent_twin.identification.run import Trace, planned
+    from serpent_twin.machines.arm.pieces import segments
 
     logs, out = plan.config.logs, plan.config.out
     where = named_after(out.parent, logs, "logs", "trace")
@@ -86,7 +86,7 @@ def trace(plan: "Plan") -> Words | None:
 
 def estimate(plan: "Plan", scores: Mapping[str, Any]) -> Words | None:
     """Follow the arm by the readout of the least error that can."""
-    from serpent_twin.estimate import Estimate, planned
+    from serpent_twin.live.estimate import Estimate, planned
 
     out = plan.config.out
     where, rate = unused(out.parent / "live"), plan.sessions.test[0].rate_hz
@@ -105,7 +105,7 @@ def estimate(plan: "Plan", scores: Mapping[str, Any]) -> Words | None:
 
 def after_trace(config: "Trace") -> Words | None:
     """After a trace of the arm: collect from the corrected twin, at the logs' rate."""
-    from serpent_twin.collect import Collect, check
+    from serpent_twin.recording.collect import Collect, check
 
     if config.rig != "arm":
         return None
@@ -113,7 +113,7 @@ def after_trace(config: "Trace") -> Words | None:
         config.out / "twin.json",
         named_after(config.out.parent, config.out, "trace", "corrected"),
     )
-    rate = log.read_session(log.session_files(config.logs)[0]).rate_hz
+    rate = sessions.read_session(sessions.session_files(config.logs)[0]).rate_hz
     if not allowed(lambda: check(Collect(out, twin=twin, rate_hz=rate))):
         return None
     return ["serpent_twin.collect", "--twin", str(twin), *at_rate(rate), "--out", str(out)]
@@ -121,7 +121,7 @@ def after_trace(config: "Trace") -> Words | None:
 
 def after_sweep(config: "Sweep", table: Mapping[str, Any]) -> Words | None:
     """After a sweep: sessions of its softest arm, which readouts can be trained on."""
-    from serpent_twin.collect import Collect, check
+    from serpent_twin.recording.collect import Collect, check
 
     stiffness = "strand_stiffness"
     arms = [each for each in table["points"] if stiffness in each["arm"] and not each["failed"]]
@@ -146,18 +146,18 @@ def replay(
     session: Path, beside: Path, model: Path | None = None, twin: Path | None = None
 ) -> Words | None:
     """Replay a session, with readout and twin where these fit it."""
-    from serpent_twin import readout
-    from serpent_twin.readout.windows import cut
-    from serpent_twin.replay import corrected_twin
+    from serpent_twin import readouts
+    from serpent_twin.playback import corrected_twin
+    from serpent_twin.readouts.windows import cut
 
-    def read() -> log.Session:
-        seen = log.read_session(session)
-        log.refuse_damaged([seen])
+    def read() -> sessions.Session:
+        seen = sessions.read_session(session)
+        sessions.refuse_damaged([seen])
         return seen
 
     def estimated() -> None:
         assert model is not None
-        trained, seen = readout.load(model), read()
+        trained, seen = readouts.load(model), read()
         trained.require_rate(seen.rate_hz)
         cut([seen], trained.window, drop=0)
 
@@ -180,7 +180,7 @@ def after_replay(recording: Path) -> Words:
 
 def _twin_file(session: Path) -> Path | None:
     """The twin.json that a session was collected from, if it is still there."""
-    twin = log.read_session(session).metadata.get("twin")
+    twin = sessions.read_session(session).metadata.get("twin")
     if not isinstance(twin, dict):
         return None
     path = Path(str(twin.get("path")))

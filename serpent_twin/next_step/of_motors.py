@@ -3,12 +3,12 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from serpent_twin.files import unused
 from serpent_twin.next_step.words import Words, allowed, flags
+from serpent_twin.runs.files import unused
 
 if TYPE_CHECKING:  # each command imports this module, which imports the others where it asks them
-    from serpent_twin.collect import Real
-    from serpent_twin.mocap.natnet.live import NatNet
+    from serpent_twin.hardware.natnet.live import NatNet
+    from serpent_twin.recording.collect import Real
 
 
 def after_device(port: str) -> Words:
@@ -19,21 +19,21 @@ def after_device(port: str) -> Words:
 
 def after_doctor(port: str, where: Path) -> Words | None:
     """After nothing was found against a run: a short session."""
-    from serpent_twin.collect import Real
+    from serpent_twin.recording.collect import Real
 
     return first_run(Real(port, where), ["--port", port, *_setup(where)])
 
 
 def after_zero(where: Path) -> Words | None:
     """After the straight pose was set: a short session."""
-    from serpent_twin.collect import Real
+    from serpent_twin.recording.collect import Real
 
     return first_run(Real(setup=where), _setup(where))
 
 
 def after_frame(out: Path, natnet: "NatNet") -> Words:
     """After the base frame was found: a short session with cameras, or the setup of the arm first."""
-    from serpent_twin.collect import Real
+    from serpent_twin.recording.collect import Real
 
     frame = ["--frame", str(out)] if out != Real().frame else []
     cameras = ["--mocap", "natnet", *flags(natnet, type(natnet)()), *frame]
@@ -43,7 +43,7 @@ def after_frame(out: Path, natnet: "NatNet") -> Words:
 
 def first_run(real: "Real", options: Words) -> Words | None:
     """Ten seconds of the real arm, or of what stands for it."""
-    from serpent_twin.collect import Collect, check
+    from serpent_twin.recording.collect import Collect, check
 
     out = unused(Path("first_run"))
     config = Collect(out, backend="real", sessions=1, steps=40, real=real)
@@ -54,6 +54,6 @@ def first_run(real: "Real", options: Words) -> Words | None:
 
 
 def _setup(path: Path) -> Words:
-    from serpent_twin.collect import Real
+    from serpent_twin.recording.collect import Real
 
     return ["--setup", str(path)] if path != Real().setup else []

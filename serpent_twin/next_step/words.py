@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.files import unused
+from serpent_twin.runs.files import unused
 
 Words = list[str]
 """A module and its arguments"""

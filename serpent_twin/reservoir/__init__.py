@@ -9,13 +9,7 @@ reaches from one into another, and their rows count together.
 """
 
 from serpent_twin.reservoir.basis import Basis, basis, chance_cut
-from serpent_twin.reservoir.capacity import (
-    Capacities,
-    Memory,
-    capacities,
-    memory,
-    surrogate_cuts,
-)
+from serpent_twin.reservoir.capacity import Capacities, Memory, capacities, memory, surrogate_cuts
 from serpent_twin.reservoir.consistency import (
     channel_consistency,
     consistency_spectrum,

@@ -10,15 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serpent_twin.arm import Array
+from serpent_twin.arrays import Array
 from serpent_twin.reservoir.basis import COARSEST, basis, fine_cut
-from serpent_twin.reservoir.inputs import (
-    aligned,
-    check_inputs,
-    check_means,
-    check_white,
-    in_a_row,
-)
+from serpent_twin.reservoir.inputs import aligned, check_inputs, check_means, check_white, in_a_row
 from serpent_twin.reservoir.targets import Indices, Product, blocks, checked_delays, search
 
 SURROGATES, MARGIN = 200, 1.2  # Kubota, Takahashi and Nakajima 2021

@@ -5,7 +5,7 @@ Replicas are runs under the same inputs from other initial states, or repeated o
 
 import numpy as np
 
-from serpent_twin.arm import Array
+from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.reservoir.basis import basis, varying

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import norm
 
-from serpent_twin.arm import Array
+from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.reservoir.targets import Search, checked_delays, label, legendre

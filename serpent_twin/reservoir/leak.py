@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serpent_twin.arm import Array
+from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.reservoir.basis import COARSEST

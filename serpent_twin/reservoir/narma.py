@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from serpent_twin.arm import Array
+from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.reservoir.leak import taps
 

@@ -7,7 +7,7 @@ and prediction of computational performance for neural circuit models"). High an
 
 import numpy as np
 
-from serpent_twin.arm import Array
+from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.reservoir.inputs import as_rows
 

@@ -17,7 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.special import eval_legendre
 
-from serpent_twin.arm import Array
+from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from serpent_twin.drawing import label_logarithmic
-from serpent_twin.report import Figure
+from serpent_twin.reporting.plot_style import label_logarithmic
+from serpent_twin.reporting.report import Figure
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.curves import curve, marker_curve
 from serpent_twin.residual.findings import Findings

@@ -178,7 +178,7 @@ def _newer(node: Any, value: Any, steps: Steps) -> str:
         return ""
     if not isinstance(node, inspect.LiteralType) or type(value) is not int:
         return ""
-    newer = value > max(node.values)
+    newer = value > max(known for known in node.values if isinstance(known, int))
     return " A newer version of serpent-twin wrote it: update this one." if newer else ""
 
 

@@ -1,0 +1,30 @@
+"""What would a second arm log, that shares no physics with the twin?
+
+Rigid bodies, cables, friction, servos and sensors are written from physics in numpy alone; many
+arms and sessions run side by side. `python -m bench_arm --help` records from the shell.
+"""
+
+from .chain import Chain, chain
+from .effects import NAMES, NONE, TYPICAL, Effects, inject
+from .machine import Machine
+from .parameters import BenchArm, draw
+from .record import Job, record, record_many
+from .session import Row, simulate
+
+__all__ = [
+    "NAMES",
+    "NONE",
+    "TYPICAL",
+    "BenchArm",
+    "Chain",
+    "Effects",
+    "Job",
+    "Machine",
+    "Row",
+    "chain",
+    "draw",
+    "inject",
+    "record",
+    "record_many",
+    "simulate",
+]

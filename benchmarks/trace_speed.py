@@ -1,0 +1,127 @@
+"""What does a trace cost, how does the cost grow, and how much of it is physics?
+
+The peer is the same batch of the same models stepped as often without anything else, in the same run.
+Printed besides: cost against segments of logs and against designs tried, a score test of every candidate
+against one of half of them, and memory.
+"""
+
+import resource
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.options import Checked
+from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.score_test import score
+from serpent_twin.machines.arm import ArmRig
+from serpent_twin.machines.arm.case import ArmCase
+from serpent_twin.machines.arm.pieces import Pieces
+from serpent_twin.machines.machine import Point
+from serpent_twin.numerals import counted
+from serpent_twin.sim.cable_dynamics import side_by_side
+from serpent_twin.sim.many_twins import TIMESTEP
+from serpent_twin.stored import within
+
+DATA = Path(__file__).resolve().parent.parent / "data" / "arm_a"
+
+
+@dataclass(frozen=True)
+class TraceSpeed(Checked):
+    """Measure the parts of a trace."""
+
+    logs: Path = DATA
+    """Folder with the session logs of one arm."""
+    designs: Annotated[int, within(2, 10_000)] = 24
+    """Designs simulated side by side."""
+    rounds: Annotated[int, within(1, 1000)] = 3
+    """Times that each pair is measured; the median ratio counts."""
+
+
+def seconds(of: Callable[[], object]) -> float:
+    """How long a call takes."""
+    start = time.perf_counter()
+    of()
+    return time.perf_counter() - start
+
+
+def bare(case: ArmCase, points: list[Point], pieces: Pieces) -> float:
+    """Seconds for the same physics alone."""
+    models = [case.vector.design(point).spec(motors=False).compile() for point in points]
+    for model in models:
+        model.opt.timestep = TIMESTEP
+    batch = side_by_side([m for m in models for _ in range(len(pieces))], 0)
+    steps = round((pieces.time[0, -1] - pieces.time[0, 0]) / TIMESTEP)
+
+    def run() -> None:
+        for _ in range(steps):
+            batch.step()
+
+    return seconds(run)
+
+
+def ratio(name: str, one: Callable[[], float], other: Callable[[], float], rounds: int) -> None:
+    """Print the median of one over the other."""
+    found = [one() / other() for _ in range(rounds)]
+    print(f"{name}: {np.median(found):.2f} ({min(found):.2f} … {max(found):.2f})", flush=True)
+
+
+def main(config: TraceSpeed) -> None:
+    """Print ratios: physics alone to a trace's simulation, and how cost grows."""
+    sessions = ArmRig().read(config.logs)
+    case = ArmRig().open(sessions)
+    every = case.pieces(sessions)
+    few, many = (case.take(every, range(n)) for n in (len(every) // 2, len(every) // 2 * 2))
+    rng = np.random.default_rng(0)
+    points = [Point(0.05 * rng.standard_normal(len(case.declared))) for _ in range(config.designs)]
+    half = points[: config.designs // 2]
+    print(
+        f"{len(few)} and {counted(len(many), 'segment')}, {len(half)} and {counted(len(points), 'design')}"
+    )
+
+    def simulated(of: list[Point], pieces: Pieces) -> float:
+        return seconds(lambda: case.residual(of, pieces))
+
+    ratio(
+        "bare physics to the residuals of these designs (aim: at least 0.8)",
+        lambda: bare(case, points, few),
+        lambda: simulated(points, few),
+        config.rounds,
+    )
+    ratio(
+        "cost of twice the segments",
+        lambda: simulated(half, many),
+        lambda: simulated(half, few),
+        config.rounds,
+    )
+    ratio(
+        "cost of twice the designs",
+        lambda: simulated(points, few),
+        lambda: simulated(half, few),
+        config.rounds,
+    )
+
+    start = Point(np.zeros(len(case.declared)))
+    base = fit(case, every, start, moves_of(case, ()), 1, 3, steps=0)
+    names = list(case.candidates)
+
+    def tested(some: list[str]) -> float:
+        return seconds(lambda: [score(case, every, base, case.candidates[n]) for n in some])
+
+    first = [tested([name]) for name in names]
+    for name, cost in zip(names, first, strict=True):
+        print(f"score test of {name}: {cost / np.median(first):.1f} × the median")
+    ratio(
+        "cost of all candidates to that of each alone", lambda: tested(names), lambda: sum(first), 1
+    )
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"peak memory: {peak:.0f} MB")
+
+
+if __name__ == "__main__":
+    cli.run(main)

@@ -1,0 +1,234 @@
+"""Which logs would an arm with a known fault write? Made by the twin, or by the independent arm."""
+
+import json
+import shutil
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+import bench_arm
+from experiments.confusion.outside import OUTSIDE, place
+from experiments.confusion.plan import Trial
+from serpent_twin.arm.control import random_targets
+from serpent_twin.arm.deviations import EXACT, Tolerances
+from serpent_twin.arm.parameters import NOMINAL, Parameters
+from serpent_twin.effects import CATALOGUE, Effect, by_name, ranges
+from serpent_twin.emulator.cameras import SimulatedMocap
+from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.recording.loop import record
+from serpent_twin.runs.files import write_whole
+from serpent_twin.sessions import SCHEMA_VERSION, Session, write_session
+from serpent_twin.sim.twin import Twin
+from serpent_twin.sim.twin_model import Design
+
+RATE_HZ = 4.0
+MARKER_LOSS = 0.002
+Truth = dict[str, Any]
+"""What a recording hides: `effects`, each as `_truth` tells it, and the arm."""
+
+
+@dataclass(frozen=True)
+class Length:
+    """How much of each arm is recorded."""
+
+    sessions: int
+    steps: int
+    """Control steps of each session, at 4 Hz"""
+
+
+class Source(Protocol):
+    """Where the logs come from."""
+
+    known: tuple[str, ...]
+    """Effects of the catalogue that it can have"""
+    outside: tuple[str, ...]
+    """Others"""
+
+    def write(self, trial: Trial, folder: Path, length: Length, seed: int) -> Truth:
+        """Write an arm's sessions into a folder; what is complete there is kept."""
+        ...
+
+
+class TwinSource:
+    """Arms that are the twin, with other numbers: easier than a real arm."""
+
+    known = tuple(CATALOGUE)
+    outside = tuple(OUTSIDE)
+
+    def write(self, trial: Trial, folder: Path, length: Length, seed: int) -> Truth:
+        """Simulate the sessions one after the other."""
+        rng = trial.rng(seed)
+        built = replace(draw(rng), effects=tuple(injected(*e, rng) for e in trial.effects))
+        folder.mkdir(parents=True, exist_ok=True)
+        for number in range(1, length.sessions + 1):
+            path = folder / f"session_{number:02d}.parquet"
+            if not path.exists():
+                for_session = np.random.default_rng([seed, number, *trial.id.encode()])
+                write_session(path, simulated(built, number, length.steps, for_session))
+        names = [name for name, _ in trial.effects]
+        told = [_told(n, e) for n, e in zip(names, built.effects, strict=True)]
+        return {"effects": told, "parameters": asdict(built.parameters)}
+
+
+def simulated(built: Design, number: int, steps: int, rng: np.random.Generator) -> Session:
+    """One session of a twin behind its simulated bus and cameras."""
+    for_targets, for_loads, for_cameras = rng.spawn(3)
+    noise, earlier = built.parameters, (number - 1) * steps / RATE_HZ
+    targets = random_targets(steps, for_targets)
+    twin = Twin(built, earlier=earlier)
+    cameras = SimulatedMocap(twin, for_cameras, noise.marker_noise, MARKER_LOSS)
+    with SimulatedBus(twin, for_loads, noise.load_noise) as bus:
+        rows = list(record(bus, cameras, targets, noise.controller_gain, 1 / RATE_HZ))
+    about = {"schema_version": SCHEMA_VERSION, "backend": "sim", "arm": "confusion"}
+    about |= {"session": number, "rate_hz": RATE_HZ}
+    columns: dict[str, Any] = {
+        name: np.array([row[name] for row in rows], float) for name in rows[0]
+    }
+    return Session(path=None, metadata=about, **columns)
+
+
+def draw(rng: np.random.Generator) -> Design:
+    """An arm as workshops build them: other numbers than the nominal, each part a little different."""
+
+    def between(low: float, high: float) -> float:
+        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+    parameters = Parameters(
+        strand_stiffness=between(5e3, 25e3),
+        strand_slack=between(0.2e-3, 0.7e-3),
+        joint_friction=between(2e-3, 8e-3),
+        transition_velocity=between(5e-3, 6e-2),
+        joint_damping=between(1e-3, 2e-2),
+        gear_friction=between(0.02, 0.08),
+        controller_gain=NOMINAL.controller_gain,
+        marker_noise=rng.uniform(0.15e-3, 0.5e-3),
+        load_noise=rng.uniform(0.004, 0.010),
+    )
+    spread = {
+        "strand_stiffness": 0.08,
+        "strand_slack": 0.1 * parameters.strand_slack,
+        "joint_friction": 0.08,
+        "transition_velocity": 0.2,
+        "jaw_held": 0.0,
+        "joint_damping": 0.08,
+        "winch_radius": 0.003,
+        "gear_friction": 0.08,
+        "marker": 0.3e-3,
+    }
+    each = {f.name: spread[f.name] * rng.standard_normal(len(getattr(EXACT, f.name)))
+            for f in fields(Tolerances)}  # fmt: skip
+    return Design(parameters, Tolerances(**{n: tuple(v.tolist()) for n, v in each.items()}))
+
+
+def injected(name: str, level: float, rng: np.random.Generator) -> Effect:
+    """An effect at a level, in typical strengths; all else that it has is drawn."""
+    if name in OUTSIDE:
+        kind = OUTSIDE[name]
+        first = fields(kind)[0].name
+        strength = min(level * ranges(kind)[first].typical, ranges(kind)[first].high)
+        return kind(**{first: strength}, **place(name, rng))
+    kind = by_name(name)
+    variants = kind.variants()
+    usual = variants[int(rng.integers(len(variants)))]
+    values = {each.name: float(getattr(usual, each.name)) for each in fields(kind)}
+    strong = strengths(kind)
+    turn = rng.standard_normal(len(strong)) if len(strong) > 1 else np.ones(1)
+    turn /= np.linalg.norm(turn)
+    for each, share in zip(strong, turn, strict=True):
+        values[each] = level * usual.strength * float(share)
+    for each, allowed in ranges(kind).items():
+        if allowed.fitted and each not in strong:
+            values[each] *= float(np.exp(rng.uniform(-0.5, 0.5)))
+        values[each] = float(np.clip(values[each], allowed.low, allowed.high))
+    return kind(**values)
+
+
+def strengths(kind: type[Effect]) -> tuple[str, ...]:
+    """The parameters that are its strength: the first, or the parts of a vector, which have a sign."""
+    return tuple(n for k, (n, r) in enumerate(ranges(kind).items()) if k == 0 or _part(r))
+
+
+def _part(allowed: Any) -> bool:
+    return allowed.fitted and allowed.low < 0
+
+
+def _told(name: str, effect: Effect) -> Truth:
+    values = {each: float(getattr(effect, each)) for each in ranges(type(effect))}
+    return _truth(name, values, effect.strength)
+
+
+def _truth(name: str, parameters: dict[str, float], strength: float) -> Truth:
+    """What is told of an effect; `strong` names the parameters to be compared with their intervals."""
+    kind = CATALOGUE.get(name) or OUTSIDE.get(name)
+    known = kind is not None and name in CATALOGUE
+    return {
+        "name": name,
+        "variant": _variant(kind, parameters) if kind and known else "",
+        "parameters": parameters,
+        "strength": strength,
+        "unit": next(iter(ranges(kind).values())).unit if kind else "1",
+        "strong": list(strengths(kind)) if kind and known else [],
+    }
+
+
+def _variant(kind: type[Effect], parameters: dict[str, float]) -> str:
+    """Which of an effect's variants it is, if their strengths are not to be compared."""
+    if len({variant.strength for variant in kind.variants()}) == 1:
+        return ""
+    told = {n: parameters.get(n) for n, r in ranges(kind).items() if not r.fitted}
+    return ", ".join(f"{n} {value:g}" for n, value in told.items() if value is not None)
+
+
+class BenchSource:
+    """The independent arm: no physics shared with the twin."""
+
+    def __init__(self) -> None:
+        names = [n for n in bench_arm.NAMES if n != "cable_friction_wrap"]
+        self.known = tuple(n for n in names if n in CATALOGUE)
+        self.outside = tuple(n for n in names if n not in CATALOGUE)
+
+    def write(self, trial: Trial, folder: Path, length: Length, seed: int) -> Truth:
+        """Simulate all sessions at once."""
+        rng = trial.rng(seed)
+        arm, noise = bench_arm.draw(rng), rng.uniform(0.15e-3, 0.5e-3)
+        arm = replace(arm, marker_noise=noise, load_noise=rng.uniform(0.004, 0.010))
+        effects = bench_arm.NONE
+        for name, level in trial.effects:
+            effects = bench_arm.inject(name, level * bench_arm.TYPICAL[name], rng, effects)
+        marker = folder.with_name("recorded.json")
+        if not (marker.exists() and folder.exists()):
+            shutil.rmtree(folder, ignore_errors=True)  # of a run that was interrupted in here
+            bench_arm.record(
+                folder, arm, length.sessions, length.steps, int(rng.integers(1 << 31)), effects
+            )
+            folder.with_name(f"{folder.name}.truth.json").unlink(missing_ok=True)
+            write_whole(marker, json.dumps({"sessions": length.sessions}))
+        told = [_bench_told(name, effects) for name, _ in trial.effects]
+        return {"effects": told, "parameters": asdict(arm)}
+
+
+def _bench_told(name: str, effects: Any) -> Truth:
+    values = _bench_values(name, effects) if name in CATALOGUE else {}
+    return _truth(name, values, float(getattr(effects, name)))
+
+
+def _bench_values(name: str, effects: Any) -> dict[str, float]:
+    """What the bench arm injects, in the parameters of the catalogue's effect."""
+    if name == "base_tilt":
+        turn = effects.tilt_direction
+        return {"about_y": effects.base_tilt * np.cos(turn),
+                "about_z": effects.base_tilt * np.sin(turn)}  # fmt: skip
+    first = next(iter(ranges(CATALOGUE[name])))
+    more = {
+        "cable_creep": {"time": effects.creep_time},
+        "clamp_slip": {"grip": effects.clamp_threshold},
+    }
+    return {first: float(getattr(effects, name))} | more.get(name, {})
+
+
+SOURCES: dict[str, type[TwinSource] | type[BenchSource]] = {
+    "twin": TwinSource,
+    "bench": BenchSource,
+}

@@ -1,0 +1,117 @@
+"""Does the loop find what the twins of real, measured machines lack?
+
+Traces each machine's logs on splits that are fixed beforehand, scores on runs that nothing was fitted to, and
+sets beside them a plain regression on the same split and what others published. Where something was changed
+about a machine, traces what.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.measured.bench import BENCHES
+from experiments.measured.changed import changed
+from experiments.measured.named import judge
+from experiments.measured.page import effect_told, page, table
+from experiments.measured.regression import regressions
+from experiments.measured.split import Asked, asked, inner
+from serpent_twin import machines
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.options import Checked, Seed
+from serpent_twin.identification import Trace
+from serpent_twin.identification.run import trace_sessions
+from serpent_twin.machines.measured import Recording
+from serpent_twin.reporting.report import text_table, write
+from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.provenance import provenance
+
+STAGES = ("nominal", "calibrated", "corrected")
+
+
+@dataclass(frozen=True)
+class Measured(Checked):
+    """Close the loop on measured logs of real machines."""
+
+    data: Path
+    """Folder with one folder of logs for each machine, by its rig's name."""
+    out: Path = Path("measured")
+    """Folder for results; the same command goes on where it stopped."""
+    held_out: str = ""
+    """Files that judge in place of the splits, wherever they lie, such as 'new/kp400_*.parquet'. Effects are
+    chosen by a split of the other runs, then fitted to all of these. If files of this machine may be of it
+    after a change, each is also searched for what was changed.
+    """
+    seed: Seed = 0
+    """Of bootstrap and permutations."""
+
+
+def main(config: Measured) -> None:  # noqa: D103 tyro would print it above the config's own
+    config.out.mkdir(parents=True, exist_ok=True)
+    several = asked(config.data, config.held_out)
+    found = {name: _bench(config, name, each) for name, each in several.items()}
+    text = json.dumps({"rigs": found} | provenance(), indent=1)
+    write_whole(config.out / "results.json", text + "\n")
+    print(text_table(table(found)))
+    report = page(found)
+    print(f"{write(report, config.out)}: {report.lead}")
+
+
+def _bench(config: Measured, name: str, runs: Asked) -> dict[str, Any]:
+    """What results.json says of a machine: its first split, then every split, their spread, and changes."""
+    bench = BENCHES[name]
+    scored = [_split(config, name, *each) for each in runs.splits]
+    corrected = [each["corrected"] for each in scored]
+    training, judging = runs.splits[0]
+    twin = _folder(config, name, judging) / "twin.json"
+    unchanged = training if config.held_out else [*training, *judging]
+    return {
+        "metric": bench.metric.name,
+        **scored[0],
+        "reference": bench.reference,
+        "reference_by": bench.reference_by,
+        "sketch": bench.sketch,
+        "spread": [min(corrected), max(corrected)],
+        "splits": scored,
+        "changed": changed(name, twin, unchanged, runs.changed, config.out, config.seed),
+    }
+
+
+def _split(
+    config: Measured, name: str, training: list[Recording], judging: list[Recording]
+) -> dict[str, Any]:
+    """One split's entry in results.json."""
+    files = [str(r.path.name) for r in judging if r.path]
+    bench, out = BENCHES[name], _folder(config, name, judging)
+    chosen_by = inner(training, bench) if config.held_out else (training, judging)
+    wanted = Trace(config.data / name, out, rig=name, seed=config.seed, judge=", ".join(files))
+    found, numbers = trace_sessions(wanted, machines.find(name), *chosen_by)
+    compared, effects = found.comparisons, numbers["effects"]
+    if config.held_out:
+        judged = judge(name, out / "twin.json", training, judging)
+        compared = judged.comparisons
+        effects = [
+            {"name": n, "parameters": {p: vars(e) for p, e in each.items()}}
+            for n, each in judged.effects.items()
+        ]
+    return {
+        **{stage: bench.metric.of(compared[stage]) for stage in STAGES},
+        "effects": [each["name"] for each in effects],
+        "found": [effect_told(each) for each in effects],
+        "rejected": [t.name for t in found.candidates if t.verdict != "accepted"],
+        "regression": regressions(name, training, judging, bench.metric),
+        "unexplained": found.unexplained.depends_on,
+        "held_out": files,
+        "seconds": numbers["seconds"],
+        "report": str((out / "report.html").relative_to(config.out)),
+    }
+
+
+def _folder(config: Measured, name: str, judging: Sequence[Recording]) -> Path:
+    """Where a split's trace leaves its results."""
+    return config.out / name / "_".join(sorted(r.name for r in judging))[:80]
+
+
+if __name__ == "__main__":
+    cli.run(main)

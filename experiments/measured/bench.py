@@ -1,0 +1,53 @@
+"""Which measured machines does the loop know, and how is the twin of each judged?"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from experiments.measured.metric import MAE, RMSE, TIP_RMS, Metric
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A machine's data, and how its twin is judged."""
+
+    metric: Metric
+    """Of its error"""
+    splits: tuple[tuple[str, ...], ...]
+    """Names of the files held out in each; the first is the one reported"""
+    reference: float
+    """What the authors published, in the metric, or what `reference_by` reached"""
+    sketch: float
+    """What a small simulator or regression with the effects expected here reached"""
+    origin: str
+    """Where the original recordings are"""
+    reference_by: str = ""
+    """What reached the reference, where nothing is published"""
+    unchanged: str = "*"
+    """Names of the files of the machine as it was; any other is of it after something was changed"""
+
+
+BENCHES: Mapping[str, Bench] = {
+    "xl330": Bench(
+        MAE,
+        (("kp200_*",), ("kp100_*",), ("kp800_*",)),
+        reference=1.77,
+        sketch=2.45,
+        origin="github.com/Rhoban/bam, branch xl330, commit af22604",
+    ),
+    "jaw": Bench(
+        RMSE,
+        (("tool_*_12.*", "tool_*_30.*", "tool_*_23.*"), ("tool_*_4?.*",)),
+        reference=0.37,
+        sketch=0.44,
+        origin="github.com/MRDLab/mis-tool-characterization, commit 03658b2",
+    ),
+    "trunk": Bench(
+        TIP_RMS,
+        (("controlled_2.*",), ("controlled_1.*",)),
+        reference=9.9,
+        sketch=19.2,
+        origin="github.com/StanfordASL/trunk-stack, commit 8b4b923",
+        reference_by="a cubic map from measured motor angles",
+        unchanged="controlled_*",
+    ),
+}

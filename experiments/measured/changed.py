@@ -1,0 +1,122 @@
+"""What was changed about a machine, and how much?
+
+The nominal twin is that of the machine as it was, fitted to all of its runs; what may have been changed are
+the candidates. The beginning of a run after the change is fitted; its rest judges.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.measured.bench import BENCHES
+from experiments.measured.page import effect_told
+from experiments.measured.split import by_time
+from serpent_twin import machines, stored
+from serpent_twin.identification import Trace
+from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.least_squares import NORMAL_95, fit
+from serpent_twin.identification.run import trace_sessions
+from serpent_twin.machines.machine import Point
+from serpent_twin.machines.measured import Recording, read_twin
+from serpent_twin.runs.provenance import file_hash
+
+_DERIVATIVES, _SEGMENTS = 2, 9
+_WEIGHT = "weight of the trunk"
+"""The coordinate of the fit, a logarithm"""
+
+
+def changed(
+    name: str,
+    twin: Path,
+    unchanged: Sequence[Recording],
+    runs: Sequence[Recording],
+    out: Path,
+    seed: int,
+) -> list[dict[str, Any]]:
+    """What results.json says of each run after a change; effects are those of a trace's twin.json."""
+    if not runs:
+        return []
+    before = _before(name, twin, unchanged, out / name / "unchanged" / "twin.json")
+    return [_one(name, before, run, out, seed) for run in runs]
+
+
+def _before(name: str, twin: Path, runs: Sequence[Recording], path: Path) -> Path:
+    """The twin of the machine as it was, fitted anew to all its runs, with its parameters' errors."""
+    of = {run.name: file_hash(run.path) for run in runs if run.path} | {"twin": _digest(twin)}
+    if path.exists() and read_twin(path, name).fitted_to == of:
+        return path
+    case = machines.find(name).open(runs)
+    pieces, at = case.pieces(runs), read_twin(twin, name).point
+    case = case.reweighted(at, pieces)
+    moves = moves_of(case, list(at.effects))
+    found = fit(case, pieces, at, moves, _DERIVATIVES, case.segments[1])
+    names = [case.declared[k].name for k in moves.declared]
+    errors = dict(zip(names, found.error[: len(names)].tolist(), strict=True))
+    path.parent.mkdir(exist_ok=True)
+    case.write(found.point, path, {"fitted_to": of, "standard_error": errors})
+    return path
+
+
+def _one(name: str, twin: Path, run: Recording, out: Path, seed: int) -> dict[str, Any]:
+    assert run.path
+    machine: Any = machines.find(name)
+    fitted, judging = by_time(run)
+    asked = Trace(
+        run.path.parent,
+        out / name / f"changed_{run.name}",
+        rig=f"{name}, changed since {_digest(twin)}",
+        seed=seed,
+        judge=judging[0].name,
+    )
+    found, numbers = trace_sessions(asked, machine.changed(twin), fitted, judging)
+    error = {stage: BENCHES[name].metric.of(each) for stage, each in found.comparisons.items()}
+    effects = numbers["effects"]
+    return {
+        "file": run.path.name,
+        "before": error["nominal"],
+        "rezeroed": error["calibrated"],
+        "after": error["corrected"],
+        "effects": [each["name"] for each in effects],
+        "found": [effect_told(each) for each in effects],
+        "rejected": [each.name for each in found.candidates if each.verdict != "accepted"],
+        "payload_ratio": carried(machine.changed(twin), fitted, effects, twin),
+        "report": str((asked.out / "report.html").relative_to(out)),
+    }
+
+
+def carried(
+    rig: machines.Rig, runs: Sequence[Recording], effects: Sequence[Mapping[str, Any]], twin: Path
+) -> dict[str, float] | None:
+    """What the machine carries, in its own weights; None if nothing was found.
+
+    The interval spans all places where the load may hang, and holds what the logs of the machine as it was
+    leave open of its own weight.
+    """
+    found = {e["name"]: [p["value"] for p in e["parameters"].values()] for e in effects}
+    if "payload" not in found:
+        return None
+    case = rig.open(runs)
+    pieces = case.pieces(runs)
+    own = read_twin(twin, "trunk").standard_error.get(_WEIGHT, 0.0)
+    ends = []
+    for variant in case.candidates["payload"].variants:
+        values = {name: np.array(of) for name, of in found.items()} | {"payload": variant}
+        start = Point(np.zeros(len(case.declared)), values)
+        weighed = case.reweighted(start, pieces)
+        fitted = fit(weighed, pieces, start, moves_of(case, list(values)), _DERIVATIVES, _SEGMENTS)
+        value, _, high = fitted.interval("payload", 0)
+        factor = float(np.exp(np.hypot(high / value - 1, NORMAL_95 * own)))
+        ends += [value / factor, value * factor]
+    return {"value": found["payload"][0], "low": min(ends), "high": max(ends)}
+
+
+def _digest(twin: Path) -> str:
+    """Of what a twin is, so that a trace which began with another one does not go on."""
+    told = stored.read_json(twin)
+    for origin in ("provenance", "fitted_to"):
+        told.pop(origin, None)
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:12]

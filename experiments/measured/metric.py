@@ -1,0 +1,56 @@
+"""By which number is a twin, or a regression, judged?"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.residual import Comparison
+
+
+@dataclass(frozen=True)
+class Metric:
+    """How large errors are."""
+
+    name: str
+    """In results.json"""
+    short: str
+    """In a table"""
+    words: str
+    """On an axis"""
+    unit: str
+    """In which people read it"""
+    size: Callable[[Array], float]
+    """In that unit, of errors (..., C) of all C coordinates in rad or m; NaN where nothing was measured"""
+
+    def of(self, compared: Comparison) -> float:
+        """A twin's error: that of the last marker, be it a tip or the only angle."""
+        return self.size(compared.marker_residual[..., -1, :])
+
+    def between(self, measured: Array, predicted: Array) -> float:
+        """A regression's error, of arrays (..., C)."""
+        return self.size(measured - predicted)
+
+    def told(self, value: float) -> str:
+        """A value with its unit."""
+        return f"{value:.2f}{'' if self.unit == '°' else ' '}{self.unit}"
+
+
+def _mean_angle(error: Array) -> float:
+    return float(np.degrees(np.nanmean(np.abs(error))))
+
+
+def _rms_angle(error: Array) -> float:
+    return float(np.degrees(np.sqrt(np.nanmean(error**2))))
+
+
+def _rms_distance(error: Array) -> float:
+    return float(1e3 * np.sqrt(np.nanmean((error**2).sum(axis=-1))))
+
+
+MAE = Metric("mae_deg", "MAE", "mean absolute error", "°", _mean_angle)
+RMSE = Metric("rmse_deg", "RMSE", "root mean square error", "°", _rms_angle)
+TIP_RMS = Metric("tip_rms_mm", "tip RMS", "tip's distance, rms", "mm", _rms_distance)
+
+METRICS = {metric.name: metric for metric in (MAE, RMSE, TIP_RMS)}

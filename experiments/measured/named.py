@@ -1,0 +1,60 @@
+"""How does a twin do on files that were not even there when its effects were chosen?
+
+The effects are those that a trace on the other runs accepts; all parameters are then fitted anew to all of
+the other runs.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from serpent_twin import machines
+from serpent_twin.identification.conclude import estimates
+from serpent_twin.identification.diagnosis import Estimate
+from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.least_squares import Fit, fit
+from serpent_twin.machines.machine import Case, Point
+from serpent_twin.machines.measured import Recording, read_twin
+from serpent_twin.residual import Comparison
+
+_DERIVATIVES = 3
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A twin on files that nothing was fitted to, nor chosen by."""
+
+    comparisons: dict[str, Comparison]
+    """nominal, calibrated, corrected"""
+    effects: dict[str, dict[str, Estimate]]
+    """Parameters of each, fitted anew"""
+
+
+def judge(
+    rig: str, twin: Path, training: Sequence[Recording], judging: Sequence[Recording]
+) -> Judged:
+    """Fit the effects of a traced twin, twin.json, to all training runs; compare on those that judge."""
+    case = machines.find(rig).open(training)
+    named = read_twin(twin, rig).point.effects
+    bare = _fitted(case, training, Point(np.zeros(len(case.declared))))
+    whole = _fitted(case, training, replace(bare.point, effects=named)) if named else bare
+    points = {"nominal": None, "calibrated": bare.point, "corrected": whole.point}
+    runs = case.pieces(judging)
+    return Judged(
+        {stage: case.compare(point, runs) for stage, point in points.items()},
+        {effect: estimates(case, whole, effect) for effect in named},
+    )
+
+
+def _fitted(case: Case[Any], training: Sequence[Recording], start: Point) -> Fit:
+    """All parameters of a point, weights renewed in between."""
+    runs, at = case.pieces(training), start
+    for _ in range(2):
+        case = case.reweighted(at, runs)
+        moves = moves_of(case, list(start.effects))
+        found = fit(case, runs, at, moves, _DERIVATIVES, case.segments[1])
+        at = found.point
+    return found

@@ -1,0 +1,136 @@
+"""How far does a regression come that knows no physics, on the same runs?"""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from experiments.measured.metric import TIP_RMS, Metric
+from serpent_twin.arrays import Array
+from serpent_twin.machines.measured import Recording
+
+_RIDGE = 1e-3
+_LAGS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8)  # [s]
+_SLOW = 0.05  # [rad/s] below which a direction of motion fades
+_DELAYS = np.linspace(0.0, 0.4, 41)  # [s]
+_MOTORS, _TIP = range(1, 7), ("disk3_x", "disk3_y", "disk3_z")  # of the trunk
+Features = Callable[[Recording], Array]
+Kinds = Mapping[str, Features]
+
+
+def _xl330(run: Recording) -> Array:
+    """Goals of the last 0.8 s, their sines, each also by the P gain; whether the motor is on."""
+    c = run.columns
+    rows = [round(lag / np.median(np.diff(c["time"]))) for lag in _LAGS]
+    at = np.maximum(np.arange(len(run))[:, None] - rows, 0)
+    goal, on = c["goal_position"][at], c["torque_enable"][at]
+    base = np.concatenate([goal * on, np.sin(goal) * on, on], axis=1)
+    return np.concatenate([base, np.log(run.metadata["kp"]) * base], axis=1)
+
+
+def _jaw(run: Recording) -> Array:
+    """Spindle angle, its square and cube, load, direction of motion, speed, and their products."""
+    c = run.columns
+    s, load = c["spindle_position"], c["jaw_torque"]
+    speed = np.convolve(np.gradient(s, c["time"]), np.full(21, 1 / 21), "same")
+    way = np.tanh(speed / _SLOW)
+    return np.stack([s, s**2, s**3, load, load * s, way, way * s, way * load, speed], axis=1)
+
+
+def _jaw_with_torque(run: Recording) -> Array:
+    """The same, and the spindle's torque, which the twin has to predict."""
+    torque = run.columns["spindle_torque"]
+    more = np.stack([torque, torque * run.columns["spindle_position"]], axis=1)
+    return np.concatenate([_jaw(run), more], axis=1)
+
+
+def _commands(delay: float, degree: int) -> Features:
+    """The trunk's six commands, so many seconds late, and their products."""
+
+    def features(run: Recording) -> Array:
+        time = run.columns["time"]
+        late = [np.interp(time - delay, time, run.columns[f"motor{n}_command"]) for n in _MOTORS]
+        return _products(late, degree)
+
+    return features
+
+
+def _motor_angles(run: Recording) -> Array:
+    """Where the trunk's motors were, which the twin has to predict, and products of up to three."""
+    return _products([run.columns[f"motor{n}_position"] for n in _MOTORS], 3)
+
+
+def _products(values: Sequence[Array], degree: int) -> Array:
+    """All products of up to so many of the values, (T, features)."""
+    chosen = [
+        each
+        for size in range(1, degree + 1)
+        for each in combinations_with_replacement(values, size)
+    ]
+    return np.stack([np.prod(each, axis=0) for each in chosen], axis=1)
+
+
+def _trunk(training: Sequence[Recording]) -> Kinds:
+    """Commands as late as suits a linear map of the training runs best; and motor angles."""
+
+    def left(delay: float) -> float:
+        return _score(_commands(delay, 1), _TIP, training, training, TIP_RMS)
+
+    delay = min((float(each) for each in _DELAYS), key=left)
+    return {
+        f"commands, {delay:.2f} s late, linear": _commands(delay, 1),
+        f"commands, {delay:.2f} s late, quadratic": _commands(delay, 2),
+        "measured motor angles, cubic": _motor_angles,
+    }
+
+
+KNOWN: Mapping[str, tuple[tuple[str, ...], Callable[[Sequence[Recording]], Kinds]]] = {
+    "xl330": (("position",), lambda _: {"goals and P gain": _xl330}),
+    "jaw": (
+        ("jaw_position",),
+        lambda _: {
+            "what drives the twin": _jaw,
+            "the measured spindle torque besides": _jaw_with_torque,
+        },
+    ),
+    "trunk": (_TIP, _trunk),
+}
+"""What is predicted for each rig, and from which features, as training runs suggest them; the last of
+several reads what the twin has to predict
+"""
+
+
+def regressions(
+    rig: str, training: Sequence[Recording], judging: Sequence[Recording], metric: Metric
+) -> dict[str, float]:
+    """Errors on the judging runs, in the metric, by what the regression knows."""
+    if rig not in KNOWN:
+        return {}
+    outputs, kinds = KNOWN[rig]
+    return {
+        name: _score(features, outputs, training, judging, metric)
+        for name, features in kinds(training).items()
+    }
+
+
+def _score(
+    features: Features,
+    outputs: Sequence[str],
+    training: Sequence[Recording],
+    judging: Sequence[Recording],
+    metric: Metric,
+) -> float:
+    x, y = _all(features, training), _measured(outputs, training)
+    middle, scale, offset = x.mean(axis=0), x.std(axis=0) + 1e-9, y.mean(axis=0)
+    z = (x - middle) / scale
+    weight = np.linalg.solve(z.T @ z + _RIDGE * len(z) * np.eye(z.shape[1]), z.T @ (y - offset))
+    predicted = offset + (_all(features, judging) - middle) / scale @ weight
+    return metric.between(_measured(outputs, judging), predicted)
+
+
+def _all(features: Features, runs: Sequence[Recording]) -> Array:
+    return np.concatenate([features(run) for run in runs])
+
+
+def _measured(outputs: Sequence[str], runs: Sequence[Recording]) -> Array:
+    return _all(lambda run: np.stack([run.columns[name] for name in outputs], axis=1), runs)

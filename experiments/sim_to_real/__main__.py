@@ -1,0 +1,208 @@
+"""What is a mended twin good for? Estimates of the real arm's pose: from the twin itself, from readouts
+trained on it, and from readouts that were trained on the arm.
+
+Each arm is traced by its training sessions alone; all routes are then scored on its test session.
+"""
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_EXCEPTION, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from threading import RLock
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from experiments.close_the_loop.__main__ import LOGS, arm_folders
+from experiments.sim_to_real.arm import FOLLOWED, STEPS, study_arm
+from experiments.sim_to_real.conditions import CHANGES, changing, followed, in_conditions, recovery
+from experiments.sim_to_real.page import arm_table, page
+from experiments.sim_to_real.twins import CORRECTED, FULL, QUICK, Size
+from serpent_twin import stored
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.options import Checked, Seed, Workers
+from serpent_twin.errors import SerpentError
+from serpent_twin.readouts import load
+from serpent_twin.readouts.online import Online
+from serpent_twin.reporting.report import text_table, write
+from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.processes import processes
+from serpent_twin.runs.provenance import file_hash, provenance
+from serpent_twin.runs.run_lock import claimed
+from serpent_twin.sessions import session_files
+from serpent_twin.sim import twin_model
+
+SETTINGS = "sim_to_real.json"
+HOUR, MINUTES = 14_400, 2_400  # rows at 4 Hz
+CHANGING = (1600, 600)  # rows, and the row at which the arm changes
+
+
+@dataclass(frozen=True)
+class SimToReal(Checked):
+    """Compare what mended twins and real windows are worth to pose estimates.
+
+    OUT gets results.json, report.html, report.md, figures, each arm's trace, logs of its twins and all
+    trained readouts. The same command goes on where it stopped.
+    """
+
+    logs: tuple[Path, ...] = (LOGS,)
+    """Folders: of one arm's session logs each, or of such folders."""
+    out: Path = Path("sim_to_real")
+    """Folder for results."""
+    arms: tuple[str, ...] = ()
+    """Which arms, by the names of their folders; all without."""
+    conditions_of: str = ""
+    """The arm whose simulated twin is put into other conditions; without: the first that lacked something."""
+    seed: Seed = 0
+    """Of simulated sessions, drawn twins and first weights."""
+    workers: Workers = 0
+    """Arms studied side by side; 0 for one a core."""
+    quick: bool = False
+    """A quick look: few and short simulated sessions, a 10-minute condition in place of the hour."""
+
+
+def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the config's own
+    folders = _folders(config)
+    size = QUICK if config.quick else FULL
+    with claimed(config.out, SETTINGS, _settings(config, folders)):
+        found = _study_all(config, folders, size)
+        chosen = _chosen(config, found)
+        with _progress(chosen, 7 + len(CHANGES), 0) as tell:
+            hour = MINUTES if config.quick else HOUR
+            others = _other_conditions(config, chosen, hour, tell)
+            changes = _changes(config, chosen, tell)
+        origin = provenance() | {"settings": _settings(config, folders)}
+        results = {
+            "arms": found,
+            "conditions": {"arm": chosen, "readouts": others},
+            "changes": changes,
+        }
+        write_whole(config.out / "results.json", json.dumps(results | origin, indent=1) + "\n")
+        print(text_table(arm_table(found)))
+        report = page(results, origin)
+        print(f"{write(report, config.out)}: the figures. {report.lead}")
+
+
+def _study_all(config: SimToReal, folders: dict[str, Path], size: Size) -> dict[str, Any]:
+    """All arms, side by side; one that fails stops none that runs, and all that was done is kept."""
+    study = partial(_study, config, folders, size)
+    with processes(min(config.workers or os.cpu_count() or 1, len(folders))) as pool:
+        jobs = {name: pool.submit(study, name) for name in folders}
+        wait(jobs.values(), return_when=FIRST_EXCEPTION)
+        for job in jobs.values():
+            job.cancel()
+        wait(jobs.values())
+        return {name: job.result() for name, job in jobs.items() if not job.cancelled()}
+
+
+def _study(config: SimToReal, folders: dict[str, Path], size: Size, name: str) -> dict[str, Any]:
+    tqdm.set_lock(RLock())  # a semaphore of the system would be left behind by Ctrl-C
+    with _progress(name, STEPS, list(folders).index(name)) as tell:
+        return study_arm(folders[name], config.out / name, config.seed, size, tell)
+
+
+@contextmanager
+def _progress(name: str, steps: int, line: int) -> Iterator[Callable[[str], None]]:
+    """A bar that is told what begins."""
+    with tqdm(total=steps, unit="step", position=line, smoothing=0.1) as bar:
+
+        def tell(what: str) -> None:
+            bar.set_description_str(f"{name}, {what}", refresh=False)
+            bar.update()
+
+        yield tell
+
+
+def _folders(config: SimToReal) -> dict[str, Path]:
+    found: dict[str, Path] = {}
+    for logs in config.logs:
+        here = arm_folders(logs, () if len(config.logs) > 1 else config.arms)
+        if both := sorted(set(here) & set(found)):
+            raise SerpentError(f"two folders are named {', '.join(both)}: rename one of them.")
+        found |= here
+    if unknown := sorted(set(config.arms) - set(found)):
+        raise SerpentError(f"no arms {', '.join(unknown)}; there are: {', '.join(found)}.")
+    chosen = {name: path for name, path in found.items() if not config.arms or name in config.arms}
+    for path in chosen.values():
+        if len(session_files(path)) < 3:
+            raise SerpentError(
+                f"{path} holds fewer than three sessions: one at least must be fitted, one judge and one "
+                "test. Record more."
+            )
+    return chosen
+
+
+def _settings(config: SimToReal, folders: dict[str, Path]) -> dict[str, Any]:
+    inputs = {
+        name: {path.name: file_hash(path) for path in session_files(folder)}
+        for name, folder in folders.items()
+    }
+    return {"seed": config.seed, "quick": config.quick, "input_sha256": inputs}
+
+
+def _chosen(config: SimToReal, found: dict[str, Any]) -> str:
+    if config.conditions_of and config.conditions_of not in found:
+        raise SerpentError(
+            f"--conditions-of {config.conditions_of} is no arm; there are: {', '.join(found)}."
+        )
+    lacking = [name for name, arm in found.items() if arm["effects"]]
+    return config.conditions_of or (lacking or list(found))[0]
+
+
+def _other_conditions(
+    config: SimToReal, name: str, hour: int, tell: Callable[[str], None]
+) -> dict[str, Any]:
+    folder = config.out / name
+    done = folder / "conditions.json"
+    if done.exists():
+        return stored.read_json(done)
+    models = folder / "models"
+    readouts = {
+        "observer": load(models / f"observer_{CORRECTED}" / "observer"),
+        "observer that weighs": load(models / "weighing_payload" / "weighing_observer"),
+        "twin-trained residual_mlp": load(models / CORRECTED / "residual_mlp"),
+        "arm-trained residual_mlp": load(models / "real" / "residual_mlp"),
+        "arm-trained lstm": load(models / "real" / "lstm"),
+    }
+    arm = twin_model.read(sorted((folder / "trace" / "twins").glob("drawn_*.json"))[-1])
+    found = in_conditions(arm, readouts, config.seed, hour, tell)
+    write_whole(done, json.dumps(found, indent=1) + "\n")
+    return found
+
+
+def _changes(config: SimToReal, name: str, tell: Callable[[str], None]) -> dict[str, Any]:
+    """An arm that changes on the way: with markers from then on, without, and followed by loads alone."""
+    folder = config.out / name
+    done = folder / "changes.json"
+    if done.exists():
+        return stored.read_json(done)
+    rows, at = CHANGING
+    arm = twin_model.read(sorted((folder / "trace" / "twins").glob("drawn_*.json"))[-1])
+    models, found = folder / "models", dict[str, Any]()
+    readouts = {
+        "observer": load(models / f"observer_{CORRECTED}" / "observer"),
+        "twin-trained residual_mlp": load(models / CORRECTED / "residual_mlp"),
+    }
+    weighing = {n: load(models / f"weighing_{n}" / "weighing_observer") for n in FOLLOWED}
+    for what, (change, text) in CHANGES.items():
+        tell(text)
+        session = changing(arm, rows, at, change, config.seed)
+        estimators = {f"{n}, alone": r.live() for n, r in readouts.items()}
+        estimators |= {f"observer that follows {n}": r.live() for n, r in weighing.items()}
+        estimators |= {f"{n}, with markers": Online(r.live()) for n, r in readouts.items()}
+        found[what] = {"what": text, "at_row": at, "estimators": {}}
+        for label, live in estimators.items():
+            error = np.array(list(followed(live, session, getattr(live, "correct", None))))
+            curve = [round(float(each), 4) for each in np.nan_to_num(error)]
+            found[what]["estimators"][label] = recovery(error, at) | {"error_mm": curve}
+    write_whole(done, json.dumps(found, indent=1) + "\n")
+    return found
+
+
+if __name__ == "__main__":
+    cli.run(main)

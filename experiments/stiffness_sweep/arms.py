@@ -1,0 +1,177 @@
+"""Where do logged arms lie on the chart of the sweep, and how far is the twin at that place from them?"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.stiffness_sweep.plan import Plan
+from serpent_twin import machines, reservoir
+from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_from_motor
+from serpent_twin.arm.inverse_kinematics import marker_offsets
+from serpent_twin.arm.parameters import NOMINAL, Parameters
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
+from serpent_twin.readouts import Readout
+from serpent_twin.readouts.score import score
+from serpent_twin.readouts.training.split import split
+from serpent_twin.readouts.training.trial import Trial
+from serpent_twin.reservoir.sweep import channels, pose
+from serpent_twin.reservoir.sweep.point import DROP, WINDOW, Point
+from serpent_twin.sessions import Session
+from serpent_twin.sim import twin_model
+
+HOLDS = 8
+"""Greatest delay of the memory of logs, in holds of one target"""
+_FEW = 600  # rows that tell the cameras' noise
+
+
+@dataclass(frozen=True)
+class Placed(Point):
+    """A twin with a logged arm's stiffness and slack, seen by cameras as good as that arm's."""
+
+    marker_noise: float = NOMINAL.marker_noise
+    """Of a coordinate [m]"""
+
+    @property
+    def parameters(self) -> Parameters:
+        """Of the arm."""
+        return replace(super().parameters, marker_noise=self.marker_noise)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an arm lies on the chart."""
+
+    stiffness: float
+    """Median over its strands [N/m]"""
+    slack: float
+    """[m]"""
+    source: str
+    """How it is known"""
+
+
+def place(sessions: Sequence[Session], twin: Path | None) -> Place:
+    """Out of a twin.json if there is one, else first guesses from logged poses and loads."""
+    if twin:
+        return _median(twin_model.read(twin), f"its trace: {twin.parent.name}/{twin.name}")
+    training = sessions[:-1]
+    start = machines.find("arm").open(training).vector.start
+    return _median(start, f"first guesses from {counted(len(training), 'session')}")
+
+
+def _median(arm: twin_model.Design, source: str) -> Place:
+    told, parts = arm.parameters, arm.tolerances
+    stiffness = told.strand_stiffness * np.exp(np.median(parts.strand_stiffness))
+    slack = told.strand_slack + np.median(parts.strand_slack)
+    return Place(float(stiffness), float(max(0.0, slack)), source)
+
+
+def placed(sessions: Sequence[Session], at: Place, plan: Plan) -> dict[str, Any]:
+    """What readouts and memory say of a logged arm, and of the twin at its place, in as many rows."""
+    rows, rate = min(map(len, sessions)), sessions[0].rate_hz
+    alike = replace(plan.measuring, sessions=len(sessions), session_steps=rows, session_rate=None)
+    usual = vars(plan.point(at.stiffness, slack=at.slack, rate=rate))
+    point = Placed(**usual, marker_noise=noise(sessions))
+    readouts = (*plan.measuring.readouts, *plan.networks)
+    twins = [pose.session(point, alike, n) for n in range(1, len(sessions) + 1)]
+    logs = [session.rows(slice(0, rows)) for session in sessions]
+    mm = {who: errors(of, readouts) for who, of in (("logs", logs), ("twin", twins))}
+    return {
+        "place": asdict(at),
+        "marker_noise_mm": 1e3 * point.marker_noise,
+        "rows": rows * len(logs),
+        "pose_mm": mm["logs"],
+        "twin_pose_mm": mm["twin"],
+        "memory": memory(logs),
+        "twin_memory": memory(twins),
+        "refused": refused(logs),
+    }
+
+
+def noise(sessions: Sequence[Session]) -> float:
+    """Standard deviation of a marker's coordinate [m]: what no pose of the arm explains."""
+    marker = np.concatenate([session.marker for session in sessions])
+    motor = np.concatenate([session.motor_position for session in sessions])
+    few = slice(None, None, max(1, len(marker) // _FEW))
+    return float(marker_offsets(marker[few], joint_from_motor(motor[few, :N_JOINTS]))[2])
+
+
+def errors(sessions: Sequence[Session], names: Sequence[str]) -> dict[str, float]:
+    """Mean marker distance [mm] of readouts on the last session, trained on the others."""
+    test = split(sessions).windows(WINDOW, DROP)[2].sessions[0]
+    estimates = {name: trained(name, sessions).predict(test.x, test.start) for name in names}
+    return {name: score(each, test.marker).mean_mm for name, each in estimates.items()}
+
+
+def trained(name: str, sessions: Sequence[Session]) -> Readout:
+    """A readout that has learned from all sessions but the last."""
+    train, steer, _ = split(sessions).windows(WINDOW, DROP)
+    readout = Trial(name, WINDOW, Path()).untrained()
+    readout.fit(train, steer, np.random.default_rng(0))
+    return readout
+
+
+def refused(sessions: Sequence[Session]) -> str:
+    """Why the commands of logs, row by row, measure no capacities, as `check_inputs` says it."""
+    rows = min(map(len, sessions))
+    commands = np.stack([_scaled(session.joint_target[:rows]) for session in sessions])
+    try:
+        reservoir.check_inputs(commands, 3, (HOLDS, 3, 1))
+    except SerpentError as error:
+        return str(error)
+    return ""
+
+
+def memory(sessions: Sequence[Session]) -> dict[str, Any]:
+    """Linear memory of targets, one row for each hold, by channel set; a sentence where there is none."""
+    held = [_holds(session) for session in sessions]
+    count = min(len(inputs) for inputs, _ in held)
+    inputs, states = (np.stack([each[k][:count] for each in held]) for k in (0, 1))
+    return {name: _memory(states[..., of], inputs) for name, of in channels.SETS.items()}
+
+
+def _memory(states: Array, inputs: Array) -> dict[str, Any]:
+    try:
+        found = reservoir.memory(states, inputs, HOLDS)
+    except SerpentError as error:
+        return {"left_out": str(error)}
+    mean = found.mean_delay if np.isfinite(found.mean_delay) else None
+    return {
+        "profile": found.profile.sum(axis=0).tolist(),
+        "total": found.total,
+        "mean_delay_holds": mean,
+        "rows": found.T,
+        "rank": found.r,
+        "cut": found.cut,
+    }
+
+
+def _holds(session: Session) -> tuple[Array, Array]:
+    """Targets on [−1, 1], (n, 9), and motor angles and loads at the end of each one's hold, (n, 20)."""
+    change = np.any(np.diff(session.joint_target, axis=0) != 0, axis=1)
+    starts = np.concatenate([[0], 1 + np.flatnonzero(change)])
+    both = np.concatenate([session.motor_position, session.motor_load], axis=1)
+    return _scaled(session.joint_target[starts[:-1]]), both[starts[1:]]
+
+
+def _scaled(target: Array) -> Array:
+    """Published targets [rad], (T, 9), on [−1, 1]: those of even joints are drawn from 0 up."""
+    unit = target / ARM.target_range
+    return np.where(np.arange(N_JOINTS) % 2 == 0, unit, 2 * unit - 1)
+
+
+def disagreement(found: Mapping[str, Any]) -> str:
+    """By how much the twin at an arm's place and its logs differ, in a sentence."""
+    pairs = [(name, mm, found["twin_pose_mm"][name]) for name, mm in found["pose_mm"].items()]
+    told = ", ".join(f"{name} {mm:.1f} mm against {twin:.1f}" for name, mm, twin in pairs)
+    delays = [
+        (name, each["mean_delay_holds"], found["twin_memory"][name]["mean_delay_holds"])
+        for name, each in found["memory"].items()
+        if each.get("mean_delay_holds") and found["twin_memory"][name].get("mean_delay_holds")
+    ]
+    memory = ", ".join(f"{name} {a:.2f} holds against {b:.2f}" for name, a, b in delays)
+    return f"logs against twin: {told}" + (f"; mean delay of {memory}" if memory else "")

@@ -1,0 +1,22 @@
+"""Which points of the stiffness sweep are for what?"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from serpent_twin.reservoir.sweep.point import Measuring, Point
+from serpent_twin.reservoir.sweep.rows import Row, row_of
+
+Rows = Mapping[str, Sequence[Row]]
+"""By what the points are for"""
+
+
+def rows_of(
+    points: Mapping[str, Sequence[Point]],
+    found: Mapping[Point, Mapping[str, Any]],
+    measuring: Measuring,
+) -> dict[str, list[Row]]:
+    """Rows by what they are for, out of what was found at each point."""
+    return {
+        name: [row_of(point, found[point], measuring) for point in of]
+        for name, of in points.items()
+    }

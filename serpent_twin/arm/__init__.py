@@ -1,0 +1,1 @@
+"""The published arm: its numbers, its kinematics, and its model in MJCF."""

@@ -1,0 +1,46 @@
+"""How does a hinge's dry friction give way near rest?
+
+Polymers creep under load before they slide. Below a transition velocity v the friction of a hinge is
+F q̇ / v, above it F: Coulomb's law, made regular. MuJoCo's friction constraint is of this kind: at rest it
+resists with b q̇ / R up to F, where R = w (1 − d) / d, b = 2 / (d τ), w the hinge's inverse inertia, d its
+impedance and τ its time constant (MuJoCo's documentation, "Solver parameters").
+"""
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arrays import Array
+
+STICKS = 0.999
+"""Impedance of a hinge that sticks: with MuJoCo's default 0.9 a loaded link creeps through its friction at
+about 1°/s, and the arm would forget where its friction holds it."""
+_SOFTEST = 0.1
+_TIME = 0.02  # [s] MuJoCo's default
+
+
+def softness(
+    friction: Array, inverse_inertia: Array, transition: Array | float
+) -> tuple[Array, Array]:
+    """Time constants [s] and impedances [1] of friction constraints that creep below a velocity.
+
+    Friction F [N m], inverse inertia w [1/(kg m²)], transition velocity v [rad/s]: v = F w (1 − d) τ / 2.
+    """
+    quick = 2 * transition / np.maximum(friction * inverse_inertia, 1e-12)  # (1 − d) τ
+    give = np.clip(quick / _TIME, 1 - STICKS, 1 - _SOFTEST)
+    return np.maximum(_TIME, quick / give), 1 - give
+
+
+def soften(spec: mujoco.MjSpec, transition: Mapping[str, float]) -> None:
+    """Let hinges of a spec creep below velocities [rad/s]; at zero they stick, as mjcf.py has them."""
+    if not any(transition.values()):
+        return
+    model = spec.compile()
+    for joint, velocity in transition.items():
+        dof = model.joint(joint).dofadr[0]
+        friction, weight = model.dof_frictionloss[dof], model.dof_invweight0[dof]
+        time, impedance = softness(friction, weight, velocity)
+        hinge = spec.joint(joint)
+        hinge.solref_friction[0] = time
+        hinge.solimp_friction[:2] = impedance

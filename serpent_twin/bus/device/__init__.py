@@ -1,9 +1,0 @@
-"""What does a program see that opens the serial port of an arm that is not there?
-
-Ten XL430-W250 on a pseudo-terminal, moving the simulated arm. They speak Protocol 2.0, so that any
-program for DYNAMIXELs can use them unchanged. `running` starts them for a test.
-"""
-
-from serpent_twin.bus.device.child import Running, running
-
-__all__ = ["Running", "running"]

@@ -1,0 +1,1 @@
+"""Commands: their options, with bounds and needs, and their errors."""

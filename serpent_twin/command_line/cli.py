@@ -1,0 +1,126 @@
+"""How does a module become a command?"""
+
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import tyro
+from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
+
+from serpent_twin.command_line.option_groups import grouped
+from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import shortened
+
+
+def run(
+    main: Callable[..., Any] | Mapping[str, Callable[..., Any]], argv: list[str] | None = None
+) -> None:
+    """Run `main` as a command: its signature is the command line, tyro's way.
+
+    Several functions by name are subcommands, described by the docstring of the module run.
+    A `SerpentError` or a full disk is printed as one sentence and exits 1, Ctrl-C exits 130;
+    anything else is a defect of ours and keeps its traceback.
+    """
+    _open_streams()
+    argv = sys.argv[1:] if argv is None else argv
+    how: Any = {"args": argv, "prog": _program(), "registry": _numbers(argv)}
+    how["config"] = (tyro.conf.OmitArgPrefixes,)
+    try:
+        if callable(main):
+            tyro.cli(grouped(main, _name(main)), **how)
+        else:
+            description = sys.modules["__main__"].__doc__
+            commands = {name: grouped(each, name) for name, each in main.items()}
+            tyro.extras.subcommand_cli_from_dict(commands, description=description, **how)
+        sys.stdout.flush()  # so that a reader who left is noticed here
+    except SerpentError as error:
+        fail(" ".join([str(error), *getattr(error, "__notes__", ())]))
+    except BrokenPipeError:  # the reader of our output, such as head, has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        fail(_system_error(error))
+    except KeyboardInterrupt:
+        print(
+            "\nStopped. What was written stays; the same command goes on from there.",
+            file=sys.stderr,
+        )
+        sys.exit(130)
+
+
+def fail(sentence: str) -> None:
+    """Print an error to the user and leave with exit status 1."""
+    print(f"error: {shortened(sentence)}", file=sys.stderr)
+    sys.exit(1)
+
+
+def _open_streams() -> None:
+    """Lead standard streams that were closed to nowhere: the next file opened would take their place."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            if nowhere != number:
+                os.dup2(nowhere, number)
+                os.close(nowhere)
+            setattr(sys, name, open(number, "r" if number == 0 else "w", closefd=False))  # noqa: SIM115
+
+
+def _program() -> str | None:
+    """How the user starts the module run, such as `python -m serpent_twin.log`."""
+    spec = getattr(sys.modules["__main__"], "__spec__", None)
+    return f"python -m {spec.name.removesuffix('.__main__')}" if spec else None
+
+
+def _name(main: Callable[..., Any]) -> str:
+    """What people call the command, such as `log`."""
+    program = _program()
+    return program.rpartition(".")[-1] if program else main.__name__
+
+
+def _numbers(argv: Sequence[str]) -> ConstructorRegistry:
+    """How numbers are read from a command line: what is none is refused in our words, not in Python's."""
+    registry = ConstructorRegistry()
+
+    @registry.primitive_rule
+    def number(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
+        kind = next((kind for kind in (int, float) if info.type in (kind, kind | None)), None)
+        if kind is None:
+            return None
+
+        def read(words: list[str]) -> float:
+            try:
+                return kind(words[0])
+            except ValueError:
+                what = "a whole number" if kind is int else "a number"
+                raise SerpentError(
+                    f"{_flag(words[0], argv)} is {words[0]!r}; give {what}."
+                ) from None
+
+        return PrimitiveConstructorSpec(
+            nargs=1,
+            metavar=kind.__name__.upper(),
+            instance_from_str=read,
+            is_instance=lambda value: value is None or isinstance(value, int | float),
+            str_from_instance=lambda value: [str(value)],
+        )
+
+    return registry
+
+
+def _flag(word: str, argv: Sequence[str]) -> str:
+    """The option of a command line that a word is given to."""
+    flag = "it"
+    for each in argv:
+        if each.startswith("--"):
+            flag = each.partition("=")[0]
+        if each == word or each.endswith(f"={word}"):
+            return flag
+    return flag
+
+
+def _system_error(error: OSError) -> str:
+    where = f" at {error.filename}" if error.filename else ""
+    return (
+        f"the system refused{where}: {error.strerror or error}. "
+        "What was already written is kept; mend the cause and run the same command again."
+    )

@@ -1,0 +1,34 @@
+"""What would cameras see of the twin?"""
+
+from collections.abc import Mapping
+from typing import Any, Self
+
+import numpy as np
+
+from serpent_twin.hardware.cameras import MarkerFrame
+from serpent_twin.sim.twin import Twin
+
+
+class SimulatedMocap:
+    """Markers of run 0 of a twin with white noise, each marker lost now and then."""
+
+    def __init__(
+        self, twin: Twin, rng: np.random.Generator, noise: float = 0.0, loss: float = 0.0
+    ) -> None:
+        self._twin, self._rng, self._noise, self._loss = twin, rng, noise, loss
+
+    def read(self) -> MarkerFrame:
+        """Look at the present instant: markers in the base frame, NaN where one is lost."""
+        truth = self._twin.markers[0]
+        seen = truth + self._noise * self._rng.standard_normal(truth.shape)
+        seen[self._rng.random(len(seen)) < self._loss] = np.nan
+        return MarkerFrame(seen)
+
+    def account(self) -> Mapping[str, Any]:
+        """Nothing: they never fail as a whole."""
+        return {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...

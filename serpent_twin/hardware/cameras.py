@@ -1,0 +1,64 @@
+"""Where are the markers, whoever measures them?"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+import numpy as np
+
+from serpent_twin.arm.geometry import N_JOINTS
+from serpent_twin.arrays import Array
+
+__all__ = ["MarkerFrame", "Mocap", "NoMocap"]
+
+
+@dataclass(frozen=True)
+class MarkerFrame:
+    """The markers as the cameras last saw them."""
+
+    position: Array
+    """Markers in the base frame [m], (9, 3); NaN where one is lost."""
+    camera_time: float = float("nan")
+    """The camera's clock at the exposure [s]; NaN if there is none."""
+    age: float = 0.0
+    """How long before the read the exposure was [s]; 0 in simulation."""
+
+
+class Mocap(Protocol):
+    """Marker positions at the instant of the last motor reading; a context manager."""
+
+    def read(self) -> MarkerFrame:
+        """Return the newest frame at once, all NaN if there is none."""
+        ...
+
+    def account(self) -> Mapping[str, Any]:
+        """What a log's metadata tell of the cameras at its end."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+        /,
+    ) -> None: ...
+
+
+class NoMocap:
+    """No cameras: every marker is NaN in every row, for logs that `merge` completes or nobody does."""
+
+    def read(self) -> MarkerFrame:
+        """Return a frame in which every marker is lost."""
+        return MarkerFrame(np.full((N_JOINTS, 3), np.nan), age=float("nan"))
+
+    def account(self) -> Mapping[str, Any]:
+        """Nothing: there are none."""
+        return {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...

@@ -1,0 +1,283 @@
+"""Read the packets of a NatNet server; one that is torn, absurd or of another version is refused.
+
+Layouts as in the packet client of OptiTrack's NatNet SDK 4.2, for NatNet 3.0 and later. From 4.1 on,
+each list carries its size in bytes. No count is believed that the packet is too short for.
+"""
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.hardware.natnet import packets as natnet
+
+FARTHEST = 1e3  # m: no cameras see as far
+LATEST = 1e9  # s: Motive counts from the start of its stream or take
+SIZED: natnet.Version = (4, 1)  # from this version on, lists carry their size in bytes
+_UNLABELLED = 0x10  # NatNetTypes.h: parameter bit of a marker that belongs to no asset
+_MARKER = np.dtype(
+    [("id", "<u4"), ("place", "<f4", 3), ("size", "<f4"), ("flags", "<u2"), ("residual", "<f4")]
+)
+_RIGID_BODY = 4 + 12 + 16 + 4 + 2  # id, position, rotation, error, parameters
+_STAMPS = struct.Struct("<IIdQQQ")  # timecode and its sub-frame, time, ticks of exposure … sending
+_VERSION, _CLOCK = struct.Struct("<4B"), struct.Struct("<QHB4B")  # NatNetTypes.h, sSender_Server
+
+
+class PacketError(ValueError):
+    """A packet that says nothing that could be used."""
+
+
+@dataclass(frozen=True)
+class ServerInfo:
+    """Who answers a connect."""
+
+    version: natnet.Version
+    """NatNet's, (major, minor)."""
+    tick_hz: float = 0.0
+    """Rate of the clock that stamps frames [1/s]; 0 if it is not told."""
+    multicast: bool = False
+    """Whether frames go to a multicast group."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameOfData:
+    """The labelled markers of one frame."""
+
+    time: float
+    """Motive's clock [s]."""
+    ticks: int
+    """From the exposure to sending, in the server's ticks; 0 if the stream does not tell."""
+    markers: dict[natnet.Id, np.ndarray]
+    """Places in the cameras' frame [m], (3,), by (model, marker); NaN where occluded."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """An asset, a rigid body or a marker set by name."""
+
+    name: str
+    """Motive's name."""
+    model: int
+    """Its id; −1 for a marker set, which has none."""
+    markers: tuple[tuple[str, int], ...]
+    """Name and id of each marker."""
+
+
+def opened(packet: bytes) -> tuple[int, "Reader"]:
+    """The kind of a message and its body."""
+    if len(packet) < 4:
+        raise PacketError("shorter than its header")
+    kind, size = struct.unpack_from("<HH", packet)
+    if size > len(packet) - 4:
+        raise PacketError("shorter than its header says")
+    return kind, Reader(packet[4 : 4 + size])
+
+
+class Reader:
+    """A message's body, read from front to back."""
+
+    def __init__(self, body: bytes) -> None:
+        self._body, self._at = body, 0
+
+    @property
+    def left(self) -> int:
+        """Bytes not read yet."""
+        return len(self._body) - self._at
+
+    def skip(self, size: int) -> int:
+        """Pass over so many bytes; returns where they begin."""
+        if size > self.left:
+            raise PacketError("ends too early")
+        self._at += size
+        return self._at - size
+
+    def number(self) -> int:
+        """The next unsigned 32-bit integer."""
+        return struct.unpack_from("<I", self._body, self.skip(4))[0]
+
+    def count(self, least: int) -> int:
+        """The next number, of elements of so many bytes at least."""
+        count = self.number()
+        if count * least > self.left:
+            raise PacketError("counts more than it holds")
+        return count
+
+    def unpack(self, form: struct.Struct) -> tuple:
+        """The next numbers of a layout."""
+        return form.unpack_from(self._body, self.skip(form.size))
+
+    def text(self) -> str:
+        """The next text, up to its zero byte."""
+        end = self._body.find(b"\0", self._at)
+        if end < 0:
+            raise PacketError("has a text without an end")
+        return self._body[self.skip(end + 1 - self._at) : end].decode(errors="replace")
+
+    def array(self, dtype: np.dtype, count: int) -> np.ndarray:
+        """The next `count` records, (count,)."""
+        return np.frombuffer(self._body, dtype, count, self.skip(dtype.itemsize * count))
+
+    def part(self, size: int) -> "Reader":
+        """The next so many bytes as a body of their own."""
+        start = self.skip(size)
+        return Reader(self._body[start : start + size])
+
+
+def server_info(body: Reader) -> ServerInfo:
+    """The answer to a connect."""
+    body.skip(256 + 4)  # name and version of the program
+    major, minor, _, _ = body.unpack(_VERSION)
+    if body.left < _CLOCK.size:
+        return ServerInfo((major, minor))
+    tick_hz, _, multicast, *_ = body.unpack(_CLOCK)
+    return ServerInfo((major, minor), float(tick_hz), bool(multicast))
+
+
+def frame_of_data(body: Reader, version: natnet.Version) -> FrameOfData:
+    """The labelled markers of a frame and its stamps."""
+    body.skip(4)  # frame number
+    sized = version >= SIZED
+    _pass_list(body, sized, _pass_marker_set)
+    _pass_list(body, sized, lambda part: part.skip(12))  # unlabelled markers
+    _pass_list(body, sized, lambda part: part.skip(_RIGID_BODY))
+    _pass_list(body, sized, _pass_skeleton)
+    if sized:
+        _pass_list(body, sized, _pass_skeleton)  # assets; never read, for they carry their size
+    markers = _labelled(body, sized)
+    for _ in ("force plates", "devices"):
+        _pass_list(body, sized, _pass_channels)
+    _, _, time, exposed, _, sent = body.unpack(_STAMPS)
+    if not 0 <= time < LATEST:
+        raise PacketError("has an absurd time")
+    ticks = sent - exposed if exposed and sent > exposed else 0
+    return FrameOfData(time, ticks, markers)
+
+
+def models(body: Reader, version: natnet.Version) -> list[Model]:
+    """What the server's assets, rigid bodies and marker sets, and their markers, are called."""
+    found: list[Model] = []
+    for _ in range(body.count(4)):
+        kind = body.number()
+        part = body.part(body.number()) if version >= SIZED else body
+        if kind in _READERS:
+            found += _READERS[kind](part, version)
+        elif version < SIZED:
+            raise PacketError(f"describes something unknown, {kind}")
+    return found
+
+
+def _labelled(body: Reader, sized: bool) -> dict[natnet.Id, np.ndarray]:
+    count = body.number()
+    size = body.number() if sized else count * _MARKER.itemsize
+    if size != count * _MARKER.itemsize:
+        raise PacketError("has labelled markers of another size")
+    found = body.array(_MARKER, count)
+    found = found[found["flags"] & _UNLABELLED == 0]
+    occluded = found["flags"] & natnet.OCCLUDED != 0
+    with np.errstate(invalid="ignore"):  # a NaN that signals makes numpy warn
+        place = np.where(occluded[:, None], np.nan, found["place"].astype(float))
+    if not (occluded[:, None] | (np.abs(place) < FARTHEST)).all():
+        raise PacketError("has markers at no place")
+    model, marker = found["id"] >> 16, found["id"] & 0xFFFF
+    return dict(zip(zip(model.tolist(), marker.tolist(), strict=True), place, strict=True))
+
+
+def _pass_list(body: Reader, sized: bool, passing: Callable[[Reader], object]) -> None:
+    if sized:
+        body.skip(4)
+        body.skip(body.number())
+    else:
+        for _ in range(body.count(4)):
+            passing(body)
+
+
+def _pass_marker_set(body: Reader) -> None:
+    body.text()
+    body.skip(12 * body.count(12))
+
+
+def _pass_skeleton(body: Reader) -> None:
+    body.skip(4)
+    body.skip(_RIGID_BODY * body.count(_RIGID_BODY))
+
+
+def _pass_channels(body: Reader) -> None:
+    body.skip(4)
+    for _ in range(body.count(4)):
+        body.skip(4 * body.count(4))
+
+
+def _marker_set(body: Reader, version: natnet.Version) -> list[Model]:
+    name = body.text()
+    names = [body.text() for _ in range(body.count(1))]
+    return [Model(name, -1, tuple((label, n) for n, label in enumerate(names, 1)))]
+
+
+def _rigid_body(body: Reader, version: natnet.Version) -> list[Model]:
+    name, model = body.text(), body.number()
+    body.skip(4 + 12 + (16 if version >= (4, 2) else 0))  # parent, offset, from 4.2 on rotation
+    count = body.count(16)
+    body.skip(16 * count)  # places and active labels
+    names = [body.text() for _ in range(count)] if version >= (4, 0) else []
+    return [Model(name, model, tuple((label, n) for n, label in enumerate(names, 1) if label))]
+
+
+def _skeleton(body: Reader, version: natnet.Version) -> list[Model]:
+    body.text()
+    body.skip(4)
+    for _ in range(body.count(20)):
+        _rigid_body(body, version)
+    return []
+
+
+def _asset(body: Reader, version: natnet.Version) -> list[Model]:
+    name = body.text()
+    body.skip(4)  # kind of asset
+    model = body.number()
+    for _ in range(body.count(20)):
+        _rigid_body(body, version)
+    markers = []
+    for _ in range(body.count(23)):
+        label, number = body.text(), body.number()
+        body.skip(12 + 4 + 2)  # place, size, parameters
+        markers.append((label, number & 0xFFFF))
+    return [Model(name, model, tuple(markers))]
+
+
+def _force_plate(body: Reader, version: natnet.Version) -> list[Model]:
+    body.skip(4)
+    body.text()
+    body.skip(4 * (2 + 3 + 144 + 12) + 8)  # size, origin, calibration, corners, kinds
+    return _texts(body)
+
+
+def _device(body: Reader, version: natnet.Version) -> list[Model]:
+    body.skip(4)
+    body.text()
+    body.text()
+    body.skip(8)
+    return _texts(body)
+
+
+def _camera(body: Reader, version: natnet.Version) -> list[Model]:
+    body.text()
+    body.skip(12 + 16)
+    return []
+
+
+def _texts(body: Reader) -> list[Model]:
+    for _ in range(body.count(1)):
+        body.text()
+    return []
+
+
+_READERS: dict[int, Callable[[Reader, natnet.Version], list[Model]]] = {
+    natnet.MARKER_SET: _marker_set,
+    1: _rigid_body,
+    2: _skeleton,
+    3: _force_plate,
+    4: _device,
+    5: _camera,
+    natnet.ASSET: _asset,
+}

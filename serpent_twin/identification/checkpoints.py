@@ -1,0 +1,149 @@
+"""How does an interrupted trace go on where it stopped?"""
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+
+from serpent_twin import stored
+from serpent_twin.errors import SerpentError
+from serpent_twin.identification.free_parameters import Moves
+from serpent_twin.identification.least_squares import Fit
+from serpent_twin.identification.score_test import Score
+from serpent_twin.machines.machine import Point, Stopwatch
+from serpent_twin.stored import Numbers, above, within
+
+T = TypeVar("T")
+Number = Annotated[float, within(-1e12, 1e12)]
+Index = Annotated[int, within(0, 1_000_000)]
+_AGAIN = "Delete it, and the same command makes it anew."
+
+
+class Notebook:
+    """Finished stages of one trace, each a file in a folder, with what it took."""
+
+    def __init__(self, folder: Path, clock: Stopwatch) -> None:
+        self._folder, self._clock = folder, clock
+        self.seconds, self.simulated = 0.0, 0.0
+        """What the stages took that an earlier run finished, and how much of it simulation did [s]"""
+        self._told = set[Path]()
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def fit(self, name: str, make: Callable[[], Fit]) -> Fit:
+        """The fit of a stage, made now or read back."""
+        path = self._folder / f"{name}.npz"
+        if path.exists():
+            return _read_fit(path, self._read(path))
+        made, took = self._timed(make)
+        self._told.add(path)
+        _save(path, _fit_arrays(made) | took)
+        return made
+
+    def scores(self, name: str, make: Callable[[], list[Score]]) -> list[Score]:
+        """The score tests of a stage, made now or read back."""
+        path = self._folder / f"{name}.npz"
+        if path.exists():
+            rows = stored.json_in(self._read(path), "scores", list[_Score], str(path), _AGAIN)
+            return [Score(r.name, r.share, r.excitation, np.array(r.start)) for r in rows]
+        made, took = self._timed(make)
+        self._told.add(path)
+        rows = [{**vars(each), "start": each.start.tolist()} for each in made]
+        _save(path, {"scores": np.array(json.dumps(rows))} | took)
+        return made
+
+    def _timed(self, make: Callable[[], T]) -> tuple[T, dict[str, Any]]:
+        began, simulated = time.perf_counter(), self._clock.seconds
+        made = make()
+        took = time.perf_counter() - began, self._clock.seconds - simulated
+        return made, {"took": np.array(took)}
+
+    def _read(self, path: Path) -> stored.Arrays:
+        """The arrays of a stage; what it took is added up once."""
+        arrays = stored.read_arrays(path, _AGAIN)
+        took = {"took": arrays.pop("took", np.zeros(0))}
+        stored.require_arrays(took, {"took": Numbers((2,), low=0.0)}, str(path), _AGAIN)
+        if path not in self._told:
+            self._told.add(path)
+            self.seconds += float(took["took"][0])
+            self.simulated += float(took["took"][1])
+        return arrays
+
+
+class _Score(stored.Form, frozen=True):
+    """A score test as its file has it, see `Score`."""
+
+    name: str
+    share: float
+    excitation: float
+    start: tuple[Number, ...]
+
+
+class _Fit(stored.Form, frozen=True):
+    """What a fit's file says beside its arrays, see `Fit`."""
+
+    effects: dict[str, tuple[Number, ...]]
+    moved: tuple[Index, ...]
+    moved_effects: tuple[tuple[str, Index], ...]
+    cost: float
+    converged: bool
+    used: tuple[Index, ...]
+    worth: Annotated[float, above(0.0, 1e12)]
+
+
+def _save(path: Path, arrays: dict[str, Any]) -> None:
+    part = path.with_suffix(".partial")
+    with part.open("wb") as file:
+        np.savez(file, **arrays)
+    part.rename(path)
+
+
+def _fit_arrays(fit: Fit) -> dict[str, Any]:
+    about = {
+        "effects": {name: list(map(float, v)) for name, v in fit.point.effects.items()},
+        "moved": list(fit.moves.declared),
+        "moved_effects": [list(each) for each in fit.moves.effects],
+        "cost": fit.cost,
+        "converged": fit.converged,
+        "used": list(fit.used),
+        "worth": fit.worth,
+    }
+    return {
+        "about": np.array(json.dumps(about)),
+        "declared": fit.point.declared,
+        "error": fit.error,
+        "correlation": fit.correlation,
+        "slope": fit.slope,
+    }
+
+
+def _read_fit(path: Path, arrays: stored.Arrays) -> Fit:
+    about = stored.json_in(arrays, "about", _Fit, str(path), _AGAIN)
+    moves = Moves(about.moved, about.moved_effects)
+    declared = arrays.get("declared", np.zeros(0)).size
+    known = [k < declared for k in about.moved]
+    known += [k < len(about.effects.get(name, ())) for name, k in about.moved_effects]
+    if not all(known):
+        raise SerpentError(f"{path}: about.moved names what the fit does not have. {_AGAIN}")
+    n, rows = len(moves), arrays["slope"].shape[2:] if "slope" in arrays else (0,)
+    wanted = {
+        "declared": Numbers((declared,)),
+        "error": Numbers((n,), unknown=True),
+        "correlation": Numbers((n, n), unknown=True),
+        "slope": Numbers((n, len(about.used), *rows[:1]), unknown=True),
+    }
+    stored.require_arrays(arrays, wanted, str(path), _AGAIN)
+    effects = {name: np.array(values) for name, values in about.effects.items()}
+    return Fit(
+        point=Point(arrays["declared"], effects),
+        moves=moves,
+        cost=about.cost,
+        error=arrays["error"],
+        correlation=arrays["correlation"],
+        converged=about.converged,
+        slope=arrays["slope"],
+        used=about.used,
+        worth=about.worth,
+    )

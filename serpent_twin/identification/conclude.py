@@ -1,0 +1,193 @@
+"""What do the rounds of a trace add up to?"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.identification.diagnosis import (
+    ACCEPTED,
+    NOT_EXCITED,
+    REJECTED,
+    SUSPECT,
+    Calibrated,
+    Diagnosis,
+    Estimate,
+    Named,
+    Tried,
+    Unexplained,
+)
+from serpent_twin.identification.held_out import Errors, errors, gain
+from serpent_twin.identification.least_squares import NORMAL_95, Fit, drawn, indistinguishable
+from serpent_twin.identification.score_test import at_bound
+from serpent_twin.identification.steps import Round, Search, Tracer, seen, why_not
+from serpent_twin.machines.machine import Case as AnyCase
+from serpent_twin.machines.machine import Quantity
+from serpent_twin.residual import Findings, analyse, describe
+from serpent_twin.residual.learned import learn
+
+Case = AnyCase[Any]
+BEYOND = 2.0
+"""Times the error of a twin that lacks nothing, above which an error is unexplained in any case"""
+FOLLOWS = 0.25
+"""Share of what is above the noise that must follow something, for an error that is only suspect"""
+LOAD_BEYOND = 1.15
+"""Times the loads' noise"""
+_DRAWS = 4  # of twins that the data do not tell apart
+
+
+def conclude(tracer: Tracer, search: Search, arm: str, files: Sequence[str]) -> Diagnosis:
+    """The diagnosis: errors, effects with intervals, verdicts, and what is left."""
+    case, held_out, rng = search.case, tracer.held_out, np.random.default_rng([tracer.seed, 7])
+    final = search.final
+    points = {"nominal": None, "calibrated": search.calibrated.point, "corrected": final.point}
+    compared = {name: case.compare(point, held_out) for name, point in points.items()}
+    found = {name: analyse(compared[name], rng) for name in ("calibrated", "corrected")}
+    held = {name: errors(each) for name, each in compared.items()}
+    noise = found["corrected"].noise
+    expected = case.expected(final.point, drawn(case, final, rng, _DRAWS), held_out, rng)
+    expected = float(np.fmax(expected, noise.jitter_mm))
+    error = {name: each.marker for name, each in held.items()}
+    load = {name: each.load for name, each in held.items()}
+    learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
+    return Diagnosis(
+        arm=arm,
+        held_out=tuple(files),
+        effects=_named(case, search, held["calibrated"], held["corrected"], rng),
+        candidates=_tried(case, search),
+        unexplained=_unexplained(found["corrected"], error, load, expected),
+        error=error | {"noise_floor": noise.floor_mm, "expected": expected},
+        load_error=load | {"noise_floor": noise.load_floor_percent},
+        cautions=_cautions(case, search),
+        calibration=_calibration(case, final),
+        comparisons=compared,
+        findings=found,
+        learned=learned,
+        marker=compared["corrected"].marker,
+        load=compared["corrected"].load,
+    )
+
+
+def _named(
+    case: Case, search: Search, before: Errors, after: Errors, rng: np.random.Generator
+) -> tuple[Named, ...]:
+    """The effects found; one that is alone has brought all that was gained."""
+    accepted = {each.accepted: each for each in search.rounds if each.accepted}
+    alone = len(search.final.point.effects) == 1
+    named = []
+    for name in search.final.point.effects:
+        found = accepted[name]
+        gained = gain(before, after, rng, found.fitted) if alone else found.trials[name].gain
+        assert gained is not None
+        named.append(
+            Named(
+                name=name,
+                parameters=estimates(case, search.final, name),
+                gain=gained.marker,
+                gain_load=gained.load,
+                probability_of_chance=gained.probability_of_chance,
+            )
+        )
+    return tuple(named)
+
+
+def estimates(case: Case, fit: Fit, name: str) -> dict[str, Estimate]:
+    """Parameters of an effect with the intervals of a fit, within what they can be."""
+    out = {}
+    for k, (parameter, allowed) in enumerate(case.candidates[name].ranges.items()):
+        value = float(fit.point.effects[name][k])
+        low, high = value, value
+        if (name, k) in fit.moves.effects:
+            _, low, high = fit.interval(name, k)
+        out[parameter] = Estimate(
+            value, max(low, allowed.low), min(high, allowed.high), allowed.unit
+        )
+    return out
+
+
+def _tried(case: Case, search: Search) -> tuple[Tried, ...]:
+    """Every candidate's verdict: of the last round in which it was fitted, else of the last."""
+    out = {
+        name: Tried(name, float("nan"), NOT_EXCITED, 0.0, None, why)
+        for name, why in case.unseen.items()
+    }
+    for each in search.rounds:
+        for name, trial in each.trials.items():
+            if trial.gain is None and name in out and out[name].gain_by_segment is not None:
+                continue
+            verdict, why = _verdict(name, each, search, case)
+            by_segment = trial.gain.marker_by_segment if trial.gain else None
+            out[name] = Tried(name, trial.error, verdict, trial.score.share, by_segment, why)
+    ordered = sorted(out.values(), key=lambda t: (t.verdict != ACCEPTED, -t.score))
+    return tuple(ordered)
+
+
+def _verdict(name: str, each: Round, search: Search, case: Case) -> tuple[str, str]:
+    trial = each.trials[name]
+    if name == each.accepted:
+        if name in search.final.point.effects:
+            return ACCEPTED, "it betters logs that nothing was fitted to, beyond chance"
+        return REJECTED, "beside the effects found later it is not worth its parameters"
+    if trial.gain is None and not seen(trial):
+        return NOT_EXCITED, "a typical strength would move these logs by less than can be seen"
+    if why := why_not(name, trial, case.candidates[name]):
+        return REJECTED, why
+    assert trial.gain is not None
+    return REJECTED, f"{trial.gain}, less than {each.accepted}"
+
+
+def _unexplained(
+    found: Findings, errors: Mapping[str, float], load: Mapping[str, float], expected: float
+) -> Unexplained:
+    error = errors["corrected"]
+    share = max(0.0, 1 - (expected / error) ** 2) if error > 0 else 0.0
+    markers = [d.share_above_noise for d in found.depends_on if d.kind != "load"]
+    loads = [d.share_above_noise for d in found.depends_on if d.kind == "load"]
+    swings = found.marker_change is not None and found.marker_change.swings
+    follows = swings or max(markers, default=0.0) > FOLLOWS
+    in_markers = error > BEYOND * expected or (follows and error > SUSPECT * expected)
+    floor = found.noise.load_jitter_percent
+    in_loads = load["corrected"] > LOAD_BEYOND * floor and max(loads, default=0.0) > FOLLOWS
+    if in_loads and not in_markers:
+        share = max(0.0, 1 - (floor / load["corrected"]) ** 2)
+    is_ = bool(in_markers or in_loads)
+    return Unexplained(is_, share, describe(found) if is_ else "")
+
+
+def _cautions(case: Case, search: Search) -> tuple[str, ...]:
+    told = indistinguishable(case, search.final)
+    if not search.final.converged:
+        told.append("The last fit had not settled; its intervals are too narrow.")
+    told += [f"{name}: {why}." for name, why in case.unseen.items()]
+    for name, values in search.final.point.effects.items():
+        for parameter in at_bound(case.candidates[name], values):
+            told.append(f"{name}'s {parameter} lies at the end of its range: doubt it.")
+    return tuple(told)
+
+
+def _calibration(case: Case, fit: Fit) -> dict[str, Calibrated]:
+    quantities = case.quantities
+    return {
+        case.declared[k].name: _calibrated(case, fit, quantities[k], k) for k in fit.moves.declared
+    }
+
+
+def _calibrated(case: Case, fit: Fit, of: Quantity, k: int) -> Calibrated:
+    """A coordinate, and the quantity that it and perhaps others make, with the errors that they share."""
+    value, half = float(fit.point.declared[k]), NORMAL_95 * _error(fit, (k,))
+    change, off = float(fit.point.declared[list(of.of)].sum()), NORMAL_95 * _error(fit, of.of)
+    low, high = sorted((of.after(change - off), of.after(change + off)))
+    return Calibrated(
+        Estimate(value, value - half, value + half, case.declared[k].unit),
+        of.name,
+        of.nominal,
+        of.start,
+        Estimate(of.after(change), low, high, of.unit),
+    )
+
+
+def _error(fit: Fit, coordinates: Sequence[int]) -> float:
+    """Standard error of the sum of some of the declared coordinates; those held fixed have none."""
+    at = [fit.moves.declared.index(k) for k in coordinates if k in fit.moves.declared]
+    error = fit.error[at]
+    return float(np.sqrt(error @ fit.correlation[np.ix_(at, at)] @ error))

@@ -1,0 +1,233 @@
+"""What does a trace find? The figures of diagnosis.json, and what the report draws."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from serpent_twin.arrays import Array
+from serpent_twin.residual import LOADS, MARKERS, Comparison, Findings, Measure
+from serpent_twin.residual.learned import Learned
+from serpent_twin.residual.noise import in_words
+
+ACCEPTED, REJECTED, NOT_EXCITED = "accepted", "rejected", "not excited"
+SUSPECT = 1.25
+"""Times the error of a twin that lacks nothing, above which an error is suspect"""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One number of an effect with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    """`1` for a pure number"""
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the logs told it; else it was given."""
+        return bool(isfinite(self.low) and isfinite(self.high) and self.low < self.high)
+
+    def __str__(self) -> str:
+        """As a sentence holds it."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        ends = f"[{self.low:.3g} … {self.high:.3g}]" if self.fitted else "[given]"
+        return f"{self.value:.3g}{unit} {ends}".replace("-", "−")
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A declared parameter before and after the fit."""
+
+    coordinate: Estimate
+    """How far the fit moved it, in the fit's coordinates"""
+    name: str
+    """What it stands for, such as `strand stiffness 3+`"""
+    nominal: float
+    """As declared before any log was seen, in the unit of `value`; NaN where nothing is"""
+    start: float
+    """Where the fit started, likewise"""
+    value: Estimate
+    """Where it ended"""
+
+    def numbers(self) -> dict[str, Any]:
+        """As diagnosis.json has it: the coordinate, then the quantity by keys that end with its unit."""
+        unit = key(self.value.unit)
+        told = {"nominal": self.nominal, "start": self.start, "value": self.value.value}
+        told |= {"low": self.value.low, "high": self.value.high}
+        named = {f"{name}_{unit}" if unit else f"{name}_ratio": v for name, v in told.items()}
+        return vars(self.coordinate) | {"quantity": self.name} | named
+
+
+def key(unit: str) -> str:
+    """A unit as the end of a key in JSON; nothing for a pure number."""
+    if unit == "1":
+        return ""
+    for sign, word in (("/", " per "), ("°", "deg"), ("²", "2"), ("%", "percent")):
+        unit = unit.replace(sign, word)
+    return "_".join(unit.split())
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect that the twin lacked."""
+
+    name: str
+    parameters: Mapping[str, Estimate]
+    gain: float
+    """By how much it betters the held-out marker error"""
+    gain_load: float
+    """By how much it betters the held-out load error"""
+    probability_of_chance: float
+    """Of no gain at all, by paired bootstrap over held-out segments [1]"""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A candidate and what became of it."""
+
+    name: str
+    error: float
+    """Held-out marker error with it; of the twin without it, where it was not worth a full fit"""
+    verdict: str
+    """accepted, rejected or not excited"""
+    score: float
+    """Share of the residual's squares that it would remove, to first order [1]"""
+    gain_by_segment: Array | None
+    """On held-out segments, if it was fitted"""
+    why: str
+    """In words"""
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What no effect of the catalogue explains."""
+
+    is_: bool
+    share: float
+    """Share of the corrected twin's squared error that a twin which lacks nothing would not make [1]"""
+    depends_on: str
+    """In words: on what it depends, and where to look"""
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """All that a trace finds; errors are in the units of `marker` and `load`."""
+
+    arm: str
+    held_out: tuple[str, ...]
+    """Files of the sessions that nothing was fitted to"""
+    effects: tuple[Named, ...]
+    candidates: tuple[Tried, ...]
+    unexplained: Unexplained
+    error: Mapping[str, float]
+    """nominal, calibrated, corrected, noise_floor; and expected: of a twin that lacks nothing"""
+    load_error: Mapping[str, float]
+    """nominal, calibrated, corrected, noise_floor"""
+    cautions: tuple[str, ...]
+    """What the data cannot tell, in sentences"""
+    calibration: Mapping[str, Calibrated]
+    """Declared parameters by their names in the fit"""
+    comparisons: Mapping[str, Comparison]
+    """nominal, calibrated, corrected: measured beside predicted on held-out segments"""
+    findings: Mapping[str, Findings]
+    """calibrated, corrected: what the residual depends on"""
+    learned: Learned
+    """The last resort, apart from physics"""
+    marker: Measure = MARKERS
+    """What the error is of"""
+    load: Measure = LOADS
+    """What the load error is of"""
+
+    def numbers(self, seconds: float, simulated: float) -> dict[str, Any]:
+        """diagnosis.json."""
+        mm, loads = self.marker.key, f"{self.load.field}_error_{self.load.key}"
+        return {
+            "arm": self.arm,
+            "held_out": list(self.held_out),
+            "effects": [
+                {
+                    "name": each.name,
+                    "parameters": {n: vars(e) for n, e in each.parameters.items()},
+                    f"gain_{mm}": each.gain,
+                    f"gain_{self.load.field}_{self.load.key}": each.gain_load,
+                    "probability_of_chance": each.probability_of_chance,
+                }
+                for each in self.effects
+            ],
+            "candidates": [
+                {
+                    "name": each.name,
+                    f"error_{mm}": each.error,
+                    "verdict": each.verdict,
+                    "score": each.score,
+                    "why": each.why,
+                }
+                for each in self.candidates
+            ],
+            "unexplained": {
+                "is": self.unexplained.is_,
+                "share": self.unexplained.share,
+                "depends_on": self.unexplained.depends_on,
+            },
+            f"error_{mm}": dict(self.error),
+            loads: dict(self.load_error),
+            "learned": {
+                "share": self.learned.share,
+                "on": self.learned.on,
+                f"before_{mm}": self.learned.before_mm,
+                f"after_{mm}": self.learned.after_mm,
+            },
+            "cautions": list(self.cautions),
+            "calibration": {name: each.numbers() for name, each in self.calibration.items()},
+            "residual": {name: each.numbers() for name, each in self.findings.items()},
+            "seconds": seconds,
+            "share_of_time_in_simulation": simulated / seconds if seconds else 0.0,
+        }
+
+    @property
+    def blind(self) -> bool:
+        """Whether the logs show no candidate at all."""
+        return bool(self.candidates) and all(
+            each.verdict == NOT_EXCITED for each in self.candidates
+        )
+
+    @property
+    def doubt(self) -> str:
+        """What is to be said of an error that is too large for a twin that lacks nothing and is still not
+        called unexplained, for it follows nothing; else nothing.
+        """
+        left, expected = self.error["corrected"], self.error.get("expected", float("nan"))
+        if self.unexplained.is_ or not left > SUSPECT * expected:
+            return ""
+        return (
+            f"What is left is {left / expected:.1f} × what a twin that lacks nothing leaves "
+            f"({expected:.2f} {self.marker.unit}), but follows nothing that was looked at: something small "
+            "may be missing."
+        )
+
+    def sentence(self) -> str:
+        """The diagnosis in a line or two."""
+        error, unit = self.error, self.marker.unit
+        course = (
+            f"{error['nominal']:.2f} {unit} nominal, {error['calibrated']:.2f} {unit} calibrated, "
+            f"{error['corrected']:.2f} {unit} corrected "
+            f"({self.marker.noise}: {in_words(error['noise_floor'], unit)})"
+        )
+        if not self.effects:
+            what = "nothing was found missing" if self.doubt else "nothing is missing"
+            if self.unexplained.is_:
+                what = "no known effect explains it"
+            elif self.blind:
+                what = "these logs cannot show whether anything is missing"
+        else:
+            what = "it lacked " + " and ".join(map(_told, self.effects))
+        rest = f"Unexplained: {self.unexplained.depends_on}" if self.unexplained.is_ else self.doubt
+        return f"{self.arm}: {what}. {course}. {rest}".strip()
+
+
+def _told(effect: Named) -> str:
+    values = ", ".join(f"{name} {each}" for name, each in effect.parameters.items())
+    return f"{effect.name} ({values})"

@@ -1,0 +1,266 @@
+"""Which parameters fit the logs best, and how surely?
+
+Gauss-Newton with priors on some of the segments; all perturbed twins of one derivative step side by
+side. A residual's numbers hang together, in time and from marker to marker, so the data weigh as the
+fewer independent numbers they are worth.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from serpent_twin.arrays import Array
+from serpent_twin.identification.free_parameters import Moves, between, moved, slopes
+from serpent_twin.machines.machine import Case, Point
+
+_DAMPINGS = (0.0, 0.3, 3.0)
+"""Levenberg's, tried in turn"""
+_SETTLED = 0.5
+"""A step that betters the cost by less, about half a standard error, is the last"""
+_SETTLED_SHARE = 2e-3
+"""And a derivative that betters it by less than this share"""
+_NEARLY = 1e-2
+"""A fit whose last derivative still bettered the cost by more has not settled"""
+_STILL = 0.5
+"""But one that moved its effects by fewer standard errors has"""
+NORMAL_95 = 1.96
+"""Standard errors from the middle to the end of a 95 % interval"""
+SIMPLIFIED = 0.01
+"""Relative standard error of an effect's strength for what the twin's laws simplify, which no scatter of
+residuals shows (a type B uncertainty: JCGM 100, 4.3); independent arms of other laws were off by as much."""
+_STEPS = 10
+_LISTED = 6
+Tell = Callable[[str], None]
+
+
+def _silent(_: str) -> None: ...
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted twin."""
+
+    point: Point
+    moves: Moves
+    cost: float
+    """Weighted squares over the segments `used`, divided by `worth`, priors included"""
+    worth: float
+    """So many of the residual's numbers weigh as one"""
+    error: Array
+    """Standard errors of the moves, in their coordinates, (len(moves),)"""
+    correlation: Array
+    """Of the moves' errors, (len(moves), len(moves))"""
+    converged: bool
+    slope: Array
+    """Derivative of the residual by the moves on the segments `used`, (len(moves), S, n)"""
+    used: tuple[int, ...]
+
+    def interval(self, name: str, index: int) -> tuple[float, float, float]:
+        """An effect's parameter with its 95 % interval, for scatter and for what is simplified."""
+        at = len(self.moves.declared) + self.moves.effects.index((name, index))
+        value = float(self.point.effects[name][index])
+        half = NORMAL_95 * float(np.hypot(self.error[at], SIMPLIFIED * value))
+        return value, value - half, value + half
+
+
+def worth(residual: Array, channels: int) -> float:
+    """How many numbers of a residual, (S, T · channels), weigh as one independent number.
+
+    In time: 1 + 2 Σ ρ_k, the autocorrelations to the first that is not positive (Geyer). From channel
+    to channel: how unevenly the covariance's eigenvalues share the variance, C tr(Σ²) / tr(Σ)².
+    """
+    rows = residual.reshape(len(residual), -1, channels).astype(float)
+    rows = rows - rows.mean(axis=1, keepdims=True)
+    flat = rows.reshape(-1, channels)
+    covariance = flat.T @ flat / len(flat)
+    total = np.trace(covariance)
+    if total <= 0:
+        return 1.0
+    used = np.count_nonzero(np.diag(covariance))
+    together = used * (covariance**2).sum() / total**2
+    lasting = 1.0
+    for k in range(1, rows.shape[1] // 4):
+        rho = (rows[:, :-k] * rows[:, k:]).sum() / (rows**2).sum()
+        if rho <= 0:
+            break
+        lasting += 2 * rho
+    return float(max(1.0, together * lasting))
+
+
+def fit(
+    case: Case[Any],
+    pieces: Any,
+    start: Point,
+    moves: Moves,
+    derivatives: int,
+    most: int,
+    tell: Tell = _silent,
+    known: Fit | None = None,
+    steps: int = _STEPS,
+) -> Fit:
+    """Fit to at most so many segments, spread evenly, with at most so many derivatives.
+
+    A derivative serves several steps, bettered after each by Broyden's rank-one update. A fit that is
+    `known` lends its segments, and its derivative by the declared parameters, so that only the
+    effects' are simulated. The fit has settled when a fresh derivative leads nowhere; with no steps it
+    is the derivative at the start.
+    """
+    used = known.used if known else _spread(len(pieces), most)
+    problem = _Problem(case, case.take(pieces, used), moves, known)
+    at, slope = problem.begin(start)
+    settled = False
+    for n in range(derivatives):
+        if n:
+            slope = problem.slope(at.point)
+        before, begun = at.cost, at.point
+        for _ in range(steps):
+            taken = problem.step(at, slope)
+            if taken is None:
+                break
+            gained, step = at.cost - taken.cost, between(at.point, taken.point, moves)
+            slope = _bettered(slope, taken.residual - at.residual, step, problem.worth)
+            at = taken
+            if gained < _SETTLED:
+                break
+        tell(f"derivative {n + 1} of {derivatives}: cost {before:.0f} → {at.cost:.0f}")
+        bettered = before - at.cost
+        settled = steps > 0 and bettered < max(2 * _SETTLED, _NEARLY * at.cost)
+        if steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost):
+            break
+    error, correlation = _errors(slope, at.residual, problem.worth, problem.prior)
+    if steps > 0 and moves.effects:
+        late = np.abs(between(begun, at.point, moves) / error)[len(moves.declared) :]
+        settled = settled or bool((late < _STILL).all())
+    return Fit(at.point, moves, at.cost, problem.worth, error, correlation, settled, slope, used)
+
+
+def _spread(segments: int, most: int) -> tuple[int, ...]:
+    """Which segments a fit uses: the middles of so many equal parts."""
+    n = min(segments, most)
+    return tuple(int((k + 0.5) * segments / n) for k in range(n))
+
+
+@dataclass(frozen=True)
+class _At:
+    """A point with what it leaves."""
+
+    point: Point
+    residual: Array
+    cost: float
+
+
+class _Problem:
+    """What a fit betters: a case's residual on some segments, and the priors."""
+
+    def __init__(self, case: Case[Any], some: Any, moves: Moves, known: Fit | None) -> None:
+        self.case, self.some, self.moves, self.known = case, some, moves, known
+        declared = [1 / case.declared[k].prior ** 2 for k in moves.declared]
+        wide = [list(case.candidates[name].ranges.values())[k] for name, k in moves.effects]
+        effects = [(allowed.high - allowed.low) ** -2 for allowed in wide]
+        self.prior = np.array([*declared, *effects])
+        self.worth = 1.0
+
+    def begin(self, start: Point) -> tuple[_At, Array]:
+        """The start and the derivative there; from here on the data weigh as what they are worth."""
+        residual, slope = self._slopes(start)
+        self.worth = self.known.worth if self.known else worth(residual, self.case.channels)
+        return _At(start, residual, self._cost(residual, start)), slope
+
+    def slope(self, point: Point) -> Array:
+        """A fresh derivative."""
+        return self._slopes(point)[1]
+
+    def step(self, at: _At, slope: Array) -> _At | None:
+        """Gauss-Newton's step, or with Levenberg's damping if that leads nowhere, or nothing."""
+        flat = slope.reshape(len(self.moves), -1)
+        normal = flat @ flat.T / self.worth + np.diag(self.prior)
+        pull = -(flat @ at.residual.ravel()) / self.worth - self.prior * self._lean(at.point)
+        for damp in _DAMPINGS:
+            step = np.linalg.solve(normal + damp * np.diag(np.diag(normal)), pull)
+            there = moved(self.case, at.point, self.moves, step)
+            found = self.case.residual([there], self.some)[0]
+            if (cost := self._cost(found, there)) < at.cost:
+                return _At(there, found, cost)
+        return None
+
+    def _slopes(self, point: Point) -> tuple[Array, Array]:
+        if self.known is None:
+            return slopes(self.case, point, self.moves, self.some)
+        residual, by_effects = slopes(self.case, point, Moves((), self.moves.effects), self.some)
+        by_declared = self.known.slope[: len(self.moves.declared)]
+        return residual, np.concatenate([by_declared, by_effects])
+
+    def _lean(self, point: Point) -> Array:
+        """Where the moves stand against their priors; effects have none to lean on."""
+        declared = point.declared[list(self.moves.declared)]
+        return np.r_[declared, np.zeros(len(self.moves.effects))]
+
+    def _cost(self, residual: Array, point: Point) -> float:
+        squares = float((residual.astype(float) ** 2).sum()) / self.worth
+        cost = squares + float((self.prior * self._lean(point) ** 2).sum())
+        return cost if np.isfinite(cost) else np.inf
+
+
+def _bettered(slope: Array, change: Array, step: Array, each: float) -> Array:
+    """The derivative that explains the change along the step; else as it was (Broyden 1965)."""
+    flat = slope.reshape(len(slope), -1)
+    metric = (flat**2).sum(axis=1) / each
+    length = float(step @ (metric * step))
+    if length < 1.0:  # of about a standard error: noise of sticking hinges is larger
+        return slope
+    missed = change - np.tensordot(step, slope, 1)
+    along = (metric * step / length).astype(np.float32)
+    return slope + along[:, None, None] * missed.astype(np.float32)
+
+
+def _errors(slope: Array, residual: Array, each: float, prior: Array) -> tuple[Array, Array]:
+    """Standard errors and correlations of the moves.
+
+    The greater of two: what the numbers' scatter and the priors leave, and what segments disagree by,
+    each taken as one independent draw (Liang and Zeger 1986). For no twin is exact, and what it does
+    wrong within a segment hangs together.
+    """
+    flat = slope.reshape(len(slope), -1)
+    covariance = np.linalg.inv(flat @ flat.T / each + np.diag(prior))
+    error = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(error, error)
+    segments = residual.shape[0]
+    if segments < 3:
+        return error, correlation
+    pull = np.einsum("msn,sn->ms", slope, residual, dtype=float) / each
+    apart = covariance @ (pull - pull.mean(axis=1, keepdims=True))
+    between = np.sqrt(segments / (segments - 1) * (apart**2).sum(axis=1))
+    few = float(student.ppf(0.975, segments - 1)) / NORMAL_95
+    return np.maximum(error, np.minimum(few * between, prior**-0.5)), correlation
+
+
+def drawn(case: Case[Any], found: Fit, rng: np.random.Generator, n: int) -> list[Point]:
+    """Twins that the data do not tell from the fitted one."""
+    half = np.linalg.cholesky(found.correlation + 1e-9 * np.eye(len(found.error)))
+    steps = (half @ rng.standard_normal((len(found.error), n))).T * found.error
+    return [moved(case, found.point, found.moves, step) for step in steps]
+
+
+def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[str]:
+    """What the data cannot tell apart, or tell nothing of, in sentences."""
+    names = [case.quantities[k].name for k in found.moves.declared]
+    names += [
+        f"{name}'s {list(case.candidates[name].ranges)[k]}" for name, k in found.moves.effects
+    ]
+    told = []
+    for a, b in zip(*np.where(np.triu(np.abs(found.correlation), 1) > above), strict=True):
+        if names[a].endswith("all joints"):  # the single joints' deviations are from it
+            continue
+        told.append(f"{names[a]} and {names[b]} cannot be told apart.")
+    prior = np.array([case.declared[k].prior for k in found.moves.declared])
+    blind = np.flatnonzero(found.error[: len(prior)] > 0.9 * prior)
+    if blind.size:
+        named = ", ".join(names[n] for n in blind[:_LISTED])
+        more = f" and {blind.size - _LISTED} more parameters" if blind.size > _LISTED else ""
+        told.append(
+            f"The logs do not tell {named}{more}: they say nothing of it, or each segment another value."
+        )
+    return told

@@ -1,0 +1,270 @@
+"""What does an engineer want to know of a trace?"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from serpent_twin.identification import figures, tables
+from serpent_twin.identification.diagnosis import Diagnosis, Named
+from serpent_twin.machines.machine import Candidate
+from serpent_twin.numerals import counted
+from serpent_twin.reporting.report import Figure, Report, Section
+from serpent_twin.residual import describe
+from serpent_twin.residual import figures as residual_figures
+from serpent_twin.residual.noise import UNKNOWN
+
+
+def page(
+    diagnosis: Diagnosis,
+    facts: Mapping[str, str],
+    known: Mapping[str, Candidate],
+    prior: Mapping[str, float] | None = None,
+) -> Report:
+    """The report: what was missing, how that was found, and what is left.
+
+    `known` tells of the machine's candidates. `prior` holds the width within which each calibrated
+    parameter was expected, in its unit; without it, a parameter's way from its start is told in
+    standard errors.
+    """
+    drawn = _residual_figures(diagnosis)
+    sections = (
+        _before_and_after(diagnosis, drawn),
+        _ranking(diagnosis),
+        _missing(diagnosis, known),
+        _left(diagnosis, drawn),
+        _loads(diagnosis, drawn),
+        _calibration(diagnosis, prior or {}),
+        _last_resort(diagnosis),
+    )
+    title = f"What the twin of {diagnosis.arm} lacks{_given(diagnosis, facts)}"
+    return Report(title, lead(diagnosis), tuple(s for s in sections if s), facts)
+
+
+def _given(diagnosis: Diagnosis, facts: Mapping[str, str]) -> str:
+    """The logs and the sessions that judge, for the title."""
+    names = [name.removesuffix(".parquet") for name in diagnosis.held_out]
+    told = [facts.get("logs", ""), f"judged by {_listed(names)}" if names else ""]
+    return f" ({', '.join(filter(None, told))})" if any(told) else ""
+
+
+def lead(diagnosis: Diagnosis) -> str:
+    """What was missing, what it brings and what is left, in a few sentences."""
+    return " ".join(
+        part for part in (_found(diagnosis), _course(diagnosis), _rest(diagnosis)) if part
+    )
+
+
+def _found(diagnosis: Diagnosis) -> str:
+    if diagnosis.effects:
+        told = " and ".join(map(_with_strength, diagnosis.effects))
+        return f"The twin lacked {told}; ranges are 95 % intervals."
+    if diagnosis.unexplained.is_:
+        return "Nothing in the catalogue explains what is left of the error."
+    if diagnosis.blind:
+        return "These logs cannot show whether anything is missing: they excite no effect of the catalogue."
+    return (
+        f"Nothing {'was found' if diagnosis.doubt else 'is'} missing: no effect of the catalogue betters "
+        "the calibrated twin beyond chance and by enough to be worth its parameters."
+    )
+
+
+def _with_strength(effect: Named) -> str:
+    told = ", ".join(f"{name} {each}" for name, each in effect.parameters.items())
+    return f"{figures.spaced(effect.name)} ({told})"
+
+
+def _course(diagnosis: Diagnosis) -> str:
+    """Errors from stage to stage, of the markers or, where there are none, of the loads."""
+    for error, measure in (
+        (diagnosis.error, diagnosis.marker),
+        (diagnosis.load_error, diagnosis.load),
+    ):
+        unit = f" {measure.unit}"
+        names = [n for n in figures.stages(diagnosis) if np.isfinite(error.get(n, np.nan))]
+        if names:
+            told = [f"{error[name]:.2f}{unit} {name}" for name in names]
+            floor = error.get("noise_floor", np.nan)
+            noise = f"; noise alone makes {floor:.2f}{unit}" if np.isfinite(floor) else ""
+            noise = noise or f"; what noise alone makes is {UNKNOWN}"
+            return f"On {_sessions(diagnosis)}, {measure.are} off by {_listed(told)}{noise}."
+    return ""
+
+
+def _rest(diagnosis: Diagnosis) -> str:
+    rest = diagnosis.unexplained
+    if not rest.is_:
+        return diagnosis.doubt
+    share = f"{100 * rest.share:.0f} % of the squared error stays unexplained."
+    return f"{share} {rest.depends_on}".strip()
+
+
+def _sessions(diagnosis: Diagnosis) -> str:
+    names = [name.removesuffix(".parquet") for name in diagnosis.held_out]
+    return f"{_listed(names)}, to which nothing was fitted" if names else "the held-out segments"
+
+
+def _residual_figures(diagnosis: Diagnosis) -> dict[str, Figure]:
+    """The residual's figures by name, of the last twin beside those before it."""
+    names = [n for n in figures.stages(diagnosis) if n in diagnosis.comparisons]
+    if not names or names[-1] not in diagnosis.findings:
+        return {}
+    chosen = {name: diagnosis.comparisons[name] for name in names}
+    drawn = residual_figures.figures(chosen, diagnosis.findings[names[-1]])
+    return {figure.name: figure for figure in drawn}
+
+
+def _before_and_after(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section:
+    text = (
+        "The log drives each twin. Nominal is the twin as declared; calibrated has the "
+        "declared parameters fitted to the training sessions; corrected has, besides, what was found "
+        "missing."
+    )
+    if not diagnosis.effects:
+        text += " Nothing was added to the calibrated twin, so that the corrected one is the same."
+    blocks = (
+        figures.before_and_after(diagnosis),
+        tables.errors(diagnosis),
+        drawn.get("error_by_marker"),
+        drawn.get("error_over_time"),
+    )
+    return Section("Before and after", text, tuple(block for block in blocks if block))
+
+
+def _ranking(diagnosis: Diagnosis) -> Section | None:
+    figure = figures.ranking(diagnosis.candidates, diagnosis.marker.unit)
+    if figure is None:
+        return None
+    verdicts = [each.verdict for each in diagnosis.candidates]
+    count = {verdict: verdicts.count(verdict) for verdict in tables.VERDICTS}
+    told = _listed([f"{n} {verdict}" for verdict, n in count.items() if n])
+    text = (
+        f"{counted(len(diagnosis.candidates), 'candidate was', 'candidates were')} tried: {told}. "
+        "A candidate is accepted only if it betters sessions that it was not "
+        "fitted to, beyond chance and by enough to be worth its "
+        "parameters. Not excited means that these logs could not show it."
+    )
+    return Section(
+        "Which candidate",
+        text,
+        (figure, tables.candidates(diagnosis.candidates, diagnosis.marker.unit)),
+    )
+
+
+def _missing(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> Section | None:
+    if not diagnosis.effects:
+        return None
+    verdicts = {each.name: each.verdict for each in diagnosis.candidates}
+    text = "\n\n".join(_about(effect, known, verdicts) for effect in diagnosis.effects)
+    return Section(
+        "What was missing",
+        text,
+        (tables.parameters(diagnosis.effects, diagnosis.marker.unit, diagnosis.load.unit),),
+    )
+
+
+def _about(effect: Named, known: Mapping[str, Candidate], verdicts: Mapping[str, str]) -> str:
+    """What an effect is, in which logs it shows, and what became of what looks like it."""
+    candidate = known[effect.name]
+    alike = [
+        f"{figures.spaced(n)} ({verdicts[n]})" if n in verdicts else figures.spaced(n)
+        for n in candidate.confused_with
+    ]
+    said = (
+        f"{_capital(figures.spaced(effect.name))}. {candidate.about}",
+        f"It shows in {candidate.shows_in}." if candidate.shows_in else "",
+        f"It can be confused with {_listed(alike)}." if alike else "",
+    )
+    return " ".join(part for part in said if part)
+
+
+def _left(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
+    """The residual, in words and pictures: of the calibrated twin and, if there is one, the corrected."""
+    twins = {
+        name: (diagnosis.comparisons[name], diagnosis.findings[name])
+        for name in figures.stages(diagnosis)
+        if name in diagnosis.findings and name in diagnosis.comparisons
+    }
+    if not twins:
+        return None
+    told = {name: describe(found) for name, (_, found) in twins.items()}
+    parts = [
+        *(f"{_capital(name)}: {said}" for name, said in told.items()),
+        _verdict(diagnosis, told),
+    ]
+    blocks: list[Figure | None] = [figures.by_feature(twins, "residual_by_feature")]
+    if diagnosis.unexplained.is_ and len(twins) > 1:
+        last = dict([list(twins.items())[-1]])
+        blocks.append(figures.by_feature(last, "unexplained_by_feature"))
+    if any(comparison.has_markers for comparison, _ in twins.values()):
+        blocks += [figures.place_and_time(twins), drawn.get("residual_spectrum")]
+    return Section("What is left", "\n\n".join(parts), tuple(b for b in blocks if b))
+
+
+def _verdict(diagnosis: Diagnosis, told: Mapping[str, str]) -> str:
+    """Whether what is left is explained; what the descriptions say is not said again."""
+    rest = diagnosis.unexplained
+    if not rest.is_:
+        error, clean = (diagnosis.error.get(n, np.nan) for n in ("corrected", "expected"))
+        known = np.isfinite(error) and np.isfinite(clean)
+        unit = diagnosis.marker.unit
+        beside = f": {error:.2f} {unit}, where a twin that lacks nothing leaves {clean:.2f} {unit}"
+        plain = f"What is left is too little to call unexplained{beside if known else ''}."
+        return diagnosis.doubt or plain
+    share = f"Unexplained is {100 * rest.share:.0f} % of the squared error."
+    repeated = any(rest.depends_on in said for said in told.values())
+    return share if repeated else f"{share} {rest.depends_on}"
+
+
+def _loads(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
+    figure = drawn.get("load_error_by_motor")
+    if figure is None:
+        return None
+    text = (
+        "Loads are predicted from the same motor angles. At rest, gear friction may hold any load "
+        "within its bounds, so that motion tells more."
+    )
+    return Section("Loads", text, (figure,))
+
+
+def _calibration(diagnosis: Diagnosis, prior: Mapping[str, float]) -> Section | None:
+    if not diagnosis.calibration and not diagnosis.cautions:
+        return None
+    parts = ["Declared parameters, fitted to the training sessions, each from its start."]
+    if not diagnosis.calibration:
+        parts = ["No declared parameter was fitted."]
+    if diagnosis.cautions:
+        parts += ["What the data cannot tell:", *(f"• {each}" for each in diagnosis.cautions)]
+    table = tables.calibration(diagnosis.calibration, prior)
+    return Section("Calibration", "\n\n".join(parts), (table,) if table.rows else ())
+
+
+def _last_resort(diagnosis: Diagnosis) -> Section:
+    learned, unit = diagnosis.learned, diagnosis.marker.unit
+    text = (
+        f"A correction of what is predicted of {diagnosis.marker.what}, learned from motor angles, "
+        "velocities and loads. It is "
+        "no physics, names no cause, and is in none of the figures above."
+    )
+    if not np.isfinite(learned.before_mm):
+        said = "It was not learned: these logs lack what it is learned from."
+    elif not learned.on:
+        said = (
+            f"It is off: on {_sessions(diagnosis)}, it removes nothing of the "
+            f"{learned.before_mm:.2f} {unit} beyond chance."
+        )
+    else:
+        low, high = (100 * share for share in learned.interval)
+        said = (
+            f"It removes {100 * learned.share:.0f} % ({low:.0f} … {high:.0f} %, 95 % interval) of the "
+            f"{diagnosis.marker.size} on {_sessions(diagnosis)}: {learned.before_mm:.2f} {unit} without it, "
+            f"{learned.after_mm:.2f} {unit} with it."
+        )
+    return Section("Last resort, apart from physics", f"{text}\n\n{said}")
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

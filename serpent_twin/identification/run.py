@@ -1,0 +1,197 @@
+"""How is a trace asked for, and what does it leave behind?"""
+
+import json
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from tqdm import tqdm
+from tyro.conf import arg
+
+from serpent_twin import machines
+from serpent_twin.command_line.option_groups import Group
+from serpent_twin.command_line.options import ABSENT, Checked, Seed, when
+from serpent_twin.errors import SerpentError
+from serpent_twin.identification.checkpoints import Notebook
+from serpent_twin.identification.conclude import conclude
+from serpent_twin.identification.diagnosis import Diagnosis
+from serpent_twin.identification.least_squares import drawn
+from serpent_twin.identification.page import page
+from serpent_twin.identification.steps import Search, Tracer
+from serpent_twin.machines.machine import Log
+from serpent_twin.numerals import counted
+from serpent_twin.reporting.report import write
+from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.provenance import file_hash, provenance, versions
+from serpent_twin.runs.run_lock import claimed
+from serpent_twin.sessions import refuse_repeated
+from serpent_twin.stored import within
+
+SETTINGS = "trace.json"
+_SESSIONS = Group("session")
+_STEPS = 60  # of a usual trace, for the time left: a second effect adds some
+
+
+@dataclass(frozen=True)
+class Trace(Checked):
+    """Find what the twin of a logged machine lacks, add it, and show the error before and after.
+
+    OUT gets diagnosis.json, report.html, report.md, figures, and the corrected twin (twin.json,
+    twin.xml), which collect --twin, the device's --model and replay --twin take. A run that was
+    interrupted goes on when the same command is given again.
+    """
+
+    logs: Path
+    """Folder with the session logs of one machine."""
+    out: Path
+    """Folder for results; made if it does not exist."""
+    rig: Annotated[str, arg(help=f"The kind of machine: {machines.described()}.")] = "arm"
+    """Name of the kind of machine."""
+    held_out: Annotated[int, within(1, 10_000), _SESSIONS, when(judge=ABSENT)] = 1
+    """Sessions, the last ones, that nothing is fitted to and that judge."""
+    judge: Annotated[str, _SESSIONS] = ""
+    """Names of the files that judge in place of the last ones, such as kp200_*.parquet."""
+    sessions: Annotated[int, within(0, 10_000), _SESSIONS] = 0
+    """Use only the first so many sessions; 0 for all."""
+    seed: Seed = 0
+    """Seed of bootstrap and permutations."""
+    twins: Annotated[int, within(0, 1000)] = 0
+    """Also write so many twins that the logs do not tell from the corrected one, OUT/twins/drawn_NN.json:
+    drawn as the fit is uncertain. And OUT/twins/calibrated.json, without effects. May be asked for later."""
+
+
+def trace(config: Trace) -> dict[str, Any]:
+    """Trace a folder of logs; returns what diagnosis.json holds."""
+    return trace_sessions(config, *planned(config))[1]
+
+
+def planned(config: Trace) -> tuple[machines.Rig, Sequence[Any], Sequence[Any]]:
+    """The machine, the sessions to fit to and those that judge, of a config that can be traced."""
+    rig = machines.find(config.rig)
+    return rig, *_split(config, rig.read(config.logs)[: config.sessions or None])
+
+
+def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]]:
+    """The sessions that are fitted to, and those that judge."""
+    if config.judge:
+        judging = [s for s in sessions if s.path and s.path.match(config.judge)]
+        if not judging or len(judging) == len(sessions):
+            raise SerpentError(
+                f"--judge {config.judge} names {len(judging)} of the {counted(len(sessions), 'session')} in "
+                f"{config.logs}: some must judge and some be fitted. Name others."
+            )
+        return [s for s in sessions if s not in judging], judging
+    if config.held_out < 1 or len(sessions) <= config.held_out:
+        raise SerpentError(
+            f"{config.logs} has {counted(len(sessions), 'session')}, and --held-out is "
+            f"{config.held_out}: one at "
+            "least must judge and one at least be fitted. Record more sessions; three to fit are good."
+        )
+    return list(sessions[: -config.held_out]), list(sessions[-config.held_out :])
+
+
+def trace_sessions(
+    config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
+) -> tuple[Diagnosis, dict[str, Any]]:
+    """Trace sessions that are split already; returns besides what diagnosis.json holds."""
+    refuse_repeated([*training, *judging])
+    settings = _settings(config, training, judging)
+    with claimed(config.out, SETTINGS, settings):
+        began = time.perf_counter()
+        tracer, search, found = _run(config, rig, training, judging)
+        seconds = tracer.notes.seconds + time.perf_counter() - began
+        numbers = found.numbers(seconds, tracer.notes.simulated + tracer.case.clock.seconds)
+        if config.twins:
+            _write_twins(config, search, found.arm, settings)
+        return found, _write(config, tracer, found, numbers, settings)
+
+
+def _settings(config: Trace, training: Sequence[Log], judging: Sequence[Log]) -> dict[str, Any]:
+    inputs = {s.name: file_hash(s.path) for s in [*training, *judging] if s.path}
+    kept = {"rig": config.rig, "held_out": config.held_out, "seed": config.seed}
+    if config.judge:
+        kept["held_out"] = [s.name for s in judging]
+    return kept | {"input_sha256": inputs, "versions": versions()}
+
+
+def _run(
+    config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
+) -> tuple[Tracer, Search, Diagnosis]:
+    with tqdm(total=_STEPS, unit="step", desc="first guesses", smoothing=0.1) as bar:
+
+        def tell(what: str) -> None:
+            bar.set_description_str(what)
+            bar.total = max(bar.total, bar.n + 8)
+            bar.update()
+
+        case = rig.open(training)
+        notes = Notebook(config.out / "stages", case.clock)
+        tracer = Tracer(case, case.pieces(training), case.pieces(judging), notes, tell, config.seed)
+        search = tracer.search()
+        tell("what is left")
+        arm = str(training[0].metadata.get("arm", config.logs.name))
+        found = conclude(tracer, search, arm, [_file(s) for s in judging])
+        bar.total = bar.n
+        bar.refresh()
+    return tracer, search, found
+
+
+def _file(session: Log) -> str:
+    """A session's file, or the name of what is part of one."""
+    path = session.path
+    return path.name if path and path.stem == session.name else session.name
+
+
+def _write(
+    config: Trace,
+    tracer: Tracer,
+    found: Diagnosis,
+    numbers: dict[str, Any],
+    settings: Mapping[str, Any],
+) -> dict[str, Any]:
+    origin = dict(settings) | provenance()
+    numbers = numbers | {"provenance": origin}
+    assert tracer.final is not None
+    about = {"arm": found.arm, "provenance": origin}
+    tracer.case.write(tracer.final, config.out / "twin.json", about)
+    if found.learned.on:
+        found.learned.save(config.out / "learned.npz")
+    facts = {
+        "logs": str(config.logs),
+        "seed": str(config.seed),
+        "commit": str(origin["git_commit"]),
+        "versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items()),
+    }
+    priors = {each.name: each.prior for each in tracer.case.declared}
+    report = write(page(found, facts, tracer.case.candidates, priors), config.out)
+    numbers = _finite(numbers)
+    text = json.dumps(numbers, indent=1, allow_nan=False)
+    write_whole(config.out / "diagnosis.json", text + "\n")
+    print(found.sentence())
+    share = 100 * numbers["share_of_time_in_simulation"]
+    print(f"{numbers['seconds']:.0f} s, {share:.0f} % of it in simulation.")
+    print(f"{report}: the figures. {config.out / 'twin.json'}: the corrected twin.")
+    return numbers
+
+
+def _write_twins(config: Trace, search: Search, arm: str, settings: Mapping[str, Any]) -> None:
+    """Write the calibrated twin, and those that the logs do not tell from the corrected one."""
+    folder, rng = config.out / "twins", np.random.default_rng([config.seed, 11])
+    folder.mkdir(exist_ok=True)
+    about = {"arm": arm, "provenance": dict(settings) | provenance()}
+    search.case.write(search.calibrated.point, folder / "calibrated.json", about)
+    for n, point in enumerate(drawn(search.case, search.final, rng, config.twins), 1):
+        search.case.write(point, folder / f"drawn_{n:02d}.json", about)
+
+
+def _finite(numbers: Any) -> Any:
+    """The same with nothing in place of what is not a number, which JSON does not know."""
+    if isinstance(numbers, Mapping):
+        return {key: _finite(value) for key, value in numbers.items()}
+    if isinstance(numbers, list | tuple):
+        return [_finite(value) for value in numbers]
+    return None if isinstance(numbers, float) and not math.isfinite(numbers) else numbers

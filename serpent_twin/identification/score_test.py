@@ -1,0 +1,152 @@
+"""Which candidate effects are worth a full fit, and what do they then gain?"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.least_squares import Fit, Tell, fit
+from serpent_twin.machines.machine import Candidate, Case
+
+EXCITED = 0.02
+"""An effect whose typical strength moves the residual by less than this share of its rms is not seen"""
+_WORTH_A_FIT = 0.015
+"""Share of the residual's squares that a candidate must remove in the score test"""
+_BESIDE_THE_BEST = 0.1
+"""And of what the best candidate removes"""
+_DERIVATIVES = 2
+
+
+@dataclass(frozen=True)
+class Score:
+    """What one candidate would remove at the calibrated optimum, to first order."""
+
+    name: str
+    share: float
+    """Of the residual's squares, beyond what the declared parameters take up [1]"""
+    excitation: float
+    """How far its typical strength moves the residual, as a share of the residual's rms [1]"""
+    start: Array
+    """Its parameters where a full fit should begin"""
+
+
+def score(case: Case[Any], pieces: Any, base: Fit, candidate: Candidate) -> Score:
+    """The score test of one candidate: one simulation a variant, the derivative is the base's."""
+    some = case.take(pieces, base.used)
+    residual = case.residual([base.point], some)[0]
+    points = [base.point.having(candidate.name, values) for values in _columns(candidate)]
+    without = case.residual([base.point], some, rough=True)
+    changes = case.residual(points, some, rough=True) - without
+    best, most = Score(candidate.name, 0.0, 0.0, candidate.variants[0]), 0.0
+    for change, point in zip(changes, points, strict=True):
+        if not np.isfinite(change).all():
+            continue
+        share, size = _projected(base, case, residual, change)
+        most = max(most, float(np.sqrt((change**2).sum() / max((residual**2).sum(), 1e-30))))
+        start = _scaled(candidate, point.effects[candidate.name], size)
+        share = share if start is not None else 0.0
+        start = point.effects[candidate.name] if start is None else start
+        if share > best.share:
+            best = Score(candidate.name, share, 0.0, start)
+    return replace(best, excitation=most)
+
+
+def _columns(candidate: Candidate) -> list[Array]:
+    """Parameter values to try: every variant; of several signed strengths, each alone."""
+    strong = strengths(candidate)
+    tried = []
+    for values in candidate.variants:
+        for k in strong:
+            alone = values.copy()
+            alone[[n for n in strong if n != k]] = 0.0
+            tried.append(alone)
+    return tried
+
+
+def strengths(candidate: Candidate) -> list[int]:
+    """Which parameters say how strong it is: those of both signs, else the first."""
+    ranges = enumerate(candidate.ranges.values())
+    return [k for k, r in ranges if r.fitted and r.low < 0] or [0]
+
+
+def _projected(base: Fit, case: Case[Any], residual: Array, change: Array) -> tuple[float, float]:
+    """Share of the squares that the change removes beyond the declared parameters and those of the
+    effects that are there, and its size.
+    """
+    free = np.zeros(len(base.moves.effects))
+    prior = np.r_[[1 / case.declared[k].prior ** 2 for k in base.moves.declared], free]
+    flat = base.slope.reshape(len(prior), -1)
+    weight = 1 / base.worth
+    normal = weight * (flat @ flat.T) + np.diag(prior)
+    d, r = change.ravel().astype(float), residual.ravel().astype(float)
+    free_d = d - flat.T @ np.linalg.solve(normal, weight * (flat @ d))
+    along = float(free_d @ d)
+    if along <= 0:
+        return 0.0, 0.0
+    lean = prior * np.r_[base.point.declared[list(base.moves.declared)], free]
+    size = -float(free_d @ r - (flat @ d) @ np.linalg.solve(normal, lean)) / along
+    return size * size * along / float(r @ r), size
+
+
+def _scaled(candidate: Candidate, values: Array, size: float) -> Array | None:
+    """Values with their strengths times a size; None where that points out of the range."""
+    out = values.copy()
+    ranges = list(candidate.ranges.values())
+    for k in strengths(candidate):
+        if ranges[k].low >= 0 and size <= 0:
+            return None
+        out[k] = np.clip(size * values[k], ranges[k].low, 0.8 * ranges[k].high)
+    return out
+
+
+def at_bound(candidate: Candidate, values: Array) -> list[str]:
+    """Names of fitted parameters that lie at an end of their range other than absence."""
+    return [
+        name
+        for (name, allowed), value in zip(candidate.ranges.items(), values, strict=True)
+        if allowed.fitted and (value >= allowed.high or (allowed.low < 0 and value <= allowed.low))
+    ]
+
+
+def too_strong(candidate: Candidate, values: Array) -> list[str]:
+    """Names of strengths that run to the end of their range: it stands for something else."""
+    strong = [list(candidate.ranges)[k] for k in strengths(candidate)]
+    return [name for name in at_bound(candidate, values) if name in strong]
+
+
+def worth_fitting(
+    scores: Sequence[Score], candidates: Mapping[str, Candidate], most: int = 3
+) -> list[str]:
+    """Names of candidates to fit fully: the best few, and what the best can be confused with."""
+    ranked = sorted(scores, key=lambda s: -s.share)
+    least = max(_WORTH_A_FIT, _BESIDE_THE_BEST * ranked[0].share) if ranked else 0.0
+    best = [s.name for s in ranked if s.share > least and s.excitation > EXCITED][:most]
+    excited = {s.name for s in scores if s.excitation > EXCITED}
+    beside = [n for name in best[:1] for n in candidates[name].confused_with if n in excited]
+    return list(dict.fromkeys([*best, *beside]))
+
+
+def full_fit(case: Case[Any], pieces: Any, base: Fit, found: Score, tell: Tell) -> Fit:
+    """A candidate fitted together with all declared parameters, from the best of a few strengths."""
+    names = [*base.point.effects, found.name]
+    starts = _starts(case.candidates[found.name], found.start)
+    points = [base.point.having(found.name, values) for values in starts]
+    some = case.take(pieces, base.used)
+    cost = np.nansum(case.residual(points, some) ** 2, axis=(1, 2))
+    start = points[int(np.argmin(np.where(cost > 0, cost, np.inf)))]
+    return fit(case, pieces, start, moves_of(case, names), _DERIVATIVES, 1, tell, known=base)
+
+
+def _starts(candidate: Candidate, values: Array) -> list[Array]:
+    """The score's guess, and smaller and larger ones."""
+    ranges = list(candidate.ranges.values())
+    out = []
+    for factor in (0.3, 1.0, 2.0):
+        scaled = values.copy()
+        for k in strengths(candidate):
+            scaled[k] = np.clip(factor * values[k], ranges[k].low, ranges[k].high)
+        out.append(scaled)
+    return out

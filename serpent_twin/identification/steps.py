@@ -1,0 +1,293 @@
+"""Which missing effect explains the residual? The five steps of a trace.
+
+(1) Calibrate the declared parameters on training logs. (2) Look at what is left on held-out logs.
+(3) Screen all candidates by a score test; fit the best few fully, with what they can be confused with.
+(4) Accept the best only if its gain on held-out logs is beyond chance and worth its parameters;
+repeat with it included. (5) What is left beyond what a twin that lacks nothing leaves is unexplained.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.identification.checkpoints import Notebook
+from serpent_twin.identification.free_parameters import Moves, moves_of
+from serpent_twin.identification.held_out import Errors, Gain, errors, gain
+from serpent_twin.identification.least_squares import Fit, Tell, fit
+from serpent_twin.identification.score_test import (
+    EXCITED,
+    Score,
+    full_fit,
+    score,
+    strengths,
+    too_strong,
+    worth_fitting,
+)
+from serpent_twin.machines.machine import Candidate, Case, Point
+
+WORTH_IT = 0.04
+"""Relative gain on held-out logs, markers and loads weighing alike, that an effect must bring"""
+CHANCE = 0.01
+"""Most probability of chance of an accepted effect"""
+SURE = 3.0
+"""Standard errors by which an accepted strength is not zero"""
+_MOST_EFFECTS = 6
+_PLAIN = 0.3
+"""Relative gain of a candidate so plain that none need be sought that calibration had swallowed"""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One candidate in one round."""
+
+    score: Score
+    fit: Fit | None
+    """None if it was not worth a full fit"""
+    gain: Gain | None
+    error: float
+    """Held-out, with it if it was fitted, else without"""
+
+
+@dataclass(frozen=True)
+class Round:
+    """All candidates on top of what was accepted before."""
+
+    base: Fit
+    errors: Errors
+    """Of the base, held out"""
+    trials: dict[str, Trial]
+    accepted: str
+    """Name of the candidate that was accepted, or nothing"""
+
+    @property
+    def fitted(self) -> int:
+        """How many candidates were fitted fully, so that the best was chosen among them."""
+        return sum(trial.fit is not None for trial in self.trials.values())
+
+
+@dataclass(frozen=True)
+class Search:
+    """All rounds and the twin that they lead to."""
+
+    case: Case[Any]
+    """With its last weights"""
+    calibrated: Fit
+    final: Fit
+    rounds: tuple[Round, ...]
+
+
+class Tracer:
+    """Runs the steps on one machine's training and held-out segments."""
+
+    def __init__(
+        self, case: Case[Any], training: Any, held_out: Any, notes: Notebook, tell: Tell, seed: int
+    ) -> None:
+        self.case, self.training, self.held_out = case, training, held_out
+        self.notes, self.tell, self.seed = notes, tell, seed
+        self.final: Point | None = None
+
+    def search(self) -> Search:
+        """Calibrate, then add effects one by one while they are worth it."""
+        start = Point(np.zeros(len(self.case.declared)))
+        opening, calibrated = self._calibrate(start)
+        base, rounds = calibrated, []
+        while len(rounds) < _MOST_EFFECTS:
+            rounds.append(self._round(base, len(rounds) + 1, None if rounds else opening))
+            if not (name := rounds[-1].accepted):
+                break
+            found = rounds[-1].trials[name].fit
+            assert found is not None
+            weighed = self.case
+            polished = self._polish(found, f"with_{len(rounds)}_{name}")
+            rounds[-1] = self._judged_again(rounds[-1], polished)
+            if not rounds[-1].accepted:
+                self.case = weighed
+                break
+            base = polished
+        final = self._sharpened(self._without_proxies(base, rounds))
+        self.final = final.point
+        return Search(self.case, calibrated, final, tuple(rounds))
+
+    def _judged_again(self, done: Round, polished: Fit) -> Round:
+        """A round whose accepted candidate has been polished, and may not stand that."""
+        after = self.errors(polished.point)
+        better = gain(done.errors, after, np.random.default_rng([self.seed, 5]), done.fitted)
+        before = done.trials[done.accepted]
+        trial = replace(before, fit=polished, gain=better, error=after.marker)
+        stands = _best({done.accepted: trial}, self.case.candidates)
+        return replace(done, trials={**done.trials, done.accepted: trial}, accepted=stands)
+
+    def errors(self, point: Point) -> Errors:
+        """Held-out errors of a point."""
+        return errors(self.case.compare(point, self.held_out))
+
+    def _calibrate(self, start: Point) -> tuple[Fit, Fit]:
+        """Fit the declared parameters, weights renewed in between; returns the opening, a fit that has
+        not moved yet, and the calibrated twin.
+        """
+        self.case = self.case.reweighted(start, self.training)
+        moves = moves_of(self.case, ())
+        self.tell("opening")
+        opening = self.notes.fit(
+            "opening",
+            lambda: fit(
+                self.case, self.training, start, moves, 1, self.case.segments[0], self.tell, steps=0
+            ),
+        )
+        first = self._fit("calibrated_1", start, moves, 1, opening)
+        self._opening_case = self.case
+        self.case = self.case.reweighted(first.point, self.training)
+        second = self._fit("calibrated_2", first.point, moves, 1)
+        self.case = self.case.reweighted(second.point, self.training)
+        return opening, self._fit("calibrated_3", second.point, moves, 3)
+
+    def _fit(
+        self,
+        name: str,
+        start: Point,
+        moves: Moves,
+        derivatives: int,
+        known: Fit | None = None,
+        last: bool = False,
+    ) -> Fit:
+        self.tell(f"fit {name.replace('_', ' ')}")
+        case, most = self.case, self.case.segments[last]
+        return self.notes.fit(
+            name,
+            lambda: fit(case, self.training, start, moves, derivatives, most, self.tell, known),
+        )
+
+    def _polish(self, found: Fit, name: str) -> Fit:
+        """Fit an accepted effect with everything else, anew, with the weights that it brings."""
+        self.case = self.case.reweighted(found.point, self.training)
+        return self._fit(name, found.point, moves_of(self.case, list(found.point.effects)), 2)
+
+    def _sharpened(self, found: Fit) -> Fit:
+        """The last fit, on more segments: what is reported of the accepted effects."""
+        if not found.point.effects:
+            return found
+        self.case = self.case.reweighted(found.point, self.training)
+        return self._fit("last", found.point, found.moves, 1, last=True)
+
+    def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
+        """Try all candidates; those that calibration may have swallowed also from the opening."""
+        names = [
+            n
+            for n in self.case.candidates
+            if n not in base.point.effects and n not in self.case.unseen
+        ]
+        before = self.errors(base.point)
+        trials = self._trials(names, self.case, base, before, f"{number}_base")
+        plain = any(trial.gain and trial.gain.relative > _PLAIN for trial in trials.values())
+        if opening and not plain:
+            again = self._trials(names, self._opening_case, opening, before, f"{number}_start", 2)
+            trials = {name: _better(trials[name], again[name]) for name in names}
+        return Round(base, before, trials, _best(trials, self.case.candidates))
+
+    def _trials(
+        self,
+        names: Sequence[str],
+        case: Case[Any],
+        begun: Fit,
+        before: Errors,
+        stage: str,
+        most: int | None = None,
+    ) -> dict[str, Trial]:
+        """Score tests of candidates on top of a fit, and full fits of those that are worth it."""
+        scores = self._scores(f"scores_{stage}", case, begun, names)
+        trials = {name: Trial(s, None, None, before.marker) for name, s in scores.items()}
+        chosen = worth_fitting(list(scores.values()), case.candidates)[:most]
+        for name in chosen:
+            self.tell(f"{stage.replace('_', ', from the ')}: fitting {name}")
+            fitted = self.notes.fit(
+                f"fit_{stage}_{name}",
+                lambda found=scores[name]: full_fit(case, self.training, begun, found, self.tell),
+            )
+            after = self.errors(fitted.point)
+            rng = np.random.default_rng([self.seed, 1])
+            better = gain(before, after, rng, among=len(chosen))
+            trials[name] = Trial(scores[name], fitted, better, after.marker)
+        return trials
+
+    def _scores(
+        self, stage: str, case: Case[Any], base: Fit, names: Sequence[str]
+    ) -> dict[str, Score]:
+        def test() -> list[Score]:
+            out = []
+            for name in names:
+                self.tell(f"score test of {name}")
+                out.append(score(case, self.training, base, case.candidates[name]))
+            return out
+
+        return {each.name: each for each in self.notes.scores(stage, test)}
+
+    def _without_proxies(self, final: Fit, rounds: Sequence[Round]) -> Fit:
+        """Drop what was accepted early and is no longer worth it beside what came later."""
+        names = list(final.point.effects)
+        for name in names[:-1]:
+            rest = {n: v for n, v in final.point.effects.items() if n != name}
+            point = Point(final.point.declared, rest)
+            moves = moves_of(self.case, list(rest))
+            less = self.notes.fit(
+                f"without_{len(rounds)}_{name}",
+                lambda p=point, m=moves, f=final: fit(
+                    self.case, self.training, p, m, 3, self.case.segments[0], self.tell, known=f
+                ),
+            )
+            rng = np.random.default_rng([self.seed, 99])
+            lost = gain(self.errors(less.point), self.errors(final.point), rng)
+            if _weakness(lost):
+                self.tell(f"{name} is not worth it beside the others")
+                final = less
+        return final
+
+
+def _better(one: Trial, other: Trial) -> Trial:
+    """The trial that gains more, with the score of the one."""
+    gains = [t.gain.relative if t.gain else -np.inf for t in (one, other)]
+    return replace(one if gains[0] >= gains[1] else other, score=one.score)
+
+
+def _weakness(found: Gain) -> str:
+    """Why a gain does not count, or nothing."""
+    if found.relative <= WORTH_IT:
+        return ": not worth its parameters"
+    return ", which may be chance" if found.probability_of_chance >= CHANCE else ""
+
+
+def significant(found: Fit, name: str, candidate: Candidate) -> bool:
+    """Whether a strength of an effect differs from zero by more than chance."""
+    strong = strengths(candidate)
+    ours = [(n, k) for n, (e, k) in enumerate(found.moves.effects) if e == name and k in strong]
+    error = found.error[len(found.moves.declared) :]
+    return any(abs(found.point.effects[name][k]) > SURE * error[n] for n, k in ours)
+
+
+def why_not(name: str, trial: Trial, candidate: Candidate) -> str:
+    """Why a candidate is not accepted, or nothing."""
+    if not trial.fit or not trial.gain:
+        return f"to first order it would remove {100 * trial.score.share:.1f} % of the residual"
+    if ends := too_strong(candidate, trial.fit.point.effects[name]):
+        return f"{trial.gain}; its {', '.join(ends)} runs to the end of the range"
+    if weakness := _weakness(trial.gain):
+        return f"{trial.gain}{weakness}"
+    return (
+        "" if significant(trial.fit, name, candidate) else f"{trial.gain}; its strength may be zero"
+    )
+
+
+def _best(trials: dict[str, Trial], candidates: Mapping[str, Candidate]) -> str:
+    """The candidate with the greatest gain, if it is worth it, beyond chance and within its range."""
+    good = {
+        name: trial.gain.relative
+        for name, trial in trials.items()
+        if trial.gain and not why_not(name, trial, candidates[name])
+    }
+    return max(good, key=lambda name: good[name]) if good else ""
+
+
+def seen(trial: Trial) -> bool:
+    """Whether the logs would show this candidate at all."""
+    return trial.score.excitation > EXCITED

@@ -1,0 +1,150 @@
+"""Which numbers of a diagnosis stand in tables?"""
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+
+import numpy as np
+
+from serpent_twin.identification.diagnosis import (
+    ACCEPTED,
+    NOT_EXCITED,
+    REJECTED,
+    Calibrated,
+    Diagnosis,
+    Estimate,
+    Named,
+    Tried,
+)
+from serpent_twin.identification.figures import ranked, spaced, stages
+from serpent_twin.identification.least_squares import NORMAL_95
+from serpent_twin.numerals import counted
+from serpent_twin.reporting.report import Table
+from serpent_twin.residual.noise import UNKNOWN
+
+VERDICTS = (ACCEPTED, REJECTED, NOT_EXCITED)
+MOST_ROWS = 15  # of the calibrated parameters: the others hardly moved
+
+
+def errors(diagnosis: Diagnosis) -> Table:
+    """Held-out errors of each twin, markers and loads, beside what no twin can better."""
+    names = [*stages(diagnosis), "noise_floor", "expected"]
+    said = {"noise_floor": "noise alone", "expected": "a twin that lacks nothing"}
+    marker, load = (
+        f"{m.what.removeprefix('the ')} [{m.unit}]" for m in (diagnosis.marker, diagnosis.load)
+    )
+    kinds = ((marker, diagnosis.error), (load, diagnosis.load_error))
+    known = {head: by for head, by in kinds if np.isfinite(by.get("calibrated", np.nan))}
+    rows = [(said.get(n, n), *(_cell(n, by) for by in known.values())) for n in names]
+    note = "Means over held-out segments: of the distance, and of the root mean square of the load error."
+    if any(_cell("noise_floor", by) == "–" for by in known.values()):
+        note += f" –: {UNKNOWN}."
+    return Table(("twin", *known), tuple(row for row in rows if any(row[1:])), note)
+
+
+def _cell(name: str, error: Mapping[str, float]) -> str:
+    """An error; nothing if it is not there, – for a noise that is unknown."""
+    unknown = name == "noise_floor" and name in error and not np.isfinite(error[name])
+    return "–" if unknown else _fixed(error.get(name))
+
+
+def candidates(tried: Sequence[Tried], unit: str = "mm") -> Table:
+    """Every candidate, the best first, the accepted ones marked."""
+    order = ranked(tried)
+    rows = tuple((spaced(t.name), _fixed(t.error), t.verdict, t.why) for t in order)
+    marked = frozenset(n for n, each in enumerate(order) if each.verdict == ACCEPTED)
+    note = (
+        "Held-out error with the candidate; where it was not worth a full fit, that of the twin "
+        "without it."
+    )
+    return Table(("candidate", f"error [{unit}]", "verdict", "why"), rows, note, marked)
+
+
+def parameters(effects: Sequence[Named], unit: str = "mm", load: str = "% of stall") -> Table:
+    """Every number of the effects that were missing, with its interval."""
+    header = (
+        "effect",
+        "parameter",
+        "value",
+        "95 % interval",
+        "unit",
+        f"gain [{unit}]",
+        f"gain [{load}]",
+    )
+    rows = []
+    for effect in effects:
+        gains = (_fixed(effect.gain), _fixed(effect.gain_load))
+        told = (spaced(effect.name), *gains, _short(effect.probability_of_chance))
+        for name, e in effect.parameters.items():
+            rows.append((told[0], name, _short(e.value), interval(e), e.unit, *told[1:]))
+            told = ("",) * 4  # once for each effect
+    note = (
+        "The gain is on held-out sessions. Chance is the probability of no gain at all, by a paired "
+        "bootstrap over their segments."
+    )
+    return Table((*header, "chance"), tuple(rows), note)
+
+
+def calibration(found: Mapping[str, Calibrated], prior: Mapping[str, float]) -> Table:
+    """The declared parameters that moved most from their start.
+
+    In units of the prior where one is told for each, else in standard errors.
+    """
+    told = bool(found) and all(name in prior for name in found)
+    scale = {name: prior[name] if told else _error(c.coordinate) for name, c in found.items()}
+    far = {
+        name: abs(c.coordinate.value) / scale[name] if scale[name] > 0 else 0.0
+        for name, c in found.items()
+    }
+    names = sorted(found, key=lambda name: -far[name])[:MOST_ROWS]
+    declared = any(isfinite(found[name].nominal) for name in names)
+    rows = tuple((*_course(found[name], declared), f"{far[name]:.1f}") for name in names)
+    widths = "widths of the prior" if told else "standard errors"
+    nominal = ("nominal",) if declared else ()
+    header = (
+        "parameter",
+        *nominal,
+        "start",
+        "value",
+        "95 % interval",
+        "unit",
+        f"moved, in {widths}",
+    )
+    note = (
+        f"The {len(rows)} of {counted(len(found), 'parameter')} that moved most from their start, "
+        f"a first guess out of "
+        "the training sessions or, where these tell nothing at first sight, the declared number."
+    )
+    return Table(header, rows, note)
+
+
+def _course(of: Calibrated, declared: bool) -> tuple[str, ...]:
+    """Name, nominal value if it is asked for, start, value, interval and unit."""
+    value, digits = of.value, _decimals(of.value)
+    before = (of.nominal, of.start) if declared else (of.start,)
+    numbers = [f"{v:.{digits}f}" if isfinite(v) else "" for v in (*before, value.value)]
+    ends = f"{value.low:.{digits}f} … {value.high:.{digits}f}" if value.fitted else ""
+    unit = "" if value.unit == "1" else value.unit
+    return (of.name, *(text.replace("-", "−") for text in (*numbers, ends)), unit)
+
+
+def _decimals(e: Estimate) -> int:
+    """So many that the interval's half width has two digits that count."""
+    half = (e.high - e.low) / 2
+    return int(np.clip(1 - np.floor(np.log10(half)), 0, 6)) if e.fitted else 3
+
+
+def _error(e: Estimate) -> float:
+    return (e.high - e.low) / 2 / NORMAL_95
+
+
+def interval(e: Estimate) -> str:
+    """Ends of the interval; nothing where the value was not fitted."""
+    return f"{_short(e.low)} … {_short(e.high)}" if e.fitted else ""
+
+
+def _fixed(value: float | None) -> str:
+    return "" if value is None or not np.isfinite(value) else f"{value:.2f}".replace("-", "−")
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}".replace("-", "−")

@@ -1,0 +1,1 @@
+"""Estimate the pose of an arm while it moves."""

@@ -1,0 +1,88 @@
+"""Where are the markers after each reading, and how long does it take to say so?"""
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
+from serpent_twin.arrays import Array
+from serpent_twin.hardware.motor_bus import MotorState
+from serpent_twin.readouts import Readout
+from serpent_twin.readouts.belief import Belief, require_finite
+from serpent_twin.readouts.live import Reading
+from serpent_twin.readouts.online import Online
+from serpent_twin.readouts.weighing_observer import LiveWeighing
+from serpent_twin.recording.loop import Step
+
+MARKERS = tuple(f"estimate{i}_{axis}" for i in range(1, N_JOINTS + 1) for axis in "xyz")
+SPREADS = tuple(f"estimate{i}_spread" for i in range(1, N_JOINTS + 1))
+LATENCY = "estimate_latency_ms"
+COLUMNS = (*MARKERS, *SPREADS, LATENCY)
+"""Further columns of a log: markers [m], the root mean square of the error to expect of each [m], and the
+time from the reading to its estimate [ms], in which the command is sent, too. NaN where there is no estimate.
+"""
+
+
+class Follower:
+    """A readout that follows one session, and keeps all that it said: one row a step, NaN where nothing."""
+
+    def __init__(self, readout: Readout, rows: int, learns: bool = False) -> None:
+        """`learns`: what `learn` is told of the markers corrects later estimates."""
+        self._name, self._states_covariance = (
+            readout.name,
+            bool(np.isfinite(readout.covariance).all()),
+        )
+        self._warm_up(readout)
+        live = readout.live()
+        self._weighing = live if isinstance(live, LiveWeighing) else None
+        self._online = Online(live) if learns else None
+        self._live = self._online or live
+        self.rows = 0
+        self.marker = np.full((rows, N_JOINTS, 3), np.nan)
+        self.covariance = np.full((rows, N_JOINTS, 3, 3), np.nan)
+        self.update_ms = np.full(rows, np.nan)
+
+    def columns(self, step: Step) -> dict[str, float]:
+        """The log's columns of a step; what the cameras see now is not used."""
+        belief = self._update(step.time, step.state, step.before)
+        latency, k = 1e3 * (time.perf_counter() - step.read_at), self.rows
+        self.rows += 1
+        if belief is None:
+            return dict.fromkeys(COLUMNS, np.nan)
+        self.marker[k], self.covariance[k] = belief.marker[0], belief.covariance[0]
+        values = [*belief.marker.ravel(), *belief.spread.ravel(), latency]
+        return dict(zip(COLUMNS, values, strict=True))
+
+    def learn(self, marker: Array) -> None:
+        """Take the markers of the step that was estimated last [m], (9, 3), NaN where lost."""
+        if self._online:
+            self._online.correct(marker)
+
+    def weighed(self) -> dict[str, dict[str, float | str]]:
+        """What the loads have told of the arm's parameters, if the readout asks them."""
+        return self._weighing.weighed() if self._weighing else {}
+
+    def belief(self, where: NDArray[np.intp]) -> Belief:
+        """What was said in these rows."""
+        return Belief(self.marker[where], self.covariance[where])
+
+    def _update(self, now: float, state: MotorState, before: Array) -> Belief | None:
+        reading = Reading(now, state.position, state.velocity, state.load, before)
+        began = time.perf_counter()
+        belief = self._live.update(reading)
+        if belief is not None:
+            self.update_ms[self.rows] = 1e3 * (time.perf_counter() - began)
+            self._require_finite(belief, f"{now:.3g} s after the first row")
+        return belief
+
+    def _warm_up(self, readout: Readout) -> None:
+        """Let the readout load all that it needs before a motor turns, and see that it answers in numbers."""
+        live, still = readout.live(), np.zeros(N_MOTORS)
+        for k in range(readout.window + 1):
+            now = Reading(k / (readout.rate_hz or 4.0), still, still, still, still)
+            if (belief := live.update(now)) is not None:
+                self._require_finite(belief, "of an arm that hangs straight")
+
+    def _require_finite(self, belief: Belief, when: str) -> None:
+        require_finite(belief, self._name, when, self._states_covariance)

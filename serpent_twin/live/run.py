@@ -1,0 +1,96 @@
+"""How does a readout go along while the arm moves?"""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
+
+from serpent_twin.hardware.cameras import NoMocap
+from serpent_twin.live.arm import Drive
+from serpent_twin.live.figures import Course
+from serpent_twin.live.follower import COLUMNS, Follower
+from serpent_twin.live.stream import Page, Stream
+from serpent_twin.readouts import Readout
+from serpent_twin.recording import collect, simulated
+from serpent_twin.recording.ending import sealed, stopped_by_signals
+from serpent_twin.recording.loop import Beside, Row, record
+from serpent_twin.sim import twin_model
+
+if TYPE_CHECKING:
+    from serpent_twin.live.estimate import Estimate
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a config comes to."""
+
+    config: "Estimate"
+    """The config"""
+    readout: Readout
+    """What estimates"""
+    drive: Drive
+    """What moves, and where its log goes"""
+    note: str = ""
+    """Which arm is simulated; empty for the real one"""
+    trained_on_it: bool | None = None
+    """Whether the readout was trained on the simulated arm; None if that is not known"""
+
+    @property
+    def session(self) -> Path:
+        """The log."""
+        return collect.session_path(self.drive, 1)
+
+
+def run(plan: Plan, follower: Follower, course: Course) -> None:
+    """Drive the arm, let the readout follow it, log both, and show them."""
+    about: dict[str, Any] = {
+        "estimate": {"readout": plan.readout.name, "model": str(plan.config.model)}
+    }
+    with ExitStack() as stack:
+        stream = _stream(plan, stack) if plan.config.record or plan.config.view else None
+
+        def see(row: Row) -> None:
+            follower.learn(row["marker"])
+            course.see(row)
+            if stream:
+                stream.see(row, follower.covariance[follower.rows - 1])
+
+        beside = Beside(COLUMNS, follower.columns, about, see, course.end)
+        if plan.config.backend == "real":
+            from serpent_twin.recording import real  # not before its port is known to be meant
+
+            real.record_all(plan.drive, [1], beside)
+        else:
+            _simulate(plan, beside)
+
+
+def _simulate(plan: Plan, beside: Beside) -> None:
+    drive = plan.drive
+    bus, cameras, targets = simulated.bench(drive, 1)
+    if not plan.config.markers:
+        cameras = NoMocap()
+    markers = "simulated" if plan.config.markers else "none"
+    about = collect.metadata(drive, 1) | {"markers": markers} | dict(beside.about)
+    if drive.own:
+        path = str(plan.config.model / "readout.json")
+        about["twin"] = {"path": path, "design": twin_model.to_dict(drive.own)}
+    gain = drive.simulated().design.parameters.controller_gain
+    with (
+        stopped_by_signals(),
+        tqdm(total=drive.steps, unit="row") as bar,
+        sealed(plan.session, about, beside.columns, dict) as journal,
+        bus,
+    ):
+        for row in record(bus, cameras, targets, gain, 1 / drive.rate_hz, beside.further):
+            journal.append(row)
+            beside.see(row)
+            bar.update()
+
+
+def _stream(plan: Plan, stack: ExitStack) -> Stream:
+    config, drive = plan.config, plan.drive
+    about = f"{drive.arm_name}, backend `{config.backend}`, {config.rate_hz:g} Hz"
+    file = plan.session.with_suffix(".rrd") if config.record else None
+    return stack.enter_context(Stream(Page(plan.readout.name, about, file, config.view)))

@@ -1,0 +1,131 @@
+"""How do rows reach rerun without holding up the loop?
+
+A process of its own draws them. The loop hands each row to a queue, a thread takes them from there to the
+process, and what it cannot take in time waits in the queue.
+"""
+
+import contextlib
+import multiprocessing as mp
+import queue
+import threading
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from serpent_twin.arm.geometry import N_JOINTS
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.live.follower import LATENCY, MARKERS
+from serpent_twin.recording.loop import Row
+
+START = 60.0
+"""So long may the drawing process take to start [s]"""
+
+
+@dataclass(frozen=True)
+class Page:
+    """What is drawn, and where it goes."""
+
+    readout: str
+    """What estimates"""
+    about: str
+    """Of which arm"""
+    file: Path | None
+    """The recording to write, if any"""
+    view: bool
+    """Whether the viewer shows it meanwhile"""
+
+
+class Sample(NamedTuple):
+    """What is drawn of one row."""
+
+    time: float
+    """[s]"""
+    motor: Array
+    """[rad], (10,)"""
+    load: Array
+    """Fraction of the stall torque, (10,)"""
+    measured: Array
+    """[m], (9, 3), NaN where lost"""
+    estimated: Array
+    """[m], (9, 3), NaN where unknown"""
+    covariance: Array
+    """[m²], (9, 3, 3), NaN where unknown"""
+    latency_ms: float
+    """From the reading to the estimate"""
+
+
+class Stream:
+    """Rows on their way to rerun; a context manager. What goes wrong on the way stops no arm."""
+
+    def __init__(self, page: Page) -> None:
+        self._page, self._gone = page, False
+        self._rows: queue.SimpleQueue[Sample | None] = queue.SimpleQueue()
+
+    def see(self, row: Row, covariance: Array) -> None:
+        """Have a logged row drawn, with the covariance of its estimate [m²], (9, 3, 3); returns at once."""
+        if not self._gone:
+            estimated = np.array([row[name] for name in MARKERS]).reshape(N_JOINTS, 3)
+            sample = Sample(
+                time=row["time"],
+                motor=row["motor_position"],
+                load=row["motor_load"],
+                measured=row["marker"],
+                estimated=estimated,
+                covariance=covariance,
+                latency_ms=row[LATENCY],
+            )
+            self._rows.put(sample)
+
+    def __enter__(self) -> Self:
+        context = mp.get_context("spawn")
+        self._pipe, its_end = context.Pipe()
+        self._process = context.Process(target=_draw, args=(its_end, self._page), daemon=True)
+        self._process.start()
+        its_end.close()  # so that the process sees the end of this one, whatever it is
+        if said := self._answer(START):
+            self._process.kill()
+            raise SerpentError(said)
+        self._thread = threading.Thread(target=self._send, daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._rows.put(None)
+        self._thread.join()
+        if said := self._answer(None):
+            print(said)
+        self._process.join()
+
+    def _send(self) -> None:
+        with contextlib.suppress(OSError):  # the process is gone, its answer says why
+            while (sample := self._rows.get()) is not None:
+                self._pipe.send(sample)
+            self._pipe.send(None)
+        self._gone = True
+
+    def _answer(self, patience: float | None) -> str:
+        """What the process says next, nothing if all is well."""
+        try:
+            if self._pipe.poll(patience):
+                return self._pipe.recv()
+            return (
+                f"drawing for rerun did not start within {patience:g} s. Leave it out: --no-record."
+            )
+        except (EOFError, OSError):
+            return "the process that draws for rerun ended early: the recording is not whole."
+
+
+def _draw(rows: Connection, page: Page) -> None:
+    from serpent_twin.live.draw import draw  # and rerun with it, in that process alone
+
+    draw(rows, page)

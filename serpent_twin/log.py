@@ -1,0 +1,133 @@
+"""Look into session logs, check them, or recover a recording that was cut off."""
+
+from pathlib import Path
+
+import numpy as np
+from tyro.conf import Positional
+
+from serpent_twin import next_step
+from serpent_twin.command_line import cli
+from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
+from serpent_twin.runs.provenance import file_hash
+from serpent_twin.sessions.check import examine
+from serpent_twin.sessions.parquet import read_session, say_unread, session_files
+from serpent_twin.sessions.recovery import recover
+from serpent_twin.sessions.session import Session
+
+_SHOWN_PER_SESSION = {"session", "rows", "complete", "recovered", "bytes_dropped"}
+
+
+def recover_command(path: Positional[Path]) -> None:
+    """Save the whole rows of cut-off recordings (session_NN.journal) as session_NN.parquet.
+
+    Rows are taken up to the first damaged one. A damaged journal is kept as *.journal.torn; nothing
+    that exists is overwritten.
+
+    Args:
+        path: A journal, or a folder with journals.
+    """
+    recovered = recover(path)
+    for session in map(read_session, recovered):
+        dropped = session.metadata.get("bytes_dropped", 0)
+        print(
+            f"{session.path}: {counted(len(session), 'row')} recovered, "
+            f"{counted(dropped, 'damaged byte')} dropped"
+        )
+    if not recovered:
+        print(f"{path}: nothing to recover")
+    next_step.say(next_step.after_recovery(path))
+
+
+def info_command(path: Positional[Path]) -> None:
+    """Say what session logs hold: rows, duration, rate, lost markers, where they come from.
+
+    Args:
+        path: A session log, or a folder with session logs.
+    """
+    sessions = [read_session(file) for file in _files(path)]
+    common = _common(sessions)
+    print(f"{path}: {counted(len(sessions), 'session')}")
+    for key, value in common.items():
+        print(f"  {key}: {_short(value)}")
+    print(
+        f"  {'session':<12} {'rows':>7} {'time [s]':>9} {'rate [Hz]':>9} {'lost markers [%]':>16}  sha256"
+    )
+    for session in sessions:
+        print(_line(session))
+        for key in session.metadata.keys() - common.keys() - _SHOWN_PER_SESSION:
+            print(f"    {key}: {_short(session.metadata[key])}")
+    for journal in sorted(path.glob("*.journal")) if path.is_dir() else []:
+        print(f"  {journal.name}: a recording that is under way or cut off; see `recover`")
+    next_step.say(next_step.after_look(path))
+
+
+def check_command(path: Positional[Path]) -> None:
+    """Look for damage in session logs: lost turns, stuck motors, lost markers, missed deadlines.
+
+    Prints one sentence per finding, with the rows (from 0). Exits 1 if a finding is an error: a
+    file that cannot be read, a motor value that is no number, a motor that lost its turn count.
+
+    Args:
+        path: A session log, or a folder with session logs.
+    """
+    files = _files(path)
+    spoiled = [file.name for file in files if not _report(file)]
+    if spoiled:
+        share = f"{len(spoiled)} of {counted(len(files), 'session')}"
+        raise SerpentError(f"{path}: {share} cannot be trusted: {', '.join(spoiled)}.")
+    next_step.say(next_step.after_look(path))
+
+
+def _short(value: object) -> str:
+    text = str(value)
+    return text if len(text) <= 160 else f"{text[:150]} … ({counted(len(text), 'character')})"
+
+
+def _report(file: Path) -> bool:
+    """Print the findings of one file; false if one of them is an error."""
+    try:
+        session = read_session(file)
+    except SerpentError as error:
+        print(f"{file.name}: cannot be used\n  error: {error}")
+        return False
+    findings = examine(session)
+    levels = {finding.level for finding in findings}
+    verdict = "damaged" if "error" in levels else "usable" if "warning" in levels else "sound"
+    print(f"{file.name}: {counted(len(session), 'row')}, {verdict}")
+    for finding in findings:
+        print(f"  {finding.level}: {finding.text}")
+    return "error" not in levels
+
+
+def _files(path: Path) -> list[Path]:
+    if not path.exists():
+        raise SerpentError(f"There is no {path}. Name a session log or a folder with session logs.")
+    files = session_files(path) if path.is_dir() else [path]
+    if path.is_dir():
+        say_unread(path, print)
+    if not files:
+        raise SerpentError(f"There is no session_NN.parquet in {path}.")
+    return files
+
+
+def _common(sessions: list[Session]) -> dict[str, object]:
+    """Metadata that all sessions share."""
+    first = sessions[0].metadata
+    shared = [k for k in first if all(s.metadata.get(k) == first[k] for s in sessions)]
+    return {key: first[key] for key in shared if key not in _SHOWN_PER_SESSION}
+
+
+def _line(session: Session) -> str:
+    duration = session.time[-1] - session.time[0]
+    lost = 100 * np.isnan(session.marker).any(axis=-1).mean()
+    state = "  recovered" if session.metadata.get("recovered") else ""
+    hashed = file_hash(session.path) if session.path else ""
+    return (
+        f"  {session.name:<12} {len(session):>7} {duration:>9.2f} {session.rate_hz:>9g} "
+        f"{lost:>16.2f}  {hashed}{state}"
+    )
+
+
+if __name__ == "__main__":
+    cli.run({"recover": recover_command, "info": info_command, "check": check_command})

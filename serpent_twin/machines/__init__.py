@@ -1,0 +1,28 @@
+"""Which machines does the loop know? Each is a module or package here with a `RIG`."""
+
+import importlib
+import pkgutil
+from pathlib import Path
+
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.machine import Rig
+
+
+def available() -> list[str]:
+    """Names of the rigs."""
+    here = [str(Path(__file__).parent)]
+    return sorted(
+        file.name for file in pkgutil.iter_modules(here) if file.name not in ("machine", "measured")
+    )
+
+
+def described() -> str:
+    """Every rig's name and what it is, for the command line."""
+    return "; ".join(f"{name}, {find(name).about}" for name in available())
+
+
+def find(name: str) -> Rig:
+    """The rig of a name; raises a `SerpentError` that lists what there is."""
+    if name not in available():
+        raise SerpentError(f"there is no rig {name!r}; there are: {', '.join(available())}.")
+    return importlib.import_module(f"{__name__}.{name}").RIG

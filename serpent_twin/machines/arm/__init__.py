@@ -1,0 +1,103 @@
+"""The cable-driven serpentine arm as a machine of the loop."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
+from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_offsets
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.arm.cable_law import cable_laws
+from serpent_twin.machines.arm.case import ArmCase
+from serpent_twin.machines.arm.recorder import recorded_by
+from serpent_twin.machines.arm.vector import candidates, vector
+from serpent_twin.machines.machine import Candidate, Point
+from serpent_twin.sessions import Session, read_folder, refuse_damaged
+from serpent_twin.sim.prescribed_motion import STANDING
+
+_FRICTIONS = (0.0015, 0.004, 0.01)  # [N m] of each hinge, tried with
+_DAMPINGS = (0.001, 0.004, 0.015)  # [N m s/rad]
+_MOVES = 0.02  # share of rows in which a motor must turn to tell of its cable and gear
+_ROWS = 600  # rows enough to find where markers sit
+_TRIED = 4  # segments to find the hinges' friction
+
+
+@dataclass(frozen=True)
+class ArmRig:
+    """The arm of `arm.py`, driven by its motors' angles, seen by cameras and motor loads."""
+
+    name: str = "arm"
+    about: str = "the cable-driven serpentine arm"
+
+    def read(self, folder: Path) -> list[Session]:
+        """The sessions of a folder, checked."""
+        sessions = read_folder(folder)
+        refuse_damaged(sessions)
+        for session in sessions:
+            if not np.isfinite(session.marker).any():
+                raise SerpentError(
+                    f"{session.path or session.name} has no markers, which show where the arm was. "
+                    "Add them: python -m serpent_twin.mocap merge --help."
+                )
+        return sessions
+
+    def open(self, training: Sequence[Session]) -> ArmCase:
+        """First guesses: marker places and cable laws from poses and loads alone, then the hinges'
+        friction and damping by trying nine of each.
+        """
+        refuse_damaged(list(training))
+        marker, motor, velocity, load = (
+            np.concatenate([getattr(session, name) for session in training])
+            for name in ("marker", "motor_position", "motor_velocity", "motor_load")
+        )
+        start = joint_from_motor(motor[:, :N_JOINTS])
+        few = slice(None, None, max(1, len(marker) // _ROWS))
+        offset, error, rms = marker_offsets(marker[few], start[few])
+        joint = joints_from_markers(marker, start, offset)
+        laws = cable_laws(joint, motor, velocity, load)
+        about = vector(laws, offset, error, _FRICTIONS[1], _DAMPINGS[1])
+        parameters = recorded_by(about.start.parameters, training, rms)
+        about = replace(about, start=replace(about.start, parameters=parameters))
+        noise = np.full(N_JOINTS, 1e-3), np.full(N_MOTORS, 5e-3)
+        known = candidates()
+        case = ArmCase(about, known, _unseen(velocity, known), *noise)
+        return _with_friction(case, training)
+
+
+def moving(velocity: Array) -> Array:
+    """Which motors turn often enough to tell of their cables and gears, of bool, (10,)."""
+    return (np.abs(velocity) > 2 * STANDING).mean(axis=0) > _MOVES
+
+
+def _unseen(velocity: Array, known: Mapping[str, Candidate]) -> dict[str, str]:
+    """Candidates that the logs cannot show: none, unless no motor turns."""
+    if moving(velocity).any():
+        return {}
+    why = "no motor moves in these logs, and a pose alone tells no effect from a parameter"
+    return dict.fromkeys(known, why)
+
+
+def _with_friction(case: ArmCase, training: Sequence[Session]) -> ArmCase:
+    """The case starting from the friction and damping, of those tried, that fit a few segments best."""
+    pieces = case.pieces(training)
+    some = case.take(pieces, range(0, len(pieces), max(1, len(pieces) // _TRIED)))
+    tried = [(f, d) for f in _FRICTIONS for d in _DAMPINGS]
+    start = case.vector.start
+    at = case.vector.blocks
+    points = []
+    for friction, damping in tried:
+        x = np.zeros(len(case.declared))
+        x[at["friction"].start] = np.log(friction / start.parameters.joint_friction)
+        x[at["damping"].start] = np.log(damping / start.parameters.joint_damping)
+        points.append(Point(x))
+    cost = np.nansum(case.residual(points, some) ** 2, axis=(1, 2))
+    friction, damping = tried[int(np.argmin(np.where(cost > 0, cost, np.inf)))]
+    parameters = replace(start.parameters, joint_friction=friction, joint_damping=damping)
+    moved = replace(case.vector, start=replace(start, parameters=parameters))
+    return replace(case, vector=moved)
+
+
+RIG = ArmRig()

@@ -1,0 +1,193 @@
+"""What do an arm's logs say, segment by segment, against its twin?"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_axis, link_frames
+from serpent_twin.arm.inverse_kinematics import joints_from_markers
+from serpent_twin.arrays import Array
+from serpent_twin.machines.arm.pieces import Pieces, camera_noise, cut, past
+from serpent_twin.machines.arm.quantities import quantities
+from serpent_twin.machines.arm.vector import Vector
+from serpent_twin.machines.machine import Candidate, Declared, Point, Quantity, Stopwatch
+from serpent_twin.residual import Comparison
+from serpent_twin.sessions import Session
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.many_twins import Response, Stretches, bearable, impose
+from serpent_twin.sim.prescribed_motion import STANDING
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN
+
+_AT_ONCE = 3.0e6  # numbers that one call keeps in memory: designs × rows × (markers and loads)
+
+
+@dataclass(frozen=True)
+class ArmCase:
+    """One arm's logs with first guesses."""
+
+    vector: Vector
+    candidates: Mapping[str, Candidate]
+    unseen: Mapping[str, str]
+    """Candidates that the logs cannot show, and why"""
+    marker_noise: Array
+    """Weighs each marker's coordinates [m], (9,)"""
+    load_noise: Array
+    """Weighs each motor's load [fraction of stall], (10,)"""
+    clock: Stopwatch = field(default_factory=Stopwatch)
+    """Time spent in simulation"""
+    channels: int = 3 * N_JOINTS + N_MOTORS
+    """Numbers that a residual has for each row of a log"""
+    segments: tuple[int, int] = (7, 12)
+    """How many a fit uses while it searches, and the last"""
+
+    @property
+    def declared(self) -> Sequence[Declared]:
+        """The coordinates of the fit."""
+        return self.vector.declared
+
+    @property
+    def quantities(self) -> Sequence[Quantity]:
+        """What each of them stands for."""
+        return quantities(self.vector)
+
+    def pieces(self, sessions: Sequence[Session]) -> Pieces:
+        """Cut sessions into segments of 40 s."""
+        return cut(sessions, self.vector.start.tolerances.marker_offset)
+
+    def take(self, pieces: Pieces, which: Sequence[int]) -> Pieces:
+        """Some of the segments."""
+        n = list(which)
+        arrays = {
+            name: value[n] for name, value in vars(pieces).items() if isinstance(value, np.ndarray)
+        }
+        return replace(pieces, session=tuple(pieces.session[k] for k in n), **arrays)
+
+    def residual(self, points: Sequence[Point], pieces: Pieces, rough: bool = False) -> Array:
+        """Measured minus predicted over noise, (points, S, T · 37): markers, then loads."""
+        at_once = max(1, int(_AT_ONCE / (pieces.time.size * 37)))
+        times = bearable([self.vector.design(point) for point in points]) if rough else 0
+        parts = [
+            self._residual(points[n : n + at_once], pieces, times)
+            for n in range(0, len(points), at_once)
+        ]
+        return np.concatenate(parts)
+
+    def _residual(self, points: Sequence[Point], pieces: Pieces, rough: int) -> Array:
+        did = self.respond(points, pieces, rough)
+        return self._weigh(pieces.marker - did.marker, pieces.load - did.load, pieces)
+
+    def _weigh(self, marker: Array, load: Array, pieces: Pieces) -> Array:
+        """Errors (D, S, T, 9, 3) and (D, S, T, 10) as one row of numbers per segment, (D, S, T · 37)."""
+        lost = np.isnan(pieces.marker)
+        marker = np.where(lost, 0.0, marker / self.marker_noise[:, None])
+        load = np.where(pieces.moving, load / self.load_noise, 0.0)
+        flat = marker.reshape(*marker.shape[:3], -1)
+        return (
+            np.concatenate([flat, load], axis=-1).reshape(*marker.shape[:2], -1).astype(np.float32)
+        )
+
+    def respond(self, points: Sequence[Point], pieces: Pieces, rough: int = 0) -> Response:
+        """What the twins at these points do in the segments."""
+        designs = [self.vector.design(point) for point in points]
+        with self.clock:
+            restart = np.zeros(pieces.time.shape[1], bool)
+            restart[0] = True
+            remember = any(e.remembers for design in designs for e in design.active)
+            s = Stretches(
+                pieces.time,
+                pieces.motor_angle,
+                pieces.motor_velocity,
+                pieces.joint_angle,
+                restart,
+                self.vector.start.parameters.servo_lag,
+                pieces.earlier,
+                joint_velocity=pieces.joint_velocity,
+                past=past(pieces) if remember else None,
+            )
+            return impose(designs, s, rough=rough)
+
+    def slopes(self, point: Point, pieces: Pieces) -> Array:
+        """How gear friction and marker places move the residual, (10 + 27, S, T · 37)."""
+        friction = self.vector.design(point)
+        gear = friction.parameters.gear_friction * np.exp(friction.tolerances.gear_friction)
+        gear = gear / friction.arm.servo.stall_torque
+        turning = np.tanh(pieces.motor_velocity / (STANDING / 3))
+        shape = (*pieces.time.shape, N_JOINTS, 3)
+        none_load, none_marker = np.zeros_like(pieces.load), np.zeros(shape)
+        _, rotation = link_frames(pieces.joint_angle)
+        rows = []
+        for j in range(N_MOTORS):
+            load = none_load.copy()
+            load[..., j] = -gear[j] * turning[..., j]
+            rows.append(self._weigh(none_marker[None], load[None], pieces)[0])
+        for k in range(3 * N_JOINTS):
+            marker = none_marker.copy()
+            marker[..., k // 3, :] = -1e-3 * rotation[..., k // 3, :, k % 3]
+            rows.append(self._weigh(marker[None], none_load[None], pieces)[0])
+        return np.array(rows)
+
+    def reweighted(self, point: Point, pieces: Pieces) -> "ArmCase":
+        """Weigh every marker and motor by the rms that this twin leaves of it."""
+        did = self.respond([point], pieces)
+        marker = np.sqrt(np.nanmean((pieces.marker - did.marker[0]) ** 2, axis=(0, 1, 3)))
+        error = np.where(pieces.moving, pieces.load - did.load[0], np.nan)
+        load = np.sqrt(np.nanmean(error**2, axis=(0, 1)))
+        load = np.where(np.isfinite(load), load, self.load_noise)
+        return replace(
+            self, marker_noise=np.maximum(marker, 1e-4), load_noise=np.maximum(load, 2e-3)
+        )
+
+    def compare(self, point: Point | None, pieces: Pieces) -> Comparison:
+        """Measured beside predicted, with what the residual may depend on."""
+        did = self.respond([point], pieces) if point else self._nominal(pieces)
+        anchor, rotation = link_frames(did.joint_angle[0])
+        axis = np.stack([rotation[..., i, :, :] @ joint_axis(i) for i in range(N_JOINTS)], axis=-2)
+        return Comparison(
+            session=pieces.session,
+            time=pieces.time,
+            marker_measured=pieces.marker,
+            marker_predicted=did.marker[0],
+            load_measured=pieces.load,
+            load_predicted=did.load[0],
+            load_counts=pieces.moving,
+            motor_angle=pieces.motor_angle,
+            motor_velocity=pieces.motor_velocity,
+            motor_command=pieces.motor_command,
+            joint_angle=did.joint_angle[0],
+            tension=did.tension[0],
+            joint_anchor=anchor,
+            joint_axis=axis,
+        )
+
+    def _nominal(self, pieces: Pieces) -> Response:
+        nominal = replace(self, vector=replace(self.vector, start=NOMINAL_DESIGN))
+        return nominal.respond([Point(np.zeros(len(self.declared)))], pieces)
+
+    def expected(
+        self, fit: Point, drawn: Sequence[Point], pieces: Pieces, rng: np.random.Generator
+    ) -> float:
+        """Mean marker error [mm] of twins drawn as a fit is uncertain, from starts drawn as cameras are."""
+        noise = camera_noise(pieces)
+        truth, errors = self.respond([fit], pieces).marker[0], []
+        for point in drawn:
+            seen = pieces.marker + noise * rng.standard_normal(pieces.marker.shape)
+            start = joints_from_markers(
+                seen[:, 0],
+                pieces.joint_angle[:, 0],
+                self.vector.design(fit).tolerances.marker_offset,
+            )
+            joint = pieces.joint_angle.copy()
+            joint[:, 0] = start
+            moved = self.respond([point], replace(pieces, joint_angle=joint)).marker[0]
+            moved = moved + noise * rng.standard_normal(moved.shape)
+            errors.append(np.nanmean(np.linalg.norm(moved - truth, axis=-1)))
+        return 1e3 * float(np.mean(errors))
+
+    def write(self, point: Point, path: Path, about: Mapping[str, Any]) -> None:
+        """Write twin.json and twin.xml; the loads' noise is what the case's last twin left of them."""
+        found = self.vector.design(point)
+        parameters = replace(found.parameters, load_noise=float(np.median(self.load_noise)))
+        twin_model.write(path, replace(found, parameters=parameters), about)

@@ -1,0 +1,99 @@
+"""State the coordinates of the arm's fit as a data sheet would: strands in kN/m and mm, hinges in mN m."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
+from serpent_twin.arrays import Array
+from serpent_twin.machines.arm.vector import Vector
+from serpent_twin.machines.machine import Quantity
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+
+_SIGNS = {"plus": "+", "minus": "−"}
+_MILLI = 1e3
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """Numbers of one block of the vector."""
+
+    name: str
+    """With a place for the part"""
+    parts: Sequence[str]
+    unit: str
+    per_si: float
+    """Such units in one of SI"""
+    scale: float = 0.0
+    """SI per unit of the coordinate, of a winch as a share of its radius; 0 for a logarithm"""
+
+
+def _strand(name: str) -> str:
+    motor, sign = name.removeprefix("cable").split("_")
+    return f"{motor}{_SIGNS[sign]}"
+
+
+_STRANDS = [_strand(name) for name in mjcf.STRANDS]
+_MOTORS = [str(j) for j in range(1, N_MOTORS + 1)]
+_HINGES = ["all joints", *(f"joint {i}" for i in range(1, N_JOINTS + 1))]
+_PLACES = [f"{i}, {axis} in its link's frame" for i in range(1, N_JOINTS + 1) for axis in "xyz"]
+_KINDS: Mapping[str, _Kind] = {
+    "stiffness": _Kind("strand stiffness {}", _STRANDS, "kN/m", 1 / _MILLI),
+    "slack": _Kind("strand slack {}", _STRANDS, "mm", _MILLI, scale=1e-3),
+    "winch": _Kind("winch radius, motor {}", _MOTORS, "mm", _MILLI, scale=1e-2),
+    "friction": _Kind("hinge friction, {}", _HINGES, "mN m", _MILLI),
+    "transition": _Kind("transition velocity, {}", _HINGES, "mrad/s", _MILLI),
+    "damping": _Kind("hinge damping, {}", _HINGES, "mN m s/rad", _MILLI),
+    "gear": _Kind("gear friction, motor {}", _MOTORS, "mN m", _MILLI),
+    "marker": _Kind("place of marker {}", _PLACES, "mm", _MILLI, scale=1e-3),
+}
+
+
+def quantities(of: Vector) -> tuple[Quantity, ...]:
+    """One for each coordinate of a vector."""
+    start, nominal = _si(of.start), _si(NOMINAL_DESIGN)
+    found = []
+    for block, where in of.blocks.items():
+        kind = _KINDS[block]
+        by = (
+            kind.scale
+            * kind.per_si
+            * np.array(of.start.arm.pulley_radius if block == "winch" else 1.0)
+        )
+        scales = np.broadcast_to(by, len(kind.parts))
+        for k, part in enumerate(kind.parts):
+            together = (
+                {where.start, where.start + k} if kind.parts is _HINGES else {where.start + k}
+            )
+            found.append(
+                Quantity(
+                    kind.name.format(part),
+                    kind.unit,
+                    float(kind.per_si * start[block][k]),
+                    float(scales[k]),
+                    tuple(sorted(together)),
+                    float(kind.per_si * nominal[block][k]),
+                )
+            )
+    return tuple(found)
+
+
+def _si(design: Design) -> dict[str, Array]:
+    """The numbers of each block; of hinges, first what they have in common."""
+    p, t = design.parameters, design.tolerances
+
+    def hinges(common: float, each: Sequence[float]) -> Array:
+        return common * np.exp(np.r_[0.0, each])
+
+    return {
+        "stiffness": p.strand_stiffness * np.exp(t.strand_stiffness),
+        "slack": p.strand_slack + np.array(t.strand_slack),
+        "winch": np.array(design.arm.pulley_radius) * (1 + np.array(t.winch_radius)),
+        "friction": hinges(p.joint_friction, t.joint_friction),
+        "transition": hinges(p.transition_velocity, t.transition_velocity),
+        "damping": hinges(p.joint_damping, t.joint_damping),
+        "gear": p.gear_friction * np.exp(t.gear_friction),
+        "marker": (design.arm.markers_in_links + t.marker_offset).ravel(),
+    }

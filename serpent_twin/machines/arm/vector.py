@@ -1,0 +1,162 @@
+"""Which of the arm's parameters does calibration fit, and where does it start?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from serpent_twin import effects
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.deviations import Tolerances
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.arrays import Array
+from serpent_twin.machines.arm.cable_law import CableLaw
+from serpent_twin.machines.machine import Candidate, Declared, Point, candidate, effects_at
+from serpent_twin.sim.twin_model import Design
+
+_TRUST = 2.0  # prior widths are so many standard errors of the cable laws, which ignore mismatch
+_STIFFNESS, _SLACK, _WINCH = 0.02, 0.02, 0.1  # [log], [mm], [%] at least
+_APART = 0.3  # [log] hinges differ
+_TRANSITION = 0.02  # [rad/s]
+_UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable that no log shows
+
+
+@dataclass(frozen=True)
+class Vector:
+    """The fit's coordinates, and the design that lies at any point of them."""
+
+    start: Design
+    """The design at all coordinates zero"""
+    declared: tuple[Declared, ...]
+    """stiffness 20, slack 20, winch 10; friction, transition velocity and damping 1 + 9 each; gear
+    friction 10, marker 27
+    """
+
+    @cached_property
+    def blocks(self) -> dict[str, slice]:
+        """Where each kind of parameter lies."""
+        sizes = {
+            "stiffness": 2 * N_MOTORS,
+            "slack": 2 * N_MOTORS,
+            "winch": N_MOTORS,
+            "friction": 1 + N_JOINTS,
+            "transition": 1 + N_JOINTS,
+            "damping": 1 + N_JOINTS,
+            "gear": N_MOTORS,
+            "marker": 3 * N_JOINTS,
+        }
+        ends = np.cumsum(list(sizes.values()))
+        return {k: slice(e - n, e) for (k, n), e in zip(sizes.items(), ends, strict=True)}
+
+    def design(self, point: Point) -> Design:
+        """The arm at a point."""
+        x = {name: point.declared[where] for name, where in self.blocks.items()}
+        t = self.start.tolerances
+        tolerances = replace(
+            t,
+            strand_stiffness=_plus(t.strand_stiffness, x["stiffness"]),
+            strand_slack=_plus(t.strand_slack, 1e-3 * x["slack"]),
+            winch_radius=_plus(t.winch_radius, 1e-2 * x["winch"]),
+            joint_friction=_plus(t.joint_friction, x["friction"][0] + x["friction"][1:]),
+            transition_velocity=_plus(
+                t.transition_velocity, x["transition"][0] + x["transition"][1:]
+            ),
+            joint_damping=_plus(t.joint_damping, x["damping"][0] + x["damping"][1:]),
+            gear_friction=_plus(t.gear_friction, x["gear"]),
+            marker=_plus(t.marker, 1e-3 * x["marker"]),
+        )
+        return replace(self.start, tolerances=tolerances, effects=effects_at(point))
+
+
+def _plus(nominal: Sequence[float], change: Array) -> tuple[float, ...]:
+    return tuple(float(v) for v in np.asarray(nominal) + change)
+
+
+def candidates() -> dict[str, Candidate]:
+    """Every effect of the catalogue."""
+    return {name: candidate(name) for name in effects.CATALOGUE}
+
+
+def vector(
+    laws: Sequence[CableLaw | None],
+    offset: Array,
+    offset_error: Array,
+    friction: float,
+    damping: float,
+) -> Vector:
+    """Coordinates around first guesses: cable laws (10), marker offsets [m] with errors, (9, 3), and
+    the hinges' friction [N m] and damping [N m s/rad].
+    """
+    known = [law for law in laws if law]
+    stiffness = (
+        float(np.median([law.stiffness for law in known])) if known else NOMINAL.strand_stiffness
+    )
+    slack = float(np.median([law.slack for law in known])) if known else NOMINAL.strand_slack
+    gear = (
+        float(np.median([law.gear_friction for law in known])) if known else NOMINAL.gear_friction
+    )
+    gear = max(gear, 1e-4)
+    parameters = replace(
+        NOMINAL,
+        strand_stiffness=stiffness,
+        strand_slack=slack,
+        gear_friction=gear,
+        joint_friction=friction,
+        transition_velocity=_TRANSITION,
+        joint_damping=damping,
+    )
+    tolerances = Tolerances(
+        strand_stiffness=tuple(
+            float(np.log(law.stiffness[side] / stiffness)) if law else 0.0
+            for law in laws
+            for side in (0, 1)
+        ),
+        strand_slack=tuple(
+            float(law.slack[side] - slack) if law else 0.0 for law in laws for side in (0, 1)
+        ),
+        jaw_held=(0.0 if laws[-1] is None else 1.0,),
+        winch_radius=tuple(law.winch if law else 0.0 for law in laws),
+        gear_friction=tuple(
+            float(np.log(max(law.gear_friction, 1e-4) / gear)) if law else 0.0 for law in laws
+        ),
+        marker=tuple(map(float, offset.ravel())),
+    )
+    return Vector(Design(parameters, tolerances), _declare(laws, 1e3 * offset_error))
+
+
+def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Declared, ...]:
+    rows = []
+    for n, name in enumerate(mjcf.STRANDS):
+        law = laws[n // 2]
+        width = max(_STIFFNESS, _TRUST * law.stiffness_error[n % 2]) if law else _UNKNOWN_STIFFNESS
+        rows.append(Declared(f"stiffness of {name}", "log N/m", min(width, 0.3), 0.03))
+    for n, name in enumerate(mjcf.STRANDS):
+        law = laws[n // 2]
+        width = max(_SLACK, _TRUST * 1e3 * law.slack_error[n % 2]) if law else _UNKNOWN_SLACK
+        rows.append(Declared(f"slack of {name}", "mm", min(width, 0.4), 0.02))
+    for j, law in enumerate(laws, 1):
+        width = max(_WINCH, _TRUST * 1e2 * law.winch_error) if law else _UNKNOWN_WINCH
+        rows.append(Declared(f"winch of motor {j}", "% of radius", min(width, 1.0), 0.2))
+    rows += _of_joints("friction", "log N m", 1.0, 0.1)
+    rows += _of_joints("transition velocity", "log rad/s", 1.0, 0.3)
+    rows += _of_joints("damping", "log N m s/rad", 1.5, 0.1)
+    rows += [
+        Declared(f"gear friction of motor {j}", "log N m", 0.3, 0.1, simulated=False)
+        for j in range(1, N_MOTORS + 1)
+    ]
+    rows += [
+        Declared(
+            f"place of marker {k // 3 + 1} along {'xyz'[k % 3]}", "mm", width, 0.1, simulated=False
+        )
+        for k, width in enumerate(np.maximum(0.02, _TRUST * offset_error.ravel()))
+    ]
+    return tuple(rows)
+
+
+def _of_joints(what: str, unit: str, together: float, step: float) -> list[Declared]:
+    """What all hinges have in common, and by how much each differs."""
+    return [Declared(f"{what} of all joints", unit, together, step)] + [
+        Declared(f"{what} of joint {i}", unit, _APART, step) for i in range(1, N_JOINTS + 1)
+    ]

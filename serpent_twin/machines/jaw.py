@@ -1,0 +1,274 @@
+"""What does a surgical tool's jaw do that a spindle turns by cables?
+
+The logs are of the tool characterisation bench of MRDLab: spindle angle and load torque in, jaw angle
+and spindle torque out. The spindle's cable turns a wrist, where all friction sits, and the wrist the jaw.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arm.geometry import ARM
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Effect, Range
+from serpent_twin.effects.cable_stretch import RIGID, soften
+from serpent_twin.effects.shaft_stretch import HEAVY, SHAFT
+from serpent_twin.machines.machine import (
+    Candidate,
+    Declared,
+    Point,
+    Quantity,
+    candidate,
+    effects_at,
+)
+from serpent_twin.machines.measured import (
+    Output,
+    Recording,
+    RunCase,
+    Runs,
+    Turns,
+    hinge,
+    read,
+    read_folder,
+)
+from serpent_twin.residual import ANGLE, TORQUE
+
+_JAW = 1e-5  # [kg m²] assumed: at 0.5 Hz, it makes less than 0.1 mN m
+_ANGLE_NOISE, _TORQUE_NOISE = 4e-4, 3e-4  # [rad], [N m] from rows' fourth differences
+_COLUMNS = ("time", "spindle_position", "spindle_torque", "jaw_position", "jaw_torque")
+_CANDIDATES = (
+    "cable_stretch",
+    "shaft_stretch",
+    "hinge_friction",
+    "cable_stiffening",
+    "gear_friction",
+    "gear_backlash",
+    "joint_elasticity",
+    "stribeck",
+    "mocap_latency",
+)
+_LOAD = "jaw"
+_SUBSTEPS = 2  # of a row, where the shaft stretches
+_APPROACH = 0.2  # [rad] from where a run is approached in the direction in which it begins
+_BEFORE = 60  # time steps of that
+
+
+def _declared() -> tuple[Declared, ...]:
+    return (
+        Declared("jaw's turn per turn of the spindle", "log 1", 0.2, 0.02),
+        Declared("zero of the jaw", "°", 5.0, 0.3),
+        Declared("zero of the spindle's torque", "mN m", 20.0, 2.0),
+        Declared("scale of the load torque", "log 1", 0.2, 0.05),
+    )
+
+
+def _candidates() -> dict[str, Candidate]:
+    stiffening = Range("1/rad", 0.0, 300.0, 5.0)  # cables stretch by hundredths of a radian
+    sized = {"cable_stiffening": {"rate": stiffening}}
+    return {name: candidate(name, **sized.get(name, {})) for name in _CANDIDATES}
+
+
+@dataclass(frozen=True)
+class Jaw:
+    """Rigid cables, one to one, no friction.
+
+    The hinge that rubs turns as the spindle is logged; a cable turns the jaw against it. The hinges are of
+    one tree, so that MuJoCo damps the cables between them implicitly; all their inertia is armature, so
+    that none turns another but by a cable.
+    """
+
+    zero: float = 0.0
+    """Jaw angle at spindle angle 0, a first guess [rad]"""
+    name: str = "jaw"
+    drives: Mapping[str, str] = field(default_factory=lambda: {"spindle_position": "spindle"})
+    markers: tuple[str, ...] = ("angle",)
+    joints: tuple[str, ...] = ("jaw",)
+    columns: tuple[str, ...] = ("spindle_position", "jaw_torque")
+    outputs: tuple[Output, ...] = (
+        Output("jaw_position", ANGLE, _ANGLE_NOISE),
+        Output("spindle_torque", TORQUE, _TORQUE_NOISE),
+    )
+    declared: tuple[Declared, ...] = field(default_factory=_declared)
+    candidates: dict[str, Candidate] = field(default_factory=_candidates)
+    every: int = 2
+    block: float = 2.0
+    window: None = None
+    segments: tuple[int, int] = (6, 12)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What the coordinates stand for."""
+        starts = (1.0, float(np.degrees(self.zero)), 0.0, 1.0)
+        return tuple(
+            Quantity(each.name, each.unit.removeprefix("log "), start, not_log, (k,))
+            for k, (each, start, not_log) in enumerate(
+                zip(self.declared, starts, (0.0, 1.0, 1.0, 0.0), strict=True)
+            )
+        )
+
+    @property
+    def first(self) -> dict[str, float]:
+        """Where the zero is counted from."""
+        return {"zero of the jaw, rad": self.zero}
+
+    def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
+        """The twin as MJCF: the wrist turns with the spindle, the jaw against it; no gravity."""
+        spec = mujoco.MjSpec()
+        spec.option.gravity = [0, 0, 0]
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        body = spec.worldbody.add_body(name="drive")
+        _weightless(body)
+        for name, inertia in ((hinge.HINGE, HEAVY), (_LOAD, _JAW)):
+            body = body.add_body(name=name)
+            _weightless(body)
+            joint = body.add_joint(name=name, axis=[0, 0, 1], armature=inertia)
+            hinge.stick(joint)
+        cable = spec.add_tendon(name="cable")
+        cable.wrap_joint(_LOAD, -1.0)  # longer, as the load closes the jaw
+        cable.wrap_joint(hinge.HINGE, -float(np.exp(declared[0])))
+        cable.springlength = [-self.zero - np.radians(declared[1])] * 2
+        soften(cable, RIGID)
+        spec.add_sensor(
+            name=hinge.SENSOR,
+            type=mujoco.mjtSensor.mjSENS_JOINTPOS,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            objname=_LOAD,
+        )
+        for effect in sorted(effects, key=lambda effect: effect.stage):
+            effect.edit(spec, ARM)
+        return spec
+
+    def respond(self, points: Sequence[Point], runs: Runs) -> Array:
+        """Jaw angle and spindle torque, (D, S, T, 2)."""
+        several = [effects_at(point) for point in points]
+        models = [
+            self.spec(point.declared, there).compile()
+            for point, there in zip(points, several, strict=True)
+        ]
+        S, T = runs.time.shape
+        turns = _Cables(
+            [model for model in models for _ in range(S)],
+            [there for there in several for _ in range(S)],
+            np.tile(runs.period, len(points)),
+        )
+        D = len(points)
+        declared = np.array([point.declared for point in points])
+        per_turn, scale = (np.repeat(np.exp(declared[:, k]), S)[:, None] for k in (0, 3))
+        bias = np.repeat(1e-3 * declared[:, 2], S)
+        spindle, load = (np.tile(x, (D, 1)) for x in _approached(runs))
+        out = np.empty((D * S, T, 2))
+        period = np.tile(runs.period, D)[:, None]
+        last = spindle.shape[1] - 1
+        turns.begin(spindle[:, :1], scale * load[:, :1], per_turn)
+        drive = asked = np.zeros_like(period)
+        winch = spindle[:, :1]
+        for k in range(last + 1):
+            goal = spindle[:, [min(k + 1, last)]]
+            speed = (goal - spindle[:, [k]]) / period
+            moment = turns.moment((k - _BEFORE) * period, goal, speed, asked, drive)
+            if k == 0:
+                turns.start(moment)
+            turns.act(moment)
+            winch = moment.winch_angle - speed * period if k == 0 else winch
+            angle = turns.read()
+            drive, asked = turns.turn(winch, moment.winch_angle, scale * load[:, [k]])
+            winch = moment.winch_angle
+            if k >= _BEFORE:
+                out[:, k - _BEFORE] = np.stack([angle, bias - drive[:, 0]], axis=1)
+        return out.reshape(D, S, T, 2)
+
+
+def _weightless(body: mujoco.MjsBody) -> None:
+    body.explicitinertial, body.mass, body.inertia = True, 1e-3, [1e-9] * 3
+
+
+class _Cables(Turns):
+    """Drives that turn as logged, hinges, jaws."""
+
+    def __init__(
+        self, models: Sequence[mujoco.MjModel], several: Sequence[Sequence[Effect]], period: Array
+    ) -> None:
+        names = [models[0].joint(n).name for n in range(models[0].njnt)]
+        self._stretches = SHAFT in names
+        self._n = _SUBSTEPS if self._stretches else 1
+        super().__init__(models, several, period / self._n)
+        driven = SHAFT if self._stretches else hinge.HINGE
+        at = [int(models[0].joint(name).qposadr[0]) for name in (driven, hinge.HINGE, _LOAD)]
+        self._driven, self._hinge, self._jaw = at
+        cable = models[0].tendon("cable").id
+        self._stiffness = self.batch.expand("tendon_stiffness")
+        self._cable = self._stiffness[:, [cable]].copy()
+        self._stiffer = self.batch.expand("tendon_stiffnesspoly")[:, [cable], 0].copy()
+        self._rest = self.batch.expand("tendon_lengthspring")[:, [cable], 1].copy()
+        self._spring = self.batch.expand("jnt_stiffness")[:, [self._hinge]].copy()
+        self._damping = self.batch.expand("dof_damping")[:, [self._hinge]].copy()
+        self._constraint = self.batch.bind("qfrc_constraint")
+
+    def begin(self, spindle: Array, load: Array, per_turn: Array) -> None:
+        """Put hinges and jaws where cables without friction hold them."""
+        self._per_turn = per_turn
+        self.qpos[:, [self._driven]] = self.qpos[:, [self._hinge]] = spindle
+        self.qpos[:, [self._jaw]] = load / self._cable - self._rest - per_turn * spindle
+        self.batch.forward()
+
+    def turn(self, before: Array, after: Array, load: Array) -> tuple[Array, Array]:
+        """Turn the drives through one row, the jaws loaded [N m]; returns what the drives gave and the jaws
+        asked of the hinges when it began [N m], (n, 1) each.
+        """
+        self.qpos[:, [self._driven]] = before
+        self.qvel[:, [self._driven]] = (after - before) / (self._n * self.dt)
+        self.applied[:, [self._jaw]] = load
+        ahead = before - self.qpos[:, [self._hinge]]
+        turned = self.qpos[:, [self._jaw]] + self._per_turn * self.qpos[:, [self._hinge]]
+        long = -turned - self._rest
+        asked = -self._per_turn * (self._cable + self._stiffer * long) * long
+        for _ in range(self._n):
+            self.batch.step()
+        if self._stretches:
+            return self._shaft * ahead, asked
+        at, speed = self.qpos[:, [self._hinge]], self.qvel[:, [self._hinge]]
+        held = self._spring * at + self._damping * speed - self._constraint[:, [self._hinge]]
+        return held + asked, asked
+
+    @property
+    def _shaft(self) -> Array:
+        return self._stiffness[:, [self.batch.model.tendon(SHAFT).id]]
+
+
+def _approached(runs: Runs) -> tuple[Array, Array]:
+    """Spindle angles and load torques, each run begun by an even approach, (S, before + T)."""
+    spindle, load = runs.column["spindle_position"], runs.column["jaw_torque"]
+    away = np.sign(spindle[:, [min(20, spindle.shape[1] - 1)]] - spindle[:, :1])
+    way = np.linspace(-_APPROACH, 0, _BEFORE, endpoint=False) * away
+    return (
+        np.concatenate([spindle[:, :1] + way, spindle], axis=1),
+        np.concatenate([np.repeat(load[:, :1], _BEFORE, axis=1), load], axis=1),
+    )
+
+
+@dataclass(frozen=True)
+class JawRig:
+    """The bench, judged by its jaw's angle and its spindle's torque."""
+
+    name: str = "jaw"
+    about: str = "a surgical tool's jaw on cables"
+
+    def read(self, folder: Path) -> list[Recording]:
+        """The runs of a folder."""
+        return read_folder(folder, _COLUMNS)
+
+    def read_files(self, paths: Sequence[Path]) -> list[Recording]:
+        """The runs of some files."""
+        return [read(path, _COLUMNS) for path in paths]
+
+    def open(self, training: Sequence[Recording]) -> RunCase:
+        """The jaw's zero is where a rigid tool has it on average."""
+        sums = [r.columns["jaw_position"] + r.columns["spindle_position"] for r in training]
+        machine = replace(Jaw(), zero=float(np.mean(np.concatenate(sums))))
+        return RunCase(machine, np.array([np.radians(1.0), 0.02]))
+
+
+RIG = JawRig()

@@ -1,0 +1,248 @@
+"""What must the loop know of a machine?
+
+A rig says how its twin is built, how a log drives it, what is measured with which noise, and which
+effects are candidates. `residual` and `trace` know rigs by this file alone.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Effect, Range, by_name, ranges
+from serpent_twin.residual import Comparison
+
+
+@dataclass(frozen=True)
+class Declared:
+    """One parameter that the machine's twin declares, as a coordinate of the fit; it starts at 0."""
+
+    name: str
+    """Such as `slack of cable3_plus`"""
+    unit: str
+    """Of the coordinate, such as `log N/m` or `mm`"""
+    prior: float
+    """Standard deviation within which it is expected"""
+    step: float
+    """Finite difference"""
+    simulated: bool = True
+    """Whether a change asks for a simulation; `Case.slopes` answers for the others"""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a coordinate of the fit stands for, as a data sheet would state it."""
+
+    name: str
+    """Such as `strand stiffness 3+`"""
+    unit: str
+    """Such as `kN/m`; `1` for a pure number"""
+    start: float
+    """Where the fit starts"""
+    scale: float = 0.0
+    """Change per unit of its coordinates; 0: they are logarithms of its ratio to the start"""
+    of: tuple[int, ...] = ()
+    """The coordinates that add up to its change"""
+    nominal: float = float("nan")
+    """As declared before any log was seen; NaN where nothing is"""
+
+    def after(self, change: float) -> float:
+        """Its value where its coordinates have changed by so much in sum."""
+        if self.scale:
+            return self.start + self.scale * change
+        return self.start * float(np.exp(change))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect that the machine may have and its nominal twin lacks."""
+
+    name: str
+    ranges: Mapping[str, Range]
+    """Its parameters, the strength first"""
+    variants: tuple[Array, ...]
+    """Values of all parameters that it may well have: where fits start"""
+    about: str = ""
+    """What it is, in a sentence"""
+    shows_in: str = ""
+    """What in a log betrays it"""
+    confused_with: tuple[str, ...] = ()
+    """Names of candidates that look like it"""
+
+
+def candidate(name: str, **sized: Range) -> Candidate:
+    """An effect as it knows itself, or with ranges for a machine of another size than the arm's."""
+    kind = by_name(name)
+    known = {n: sized.get(n, r) for n, r in ranges(kind).items()}
+    variants = [
+        [sized[n].typical if n in sized else getattr(v, n) for n in known] for v in kind.variants()
+    ]
+    return Candidate(
+        name,
+        known,
+        tuple(np.array(values) for values in variants),
+        (kind.__doc__ or "").split("\n")[0].strip(),
+        kind.shows_in,
+        kind.confused_with,
+    )
+
+
+@dataclass(frozen=True)
+class Point:
+    """A twin in the fit's coordinates."""
+
+    declared: Array
+    """(P,), all 0 at the start"""
+    effects: Mapping[str, Array] = field(default_factory=dict)
+    """All parameters of each effect that is there, by name, in the order of its ranges"""
+
+    def having(self, name: str, values: Array) -> "Point":
+        """With one effect's parameters set."""
+        return replace(self, effects={**self.effects, name: np.asarray(values, float)})
+
+
+def effects_at(point: Point) -> tuple[Effect, ...]:
+    """The effects of a point."""
+    return tuple(effect_at(name, values) for name, values in point.effects.items())
+
+
+def effect_at(name: str, values: Array) -> Effect:
+    """An effect out of its parameters, clipped to their ranges; a strength stays just off zero, where
+    the effect would leave the model's structure.
+    """
+    kind = by_name(name)
+    each = {}
+    for (parameter, r), value in zip(ranges(kind).items(), values, strict=True):
+        each[parameter] = float(np.clip(value, r.least, r.high))
+    return kind(**each)
+
+
+class Stopwatch:
+    """Adds up time spent inside its `with` blocks."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._began = 0.0
+
+    def __enter__(self) -> None:
+        self._began = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.seconds += time.perf_counter() - self._began
+
+
+class Pieces(Protocol):
+    """Segments of logs, all of one length, each starting from a measured state."""
+
+    @property
+    def session(self) -> tuple[str, ...]:
+        """Name of each segment's session."""
+        ...
+
+    def __len__(self) -> int: ...
+
+
+P = TypeVar("P", bound=Pieces)
+
+
+class Log(Protocol):
+    """One recording of a machine."""
+
+    @property
+    def path(self) -> Path | None:
+        """The file that it came from."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """By which people call it."""
+        ...
+
+    @property
+    def metadata(self) -> Mapping[str, Any]:
+        """What the recorder said of it."""
+        ...
+
+    @property
+    def readings(self) -> Array:
+        """What the machine's own sensors read, row by row, (T, N)."""
+        ...
+
+
+class Case(Protocol[P]):
+    """A machine with the first guesses that its training logs allow: what the fit works on."""
+
+    declared: Sequence[Declared]
+    quantities: Sequence[Quantity]
+    """What each of them stands for"""
+    candidates: Mapping[str, Candidate]
+    unseen: Mapping[str, str]
+    """Candidates that these logs cannot show, and why"""
+    clock: Stopwatch
+    """Time spent in simulation"""
+    channels: int
+    """Numbers that a residual has for each row of a log"""
+    segments: tuple[int, int]
+    """How many segments a fit uses at most while it searches, enough to tell effects apart, and the last
+    fit
+    """
+
+    def pieces(self, sessions: Sequence[Any]) -> P:
+        """Cut sessions into segments."""
+        ...
+
+    def take(self, pieces: P, which: Sequence[int]) -> P:
+        """Some of the segments."""
+        ...
+
+    def residual(self, points: Sequence[Point], pieces: P, rough: bool = False) -> Array:
+        """Measured minus predicted, divided by its noise: (points, segments, numbers); 0 where nothing
+        was measured, NaN for a twin whose simulation gave up. All points have the same effects.
+        `rough` may be less exact where it is faster: good enough for differences between points.
+        """
+        ...
+
+    def slopes(self, point: Point, pieces: P) -> Array:
+        """Change of the residual per unit of each parameter that is not simulated, (p, segments, numbers)."""
+        ...
+
+    def reweighted(self, point: Point, pieces: P) -> "Case[P]":
+        """The same case, each channel's noise set to what a fitted twin leaves of it."""
+        ...
+
+    def compare(self, point: Point | None, pieces: P) -> Comparison:
+        """Measured beside what the twin at a point predicts; without a point, the nominal twin."""
+        ...
+
+    def expected(
+        self, fit: Point, drawn: Sequence[Point], pieces: P, rng: np.random.Generator
+    ) -> float:
+        """Mean marker error [mm] of a twin that lacks nothing: whose start is as uncertain as the
+        measurement, and which is one of those drawn as the fit is uncertain.
+        """
+        ...
+
+    def write(self, point: Point, path: Path, about: Mapping[str, Any]) -> None:
+        """Write the twin of a point, PATH.json and PATH.xml."""
+        ...
+
+
+class Rig(Protocol):
+    """One kind of machine."""
+
+    name: str
+    """By which the command line knows it"""
+    about: str
+    """What it is, for people who choose one"""
+
+    def read(self, folder: Path) -> Sequence[Log]:
+        """A folder's sessions; raises a `SerpentError` on logs that are not of this machine."""
+        ...
+
+    def open(self, training: Sequence[Any]) -> Case[Any]:
+        """First guesses out of training logs."""
+        ...

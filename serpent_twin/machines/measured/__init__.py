@@ -1,0 +1,21 @@
+"""Measured logs of other machines, and what their rigs share: runs beside the twin's."""
+
+from serpent_twin.machines.measured.case import Output, RunCase
+from serpent_twin.machines.measured.hinge import HingeMoment, Turns
+from serpent_twin.machines.measured.recording import Recording, read, read_folder
+from serpent_twin.machines.measured.runs import Runs, cut
+from serpent_twin.machines.measured.twin_file import MachineTwin, read_twin
+
+__all__ = [
+    "HingeMoment",
+    "MachineTwin",
+    "Output",
+    "Recording",
+    "RunCase",
+    "Runs",
+    "Turns",
+    "cut",
+    "read",
+    "read_folder",
+    "read_twin",
+]

@@ -1,0 +1,101 @@
+"""How is a measured log of another machine read?
+
+One run is one Parquet file of float columns in SI units, `time` among them; its metadata, JSON under
+the key `measured`, say how it was driven. The file's name says nothing to the reader.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from serpent_twin import stored
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
+
+KEY = b"measured"
+FEWEST = 50
+_OTHER = "Name another --rig or --logs."
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One run."""
+
+    path: Path | None
+    """The file it came from; None for a run made in memory"""
+    metadata: dict[str, Any]
+    """How it was driven"""
+    columns: dict[str, Array]
+    """By name, (T,) each"""
+    label: str = ""
+    """Its name, if it is not the file's: of a part of a run, or of one made in memory"""
+
+    def __len__(self) -> int:
+        return len(self.columns["time"])
+
+    @property
+    def name(self) -> str:
+        """File name without its ending, unless it is told."""
+        return self.label or (self.path.stem if self.path else "run")
+
+    @property
+    def readings(self) -> Array:
+        """All columns but the time, (T, N)."""
+        return np.stack([values for name, values in self.columns.items() if name != "time"], axis=1)
+
+
+def read(path: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any]) -> Recording:
+    """Read one run that must have these columns, and metadata of this form, or raise a `SerpentError`."""
+    table = stored.read_table(path, "Copy it again.")
+    raw = table.metadata.get(KEY)
+    if raw is None:
+        raise SerpentError(
+            f"{path} has no metadata under the key measured: it is no log of this kind. Leave it out."
+        )
+    where = f"{path}: the metadata"
+    about = stored.parse_json(raw, dict[str, Any], where)
+    stored.take(about, metadata, where, _OTHER)
+    if lacking := [c for c in columns if c not in table.columns]:
+        raise SerpentError(f"{path} lacks {', '.join(lacking)}: it is of another machine. {_OTHER}")
+    if odd := [c for c, values in table.columns.items() if values.dtype.kind not in "fiub"]:
+        raise SerpentError(
+            f"{path}: the columns {stored.names(odd)} hold no numbers. Leave it out."
+        )
+    found = {c: values.astype(float) for c, values in table.columns.items()}
+    _check(path, found, columns)
+    found["time"] -= found["time"][0]
+    return Recording(path, about, found)
+
+
+def read_folder(
+    folder: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any]
+) -> list[Recording]:
+    """Read all runs of a folder, by name."""
+    if not folder.is_dir():
+        raise SerpentError(f"There is no folder {folder}. Name the folder with the machine's logs.")
+    files = sorted(folder.glob("*.parquet"))
+    if not files:
+        raise SerpentError(
+            f"There is no *.parquet in {folder}. Name the folder with the machine's logs."
+        )
+    return [read(path, columns, metadata) for path in files]
+
+
+def _check(path: Path, columns: dict[str, Array], needed: Sequence[str]) -> None:
+    time = columns["time"]
+    if len(time) < FEWEST:
+        raise SerpentError(
+            f"{path} has {counted(len(time), 'row')}, fewer than {FEWEST}. Leave it out."
+        )
+    if not (np.diff(time) > 0).all():
+        raise SerpentError(
+            f"{path}: time does not increase throughout. Repair or leave out the file."
+        )
+    if odd := [c for c in needed if not np.isfinite(columns[c]).all()]:
+        raise SerpentError(
+            f"{path}: {', '.join(odd)} are not finite in every row. Repair or leave out the file."
+        )

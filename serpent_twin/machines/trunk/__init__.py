@@ -1,0 +1,187 @@
+"""What does a soft trunk do that six servos bend by twelve cables?
+
+The logs are of Stanford ASL's trunk: servos' goals in, three disks' positions and the servos' angles out.
+No mass, pulley radius or stiffness is published, and the logs hold no force: only the ratio of the trunk's
+weight to its cables' stiffness shows, and masses are told in the trunk's own.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from serpent_twin import effects
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Effect, Range
+from serpent_twin.machines.machine import (
+    Candidate,
+    Declared,
+    Point,
+    Quantity,
+    candidate,
+    effects_at,
+)
+from serpent_twin.machines.measured import (
+    Output,
+    Recording,
+    RunCase,
+    Runs,
+    read,
+    read_folder,
+    read_twin,
+)
+from serpent_twin.machines.trunk import body
+from serpent_twin.machines.trunk.motion import Trunks
+from serpent_twin.machines.trunk.shape import (  # fmt: skip
+    ANGLES,
+    DISKS,
+    GOALS,
+    KINDS,
+    MOTORS,
+    SEEN,
+    TURNED,
+    Shape,
+    declared,
+    first_guess,
+    moved,
+    quantities,
+    restored,
+    turned,
+)
+from serpent_twin.residual import MARKERS, Measure
+
+_SERVOS = Measure("motor angle", "the motor angles are", "motor angle error, rms", "°", "deg",
+                  180 / np.pi, "rad")  # fmt: skip
+_COLUMNS = ("time", *GOALS, *ANGLES, *SEEN)
+_CAMERA = 2e-4  # [m]
+_ENCODER = 2 * np.pi / 4096 / np.sqrt(12)  # [rad]
+_GUESSED, _TOLD = 0.01, np.radians(3.0)  # [m], [rad] rms of a first guess
+_CANDIDATES = ("command_delay", "servo_sag", "link_compression", "cable_stiffening", "hinge_friction",
+               "gear_backlash", "mocap_latency")  # fmt: skip
+_CHANGES = ("payload", "joint_elasticity", "link_compression", "cable_stiffening", "hinge_friction",
+            "gear_backlash", "servo_sag")  # fmt: skip
+_REZEROED = ("zero",)  # of motors: tensioning the cables anew moves it
+_WEIGHTS = Range("trunk weights", 0.0, 2.0, 0.1)
+_STIFFENS = Range("1/m", 0.0, 1.5e3, 100.0)  # the cables' springs are short
+_AT = Range("m", 0.0, 0.15, 0.05, fitted=False)
+_PLACES = (
+    0.0,
+    0.05,
+    0.1,
+)  # [m] beyond the middle of the last piece: nothing says where a load hangs
+
+
+def _sized(names: Sequence[str]) -> dict[str, Candidate]:
+    """Candidates, masses in the trunk's own."""
+    sized = {"payload": {"mass": _WEIGHTS, "place": _AT}, "cable_stiffening": {"rate": _STIFFENS}}
+    found = {name: candidate(name, **sized.get(name, {})) for name in names}
+    if "payload" in found:
+        variants = tuple(np.array([_WEIGHTS.typical, place]) for place in _PLACES)
+        found["payload"] = replace(found["payload"], variants=variants)
+    return found
+
+
+@dataclass(frozen=True)
+class Trunk:
+    """Servos that stand at once where they are told."""
+
+    start: Shape
+    """At all coordinates zero"""
+    kinds: tuple[str, ...] = tuple(KINDS)
+    """Which kinds of numbers a fit moves"""
+    fixed: tuple[Effect, ...] = ()
+    """Effects that are there"""
+    candidates: Mapping[str, Candidate] = field(default_factory=lambda: _sized(_CANDIDATES))
+    name: str = "trunk"
+    drives: Mapping[str, str] = field(
+        default_factory=lambda: {g: f"motor {m}" for g, m in zip(GOALS, MOTORS, strict=True)}
+    )
+    markers: tuple[str, ...] = tuple(f"disk {k}" for k in DISKS)
+    joints: tuple[str, ...] = ()
+    columns: tuple[str, ...] = GOALS
+    outputs: tuple[Output, ...] = (
+        *(Output(column, MARKERS, _CAMERA) for column in SEEN),
+        *(Output(column, _SERVOS, _ENCODER) for column in TURNED),
+    )
+    every: int = 5
+    block: float = 2.0
+    window: tuple[float, float] = (10.0, 2.0)
+    segments: tuple[int, int] = (9, 14)
+
+    @property
+    def declared(self) -> tuple[Declared, ...]:
+        """The coordinates of the fit."""
+        return declared(self.kinds)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What the coordinates stand for."""
+        return quantities(self.start, self.kinds)
+
+    @property
+    def first(self) -> dict[str, Any]:
+        """Where the coordinates start."""
+        return {name: values.tolist() for name, values in self.start.items()}
+
+    def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
+        """The twin as MJCF."""
+        return body.spec(moved(self.start, self.kinds, declared), (*self.fixed, *effects))
+
+    def respond(self, points: Sequence[Point], runs: Runs) -> Array:
+        """Disks and servos, (D, S, T, 15)."""
+        shapes, models, several = [], [], []
+        for point in points:
+            there = effects_at(point)
+            shapes += [moved(self.start, self.kinds, point.declared)] * len(runs)
+            models += [self.spec(point.declared, there).compile()] * len(runs)
+            several += [(*self.fixed, *there)] * len(runs)
+        trunks = Trunks(models, shapes, several, os.cpu_count() or 1)
+        D = len(points)
+        goal = np.tile(np.stack([runs.column[name] for name in GOALS], axis=-1), (D, 1, 1))
+        found = np.concatenate(trunks.run(goal, np.tile(runs.period, D)), axis=-1)
+        return found.reshape(D, *runs.time.shape, -1)
+
+
+@dataclass(frozen=True)
+class TrunkRig:
+    """The trunk, judged by its disks and its servos' angles."""
+
+    name: str = "trunk"
+    about: str = "a soft trunk on twelve cables"
+    twin: Path | None = None
+    """twin.json of the trunk before something was changed"""
+
+    def read(self, folder: Path) -> list[Recording]:
+        """The runs of a folder."""
+        return [turned(run) for run in read_folder(folder, _COLUMNS)]
+
+    def read_files(self, paths: Sequence[Path]) -> list[Recording]:
+        """The runs of some files."""
+        return [turned(read(path, _COLUMNS)) for path in paths]
+
+    def changed(self, twin: Path) -> "TrunkRig":
+        """The rig of a trunk to which something was done since a trace wrote this twin.json."""
+        return TrunkRig(twin=twin)
+
+    def open(self, training: Sequence[Recording]) -> RunCase:
+        """First guesses from the logs, or, of a changed trunk, the twin of the unchanged one."""
+        machine = _changed(self.twin) if self.twin else Trunk(first_guess(training))
+        noise = np.r_[np.full(len(SEEN), _GUESSED), np.full(len(ANGLES), _TOLD)]
+        return RunCase(machine, noise)
+
+
+def _changed(twin: Path) -> Trunk:
+    """The trunk that a trace found, to which something may have been done."""
+    told = read_twin(twin, "trunk")
+    start = restored(told.first, f"{twin}: first")
+    x = told.along([each.name for each in declared(tuple(KINDS))], f"{twin}: declared")
+    there = told.several
+    asked = [name for name in _CHANGES if name not in {effects.name_of(e) for e in there}]
+    return Trunk(moved(start, tuple(KINDS), x), _REZEROED, there, _sized(asked))
+
+
+RIG = TrunkRig()

@@ -1,0 +1,98 @@
+"""How do trunks move that are told where their servos shall stand?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from serpent_twin import effects
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Effect
+from serpent_twin.machines.trunk.body import TIME_STEP
+from serpent_twin.machines.trunk.shape import ENDS_AT, Shape
+from serpent_twin.sim.cable_dynamics import set_timestep, side_by_side
+from serpent_twin.sim.history import History
+
+
+@dataclass
+class TrunkMoment:
+    """One time step of n trunks; arrays are (n, 6), one number a servo."""
+
+    dt: Array
+    """[s], (n, 1)"""
+    motor_velocity: Array
+    """Of what the servos are told [rad/s]"""
+    cable_torque: Array
+    """What the cables ask of each servo's horn [N m]"""
+
+    goal: Array
+    """What the servos are told [rad]; they stand there, unless an effect says otherwise"""
+    motor_angle: Array
+    """Where they stand [rad]"""
+    winch_angle: Array
+    """What winds the cables [rad]"""
+
+    def stand(self, angle: Array) -> None:
+        """Let the servos, and what winds the cables, stand there [rad]."""
+        self.motor_angle, self.winch_angle = angle.copy(), angle.copy()
+
+
+class Trunks:
+    """Trunk i of models[i] and shapes[i] with effects[i], side by side."""
+
+    def __init__(
+        self,
+        models: Sequence[mujoco.MjModel],
+        shapes: Sequence[Shape],
+        several: Sequence[Sequence[Effect]],
+        threads: int,
+    ) -> None:
+        self._batch = side_by_side(models, threads)
+        self._length = self._batch.bind("ten_length")
+        self._rest = self._batch.expand("tendon_lengthspring")
+        self._straight = self._rest[:, :, 1].copy()
+        self._stiffness = self._batch.expand("tendon_stiffness")
+        self._bend = self._batch.expand("tendon_stiffnesspoly")
+        self._sensors = self._batch.bind("sensordata")
+        self._wound = np.array([s["wound"][np.array(ENDS_AT) - 1] for s in shapes])
+        self._zero = np.array([s["zero"] for s in shapes])
+        self._effects = effects.stacked(several)
+        self._memory: list[object] = []
+
+    def run(self, goal: Array, period: Array) -> tuple[Array, Array]:
+        """Where disks (n, T, 9) and servos (n, T, 6) are in each row, for goals (n, T, 6) [rad], rows of
+        periods (n,) [s] apart.
+        """
+        n, T = goal.shape[:2]
+        steps = max(1, round(float(period.max()) / TIME_STEP))
+        dt = (period / steps)[:, None]
+        set_timestep(self._batch, dt)
+        ahead = np.diff(goal, axis=1, append=goal[:, -1:])
+        disks, servos = np.empty((n, T, 9)), np.empty((n, T, 6))
+        moment = self._moment(goal[:, 0], ahead[:, 0] / (steps * dt), dt)
+        self._memory = [effect.start(moment) for effect in self._effects]
+        self._wind(moment.winch_angle)
+        self._batch.forward()
+        History(self._batch).fill()
+        for t in range(T):
+            for k in range(steps):
+                told = goal[:, t] + k / steps * ahead[:, t]
+                moment = self._moment(told, ahead[:, t] / (steps * dt), dt)
+                for effect, memory in zip(self._effects, self._memory, strict=True):
+                    effect.act(moment, memory)
+                self._wind(moment.winch_angle)
+                self._batch.step()
+                if k == 0:  # a step reads its sensors before it moves
+                    disks[:, t], servos[:, t] = self._sensors, moment.motor_angle
+        return disks, servos
+
+    def _moment(self, goal: Array, velocity: Array, dt: Array) -> TrunkMoment:
+        over = np.maximum(self._length - self._rest[:, :, 1], 0.0)
+        tension = over * (self._stiffness + self._bend[:, :, 0] * over)
+        torque = self._wound * (tension[:, 0::2] - tension[:, 1::2])
+        return TrunkMoment(dt, velocity, torque, goal, goal.copy(), goal.copy())
+
+    def _wind(self, angle: Array) -> None:
+        wound = self._wound * (angle + self._zero)
+        self._rest[:, :, 1] = self._straight - np.repeat(wound, 2, axis=1) * np.tile([1.0, -1.0], 6)

@@ -1,0 +1,31 @@
+"""Find the cameras' base frame, or fill session logs from a Motive take."""
+
+import tyro
+
+from serpent_twin import next_step
+from serpent_twin.command_line import cli
+from serpent_twin.hardware.find_frame import Straight, measure
+from serpent_twin.sessions.merge import HEADING, Merge, merge
+
+
+@tyro.conf.configure(tyro.conf.OmitArgPrefixes)
+def merge_command(config: Merge) -> None:  # noqa: D103 tyro would print it above the config's own
+    print(HEADING)
+    for _, line in merge(config):
+        print(line, flush=True)
+    next_step.say(next_step.after_logs(config.folder, config.folder.parent))
+
+
+@tyro.conf.configure(tyro.conf.OmitArgPrefixes)
+def frame_command(config: Straight) -> None:  # noqa: D103 tyro would print it above the config's own
+    rigid, labels, residual = measure(config)
+    millimetres = [round(1e3 * float(r), 2) for r in residual]
+    rigid.save(config.out, {"labels": labels, "residual_mm": millimetres})
+    for n, (label, size) in enumerate(zip(labels, millimetres, strict=True), 1):
+        print(f"marker {n} ({label}): {size:.2f} mm from its place")
+    print(f"{config.out}: base frame from 9 markers, residual {1e3 * rigid.residual:.2f} mm rms")
+    next_step.say(next_step.after_frame(config.out, config.natnet))
+
+
+if __name__ == "__main__":
+    cli.run({"merge": merge_command, "frame": frame_command})

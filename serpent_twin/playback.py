@@ -1,0 +1,98 @@
+"""Lay a session, its twin and a readout's estimate into one recording for rerun.
+
+The measured motor angles drive the twin, which gives the pose and the cables' tensions; the log
+gives markers and loads, a trained readout its estimate. A corrected twin is laid over the nominal one.
+"""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+from rerun.chunk import RrdReader
+
+from serpent_twin import __version__, readouts, sessions
+from serpent_twin.arm.geometry import ARM
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
+from serpent_twin.readouts.belief import require_finite
+from serpent_twin.readouts.membership import told
+from serpent_twin.readouts.windows import cut
+from serpent_twin.reporting import rerun_recording
+from serpent_twin.reporting.rerun_recording import Estimate
+from serpent_twin.runs.provenance import file_hash
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin import replay_motors
+from serpent_twin.sim.twin_model import Design
+
+
+def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None) -> str:
+    """Write the recording of a session log, unless it is there; returns what to say of its readout."""
+    seen = sessions.read_session(session)
+    sessions.refuse_damaged([seen])
+    corrected = corrected_twin(twin, seen) if twin else None
+    identity = _identity(session, readout, corrected)
+    said = membership(seen, readout) if readout else ""
+    if not _already_there(out, identity):
+        guess = estimate(seen, readout) if readout else None
+        rerun_recording.require_writable(out)
+        print(f"Driving the twin by the motor angles of {counted(len(seen), 'row')} …", flush=True)
+        moved = replay_motors(seen.time, seen.motor_position)
+        better = corrected and replay_motors(seen.time, seen.motor_position, corrected)
+        rerun_recording.write(out, seen, moved, guess, identity, corrected=better)
+    return said
+
+
+def estimate(session: sessions.Session, folder: Path) -> Estimate:
+    """Markers that the readout saved in `folder` finds in a session."""
+    trained = readouts.load(folder)
+    trained.require_rate(session.rate_hz)
+    seen = cut([session], trained.window, drop=0).sessions[0]
+    row = np.arange(len(session) - len(seen.x), len(session))
+    belief = trained.follow(seen)
+    require_finite(belief, trained.name, f"in {session.path or session.name}")
+    return Estimate(trained.name, row, belief.marker, told(trained, session))
+
+
+def membership(session: sessions.Session, folder: Path) -> str:
+    """In which set of the readout saved in `folder` a session is, as a sentence."""
+    return told(readouts.load(folder), session)
+
+
+def corrected_twin(path: Path, seen: sessions.Session) -> Design:
+    """The design in a twin.json, which must be of the session's arm if it names one."""
+    file = twin_model.read_file(path)
+    found, arm, its = file.design, seen.metadata.get("arm"), file.arm
+    collected_by = seen.metadata.get("config") or {}
+    made_by_it = collected_by.get("model_sha256") == found.fingerprint()
+    if its not in ("", arm) and not made_by_it:
+        raise SerpentError(
+            f"{path} is the twin of the arm {its}, and {seen.name} is of the arm {arm}. "
+            "Give the twin that was traced on that arm's logs."
+        )
+    return found
+
+
+def _identity(session: Path, folder: Path | None, corrected: Design | None) -> str:
+    """Name of the recording that these inputs and this twin make."""
+    files = [session, *([folder / "readout.json", folder / "learned.npz"] if folder else [])]
+    makers = [__version__, repr(ARM), repr(NOMINAL)]
+    makers += [file_hash(path) for path in files if path.is_file()]
+    makers += [corrected.fingerprint()] if corrected else []
+    return f"{session.stem}-{hashlib.sha256(' '.join(makers).encode()).hexdigest()[:16]}"
+
+
+def _already_there(out: Path, identity: str) -> bool:
+    """Whether `out` is this very recording; any other file there is an error."""
+    if not out.exists():
+        return False
+    try:
+        found = [entry.recording_id for entry in RrdReader(out).recordings()]
+    except Exception:  # whatever the reader says of a foreign file, it is not ours to replace
+        found = []
+    if identity in found:
+        return True
+    raise SerpentError(
+        f"{out} exists and is not the recording of this session, readout and twin. "
+        "Give another --out, or delete the file first."
+    )

@@ -1,0 +1,90 @@
+"""Where are the markers, and how sure is that?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, f
+
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Marker positions of N rows, and the covariance of each one's error."""
+
+    marker: Array
+    """[m], (N, 9, 3)"""
+    covariance: Array
+    """Of what measured markers are off by, the cameras' noise included [m²], (N, 9, 3, 3); NaN where a
+    readout does not know
+    """
+
+    @property
+    def spread(self) -> Array:
+        """Root mean square of the error to expect of each marker [m], (N, 9)."""
+        return np.sqrt(np.trace(self.covariance, axis1=-2, axis2=-1))
+
+    def distance2(self, measured: Array) -> Array:
+        """Squared Mahalanobis distances of measured markers [m], (N, 9, 3); (N, 9), NaN where lost."""
+        off = (measured - self.marker)[..., None]
+        return (np.swapaxes(off, -1, -2) @ np.linalg.solve(self.covariance, off))[..., 0, 0]
+
+    def coverage(self, measured: Array, share: float = 0.95) -> float:
+        """Share of the markers seen that lie within their ellipsoids of that share."""
+        far = self.distance2(measured)
+        return float((far[np.isfinite(far)] <= chi2.ppf(share, 3)).mean())
+
+    def scale_to(self, measured: Array, share: float = 0.95) -> Array:
+        """By what each marker's covariance must grow for its ellipsoids of that share to hold it, (9,)."""
+        far = self.distance2(measured)
+        return np.nanquantile(far, share, axis=0) / chi2.ppf(share, 3)
+
+
+def joined(beliefs: Sequence[Belief]) -> Belief:
+    """Beliefs of several sessions one after the other."""
+    return Belief(
+        np.concatenate([each.marker for each in beliefs]),
+        np.concatenate([each.covariance for each in beliefs]),
+    )
+
+
+def require_finite(
+    belief: Belief, readout: str, when: str, states_covariance: bool = False
+) -> None:
+    """Raise a `SerpentError` if an estimate of a readout, by name, or a covariance that it states is not a
+    number.
+    """
+    found = {"an estimate": belief.marker}
+    if states_covariance:
+        found["a covariance"] = belief.covariance
+    for what, values in found.items():
+        if not np.isfinite(values).all():
+            raise SerpentError(
+                f"the readout {readout} gives {what} that is not a number, {when}: its weights are damaged, "
+                "or the readings are far from all that it was trained on. Train it again, or leave it out."
+            )
+
+
+def covariance_of(error: Array) -> Array:
+    """Mean outer products of marker errors [m], (N, 9, 3), about zero, (9, 3, 3); NaN is left out."""
+    seen = np.asarray(np.isfinite(error).all(axis=-1))
+    known = np.where(seen[..., None], error, 0.0)
+    count = np.maximum(seen.sum(axis=0), 1)
+    found = np.einsum("nki,nkj->kij", known, known) / count[:, None, None]
+    return found + 1e-12 * np.eye(3)  # (1 µm)², so that it can be inverted
+
+
+def growth(errors: float, share: float = 0.95) -> float:
+    """By what a covariance that so few independent errors showed must grow, for its ellipsoids of that share
+    to hold the next one (Hotelling).
+    """
+    n = max(errors, 4.0)
+    return float(3 * n / (n - 2) * f.ppf(share, 3, n - 2) / chi2.ppf(share, 3))
+
+
+def root_of(covariance: Array) -> Array:
+    """L of L Lᵀ = covariance, (..., 3, 3); 1 where that is not known."""
+    unknown = ~np.isfinite(covariance).all(axis=(-2, -1), keepdims=True)
+    return np.linalg.cholesky(np.where(unknown, np.eye(3), covariance))

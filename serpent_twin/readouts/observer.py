@@ -1,0 +1,231 @@
+"""Where does the twin stand, if its motors go where the bus says?"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
+from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_jacobian
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.readouts import Progress, Readout
+from serpent_twin.readouts.belief import Belief, covariance_of, joined
+from serpent_twin.readouts.live import Reading, readings
+from serpent_twin.readouts.saved import Wanted, covariances, divisors, numbers
+from serpent_twin.readouts.windows import SessionWindows, Start, Windows
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.many_twins import TIMESTEP, bearable
+from serpent_twin.sim.prescribed_motion import STANDING, DrivenArms, Motors, Sensed, servo_lag
+
+SETTLE = 2.0
+"""Seconds that the twin hangs before the first reading"""
+TRUST = 40.0
+"""Seconds over which the loads say how far the twin can be trusted"""
+TURNING = 2 * STANDING
+"""[rad/s] faster than this, gear friction has one sign and a load says something"""
+
+
+@dataclass
+class Observer(Readout):
+    """Ours: the twin, driven by the motors' angles from the session's first row on; no markers.
+
+    Training finds how sure it is: the joint angles' error over the validation sessions, seen through the
+    arm's pose, and what the markers show beside. While loads disagree with the twin's more than they did
+    then, the stated spread grows as they do.
+    """
+
+    name: ClassVar[str] = "observer"
+    about: ClassVar[str] = "ours: the twin driven by the motors' angles"
+
+    twin: Mapping[str, Any] = field(
+        default_factory=lambda: twin_model.to_dict(twin_model.NOMINAL_DESIGN)
+    )
+    """The design, as twin.json holds it; the nominal one unless told"""
+
+    def __post_init__(self) -> None:
+        self.twin = twin_model.to_dict(twin_model.from_dict(self.twin))
+
+    def wanted(self) -> Wanted:
+        """The servos' lag [s], covariances of joints [rad²] and markers [m²], the loads' rms error.
+
+        A marker that no validation session shows has no `scale`.
+        """
+        return {
+            "servo_lag": numbers(low=0.0),
+            "joint": covariances(size=N_JOINTS),
+            "rest": covariances(N_JOINTS),
+            "load": divisors(N_MOTORS),
+            "covariance": covariances(N_JOINTS),
+            "scale": numbers(N_JOINTS, 1, 1, low=0.0, unknown=True),
+        }
+
+    def follow(self, session: SessionWindows) -> Belief:
+        """Markers of all windows of a session, and how sure that is."""
+        if not self.learned:
+            raise SerpentError(
+                f"the readout {self.name} has not been fitted; call fit or load first."
+            )
+        return joined([belief for _, belief in self._run(session)])
+
+    def live(self, earlier: float = 0.0) -> "LiveObserver":
+        """An estimator for one session of an arm that ran for so long before [s]."""
+        return LiveObserver(self, earlier)
+
+    def require_rate(self, rate_hz: float) -> None:
+        """Take rows of any rate: the twin goes from each to the next, however long that takes."""
+
+    def with_twin(self, arm: twin_model.Design) -> "Observer":
+        """The same observer with another twin; how sure it is stays what training found with its own."""
+        other = replace(self, twin=twin_model.to_dict(arm))
+        for each in fields(self):
+            if not each.init:
+                setattr(other, each.name, getattr(self, each.name))
+        return other
+
+    @cached_property
+    def arm(self) -> twin_model.Design:
+        """The twin's design."""
+        return twin_model.from_dict(self.twin)
+
+    @property
+    def own_twin(self) -> twin_model.Design:
+        """The twin's design."""
+        return self.arm
+
+    def _run(self, session: SessionWindows) -> Iterator[tuple[Sensed, Belief]]:
+        """What the twin senses and says in the session's windows."""
+        live, first = self.live(session.bus.earlier), len(session.bus.time) - len(session)
+        for k, now in enumerate(readings(session.bus)):
+            belief = live.update(now)
+            if k >= first:
+                yield live.sensed, belief
+
+    def _learn(
+        self, train: Windows, validate: Windows, rng: np.random.Generator, progress: Progress
+    ) -> None:
+        lag = servo_lag([(s.bus.time, s.bus.position, s.bus.velocity) for s in train.sessions])
+        self.learned = {
+            **self.learned,
+            "servo_lag": np.array(lag),
+            "joint": np.zeros((N_JOINTS, N_JOINTS)),
+            "rest": np.tile(np.eye(3), (N_JOINTS, 1, 1)),
+            "load": self.learned.get("load", np.full(N_MOTORS, np.inf)),
+        }
+        seen = []
+        for done, session in enumerate(validate.sessions, 1):
+            seen.append(self._compared(session))
+            progress(done, len(validate.sessions), np.nan)
+        at, joint, rest, load, error = (np.concatenate(each) for each in zip(*seen, strict=True))
+        known = joint[np.isfinite(joint).all(axis=1)]
+        few = np.full((1, N_MOTORS), 1e-3)  # for a motor that never turned
+        self.learned |= {
+            "joint": known.T @ known / max(1, len(known)),
+            "rest": covariance_of(rest),
+            "load": np.sqrt(np.nanmean(np.vstack([load, few]) ** 2, axis=0)),
+            "covariance": covariance_of(error),
+        }
+        # Errors need not be normal: each marker's ellipsoids are made to hold it as often as they say.
+        scale = Belief(np.zeros_like(error), self.seen_from(at)).scale_to(error)
+        self.learned["scale"] = scale[:, None, None]
+
+    def seen_from(self, joint_angle: Array, doubt: float = 1.0) -> Array:
+        """Covariance of the markers in poses [rad], (N, 9), while joints err by `doubt` times the variance
+        of the validation sessions; (N, 9, 3, 3).
+        """
+        slope = marker_jacobian(joint_angle, self.arm.tolerances.marker_offset)[1]
+        each = slope.reshape(-1, N_JOINTS, 3, N_JOINTS)
+        of_joints = each @ self.learned["joint"] @ np.swapaxes(each, -1, -2)
+        return self.learned.get("scale", 1.0) * (doubt * of_joints + self.learned["rest"])
+
+    def _rms_mm(self) -> float:
+        """Error of a marker on the validation sessions [mm]."""
+        square = np.trace(self.learned["covariance"], axis1=-2, axis2=-1)
+        return 1e3 * float(np.sqrt(square.mean()))
+
+    def _compared(self, session: SessionWindows) -> tuple[Array, Array, Array, Array, Array]:
+        """Joint angles; their errors, the markers' beside, turning motors' loads', the markers'."""
+        rows = [sensed for sensed, _ in self._run(session)]
+        at = np.concatenate([row.joint_angle for row in rows])
+        moved = np.concatenate([row.marker for row in rows])
+        turns = np.abs(session.bus.velocity[-len(rows) :]) > TURNING
+        load = session.bus.load[-len(rows) :] - np.concatenate([row.load for row in rows])
+        offset = self.arm.tolerances.marker_offset
+        angle = joints_from_markers(session.marker, at, offset)
+        angle[~np.isfinite(session.marker).all(axis=(1, 2))] = np.nan
+        rest = session.marker - marker_jacobian(angle, offset)[0]
+        return at, angle - at, rest, np.where(turns, load, np.nan), session.marker - moved
+
+    def _spread(self, validate: Windows) -> Array:
+        return self.learned["covariance"]
+
+    def _estimate(self, x: Array, start: Start | None) -> Array:
+        raise SerpentError(
+            f"the readout {self.name} follows the motors from a session's first row on, one window says "
+            "too little: use follow or live."
+        )
+
+
+class LiveObserver:
+    """The twin of one session, a row at a time."""
+
+    def __init__(
+        self, observer: Observer, earlier: float = 0.0, members: Sequence[twin_model.Design] = ()
+    ) -> None:
+        members = members or (observer.arm,)
+        models = {id(arm): arm.spec(motors=False).compile() for arm in members}
+        self._timestep = TIMESTEP * bearable(list(members))
+        for model in models.values():
+            model.opt.timestep = self._timestep
+        lag = float(observer.learned["servo_lag"])
+        self.arms = DrivenArms(members, [models[id(arm)] for arm in members], lag)
+        self.arms.earlier = np.full(len(members), earlier)
+        self._count, self._observer, self._time = len(members), observer, np.nan
+        self._doubt = 1.0  # squared, of the loads' errors over those in training
+
+    def update(self, now: Reading) -> Belief:
+        """The markers now."""
+        self.step(now)
+        return self.belief(now)
+
+    def step(self, now: Reading) -> None:
+        """Let the twin go to this reading; the first one lets it hang there as stiff cables would."""
+        position, velocity = (np.tile(x, (self._count, 1)) for x in (now.position, now.velocity))
+        to = Motors(np.full(self._count, now.time), position, velocity)
+        interval = now.time - self._time
+        if np.isnan(interval):
+            before = Motors(to.time - SETTLE, position, np.zeros_like(velocity))
+            self.arms.place(before, joint_from_motor(position[:, :N_JOINTS]))
+            interval = SETTLE
+        if interval <= 0:
+            raise SerpentError(
+                f"a reading at {now.time:g} s came after one at {self._time:g} s; give them in order."
+            )
+        self.arms.move(to, max(1, round(interval / self._timestep)))
+        if self.arms.unstable.any():
+            raise SerpentError(
+                f"the twin's simulation became unstable at {now.time:g} s. Check the motors' angles, and "
+                "the twin with python -m serpent_twin.trace."
+            )
+        self._interval, self._time = interval, now.time
+        self.members = self.arms.read()
+
+    @property
+    def sensed(self) -> Sensed:
+        """What the members sense in the mean, as one."""
+        each = vars(self.members).items()
+        return Sensed(**{name: value.mean(axis=0, keepdims=True) for name, value in each})
+
+    def belief(self, now: Reading) -> Belief:
+        """What the twin says of the markers, less sure the more loads differ from its own."""
+        sensed = self.sensed
+        error = (now.load - sensed.load[0]) / self._observer.learned["load"]
+        turning = np.abs(now.velocity) > TURNING
+        if turning.any():
+            fade = np.exp(-self._interval / TRUST)
+            self._doubt = fade * self._doubt + (1 - fade) * float((error[turning] ** 2).mean())
+        doubt = max(1.0, self._doubt)
+        covariance = self._observer.seen_from(sensed.joint_angle, doubt)
+        return Belief(sensed.marker, covariance)

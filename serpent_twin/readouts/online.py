@@ -1,0 +1,122 @@
+"""How does an estimate stay right while the arm changes and cameras watch?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
+
+from serpent_twin.arm.geometry import N_JOINTS, joint_from_motor
+from serpent_twin.arrays import Array
+from serpent_twin.readouts.belief import Belief, root_of
+from serpent_twin.readouts.live import Live, Reading
+
+ANGLE, LOAD, PLACE, SPEED = 0.2, 0.1, 0.1, 0.08
+"""[rad], fraction of the stall torque, [m], [m/s]: units that make features of order 1 under the published
+protocol"""
+FEATURES = 1 + 2 * N_JOINTS + 2 * 3 * N_JOINTS
+
+
+@dataclass(frozen=True)
+class Memory:
+    """How fast a correction learns and forgets."""
+
+    weights_s: float = 60.0
+    """Time watched after which a measurement counts 1/e in the weights [s]"""
+    spread_s: float = 15.0
+    """The same in the covariance [s]"""
+    ridge: float = 0.1
+    """Measurements at a feature of 1 that a weight of zero is worth, never forgotten"""
+    trust: float = 9.0
+    """Measurements that the estimator's own covariance is worth, never forgotten"""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What measured markers are compared with."""
+
+    believed: Belief
+    """The estimator's own, of one row"""
+    features: Array
+    """What the correction is linear in, (C,)"""
+    interval: float
+    """Since the reading before [s]"""
+
+
+class Online:
+    """An estimator, and a linear correction that measured markers teach whenever there are some.
+
+    Recursive least squares in information form: what is kept are exponentially weighted sums of products,
+    and a ridge that does not fade. So the weights are at any time those of the batch problem, rounding does
+    not pile up, and an arm that stands still lets them fall back to zero, to the estimator as it is.
+    """
+
+    def __init__(self, live: Live, memory: Memory | None = None) -> None:
+        self._live, self._memory = live, memory or Memory()
+        self._gram = np.zeros((N_JOINTS, FEATURES, FEATURES))
+        self._right = np.zeros((N_JOINTS, FEATURES, 3))
+        self.weight = np.zeros((N_JOINTS, FEATURES, 3))
+        """From features to what is added to each marker [m]; set by `correct`"""
+        self._square, self._count = np.zeros((N_JOINTS, 3, 3)), np.zeros(N_JOINTS)
+        self._time, self._marker = np.nan, np.full((N_JOINTS, 3), np.nan)
+        self._open: Step | None = None
+
+    def update(self, now: Reading) -> Belief | None:
+        """The markers now, corrected; None while the estimator has not seen enough."""
+        believed, interval = self._live.update(now), now.time - self._time
+        self._time, self._open = now.time, None
+        if believed is None:
+            self._marker = np.full((N_JOINTS, 3), np.nan)
+            return None
+        speed = np.nan_to_num((believed.marker[0] - self._marker) / interval)
+        self._marker = believed.marker[0]
+        found = features(now, self._marker, speed)
+        self._open = Step(believed, found, float(np.nan_to_num(interval)))
+        root = root_of(believed.covariance)
+        spread = root @ self._spread(believed) @ np.swapaxes(root, -1, -2)
+        return Belief(believed.marker + found @ self.weight, spread)
+
+    def correct(self, marker: Array) -> None:
+        """Learn from the markers measured with the last reading [m], (9, 3), NaN where lost; once.
+
+        What is lost keeps its weights.
+        """
+        step, self._open = self._open, None
+        if step is None:
+            return
+        seen = np.flatnonzero(np.isfinite(marker).all(axis=1))
+        missed = (marker - step.believed.marker[0])[seen]
+        left = missed - step.features @ self.weight[seen]
+        self._learn(seen, missed, step)
+        root = root_of(step.believed.covariance[0, seen])
+        each = np.linalg.solve(root, left[..., None])
+        fade = np.exp(-step.interval / self._memory.spread_s)
+        self._square[seen] = fade * self._square[seen] + each @ np.swapaxes(each, -1, -2)
+        self._count[seen] = fade * self._count[seen] + 1
+
+    def _learn(self, seen: NDArray[np.intp], missed: Array, step: Step) -> None:
+        fade, x = np.exp(-step.interval / self._memory.weights_s), step.features
+        self._gram[seen] = fade * self._gram[seen] + np.outer(x, x)
+        self._right[seen] = fade * self._right[seen] + x[:, None] * missed[:, None]
+        for k in seen:
+            regular = self._gram[k] + self._memory.ridge * np.eye(FEATURES)
+            self.weight[k] = dposv(regular, self._right[k])[1]
+
+    def _spread(self, believed: Belief) -> Array:
+        """Covariance in units of the estimator's own, (9, 3, 3), of what was left out of sample."""
+        known = np.isfinite(believed.covariance[0]).all(axis=(-2, -1))
+        trust = np.where(known, self._memory.trust, 0.0)[:, None, None]
+        count = self._count[:, None, None] + trust
+        total = self._square + trust * np.eye(3)
+        return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
+
+
+def features(now: Reading, marker: Array, speed: Array) -> Array:
+    """1, stiff cables' joint angles, loads, the estimator's markers (9, 3) [m] and their speed, (C,).
+
+    With an observer of a twin that differed by 30 g, by 0.5 mm of slack or by its stiffness, in turn: offset
+    alone took 3 … 29 % off the error, angles and loads 6 … 45 %, markers besides 28 … 53 %, all 34 … 53 %.
+    """
+    angle = joint_from_motor(now.position[:N_JOINTS])
+    parts = angle / ANGLE, now.load[:N_JOINTS] / LOAD, marker / PLACE, speed / SPEED
+    return np.concatenate([np.ones(1), *(part.ravel() for part in parts)])

@@ -1,0 +1,1 @@
+"""Train readouts on session logs, score them, adapt them to an arm, and report."""

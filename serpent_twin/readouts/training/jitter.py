@@ -1,0 +1,44 @@
+"""How does a readout trained on simulated windows bear that the arm's servos differ a little?
+
+A simulated motor misses its command by little and always in the same way, so that a readout may lean on
+small differences between commands and angles which on the arm are its servos' own. Commands that are jittered
+by as much as the arm's motors miss them say nothing that angles do not say better.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from serpent_twin.arm.geometry import N_JOINTS
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.readouts.windows import COMMAND, STATE, Windows
+
+
+def command_error(windows: Windows) -> float:
+    """Root mean square of what motors 1 … 9 miss their commands by [rad/s], over the newest step of windows
+    of two rows or more.
+    """
+    if windows.window < 2 or windows.rate_hz is None:
+        raise SerpentError(
+            "windows of one row, or of logs of several rates, show no motor's speed."
+        )
+    now, before = windows.x[:, :N_JOINTS], windows.x[:, STATE : STATE + N_JOINTS]
+    told = windows.x[:, STATE * windows.window :][:, :N_JOINTS]
+    return float(np.sqrt(np.mean(((now - before) * windows.rate_hz - told) ** 2)))
+
+
+def jittered(windows: Windows, size: float, rng: np.random.Generator) -> Windows:
+    """The same windows, all commands off by normal errors of a size [rad/s]; 0 leaves them as they are."""
+    if not size:
+        return windows
+    commands = COMMAND * (windows.window - 1)
+
+    def jitter(x: Array) -> Array:
+        moved = x.copy()
+        moved[:, STATE * windows.window :] += size * rng.standard_normal((len(x), commands))
+        return moved
+
+    return replace(
+        windows, sessions=tuple(replace(each, x=jitter(each.x)) for each in windows.sessions)
+    )

@@ -1,0 +1,193 @@
+"""How is a session of the real arm recorded?"""
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from serpent_twin.arm.control import random_targets
+from serpent_twin.errors import SerpentError
+from serpent_twin.hardware.cameras import Mocap, NoMocap
+from serpent_twin.hardware.dynamixel.bus import DynamixelBus
+from serpent_twin.hardware.dynamixel.setup import (
+    ArmSetup,
+    find_setup,
+    is_pseudo_terminal,
+    setup_to_run,
+)
+from serpent_twin.recording import lost_markers, run_folder
+from serpent_twin.recording.collect import Collect, metadata, session_path
+from serpent_twin.recording.ending import loop_times, sealed, stopped_by_signals
+from serpent_twin.recording.loop import NOTHING, Beside, Step, record
+from serpent_twin.recording.sunken import bring_back
+from serpent_twin.sessions import Journal
+
+FURTHER = ("motor1_tick_ms", "recoveries")
+"""Columns of every real log: motor 1's own clock, and what the bus overcame since the row before."""
+FURTHER_OF_CAMERAS = ("camera_time", "marker_age")
+MOST_EVENTS = 200
+"""So many of the things overcome are told one by one in a log's metadata; all are counted."""
+
+Show = Callable[[int, str], None]
+
+
+def record_all(config: Collect, missing: list[int], beside: Beside = NOTHING) -> None:
+    """Record the sessions 1, 2, … that are missing, one after the other."""
+    setup = arm_of(config)
+    if is_pseudo_terminal(setup.port):
+        print(f"{setup.port} is a pseudo-terminal: the motors on it are simulated.")
+    total = len(missing) * config.steps
+    with stopped_by_signals(), tqdm(total=total, unit="row", disable=not missing) as bar:
+        for session in missing:
+
+            def show(rows: int, state: str, session: int = session) -> None:
+                bar.set_postfix_str(
+                    f"session {session} of {config.sessions}, {state}", refresh=False
+                )
+                bar.update(rows)
+
+            record_session(config, setup, session, show, beside)
+
+
+def arm_of(config: Collect) -> ArmSetup:
+    """The arm's setup, which must know its port and where the arm is straight."""
+    setup = find_setup(config.real.setup, config.real.port)
+    if not Path(setup.port).exists():
+        raise SerpentError(
+            f"there is no port {setup.port}. Check cable and supply, and ls /dev/serial/by-id, or start "
+            "python -m serpent_twin.bus.device."
+        )
+    return setup_to_run(setup)
+
+
+def settings_of_arm(config: Collect) -> dict[str, Any]:
+    """What makes it the same arm, recorded in the same way."""
+    setup = asdict(arm_of(config))
+    kept = ("ids", "direction", "zero", "homing_offset", "drive_mode", "limits")
+    return {name: setup[name] for name in kept} | {
+        "controller_gain": config.parameters.controller_gain,
+        "mocap": config.real.mocap,
+        "port_is_pseudo_terminal": is_pseudo_terminal(setup["port"]),
+    }
+
+
+def record_session(
+    config: Collect, setup: ArmSetup, session: int, show: Show, beside: Beside = NOTHING
+) -> None:
+    """Record one session; however it ends, its rows are sealed, and why it ended is said in them."""
+    path = session_path(config, session)
+    rng = np.random.default_rng(
+        np.random.SeedSequence(config.seed, spawn_key=(session,)).spawn(3)[0]
+    )
+    targets = random_targets(config.steps, rng)
+    bus, cameras, watch = DynamixelBus(setup), cameras_of(config), lost_markers.Watch()
+    of_bus = FURTHER + (FURTHER_OF_CAMERAS if config.real.mocap != "none" else ())
+    values = _further(bus, of_bus)
+    gain, period = config.parameters.controller_gain, 1 / config.rate_hz
+    times: list[float] = []
+
+    def further(step: Step) -> dict[str, float]:
+        return values(step) | dict(beside.further(step))
+
+    def account() -> dict[str, Any]:
+        loop = loop_times(np.array(times), period, bus.missed)
+        told = {"loop": loop, "bus": _account(bus)}
+        if config.real.mocap != "none":
+            told |= {"cameras": dict(cameras.account()), lost_markers.KEY: watch.account()}
+        beside.end(told)
+        return told
+
+    about = metadata(config, session) | _about(config, setup) | dict(beside.about)
+    with (
+        sealed(path, about, of_bus + beside.columns, account) as journal,
+        cameras,
+        bus,
+        _kept_on_disk(journal),
+    ):
+        bring_back(bus, gain, period)
+        for row in record(bus, cameras, targets, gain, period, further):
+            journal.append(row)
+            times.append(row["time"])
+            beside.see(row)
+            watch.see(row["time"], row["marker"])
+            lost = watch.state() if config.real.mocap != "none" else ""
+            show(1, _state(times, period, bus) + lost)
+    run_folder.drop_what_came_again(path)
+
+
+@contextmanager
+def _kept_on_disk(journal: Journal, every: float = 1.0) -> Iterator[None]:
+    """Force the journal to the disk again and again [s], beside the loop: a slow disk stops no motor."""
+    done = threading.Event()
+
+    def keep() -> None:
+        while not done.wait(every):
+            with contextlib.suppress(OSError):  # then the next row says so
+                journal.sync()
+
+    thread = threading.Thread(target=keep, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
+
+
+def _state(times: list[float], period: float, bus: DynamixelBus) -> str:
+    jitter = abs(times[-1] - times[-2] - period) if len(times) > 1 else 0.0
+    return (
+        f"jitter {jitter * 1e3:.1f} ms, missed {bus.missed}, "
+        f"recovered {sum(bus.recovery.counts.values())}"
+    )
+
+
+def _further(bus: DynamixelBus, names: tuple[str, ...]) -> Callable[[Step], dict[str, float]]:
+    told = 0
+
+    def columns(step: Step) -> dict[str, float]:
+        nonlocal told
+        known, told = told, sum(bus.recovery.counts.values())
+        values = {
+            "motor1_tick_ms": float(step.state.registers.realtime_tick[0]),
+            "recoveries": float(told - known),
+            "camera_time": step.frame.camera_time,
+            "marker_age": step.frame.age,
+        }
+        return {name: values[name] for name in names}
+
+    return columns
+
+
+def _about(config: Collect, setup: ArmSetup) -> dict[str, Any]:
+    described = asdict(setup) | {"path": str(setup.path)}
+    return {
+        "markers": config.real.mocap,
+        "setup": described,
+        "port_is_pseudo_terminal": is_pseudo_terminal(setup.port),
+    }
+
+
+def _account(bus: DynamixelBus) -> dict[str, Any]:
+    return {
+        "lockstep": bus.lockstep,
+        "recoveries": dict(bus.recovery.counts),
+        "events": bus.recovery.events[:MOST_EVENTS],
+        "answers": dict(bus.wire.counts),
+    }
+
+
+def cameras_of(config: Collect) -> Mocap:
+    """The cameras asked for, not yet connected."""
+    if config.real.mocap == "none":
+        return NoMocap()
+    from serpent_twin.hardware.base_frame import Rigid
+    from serpent_twin.hardware.natnet.live import NatNetMocap
+
+    return NatNetMocap(config.real.natnet, Rigid.load(config.real.frame))

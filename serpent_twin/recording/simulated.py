@@ -1,0 +1,143 @@
+"""How are many sessions of the twin recorded at once?"""
+
+import multiprocessing as mp
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from serpent_twin.arm.control import random_targets
+from serpent_twin.arrays import Array
+from serpent_twin.emulator.cameras import SimulatedMocap
+from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.errors import SerpentError
+from serpent_twin.recording import run_folder
+from serpent_twin.recording.collect import Collect, metadata, session_path
+from serpent_twin.recording.loop import record
+from serpent_twin.sessions import Journal
+
+
+def simulate_all(config: Collect, missing: list[int]) -> None:
+    """Record the sessions 1, 2, … that are missing, side by side, under one progress bar."""
+    with _progress(config, len(missing)) as show:
+        _simulate_all(config, missing, show)
+
+
+def bench(config: Collect, session: int) -> tuple[SimulatedBus, SimulatedMocap, Array]:
+    """The twin's bus, cameras that see it, and the joint targets of one session [rad], (steps, 9)."""
+    seeds = np.random.SeedSequence(config.seed, spawn_key=(session,)).spawn(3)
+    for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
+    arm, earlier = config.simulated(), (session - 1) * config.steps / config.rate_hz
+    parameters = arm.design.parameters
+    bus = SimulatedBus(arm.twin(earlier), for_loads, parameters.load_noise)
+    cameras = SimulatedMocap(bus.twin, for_cameras, parameters.marker_noise, config.marker_loss)
+    return bus, cameras, random_targets(config.steps, for_targets)
+
+
+def simulate_session(config: Collect, session: int, tick: Callable[[int], None]) -> Path:
+    """Record one session of the twin; `tick` is told the number of rows logged so far."""
+    bus, cameras, targets = bench(config, session)
+    gain = config.simulated().design.parameters.controller_gain
+    path = session_path(config, session)
+    with bus, Journal(path, metadata(config, session)) as journal:
+        rows = record(bus, cameras, targets, gain, 1 / config.rate_hz)
+        for n, row in enumerate(rows, 1):
+            journal.append(row)
+            tick(n)
+        journal.seal()
+    run_folder.drop_what_came_again(path)
+    return path
+
+
+# Sessions are simulated by processes; a shared array of row counts drives the progress bar.
+
+_counts: Any = None
+
+
+def _start_worker(counts: Any) -> None:
+    """Take the shared counts, and end with the parent however that ends, kill -9 included."""
+    global _counts
+    _counts = counts
+    parent = mp.parent_process()
+    assert parent is not None
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+def _work(config: Collect, session: int, slot: int) -> Path:
+    def tick(rows: int) -> None:
+        _counts[slot] = rows
+        if _counts[-1]:
+            raise SerpentError("stopped, because another session failed.")
+
+    return simulate_session(config, session, tick)
+
+
+@contextmanager
+def _progress(config: Collect, missing: int) -> Iterator[Callable[[int, str], None]]:
+    total = missing * config.steps
+    with tqdm(total=total, unit="row", disable=not missing, smoothing=0.05) as bar:
+
+        def show(rows: int, sessions: str) -> None:
+            bar.set_postfix_str(sessions, refresh=False)
+            bar.update(rows - bar.n)
+
+        yield show
+
+
+def _simulate_all(config: Collect, missing: list[int], show: Callable[[int, str], None]) -> None:
+    workers = min(config.workers or os.cpu_count() or 1, len(missing))
+    if workers <= 1:
+        for done, session in enumerate(missing):
+            before = done * config.steps
+            label = f"session {session} of {config.sessions}"
+            simulate_session(config, session, lambda n, b=before, s=label: show(b + n, s))
+        return
+    context = mp.get_context("spawn")
+    counts = context.Array("q", len(missing) + 1, lock=False)  # the last one stops all workers
+    with ProcessPoolExecutor(workers, context, _start_worker, (counts,)) as pool:
+        jobs = [pool.submit(_work, config, n, slot) for slot, n in enumerate(missing)]
+        try:
+            _watch(jobs, counts, missing, config, show)
+        except BaseException:
+            counts[-1] = 1
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _watch(
+    jobs: list[Future[Path]],
+    counts: Any,
+    missing: list[int],
+    config: Collect,
+    show: Callable[[int, str], None],
+) -> None:
+    while not all(job.done() for job in jobs):
+        rows = list(counts)[:-1]
+        running = [str(n) for n, r in zip(missing, rows, strict=True) if 0 < r < config.steps]
+        show(sum(rows), f"session {', '.join(running)} of {config.sessions}" if running else "")
+        if any(job.done() and job.exception() for job in jobs):
+            break
+        time.sleep(0.1)
+    jobs = [job for job in jobs if job.done()]
+    try:
+        for job in jobs:
+            job.result()
+    except BrokenProcessPool as error:
+        raise SerpentError(
+            "a simulating process was killed from outside. Every row it logged is kept; "
+            "run the same command again to go on."
+        ) from error
+    show(sum(counts[:-1]), "")

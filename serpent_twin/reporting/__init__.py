@@ -1,0 +1,1 @@
+"""Reports, the style of plots, and recordings for rerun."""

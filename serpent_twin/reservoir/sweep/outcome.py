@@ -1,0 +1,117 @@
+"""What comes out of one point, whole and the same wherever it is measured?"""
+
+import json
+import math
+import platform
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from serpent_twin.errors import SerpentError
+from serpent_twin.reservoir.sweep import body, measures, pose
+from serpent_twin.reservoir.sweep.point import Measuring, Point
+from serpent_twin.runs.provenance import provenance
+
+_DIGITS = 6
+_NOTHING = 1e-9  # differences of sums leave less by rounding, which depends on the processor
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One point's file, and what belongs beside it because it differs from run to run."""
+
+    text: str
+    """The file's content, JSON; nothing in it tells where or when it was measured"""
+    versions: dict[str, str]
+    """Of what computed"""
+    git_commit: str
+    """Of this project, there"""
+    host: str
+    """Name of the machine"""
+    seconds: dict[str, float]
+    """What simulating, measuring and the pose readouts took [s]"""
+
+
+@dataclass
+class _Parts:
+    """Parts of a point, each with what it took or why it failed."""
+
+    found: dict[str, Any] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def add(self, name: str, make: Callable[[], Any]) -> None:
+        began = time.perf_counter()
+        try:
+            self.found[name] = make()
+        except SerpentError as error:
+            self.failed[name] = str(error)
+        self.seconds[name] = time.perf_counter() - began
+
+
+def measured(point: Point, measuring: Measuring) -> Outcome:
+    """Measure a point; what cannot be measured, such as an unstable twin, is said in its file."""
+    with _quietly():
+        parts = _parts(point, measuring)
+    content = {
+        "point": point.described(),
+        "arm": point.arm,
+        "measuring": asdict(measuring),
+        "failed": parts.failed,
+        "body": parts.found.get("body"),
+        "pose": parts.found.get("pose"),
+    }
+    about = _about()
+    text = json.dumps(rounded(content), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return Outcome(
+        text, about["versions"], about["git_commit"], platform.node(), rounded(parts.seconds)
+    )
+
+
+def _parts(point: Point, measuring: Measuring) -> _Parts:
+    parts = _Parts()
+    if measuring.body:
+        parts.add("simulation", lambda: body.simulate(point, measuring))
+    if runs := parts.found.get("simulation"):
+        parts.add("body", lambda: measures.measure(runs, point, measuring))
+    if point.stiffness is not None:  # on rigid cables the analytical pose is the pose
+        parts.add("pose", lambda: pose.errors(point, measuring))
+    return parts
+
+
+@cache
+def _about() -> dict[str, Any]:
+    return provenance()
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    """Let MuJoCo not warn of what the point's file says: a sweep's terminal shows its progress."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def rounded(value: Any) -> Any:
+    """JSON's own kinds of values, numbers to six digits, None for what is not a number.
+
+    The last digits of linear algebra depend on processor and threads.
+    """
+    if isinstance(value, Mapping):
+        return {key: rounded(each) for key, each in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [rounded(each) for each in value]
+    if isinstance(value, int | np.integer | str | None):
+        return int(value) if isinstance(value, np.integer) else value
+    if not math.isfinite(value):
+        return None
+    return float(f"{value:.{_DIGITS}g}") if abs(value) > _NOTHING else 0.0

@@ -1,0 +1,75 @@
+"""How well do readouts know the pose of a point's arm under the published protocol?"""
+
+import zlib
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.control import random_targets
+from serpent_twin.emulator.cameras import SimulatedMocap
+from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.readouts.score import score
+from serpent_twin.readouts.training.split import split
+from serpent_twin.readouts.training.trial import Trial
+from serpent_twin.readouts.windows import Windows
+from serpent_twin.recording.loop import record
+from serpent_twin.reservoir.sweep.drive import steady_timestep
+from serpent_twin.reservoir.sweep.point import DROP, WINDOW, Measuring, Point
+from serpent_twin.sessions import FIELDS, SCHEMA_VERSION, Session
+from serpent_twin.sim.twin import Twin
+
+PUBLISHED_RATE = 4.0
+"""[Hz] P. At another rate the whole protocol goes faster or slower: velocities in proportion."""
+
+
+def errors(point: Point, measuring: Measuring) -> dict[str, Any]:
+    """Marker distances of each readout [mm] on a session that it never saw.
+
+    Raises SerpentError when the simulation becomes unstable or a motor switches itself off.
+    """
+    sessions = [session(point, measuring, n) for n in range(1, measuring.sessions + 1)]
+    train, steer, test = split(sessions).windows(WINDOW, DROP)
+    return {name: _score(name, point, measuring, train, steer, test) for name in measuring.readouts}
+
+
+def session(point: Point, measuring: Measuring, number: int) -> Session:
+    """Session 1, 2, … of the protocol, in memory, at the point's rate if none is given for sessions."""
+    seeds = np.random.SeedSequence(point.seed, spawn_key=(number,)).spawn(3)
+    for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
+    rate = measuring.session_rate or point.rate
+    parameters, twin = point.parameters, _twin(point, rate)
+    bus = SimulatedBus(twin, for_loads, parameters.load_noise)
+    cameras = SimulatedMocap(twin, for_cameras, parameters.marker_noise)
+    targets = random_targets(measuring.session_steps, for_targets)
+    gain = parameters.controller_gain * rate / PUBLISHED_RATE
+    with bus:
+        rows = list(record(bus, cameras, targets, gain, 1 / rate))
+    arrays: dict[str, Any] = {name: np.stack([row[name] for row in rows]) for name in FIELDS}
+    about = {"schema_version": SCHEMA_VERSION, "session": number, "rate_hz": rate}
+    return Session(path=None, metadata=about, **arrays)
+
+
+def _twin(point: Point, rate: float) -> Twin:
+    """The arm with time steps that are steady, a whole number of them to a control period."""
+    model = point.design.spec().compile()
+    longest = steady_timestep(point.parameters.strand_stiffness, mjcf.TIMESTEP, mjcf.TIMESTEP)
+    period = 1 / rate
+    model.opt.timestep = period / np.ceil(period / longest - 1e-9)
+    return Twin(point.design, model=model)
+
+
+def _score(
+    name: str, point: Point, measuring: Measuring, train: Windows, steer: Windows, test: Windows
+) -> dict[str, Any]:
+    readout = Trial(name, WINDOW, Path(), point.seed, measuring.epochs).untrained()
+    if any(each.name == "epochs" for each in fields(readout)):
+        import torch
+
+        torch.set_num_threads(1)  # the last digits depend on their number
+    rng = np.random.default_rng([point.seed, WINDOW, zlib.crc32(name.encode())])
+    readout.fit(train, steer, rng)
+    estimate = np.concatenate([readout.follow(each).marker for each in test.sessions])
+    return asdict(score(estimate, test.marker))

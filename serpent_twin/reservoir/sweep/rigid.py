@@ -1,0 +1,43 @@
+"""What would the arm do on cables that neither stretch nor slacken?
+
+The control of a sweep: joints follow the motors exactly, loads are the weight of the present pose, so
+nothing is remembered, and what is combined is what the arm's shape combines.
+"""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.geometry import ARM, markers
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.arrays import Array
+from serpent_twin.reservoir.sweep.drive import Motion, coupled
+from serpent_twin.sim.cable_dynamics import addresses
+from serpent_twin.sim.twin_model import Design
+
+
+def move(targets: Array) -> Motion:
+    """What the arm does along joint targets [rad], (B, K + 1, 9), at any rate: it rests in each hold."""
+    joint = targets[:, 1:]
+    load = loads(joint.reshape(-1, joint.shape[-1])).reshape(*joint.shape[:-1], -1)
+    return Motion(coupled(joint), load, joint, markers(joint))
+
+
+def loads(joint_angle: Array) -> Array:
+    """Loads [1], (T, 10), that hold the arm at rest at joint angles [rad], (T, 9), by inverse dynamics.
+
+    Cable j pulls at joints 1 … j alike, the gripper's at all and the jaw: so motor j carries what joint j
+    asks beyond what joint j + 1 asks.
+    """
+    free = replace(NOMINAL, strand_stiffness=0.0, joint_friction=0.0)
+    model = Design(free).spec(motors=False).compile()
+    data = mujoco.MjData(model)
+    at, dof = addresses(model, (*mjcf.JOINTS, "jaw"))
+    torque = np.empty((len(joint_angle), len(dof)))
+    for row, angle in enumerate(joint_angle):
+        data.qpos[at[:-1]] = angle
+        mujoco.mj_inverse(model, data)
+        torque[row] = data.qfrc_inverse[dof]
+    return -np.diff(torque, axis=1, append=0.0) / ARM.servo.stall_torque

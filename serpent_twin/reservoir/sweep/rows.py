@@ -1,0 +1,181 @@
+"""Read what each point of a sweep found, in numbers that are compared."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.reservoir.sweep.point import Measuring, Point
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One point: what motor angles and loads together hold, and how well they tell the pose."""
+
+    stiffness: float
+    """[N/m], infinite on rigid cables"""
+    slack: float
+    """[m]"""
+    damping: float
+    """[N m s/rad]"""
+    rate: float
+    """[Hz]"""
+    amplitude: float
+    """[rad]"""
+    load_noise: float
+    """Share of the stall torque"""
+    seed: int
+    capacity: Array
+    """By degree from 1, (D,); NaN in all where the simulation failed"""
+    useful: Array
+    """By degree, of channels and taps together minus taps, (D,)"""
+    noiseless: Array
+    """The same of joint angles and loads without noise, (D,)"""
+    memory: Array
+    """Linear memory, all inputs added up, at delays from 0, (K,)"""
+    mean_delay: float
+    """Of the linear memory [command periods]"""
+    forgetting: float
+    """Rate at which joints and loads, without noise, forget where they began [1/s]"""
+    consistency: float
+    """[1]"""
+    overlap: float
+    """Share of the markers' variance that lies in what the channels hold [1]"""
+    pose_mm: Mapping[str, float]
+    """Mean marker distance by readout"""
+    failed: str
+    """What failed, in words"""
+
+    @property
+    def total(self) -> float:
+        """Capacity of all degrees."""
+        return float(self.capacity.sum())
+
+    @property
+    def beyond_linear(self) -> float:
+        """Capacity of degrees from 2."""
+        return float(self.capacity[1:].sum())
+
+    @property
+    def useful_total(self) -> float:
+        """What the channels add to the taps."""
+        return float(self.useful.sum())
+
+    @property
+    def noiseless_total(self) -> float:
+        """What the body adds to the taps."""
+        return float(self.noiseless.sum())
+
+    @property
+    def even(self) -> float:
+        """Capacity of even degrees."""
+        return float(self.capacity[1::2].sum())
+
+    def numbers(self) -> dict[str, Any]:
+        """As results.json has it."""
+        return {
+            "stiffness_n_m": self.stiffness if np.isfinite(self.stiffness) else None,
+            "slack_m": self.slack,
+            "seed": self.seed,
+            "capacity_by_degree": known(self.capacity),
+            "mean_delay_steps": known(self.mean_delay),
+            "consistency": known(self.consistency),
+            "pose_mm": known(self.pose_mm),
+        }
+
+    def crossed_numbers(self) -> dict[str, Any]:
+        """As results.json has what is measured besides the grid."""
+        how = {
+            "damping_n_m_s_per_rad": self.damping,
+            "rate_hz": self.rate,
+            "amplitude_rad": self.amplitude,
+            "load_noise": self.load_noise,
+            "useful_by_degree": known(self.useful),
+            "useful_by_degree_noiseless": known(self.noiseless),
+        }
+        return self.numbers() | how
+
+
+def row_of(point: Point, content: Mapping[str, Any], measuring: Measuring) -> Row:
+    """What a point's file holds."""
+    body = content["body"]
+    both = body["channels"]["both"] if body else None
+    degrees, delays = len(measuring.delays), measuring.memory_delay + 1
+    return Row(
+        stiffness=np.inf if point.stiffness is None else point.stiffness,
+        slack=point.slack,
+        damping=point.damping,
+        rate=point.rate,
+        amplitude=point.amplitude,
+        load_noise=point.load_noise,
+        seed=point.seed,
+        capacity=_degrees(both["capacity"]) if both else np.full(degrees, np.nan),
+        useful=_degrees(both["beyond_taps"]) if both else np.full(degrees, np.nan),
+        noiseless=_degrees(body["noiseless"]["beyond_taps"]) if body else np.full(degrees, np.nan),
+        memory=np.sum(both["memory"]["profile"], axis=0) if both else np.full(delays, np.nan),
+        mean_delay=_number(both["memory"]["mean_delay_periods"] if both else None),
+        forgetting=_number(body["contraction_rate_per_s"] if body else None),
+        consistency=_number(both["consistency"] if both else None),
+        overlap=_number(both["marker_overlap"] if both else None),
+        pose_mm={name: each["mean_mm"] for name, each in (content["pose"] or {}).items()},
+        failed="; ".join(f"{part}: {why}" for part, why in content["failed"].items()),
+    )
+
+
+def _degrees(of: Mapping[str, Any]) -> Array:
+    return np.array(list(of["by_degree"].values()))
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def values(rows: Sequence[Row], value: Callable[[Row], float]) -> Array:
+    """A number of every row by slack, stiffness and seed, ascending, (L, K, S); NaN where there is none."""
+    axes = [sorted({at(row) for row in rows}) for at in (_slack, _stiffness, _seed)]
+    found = np.full([len(axis) for axis in axes], np.nan)
+    for row in rows:
+        where = _slack(row), _stiffness(row), _seed(row)
+        found[tuple(axis.index(at) for axis, at in zip(axes, where, strict=True))] = value(row)
+    return found
+
+
+def _slack(row: Row) -> float:
+    return row.slack
+
+
+def _stiffness(row: Row) -> float:
+    return row.stiffness
+
+
+def _seed(row: Row) -> int:
+    return row.seed
+
+
+def readouts(rows: Sequence[Row]) -> list[str]:
+    """Names of the readouts that were scored anywhere."""
+    return list(dict.fromkeys(name for row in rows for name in row.pose_mm))
+
+
+def steady_readouts(rows: Sequence[Row]) -> list[str]:
+    """Names of the readouts that were scored wherever any was."""
+    scored = [row.pose_mm for row in rows if row.pose_mm]
+    return [name for name in readouts(rows) if all(name in each for each in scored)]
+
+
+def error_of(readout: str) -> Callable[[Row], float]:
+    """What takes a readout's error [mm] from a row."""
+    return lambda row: row.pose_mm.get(readout, float("nan"))
+
+
+def known(value: Any) -> Any:
+    """JSON's own kinds of values, None for what is not a number."""
+    if isinstance(value, Mapping):
+        return {name: known(each) for name, each in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [known(each) for each in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

@@ -1,0 +1,1 @@
+"""What every run needs: a lock, whole files, provenance, a pool of workers."""

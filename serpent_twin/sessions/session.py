@@ -1,0 +1,150 @@
+"""What is in a session log?"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+
+SCHEMA_VERSION = 1
+FEWEST_HZ, MOST_HZ = 1e-3, 1e5
+"""Control steps per second that a log may have: far beyond those of any arm, and finite"""
+
+
+@dataclass(frozen=True)
+class Field:
+    """One array of a session: the columns that hold it, its shape in a row, its unit."""
+
+    columns: tuple[str, ...]
+    shape: tuple[int, ...]
+    unit: str
+
+
+def _motor(quantity: str, unit: str) -> Field:
+    return Field(tuple(f"motor{i}_{quantity}" for i in range(1, N_MOTORS + 1)), (N_MOTORS,), unit)
+
+
+_JOINTS = range(1, N_JOINTS + 1)
+FIELDS: Mapping[str, Field] = {
+    "time": Field(("time",), (), "s"),
+    "motor_position": _motor("position", "rad"),
+    "motor_velocity": _motor("velocity", "rad/s"),
+    "motor_load": _motor("load", "1"),
+    "motor_velocity_command": _motor("velocity_command", "rad/s"),
+    "joint_target": Field(tuple(f"joint{i}_target" for i in _JOINTS), (N_JOINTS,), "rad"),
+    "marker": Field(tuple(f"marker{i}_{x}" for i in _JOINTS for x in "xyz"), (N_JOINTS, 3), "m"),
+}
+COLUMNS: tuple[str, ...] = tuple(name for f in FIELDS.values() for name in f.columns)
+UNITS: Mapping[str, str] = {name: f.unit for f in FIELDS.values() for name in f.columns}
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """One session as arrays of T rows: a row's command acts between this row and the next."""
+
+    path: Path | None
+    """The file it came from; None for a session made in memory."""
+    metadata: dict[str, Any]
+    """schema_version, backend, arm, session, rate_hz, and whatever the recorder added."""
+    time: Array
+    """Controller clock when the motors were read [s], (T,)."""
+    motor_position: Array
+    """Measured motor angles, multi-turn [rad], (T, 10)."""
+    motor_velocity: Array
+    """Measured [rad/s], (T, 10)."""
+    motor_load: Array
+    """Fraction of the stall torque, −1 … 1, (T, 10)."""
+    motor_velocity_command: Array
+    """Sent after this reading [rad/s], (T, 10)."""
+    joint_target: Array
+    """The controller's target [rad], (T, 9)."""
+    marker: Array
+    """Markers in the base frame [m], (T, 9, 3); NaN where lost."""
+    extra: dict[str, np.ndarray] = field(default_factory=dict)
+    """Further columns of the file by name, (T,) each."""
+
+    def __post_init__(self) -> None:
+        if "rate_hz" in self.metadata:
+            rate_of(self.metadata, str(self.path or self.name))
+        expected = {name: (len(self.time), *f.shape) for name, f in FIELDS.items()}
+        found = {name: getattr(self, name).shape for name in FIELDS}
+        expected |= dict.fromkeys(self.extra, (len(self.time),))
+        found |= {name: np.shape(column) for name, column in self.extra.items()}
+        for name, shape in expected.items():
+            if found[name] != shape:
+                problem = f"{name} has shape {found[name]}, expected {shape}."
+                raise SerpentError(f"{self.path or self.name}: {problem}")
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __getitem__(self, rows: slice) -> "Session":
+        return self.rows(rows)
+
+    def rows(self, rows: slice) -> "Session":
+        """The session restricted to some rows, as views of the same arrays."""
+        arrays = {name: getattr(self, name)[rows] for name in FIELDS}
+        extra = {name: column[rows] for name, column in self.extra.items()}
+        return replace(self, **arrays, extra=extra)
+
+    @property
+    def name(self) -> str:
+        """File name without its ending, such as `session_01`."""
+        return self.path.stem if self.path else f"session_{self.metadata.get('session', 0):02d}"
+
+    @property
+    def rate_hz(self) -> float:
+        """Control steps per second."""
+        return rate_of(self.metadata, str(self.path or self.name))
+
+    @property
+    def readings(self) -> Array:
+        """Motor angles, velocities and loads of the rows in which a motor turns, (≤ T, 30); of all rows where
+        none does.
+        """
+        read = (self.motor_position, self.motor_velocity, self.motor_load)
+        turning = (self.motor_velocity != 0).any(axis=1)
+        return np.concatenate(read, axis=1)[turning if turning.any() else slice(None)]
+
+    @property
+    def earlier(self) -> float:
+        """How long the arm ran before [s]; sessions of a run are of one length."""
+        number = int(self.metadata.get("session", 1))
+        return (number - 1) * float(self.time[-1] - self.time[0])
+
+
+def rate_of(metadata: Mapping[str, Any], where: str) -> float:
+    """Control steps per second that a log's metadata tell, or a `SerpentError` that names `where`."""
+    rate: Any = metadata.get("rate_hz")
+    is_number = isinstance(rate, int | float | np.number) and not isinstance(rate, bool)
+    if not is_number or not FEWEST_HZ <= rate <= MOST_HZ:
+        told = repr(rate) if isinstance(rate, str) else str(rate)
+        told = told if len(told) < 30 else f"{told[:20]} …"
+        raise SerpentError(
+            f"{where}: rate_hz is {told}, expected a number from {FEWEST_HZ:g} to {MOST_HZ:g}."
+        )
+    return float(rate)
+
+
+def session_from_columns(
+    path: Path | None, metadata: dict[str, Any], columns: Mapping[str, np.ndarray]
+) -> Session:
+    """A session out of flat columns, (T,) each; further ones become `extra`."""
+    arrays = {
+        name: np.stack([columns[c] for c in f.columns], axis=-1).reshape(-1, *f.shape)
+        for name, f in FIELDS.items()
+    }
+    extra = {name: column for name, column in columns.items() if name not in UNITS}
+    return Session(path=path, metadata=metadata, **arrays, extra=extra)
+
+
+def columns_of(session: Session) -> dict[str, np.ndarray]:
+    """The flat columns of a session, (T,) each: the 77 in the file's order, then the extra ones."""
+    flat = {name: getattr(session, name).reshape(len(session), -1) for name in FIELDS}
+    columns = {c: flat[name][:, k] for name, f in FIELDS.items() for k, c in enumerate(f.columns)}
+    return columns | session.extra

@@ -1,0 +1,219 @@
+"""How do effects act on runs that step side by side?"""
+
+from collections.abc import Sequence
+
+import mujoco
+import mujoco.batch
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from serpent_twin import effects
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
+from serpent_twin.arm.hinge_friction import softness
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Moment
+from serpent_twin.errors import SerpentError
+from serpent_twin.sim.twin_model import Design
+
+_SIGN = np.tile([1.0, -1.0], N_MOTORS)
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_UNEQUAL = (
+    "runs side by side need models of one structure, which some effects change: give what is absent "
+    "in some of the runs a tiny strength, or run those apart."
+)
+
+
+def side_by_side(models: Sequence[mujoco.MjModel], nthread: int) -> Batch:
+    """A batch whose run i is of models[i]; all must be of one structure."""
+    distinct = {id(model): model for model in models}
+    for model in distinct.values():
+        # An unstable run that starts itself anew would warn in every step.
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    batch = Batch(models[0], len(models), nthread)
+    if len({mujoco.mj_stateSize(m, _STATE) for m in distinct.values()}) > 1:
+        raise SerpentError(_UNEQUAL)
+    for name in mujoco.batch.MODEL_FIELDS:
+        owner, _, field = name.rpartition(".")
+        of = {n: getattr(m.opt if owner == "opt" else m, field) for n, m in distinct.items()}
+        first, *others = of.values()
+        if any(np.shape(value) != np.shape(first) for value in others):
+            raise SerpentError(_UNEQUAL)
+        if any(not np.array_equal(value, first) for value in others):
+            values = np.array([of[id(model)] for model in models])
+            batch.expand(name)[...] = values.reshape(len(models), *np.shape(first))
+    return batch
+
+
+_DERIVED = (
+    "dof_invweight0",
+    "tendon_invweight0",
+    "body_invweight0",
+    "dof_M0",
+    "dof_solref",
+    "dof_solimp",
+)
+"""By what MuJoCo scales its constraints, and what hinge friction is softened by in turn"""
+
+
+class Variation:
+    """Models of a batch as a first one, and by how much K further ones differ from it.
+
+    Masses and gravity only; raises a `SerpentError` if anything else does.
+    """
+
+    def __init__(self, batch: Batch, models: Sequence[mujoco.MjModel]) -> None:
+        self._fields: list[tuple[Array, Array, Array]] = []
+        for name in mujoco.batch.MODEL_FIELDS:
+            owner, _, field = name.rpartition(".")
+            all_of = np.array([getattr(m.opt if owner == "opt" else m, field) for m in models])
+            if name in _DERIVED or not (all_of != all_of[0]).any():
+                continue
+            if name not in ("body_mass", "body_subtreemass", "opt.gravity"):
+                raise SerpentError(
+                    f"models that differ in {name} cannot be varied while they run, only masses and gravity."
+                )
+            self._fields.append((batch.expand(name), all_of[0], all_of[1:] - all_of[0]))
+
+    def set(self, share: Array) -> None:
+        """Give every run the first model and shares of what the others differ by, (n, K)."""
+        for own, first, change in self._fields:
+            own[...] = (first + np.tensordot(share, change, 1)).reshape(np.shape(own))
+
+
+def set_timestep(batch: Batch, timestep: Array) -> None:
+    """Let each run take its own time steps [s], (n,) or (n, 1)."""
+    own = batch.expand("opt.timestep")
+    own[...] = timestep.reshape(np.shape(own))
+
+
+def addresses(
+    model: mujoco.MjModel, names: Sequence[str]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where joints of these names lie in qpos and in qvel."""
+    joints = [model.joint(name) for name in names]
+    return (
+        np.array([int(j.qposadr[0]) for j in joints], np.intp),
+        np.array([int(j.dofadr[0]) for j in joints], np.intp),
+    )
+
+
+class Mechanism:
+    """Cables, gears and hinges of n runs, with what their effects do before every time step.
+
+    `motors` says whether the model has the motors' hinges, so that its strands feel them already;
+    else the strands' rest lengths carry what the winches wind.
+    """
+
+    def __init__(self, batch: Batch, designs: Sequence[Design], motors: bool) -> None:
+        model = batch.model
+        self.batch, self.arm, self._motors = batch, designs[0].arm, motors
+        self._joint_q, self._joint_v = addresses(model, mjcf.JOINTS)
+        self._motor_v = addresses(model, mjcf.MOTORS)[1] if motors else None
+        self._jaw_q, jaw_v = addresses(model, ("jaw",))
+        self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
+        self._effects = effects.stacked([design.active for design in designs])
+        self.acting = bool(self._effects)
+        self._rest = batch.expand("tendon_lengthspring")
+        self._stiffness = batch.expand("tendon_stiffness")
+        self._friction = batch.expand("dof_frictionloss")
+        self._bend = batch.expand("tendon_stiffnesspoly")  # T = k x + bend x²
+        self._applied = batch.bind("qfrc_applied")
+        self._jaw_friction = self._friction[:, jaw_v].copy()
+        self.transition_velocity = np.array([d.transition_velocity for d in designs])
+        self._soft = tuple(batch.expand(f"dof_{of}") for of in ("solref", "solimp", "invweight0"))
+        self.slack, self.stiffness = self._rest[:, :, 1].copy(), self._stiffness.copy()
+        bend, stiff = self._bend[:, :, 0], self.stiffness
+        self.stiffening = np.divide(bend, stiff, out=np.zeros_like(bend), where=stiff > 0)
+        self.joint_friction = self._friction[:, self._joint_v].copy()
+        if self._motor_v is None:
+            self.gear_friction = _per_motor(designs)
+        else:
+            self.gear_friction = self._friction[:, self._motor_v].copy()
+        self.winch_ratio = 1.0 + np.array([d.tolerances.winch_radius for d in designs])
+        self._reach = np.array(self.arm.pulley_radius) * self.winch_ratio
+        self.earlier: Array | float = 0.0
+        """How long earlier sessions ran in all [s], or (n, 1)"""
+        self._memory: list[object] = []
+
+    def start(self, time: Array, motor_angle: Array, motor_velocity: Array) -> None:
+        """Begin anew: effects forget all. Arrays are (n, 1), (n, 10), (n, 10)."""
+        moment = self.moment(time, motor_angle, motor_velocity, 0.0)
+        self._memory = [effect.start(moment) for effect in self._effects]
+
+    def moment(
+        self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array
+    ) -> Moment:
+        """The present instant without effects."""
+        return Moment(
+            arm=self.arm,
+            dt=dt,
+            time=time,
+            motor_angle=motor_angle,
+            motor_velocity=motor_velocity,
+            joint_angle=self._qpos[:, self._joint_q],
+            joint_velocity=self._qvel[:, self._joint_v],
+            jaw_angle=self._qpos[:, self._jaw_q],
+            winch_angle=motor_angle.copy(),
+            slack=self.slack.copy(),
+            stiffness=self.stiffness.copy(),
+            joint_torque=np.zeros((len(motor_angle), N_JOINTS)),
+            motor_torque=np.zeros((len(motor_angle), N_MOTORS)),
+            joint_friction=self.joint_friction.copy(),
+            transition_velocity=self.transition_velocity.copy(),
+            gear_friction=self.gear_friction.copy(),
+            winch_ratio=self.winch_ratio,
+            stiffening=self.stiffening,
+            earlier=self.earlier,
+        )
+
+    def act(
+        self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array
+    ) -> Moment:
+        """Let the effects act on the next time step, and write what they changed into the batch."""
+        moment = self.moment(time, motor_angle, motor_velocity, dt)
+        for effect, memory in zip(self._effects, self._memory, strict=True):
+            effect.act(moment, memory)
+        self.wind(moment.slack, moment.winch_angle, motor_angle)
+        self._stiffness[...] = moment.stiffness
+        self._bend[:, :, 0] = moment.stiffness * self.stiffening
+        self._rub(moment)
+        self._applied[:, self._joint_v] = moment.joint_torque
+        if self._motor_v is not None:
+            self._friction[:, self._motor_v] = moment.gear_friction
+            self._applied[:, self._motor_v] = moment.motor_torque
+        return moment
+
+    def _rub(self, moment: Moment) -> None:
+        """Let the hinges rub as this moment has them."""
+        reference, impedance, inverse_inertia = self._soft
+        friction, v = moment.joint_friction, self._joint_v
+        soft = softness(friction, inverse_inertia[:, v], moment.transition_velocity)
+        self._friction[:, v] = friction
+        reference[:, v, 0] = soft[0]
+        impedance[:, v, :2] = soft[1][..., None]
+
+    def jaw_at_rest(self, wound: Array) -> Array:
+        """Where the jaw stands [rad], (n, 1): as near to its zero as its friction holds it against its
+        cable, wound by motor and joints by so much [rad], (n, 1).
+        """
+        radius = self.arm.pulley_radius[-1]
+        stretch = self.slack[:, -2:] + self._jaw_friction / (radius * self.stiffness[:, -2:])
+        high, low = stretch[:, :1] / radius, -stretch[:, 1:] / radius
+        return wound - np.clip(wound, np.minimum(low, high), np.maximum(low, high))
+
+    def wind(self, slack: Array, winch_angle: Array, motor_angle: Array) -> None:
+        """Shift the strands' rest lengths by what the winches wind and the model does not know."""
+        wound = winch_angle - motor_angle if self._motors else winch_angle
+        self._rest[:, :, 1] = slack - _SIGN * np.repeat(self._reach * wound, 2, axis=1)
+
+    def horn_torque(self, moment: Moment) -> Array:
+        """Torque that cables and effects ask of each motor's horn, without its gearbox [N m], (n, 10)."""
+        return moment.horn_torque
+
+
+def _per_motor(designs: Sequence[Design]) -> Array:
+    return np.array(
+        [d.parameters.gear_friction * np.exp(d.tolerances.gear_friction) for d in designs]
+    )

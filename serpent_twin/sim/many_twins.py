@@ -1,0 +1,226 @@
+"""What would arms do, if their motors moved exactly as logged?
+
+The motors' angles wind the strands, whatever pulls: an error of the twin is not hidden by a
+controller, nor made by a servo's lag. Many designs and many stretches of logs step side by side.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.sim.prescribed_motion import DrivenArms, Motors
+from serpent_twin.sim.twin_model import Design
+
+TIMESTEP = 0.005
+"""[s]; a step of 1 ms moves the markers by about 0.1 mm, and by about 1 ms in time at most (tests)."""
+_SWEEPS = 20
+_SOFT = 7e3  # [N/m]
+
+
+@dataclass(frozen=True)
+class Past:
+    """What happened before each of B stretches, at K rows, for effects that remember.
+
+    Motor angles and markers were measured then, so nothing is simulated: effects feel the measured
+    pose, from row to row.
+    """
+
+    time: Array
+    """Since each session began [s], (B, K); a shorter past repeats its first row"""
+    motor_angle: Array
+    """[rad], (B, K, 10)"""
+    motor_velocity: Array
+    """[rad/s], (B, K, 10)"""
+    joint_angle: Array
+    """From the markers [rad], (B, K, 9)"""
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """B stretches of R rows of logs; a run is put on the measured pose at every restart."""
+
+    time: Array
+    """Since each session began [s], (B, R)"""
+    motor_angle: Array
+    """[rad], (B, R, 10)"""
+    motor_velocity: Array
+    """[rad/s], (B, R, 10)"""
+    joint_angle: Array
+    """From the markers [rad], (B, R, 9); used at restarts only"""
+    restart: Array
+    """Rows at which a segment begins, of bool, (R,); the first is one"""
+    servo_lag: float = 0.0
+    """Time constant with which a motor takes up a new velocity after each row [s]"""
+    earlier: Array | float = 0.0
+    """How long the arm's sessions before each one ran in all [s], or (B,)"""
+    joint_velocity: Array | float = 0.0
+    """[rad/s], or (B, R, 9); used at restarts only"""
+    past: Past | None = None
+    """What effects with a long memory felt before; without, they begin with the first row"""
+
+
+@dataclass(frozen=True)
+class Response:
+    """What D designs did in B stretches of R rows."""
+
+    marker: Array
+    """[m], (D, B, R, 9, 3)"""
+    load: Array
+    """Fraction of the stall torque, (D, B, R, 10)"""
+    joint_angle: Array
+    """[rad], (D, B, R, 9)"""
+    jaw_angle: Array
+    """[rad], (D, B, R)"""
+    tension: Array
+    """In the order of `mjcf.STRANDS` [N], (D, B, R, 20)"""
+    unstable: NDArray[np.bool_]
+    """Designs whose simulation gave up; their numbers are NaN; of bool, (D,)"""
+
+
+def impose(
+    designs: Sequence[Design],
+    stretches: Stretches,
+    timestep: float = TIMESTEP,
+    nthread: int = 0,
+    rough: int = 0,
+) -> Response:
+    """Drive designs, all with effects of the same kinds, by measured motor angles.
+
+    `rough`, so many times the time step with a few sweeps of a quicker solver, is about half as costly
+    and good for differences between designs: markers are off by about 0.1 mm, by the same for all.
+    """
+    models = [design.spec(motors=False).compile() for design in designs]
+    if rough:
+        timestep *= rough
+        for model in models:
+            hasten(model)
+    run = _Run(designs, models, stretches, timestep, nthread or os.cpu_count() or 1)
+    for row in range(stretches.time.shape[1]):
+        if stretches.restart[row]:
+            run.restart(row)
+        else:
+            run.step_to(row)
+        run.read(row)
+    return run.response()
+
+
+def hasten(model: mujoco.MjModel) -> None:
+    """Let a model's friction be found by a few sweeps of a quicker solver."""
+    model.opt.solver, model.opt.iterations = mujoco.mjtSolver.mjSOL_PGS, _SWEEPS
+
+
+def bearable(designs: Sequence[Design]) -> int:
+    """How many times the time step these designs bear where a rough answer does: soft strands bear two."""
+    stiffest = max(
+        d.parameters.strand_stiffness * np.exp(max(d.tolerances.strand_stiffness)) for d in designs
+    )
+    return 2 if stiffest < _SOFT else 1
+
+
+def substeps(stretches: Stretches, timestep: float) -> NDArray[np.intp]:
+    """Time steps between the rows of stretches, (R − 1,): jitter of the rows adds none."""
+    interval = np.diff(stretches.time, axis=1)
+    usual = np.ceil(np.median(interval) / timestep - 1e-9) if interval.size else 1
+    longest = np.ceil(0.9 * interval.max(axis=0) / timestep)
+    return np.maximum(np.maximum(usual, longest), 1).astype(np.intp)
+
+
+class _Run:
+    """Runs of all designs (D) in all stretches (B), D slow, B fast, from row to row."""
+
+    def __init__(
+        self,
+        designs: Sequence[Design],
+        models: Sequence[mujoco.MjModel],
+        stretches: Stretches,
+        timestep: float,
+        nthread: int,
+    ) -> None:
+        self.s, (self.B, self.R), self.D = stretches, stretches.time.shape, len(designs)
+        for model in models:
+            model.opt.timestep = timestep
+        rows = [n for n in range(self.D) for _ in range(self.B)]
+        self.arms = DrivenArms(
+            [designs[n] for n in rows], [models[n] for n in rows], stretches.servo_lag, nthread
+        )
+        self.arms.earlier = self._rows(np.broadcast_to(stretches.earlier, self.B))
+        self.substeps = substeps(stretches, timestep)
+        shape = (self.D * self.B, self.R)
+        self.marker = np.empty((*shape, N_JOINTS, 3))
+        self.load, self.joint = np.empty((*shape, N_MOTORS)), np.empty((*shape, N_JOINTS))
+        self.jaw, self.tension = np.empty(shape), np.empty((*shape, 2 * N_MOTORS))
+
+    def _rows(self, of_stretches: Array) -> Array:
+        """(B, …) for all designs, (D B, …)."""
+        return np.tile(of_stretches, (self.D,) + (1,) * (of_stretches.ndim - 1))
+
+    def _motors(self, row: int) -> Motors:
+        s = self.s
+        return Motors(*(self._rows(x[:, row]) for x in (s.time, s.motor_angle, s.motor_velocity)))
+
+    def restart(self, row: int) -> None:
+        """Put the joints where the markers saw them; effects with a long memory keep it."""
+        s = self.s
+        if row == 0 and s.past:
+            self._remember(s.past)
+        velocity = np.broadcast_to(s.joint_velocity, s.joint_angle.shape)[:, row]
+        joint = self._rows(s.joint_angle[:, row]), self._rows(velocity)
+        self.arms.place(self._motors(row), *joint, anew=row == 0 and not s.past)
+
+    def _remember(self, past: Past) -> None:
+        """Let effects feel the measured poses before the stretches."""
+        for k in range(past.time.shape[1]):
+            motors = Motors(
+                *(self._rows(x[:, k]) for x in (past.time, past.motor_angle, past.motor_velocity))
+            )
+            self.arms.feel(motors, self._rows(past.joint_angle[:, k]), anew=k == 0)
+
+    def step_to(self, row: int) -> None:
+        """Move the motors from the row before to this one."""
+        self.arms.move(self._motors(row), int(self.substeps[row - 1]))
+
+    def read(self, row: int) -> None:
+        """Note what sensors say of the present instant."""
+        now = self.arms.read()
+        for noted, value in (
+            (self.marker, now.marker),
+            (self.load, now.load),
+            (self.joint, now.joint_angle),
+            (self.jaw, now.jaw_angle),
+            (self.tension, now.tension),
+        ):
+            noted[:, row] = value
+
+    def response(self) -> Response:
+        """All that was noted, by design."""
+        bad = np.asarray(self.arms.unstable.reshape(self.D, self.B).any(axis=1))
+
+        def by_design(noted: Array) -> Array:
+            values = noted.reshape(self.D, self.B, *noted.shape[1:])
+            values[bad] = np.nan
+            return values
+
+        return Response(
+            marker=by_design(self.marker),
+            load=by_design(self.load),
+            joint_angle=by_design(self.joint),
+            jaw_angle=by_design(self.jaw),
+            tension=by_design(self.tension),
+            unstable=bad,
+        )
+
+
+def gaps(time: Array) -> Array:
+    """Rows whose interval to the row before is off the median by more than half, of bool, (R,)."""
+    step = np.diff(time, prepend=time[:1])
+    if len(time) < 2:
+        raise SerpentError("a stretch needs at least two rows.")
+    usual = np.median(step[1:])
+    return np.r_[False, np.abs(step[1:] - usual) > usual / 2]

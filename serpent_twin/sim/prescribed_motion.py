@@ -1,0 +1,213 @@
+"""What do arms do when their motors go where they were measured, row by row?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.geometry import N_JOINTS
+from serpent_twin.arrays import Array
+from serpent_twin.sim.cable_dynamics import (
+    Mechanism,
+    Variation,
+    addresses,
+    set_timestep,
+    side_by_side,
+)
+from serpent_twin.sim.history import History
+from serpent_twin.sim.twin_model import Design
+
+STANDING = 0.05
+"""[rad/s] slower than this, a motor's load lies anywhere within its gear friction."""
+
+
+@dataclass(frozen=True)
+class Motors:
+    """What is measured of the motors of n arms in one row."""
+
+    time: Array
+    """Since each session began [s], (n,)"""
+    angle: Array
+    """[rad], (n, 10)"""
+    velocity: Array
+    """[rad/s], (n, 10)"""
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """What n arms would be seen to do at one instant."""
+
+    marker: Array
+    """[m], (n, 9, 3)"""
+    load: Array
+    """Fraction of the stall torque, (n, 10)"""
+    joint_angle: Array
+    """[rad], (n, 9)"""
+    jaw_angle: Array
+    """[rad], (n,)"""
+    tension: Array
+    """In the order of `mjcf.STRANDS` [N], (n, 20)"""
+
+
+class DrivenArms:
+    """Arms that step side by side, each of its own design, all with effects of the same kinds.
+
+    The motors' angles wind the strands, whatever pulls. `place` comes first, then `move` and `read`.
+    """
+
+    def __init__(
+        self,
+        designs: Sequence[Design],
+        models: Sequence[mujoco.MjModel],
+        servo_lag: float = 0.0,
+        nthread: int = 1,
+    ) -> None:
+        """`servo_lag` is the time constant with which a motor takes up a new velocity [s]."""
+        self._lag, self._stall = servo_lag, designs[0].arm.servo.stall_torque
+        self._batch, self._models = side_by_side(models, nthread), models
+        self._cables = Mechanism(self._batch, designs, motors=False)
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._sensors = self._batch.bind("sensordata")
+        self._history = History(self._batch)
+        self._joint_q, self._joint_v = addresses(models[0], mjcf.JOINTS)
+        self._jaw = addresses(models[0], ("jaw",))[0]
+        none = np.zeros(len(designs))
+        self._motors = Motors(none, *np.zeros((2, len(designs), 10)))
+
+    @property
+    def earlier(self) -> Array | float:
+        """How long each arm's earlier sessions ran in all [s], (n,)."""
+        return np.ravel(self._cables.earlier)
+
+    @earlier.setter
+    def earlier(self, seconds: Array) -> None:
+        self._cables.earlier = np.asarray(seconds)[:, None]
+
+    @property
+    def unstable(self) -> NDArray[np.bool_]:
+        """Whose simulation gave up, of bool, (n,)."""
+        return self._batch.warning[..., 1].any(axis=-1)
+
+    def place(
+        self,
+        motors: Motors,
+        joint_angle: Array,
+        joint_velocity: Array | float = 0.0,
+        anew: bool = True,
+    ) -> None:
+        """Put the joints at angles [rad], (n, 9), and velocities [rad/s]; `anew`, effects forget all."""
+        self._hold(motors, joint_angle)
+        self._qvel[:, self._joint_v] = joint_velocity
+        if anew:
+            self._begin(motors)
+        self._wind(motors)
+        self._batch.forward()
+        self._history.fill()
+
+    def feel(self, motors: Motors, joint_angle: Array, anew: bool = False) -> None:
+        """Let effects that remember feel a measured pose [rad], (n, 9), at rest; nothing is simulated."""
+        dt = (motors.time - self._motors.time)[:, None]
+        self._hold(motors, joint_angle)
+        if anew:
+            self._begin(motors)
+        else:
+            self._cables.act(motors.time[:, None], motors.angle, motors.velocity, dt)
+
+    def _hold(self, motors: Motors, joint_angle: Array) -> None:
+        """Put joints and the jaw somewhere, at rest."""
+        self._motors = motors
+        self._qpos[...], self._qvel[...] = 0.0, 0.0
+        self._qpos[:, self._joint_q] = joint_angle
+        passed = joint_angle.sum(axis=1, keepdims=True)
+        wound = self._cables.winch_ratio[:, -1:] * motors.angle[:, -1:] - passed
+        self._qpos[:, self._jaw] = self._cables.jaw_at_rest(wound)
+
+    def _begin(self, motors: Motors) -> None:
+        self._cables.start(motors.time[:, None], motors.angle, motors.velocity)
+
+    def move(self, to: Motors, substeps: int) -> None:
+        """Step to the next row, in so many time steps."""
+        before, interval = self._motors, to.time - self._motors.time
+        dt = (interval / substeps)[:, None]
+        set_timestep(self._batch, dt)
+        path = _Path(before.angle, to.angle, before.velocity, substeps * dt, self._lag)
+        began = before.time[:, None]
+        for k in range(substeps):
+            angle, velocity = path.at(k * dt)  # MuJoCo's springs pull as at the step's beginning
+            if self._cables.acting:
+                self._cables.act(began + k * dt, angle, velocity, dt)
+            else:
+                self._cables.wind(self._cables.slack, angle, angle)
+            self._batch.step()
+        self._motors = to
+        self._wind(to)
+        self._batch.forward()
+
+    def variation(self) -> Variation:
+        """The arms as what differs between the first and each further one: it can be set anew at any time."""
+        return Variation(self._batch, self._models)
+
+    def nudge(self, joint_angle: Array) -> None:
+        """Move the joints to angles [rad], (n, 9), as they are; velocities and memories stay."""
+        self._qpos[:, self._joint_q] = joint_angle
+        self._batch.forward()
+
+    def _wind(self, motors: Motors) -> None:
+        self._cables.wind(self._cables.slack, motors.angle, motors.angle)
+
+    def read(self) -> Sensed:
+        """What sensors say of the present instant."""
+        motors = self._motors
+        moment = self._cables.act(motors.time[:, None], motors.angle, motors.velocity, 0.0)
+        loss = moment.gear_friction * np.tanh(motors.velocity / (STANDING / 3))
+        return Sensed(
+            marker=self._sensors.reshape(-1, N_JOINTS, 3).copy(),
+            load=(self._cables.horn_torque(moment) + loss) / self._stall,
+            joint_angle=self._qpos[:, self._joint_q],
+            jaw_angle=self._qpos[:, self._jaw[0]].copy(),
+            tension=moment.tension,
+        )
+
+
+class _Path:
+    """How motors go from row to row: they take up the new velocity that ends at the measured angle."""
+
+    def __init__(self, before: Array, after: Array, old: Array, period: Array, lag: float) -> None:
+        self._before, self._old, self._lag = before, old, lag
+        taken = lag * (1 - np.exp(-period / lag)) if lag else 0.0
+        self._new = (after - before - old * taken) / (period - taken)
+
+    def at(self, t: Array) -> tuple[Array, Array]:
+        """Angles [rad] and velocities [rad/s] at times [s] since the row before, (n, 1)."""
+        return taken_up(self._before, self._old, self._new, t, self._lag)
+
+
+def taken_up(before: Array, old: Array, new: Array, t: Array, lag: float) -> tuple[Array, Array]:
+    """Angles [rad] and velocities [rad/s] a time t [s] after motors at angles `before` were told to turn at
+    new velocities in place of old ones, with a lag of first order [s]; shapes broadcast.
+
+    x(t) = x₀ + v t + (v₀ − v) τ (1 − exp(−t/τ)).
+    """
+    if not lag:
+        return before + new * t, new
+    change, fading = old - new, np.exp(-t / lag)
+    return before + new * t + change * lag * (1 - fading), new + change * fading
+
+
+def servo_lag(logs: Sequence[tuple[Array, Array, Array]]) -> float:
+    """Time constant with which the motors take up a new velocity [s], from logs of time, (T,), angles and
+    velocities, (T, 10).
+
+    Between two rows a motor goes v T + (v₀ − v) τ, so τ is a slope; a log without jumps gives 0.
+    """
+    jump, short = [], []
+    for time, angle, v in logs:
+        jump.append((v[:-1] - v[1:]).ravel())
+        short.append((np.diff(angle, axis=0) - v[1:] * np.diff(time)[:, None]).ravel())
+    x, y = np.concatenate(jump), np.concatenate(short)
+    use = np.isfinite(x + y) & (np.abs(x) > 4 * STANDING)
+    slope = float(x[use] @ y[use] / (x[use] @ x[use])) if use.sum() > 100 else 0.0
+    return float(np.clip(slope, 0.0, 0.05))

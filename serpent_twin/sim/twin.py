@@ -1,0 +1,222 @@
+"""What does the arm do when its motors move?"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import ArrayLike
+
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.sim.cable_dynamics import Mechanism, addresses
+from serpent_twin.sim.history import History
+from serpent_twin.sim.many_twins import Stretches, impose
+from serpent_twin.sim.prescribed_motion import taken_up
+from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+
+_TORQUE = slice(2 * N_MOTORS, 3 * N_MOTORS)  # in the sensor vector, as mjcf.py orders it
+_MARKERS = slice(3 * N_MOTORS, 3 * N_MOTORS + 3 * N_JOINTS)
+_GAIN_I, _GAIN_P = 4, 6  # of a dcmotor's gainprm: mjcf.py's `controller`
+_SETTLE = 2.0  # [s]
+_UNSTABLE = (
+    "the twin's simulation became unstable in {}. Lower the strand stiffness or raise the damping in "
+    "the parameters."
+)
+
+
+class Twin:
+    """`nsim` runs of one arm, stepped side by side; every array below has their rows in front.
+
+    A run starts straight and hanging, at rest, all angles zero. Readings are of the present
+    instant. All of the state lies in MuJoCo's state rows, the servos' goals, and what the effects
+    remember.
+    """
+
+    def __init__(
+        self,
+        design: Design = NOMINAL_DESIGN,
+        nsim: int = 1,
+        nthread: int = 1,
+        model: mujoco.MjModel | None = None,
+        earlier: float = 0.0,
+    ) -> None:
+        """`model` is taken in place of what the design's spec compiles to; `earlier` is how long the
+        arm has run in earlier sessions [s], for effects that wear it.
+        """
+        self.model = model or design.spec().compile()
+        self.design, self.arm = design, design.arm
+        self.batch = Batch(self.model, nsim, nthread)
+        self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
+        self._motor_q, self._motor_v = addresses(self.model, mjcf.MOTORS)
+        self._joint_q, _ = addresses(self.model, mjcf.JOINTS)
+        self._jaw_q = addresses(self.model, ("jaw",))[0][0]
+        self._time, self._ctrl = self.batch.bind("time"), self.batch.bind("ctrl")
+        self._force = self.batch.bind("actuator_force")
+        self._sensors, self._stretch = self.batch.bind("sensordata"), self.batch.bind("ten_length")
+        self._strands = tuple(
+            self.batch.expand(f"tendon_{of}")
+            for of in ("lengthspring", "stiffness", "stiffnesspoly")
+        )
+        self._gain = self.batch.expand("actuator_gainprm")
+        self._firmware_gain = self._gain.copy()
+        self._goal, self._pace = np.zeros((2, nsim, N_MOTORS))
+        self.mechanism = Mechanism(self.batch, [design] * nsim, motors=True)
+        self.mechanism.earlier = earlier
+        self.mechanism.start(self._time[:, None].copy(), self.motor_angle, self.motor_velocity)
+        self._look()
+        History(self.batch).fill()
+        self.batch.forward()
+
+    @property
+    def motor_angle(self) -> Array:
+        """Motor angles [rad], (nsim, 10)."""
+        return self.qpos[:, self._motor_q]
+
+    @property
+    def motor_velocity(self) -> Array:
+        """Motor velocities [rad/s], (nsim, 10)."""
+        return self.qvel[:, self._motor_v]
+
+    @property
+    def motor_torque(self) -> Array:
+        """Torque of each drive at the horn, the gearbox's own friction included [N m], (nsim, 10)."""
+        return self._sensors[:, _TORQUE].copy()
+
+    @property
+    def joint_angle(self) -> Array:
+        """Joint angles [rad], (nsim, 9)."""
+        return self.qpos[:, self._joint_q]
+
+    @property
+    def jaw_angle(self) -> Array:
+        """The jaw's angle [rad], (nsim,)."""
+        return self.qpos[:, self._jaw_q].copy()
+
+    @property
+    def markers(self) -> Array:
+        """True marker positions in the base frame [m], (nsim, 9, 3)."""
+        return self._sensors[:, _MARKERS].reshape(-1, N_JOINTS, 3).copy()
+
+    @property
+    def tension(self) -> Array:
+        """Tension of every strand, in the order of `mjcf.STRANDS` [N], (nsim, 20)."""
+        rest, stiffness, bend = self._strands
+        over = np.maximum(self._stretch - rest[:, :, 1], 0.0)
+        return (stiffness + bend[:, :, 0] * over) * over
+
+    def power(self, on: ArrayLike) -> None:
+        """Switch the drives on or off; `on` is broadcast to (nsim, 10). Off, a motor turns freely
+        against its gear friction; switched on, it starts from where it is.
+        """
+        was_on = self._gain[:, :, _GAIN_P] > 0
+        on = np.broadcast_to(np.asarray(on, bool), self._goal.shape)
+        for gain in (_GAIN_I, _GAIN_P):
+            self._gain[:, :, gain] = np.where(on, self._firmware_gain[:, :, gain], 0.0)
+        self._goal = np.where(on & was_on, self._goal, self.motor_angle)
+        self._pace = np.where(on & was_on, self._pace, 0.0)
+
+    def advance(self, velocity: ArrayLike, duration: float) -> Array:
+        """Hold goal velocities [rad/s], broadcast to (nsim, 10), for a duration [s].
+
+        Returns the drives' torques in every substep [N m], (nsim, substeps, 10).
+        The servo's integral is the angle by which a motor is behind its integrated goal; it stops
+        growing where it alone would ask for the stall torque, as firmware prevents wind-up.
+        """
+        velocity = np.broadcast_to(np.asarray(velocity, float), self._goal.shape)
+        substeps = self.substeps(duration)
+        most = self.arm.servo.stall_torque / self.arm.servo.velocity_i
+        angle = self.qpos[:, self._motor_q]
+        self._goal = np.clip(self._goal, angle - most, angle + most)
+        control = np.empty((len(angle), substeps, 2 * N_MOTORS))
+        elapsed = self.model.opt.timestep * np.arange(substeps)
+        control[:, :, 0::2], control[:, :, 1::2] = self._held_to(velocity, elapsed)
+        ahead = self._held_to(velocity, np.array([duration]))
+        torque = self._step(control) if self.mechanism.acting else self._roll(control)
+        self._goal, self._pace = (each[:, 0] for each in ahead)
+        # what is read now belongs to now, not to a step ago
+        self._ctrl[:, 0::2], self._ctrl[:, 1::2] = self._goal, self._pace
+        self._look()
+        self._refuse_divergence()
+        return torque
+
+    def _held_to(self, velocity: Array, elapsed: Array) -> tuple[Array, Array]:
+        """Angles and velocities to which servos that take up new goal velocities, (nsim, 10), are held after
+        so many times (n,) [s]; (nsim, n, 10) and what broadcasts to it.
+        """
+        goal, old, new = (x[:, None] for x in (self._goal, self._pace, velocity))
+        return taken_up(goal, old, new, elapsed[:, None], self.design.parameters.servo_lag)
+
+    def _roll(self, control: Array) -> Array:
+        """All substeps at once: nothing acts in Python."""
+        record = self.batch.rollout(control.shape[1], control, record=("actuator_force",))
+        return record["actuator_force"]
+
+    def _step(self, control: Array) -> Array:
+        """Substep by substep, effects acting before each."""
+        torque = np.empty((*control.shape[:2], N_MOTORS))
+        for k in range(control.shape[1]):
+            self._ctrl[...] = control[:, k]
+            self._act(self.model.opt.timestep)
+            self.batch.step()
+            torque[:, k] = self._force
+        return torque
+
+    def _act(self, dt: float) -> None:
+        time = self._time[:, None].copy()
+        self.mechanism.act(time, self.motor_angle, self.motor_velocity, dt)
+
+    def _look(self) -> None:
+        """Bring sensors and tensions up to the present instant."""
+        if self.mechanism.acting:
+            self._act(0.0)
+        self.batch.forward()
+
+    def substeps(self, duration: float) -> int:
+        """Number of time steps in a duration [s], which must be a whole number of them."""
+        substeps = round(duration / self.model.opt.timestep)
+        if substeps < 1 or not np.isclose(substeps * self.model.opt.timestep, duration):
+            raise SerpentError(
+                f"the twin cannot advance by {duration:g} s: its time step is "
+                f"{self.model.opt.timestep:g} s. Choose a rate whose period is a multiple of that."
+            )
+        return substeps
+
+    def _refuse_divergence(self) -> None:
+        raised = np.flatnonzero(self.batch.warning[..., 1].any(axis=-1))  # (lastinfo, number)
+        if raised.size:
+            raise SerpentError(_UNSTABLE.format(f"run {raised[0]} of {len(self.qpos)}"))
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What the twin did while measured motor angles drove it; T rows, as the log's."""
+
+    joint_angle: Array
+    """[rad], (T, 9)"""
+    jaw_angle: Array
+    """[rad], (T,)"""
+    tension: Array
+    """In the order of `mjcf.STRANDS` [N], (T, 20)"""
+    marker: Array
+    """In the base frame [m], (T, 9, 3)"""
+
+
+def replay_motors(time: Array, motor_position: Array, design: Design = NOMINAL_DESIGN) -> Replay:
+    """Drive a design by measured motor angles [rad], (T, 10), at rising times [s], (T,).
+
+    The run starts where stiff cables would put the joints, and settles for two seconds. A gap in
+    time is bridged as one long, even motion.
+    """
+    moves = np.concatenate([motor_position[:1], motor_position])[None]
+    clock = np.concatenate([time[:1] - _SETTLE, time])[None]
+    joint = np.zeros((*moves.shape[:2], N_JOINTS))
+    joint[0, 0] = joint_from_motor(motor_position[0, :N_JOINTS])
+    velocity = np.gradient(moves, clock[0], axis=1)
+    stretch = Stretches(clock, moves, velocity, joint, np.arange(len(clock[0])) == 0)
+    did = impose([design], stretch, mjcf.TIMESTEP, 1)
+    if did.unstable.any():
+        raise SerpentError(_UNSTABLE.format("its replay"))
+    return Replay(*(x[0, 0, 1:] for x in (did.joint_angle, did.jaw_angle, did.tension, did.marker)))

@@ -1,0 +1,195 @@
+"""What is known of one arm? Its numbers, tolerances and effects: what twin.json holds."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import mujoco
+import numpy as np
+from msgspec import field
+
+from serpent_twin import effects, stored
+from serpent_twin.arm import hinge_friction, mjcf
+from serpent_twin.arm.deviations import EXACT, Tolerances
+from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm
+from serpent_twin.arm.parameters import NOMINAL, Parameters
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Effect, Several
+from serpent_twin.errors import SerpentError
+from serpent_twin.runs import files
+
+KIND = "serpent_twin design"
+"""What twin.json says it is."""
+VERSION = 2
+"""Of twin.json"""
+_LATER = (
+    {("parameters", "servo_lag"): 0.0},
+    {("tolerances", "jaw_held"): [0.0]},
+    {
+        ("parameters", "transition_velocity"): 0.0,
+        ("tolerances", "transition_velocity"): [0.0] * N_JOINTS,
+    },
+)
+"""Keys that were added while files had no version, the last first, and what held before"""
+_ADVICE = "Give the twin.json that `python -m serpent_twin.trace` wrote."
+
+E = TypeVar("E", bound=Effect)
+
+
+@dataclass(frozen=True)
+class Design:
+    """One arm as its twin is built; the nominal one unless told."""
+
+    parameters: Parameters = NOMINAL
+    """Of all parts of a kind"""
+    tolerances: Tolerances = EXACT
+    """Part by part"""
+    effects: Several = ()
+    """What the nominal twin leaves out; absent ones change nothing"""
+    arm: Arm = ARM
+    """Geometry and masses"""
+
+    @cached_property
+    def active(self) -> Several:
+        """The effects that are there."""
+        return tuple(effect for effect in self.effects if not effect.absent)
+
+    @property
+    def transition_velocity(self) -> Array:
+        """Below which each hinge's friction creeps [rad/s], (9,)."""
+        return self.parameters.transition_velocity * np.exp(self.tolerances.transition_velocity)
+
+    def spec(self, motors: bool = True, drawn: bool = False) -> mujoco.MjSpec:
+        """The arm with all that MJCF can express of its effects."""
+        spec = mjcf.build(self.arm, self.parameters, self.tolerances, drawn, motors)
+        for effect in self.active:
+            effect.edit(spec, self.arm)
+        hinge_friction.soften(spec, dict(zip(mjcf.JOINTS, self.transition_velocity, strict=True)))
+        return spec
+
+    def effect_of(self, kind: type[E]) -> E:
+        """The arm's effect of one kind, as it would be were there none if there is none."""
+        return next((each for each in self.effects if type(each) is kind), kind())
+
+    def with_effect(self, effect: Effect) -> "Design":
+        """The same arm with one effect added, or replaced where it has one of its kind."""
+        others = tuple(each for each in self.effects if type(each) is not type(effect))
+        return replace(self, effects=(*others, effect))
+
+    def xml(self) -> str:
+        """The arm as MJCF that stands alone; a comment names what MJCF cannot express."""
+        python = [effects.name_of(effect) for effect in self.active if effect.acts()]
+        python += ["servo_lag"] if self.parameters.servo_lag else []
+        note = "all of this arm's effects are in this file"
+        if python:
+            note = f"MJCF cannot express these effects, which twin.json holds: {', '.join(python)}"
+        return f"<!-- {note}. -->\n{self.spec().to_xml()}"
+
+    def fingerprint(self) -> str:
+        """SHA-256 of all that the arm's physics depends on."""
+        lag = self.parameters.servo_lag
+        told = [effects.to_dict(effect) for effect in self.active]
+        said = json.dumps(told + [{"servo_lag": lag}] * (lag > 0))
+        bare = replace(self, effects=())
+        return hashlib.sha256((bare.spec().to_xml() + said).encode()).hexdigest()
+
+
+NOMINAL_DESIGN = Design()
+
+
+class Origin(stored.OpenForm, frozen=True):
+    """Which logs made a twin, by what `trace` says of them."""
+
+    input_sha256: dict[str, str] = field(default_factory=dict)
+    """Of each session's file, by its name"""
+    held_out: Annotated[int, stored.within(0, 1_000_000)] | tuple[str, ...] = 0
+    """How many of the last sessions judged, or which ones"""
+
+
+class TwinFile(stored.Form, frozen=True):
+    """What twin.json holds."""
+
+    kind: str
+    schema_version: Literal[2]
+    parameters: Parameters
+    tolerances: Tolerances
+    effects: tuple[effects.Stored, ...]
+    arm: str = ""
+    """Name of the arm whose logs made it"""
+    provenance: Origin = Origin()
+
+    def __post_init__(self) -> None:
+        effects.require_distinct(self.effects)
+
+    @property
+    def design(self) -> Design:
+        """The design that it stores."""
+        return Design(self.parameters, self.tolerances, tuple(map(effects.restored, self.effects)))
+
+
+def to_dict(design: Design) -> dict[str, Any]:
+    """A design as twin.json stores it; the arm's own numbers are the project's and not stored."""
+    return {
+        "kind": KIND,
+        "schema_version": VERSION,
+        "parameters": {n: float(value) for n, value in vars(design.parameters).items()},
+        "tolerances": {n: [*map(float, each)] for n, each in vars(design.tolerances).items()},
+        "effects": [effects.to_dict(effect) for effect in design.effects],
+    }
+
+
+def from_dict(values: Mapping[str, Any], where: str = "the twin") -> Design:
+    """A design out of what twin.json holds; raises a `SerpentError` that names the key at fault."""
+    return _taken(stored.take(values, dict[str, Any], where, _ADVICE), where).design
+
+
+def write(path: Path, design: Design, about: Mapping[str, Any]) -> None:
+    """Write twin.json, and beside it twin.xml; `about` says where the design comes from."""
+    files.write_whole(path, json.dumps(to_dict(design) | dict(about), indent=1) + "\n")
+    files.write_whole(path.with_suffix(".xml"), design.xml())
+
+
+def read(path: Path) -> Design:
+    """Read twin.json; raises a `SerpentError` that names the file and what is wrong with it."""
+    return read_file(path).design
+
+
+def simulated_by(metadata: Mapping[str, Any]) -> Design | None:
+    """The design that a log was simulated from, by its metadata; None where they do not hold it."""
+    config, twin = metadata.get("config"), metadata.get("twin")
+    config, twin = ({} if not isinstance(each, dict) else each for each in (config, twin))
+    bare = {name: to_dict(NOMINAL_DESIGN)[name] for name in ("kind", "tolerances", "effects")}
+    try:
+        found = from_dict(twin.get("design") or bare | {"parameters": config.get("parameters")})
+    except SerpentError:
+        return None  # of the real arm, of another recorder, or of MJCF
+    return found if found.fingerprint() == config.get("model_sha256") else None
+
+
+def read_file(path: Path) -> TwinFile:
+    """All that twin.json holds."""
+    return _taken(stored.read_json(path, advice=_ADVICE), str(path))
+
+
+def _taken(values: dict[str, Any], where: str) -> TwinFile:
+    stored.require_kind(values, KIND, where, _ADVICE)
+    if "schema_version" not in values:
+        values = _of_now(values)
+    return stored.take(values, TwinFile, where, _ADVICE)
+
+
+def _of_now(values: dict[str, Any]) -> dict[str, Any]:
+    """A file without a version, with the keys that it is too old to have."""
+    groups = [name for name, value in values.items() if isinstance(value, dict)]
+    values = {n: dict(v) if n in groups else v for n, v in values.items()}
+    for added in _LATER:
+        if any(group in groups and key in values[group] for group, key in added):
+            break
+        for (group, key), before in added.items():
+            if group in groups:
+                values[group][key] = before
+    return values | {"schema_version": VERSION}
