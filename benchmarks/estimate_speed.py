@@ -27,11 +27,11 @@ from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.reporting.report import Table, text_table
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.stored import within
 
 LIMIT_MS = {"observer": 5.0, "windows": 1.0, "markers": 1.0}
-SOFT = Design(replace(NOMINAL, strand_stiffness=4e3))
+SOFT = TwinModel(replace(NOMINAL, strand_stiffness=4e3))
 ROUGH = SOFT.with_effect(CableFriction(coefficient=0.1))
 WINDOWED = ("linear", "residual", "residual_mlp", "mlp", "lstm", "ensemble")
 
@@ -78,7 +78,7 @@ def _row(name: str, taken: np.ndarray, limit: float) -> tuple[str, ...]:
     return (name, f"{middle:.3f}", f"{late:.3f}", f"{limit:g}", f"{middle / limit:.2f}")
 
 
-def _observer(arm: Design, train: Windows) -> Readout:
+def _observer(arm: TwinModel, train: Windows) -> Readout:
     return _fitted("observer", train, {"twin": twin_model.to_dict(arm)})
 
 
@@ -117,7 +117,7 @@ def _timed(do: Callable, items: list) -> np.ndarray:
     return taken[10:] * 1e3  # the first ones warm caches
 
 
-def _bare_ms(arm: Design, session: SessionWindows, rows: int = 100) -> float:
+def _bare_ms(arm: TwinModel, session: SessionWindows, rows: int = 100) -> float:
     """Median of a row's time steps, one after the other, with nothing wound [ms]."""
     model = arm.spec(motors=False).compile()
     model.opt.timestep = 0.01

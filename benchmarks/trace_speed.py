@@ -16,13 +16,13 @@ import numpy as np
 
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
-from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.score_test import score
 from serpent_twin.machines.arm import ArmRig
 from serpent_twin.machines.arm.case import ArmCase
 from serpent_twin.machines.arm.pieces import Pieces
-from serpent_twin.machines.machine import Point
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import counted
 from serpent_twin.sim.cable_dynamics import side_by_side
 from serpent_twin.sim.many_twins import TIMESTEP
@@ -50,7 +50,7 @@ def seconds(of: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def bare(case: ArmCase, points: list[Point], pieces: Pieces) -> float:
+def bare(case: ArmCase, points: list[ParameterVector], pieces: Pieces) -> float:
     """Seconds for the same physics alone."""
     models = [case.vector.design(point).spec(motors=False).compile() for point in points]
     for model in models:
@@ -78,13 +78,16 @@ def main(config: TraceSpeed) -> None:
     every = case.pieces(sessions)
     few, many = (case.take(every, range(n)) for n in (len(every) // 2, len(every) // 2 * 2))
     rng = np.random.default_rng(0)
-    points = [Point(0.05 * rng.standard_normal(len(case.declared))) for _ in range(config.designs)]
+    points = [
+        ParameterVector(0.05 * rng.standard_normal(len(case.declared)))
+        for _ in range(config.designs)
+    ]
     half = points[: config.designs // 2]
     print(
         f"{len(few)} and {counted(len(many), 'segment')}, {len(half)} and {counted(len(points), 'design')}"
     )
 
-    def simulated(of: list[Point], pieces: Pieces) -> float:
+    def simulated(of: list[ParameterVector], pieces: Pieces) -> float:
         return seconds(lambda: case.residual(of, pieces))
 
     ratio(
@@ -106,8 +109,8 @@ def main(config: TraceSpeed) -> None:
         config.rounds,
     )
 
-    start = Point(np.zeros(len(case.declared)))
-    base = fit(case, every, start, moves_of(case, ()), 1, 3, steps=0)
+    start = ParameterVector(np.zeros(len(case.declared)))
+    base = fit(case, every, start, free_parameters(case, ()), 1, 3, steps=0)
     names = list(case.candidates)
 
     def tested(some: list[str]) -> float:

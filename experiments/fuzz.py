@@ -215,7 +215,7 @@ def _log(path: Path) -> None:
 
 def _texts(folder: Path) -> Iterator[Source]:
     twin = folder / "twin.json"
-    twin_model.write(twin, twin_model.NOMINAL_DESIGN, {})
+    twin_model.write(twin, twin_model.NOMINAL_TWIN, {})
     yield Source("twin.json", (twin.read_bytes(),), _file(folder / "t.json", twin_model.read), True)
     setup = write_setup(ArmSetup("/dev/null", zero=(0,) * 10, path=folder / "arm.toml"))
     yield Source("arm.toml", (setup.read_bytes(),), _file(folder / "a.toml", read_setup), True)

@@ -23,7 +23,7 @@ from serpent_twin.reporting.rerun_recording import Estimate
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin import replay_motors
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 
 def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None) -> str:
@@ -59,7 +59,7 @@ def membership(session: sessions.Session, folder: Path) -> str:
     return told(readouts.load(folder), session)
 
 
-def corrected_twin(path: Path, seen: sessions.Session) -> Design:
+def corrected_twin(path: Path, seen: sessions.Session) -> TwinModel:
     """The design in a twin.json, which must be of the session's arm if it names one."""
     file = twin_model.read_file(path)
     found, arm, its = file.design, seen.metadata.get("arm"), file.arm
@@ -73,7 +73,7 @@ def corrected_twin(path: Path, seen: sessions.Session) -> Design:
     return found
 
 
-def _identity(session: Path, folder: Path | None, corrected: Design | None) -> str:
+def _identity(session: Path, folder: Path | None, corrected: TwinModel | None) -> str:
     """Name of the recording that these inputs and this twin make."""
     files = [session, *([folder / "readout.json", folder / "learned.npz"] if folder else [])]
     makers = [__version__, repr(ARM), repr(NOMINAL)]

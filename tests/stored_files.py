@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from measured_logs import pendulum, write_log
 from session_log import make_session
 from test_readout_saved import made
-from test_rig_trunk import RIG, Trunk, moving, shape
+from test_rig_trunk import MACHINE, Trunk, moving, shape
 from test_rig_trunk import made as trunk_log
 
 from serpent_twin import readouts, sessions
@@ -21,16 +21,16 @@ from serpent_twin.effects.payload import Payload
 from serpent_twin.hardware.base_frame import IDENTITY, Rigid
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, read_setup, write_setup
 from serpent_twin.hardware.dynamixel.turns import LastSeen, read_turns, write_turns
-from serpent_twin.identification.checkpoints import Notebook
+from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.score_test import Score
-from serpent_twin.machines.machine import Point, Stopwatch
-from serpent_twin.machines.xl330 import RIG as SERVO
+from serpent_twin.machines.machine import ParameterVector, Stopwatch
+from serpent_twin.machines.xl330 import MACHINE as SERVO
 from serpent_twin.readouts.training import adapt
 from serpent_twin.readouts.training.trial import COST, training_time
 from serpent_twin.reservoir.sweep import run as sweep
 from serpent_twin.residual import learned
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN
+from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
 Steps = tuple[str | int, ...]
 
@@ -67,10 +67,10 @@ def _json(name: str, content: object) -> Callable[[Path], Path]:
 @cache
 def _trunk_text() -> str:
     """The twin.json of a trunk, which takes seconds to make."""
-    case = RIG.open([trunk_log(Trunk(shape()), moving(14))])
+    case = MACHINE.open([trunk_log(Trunk(shape()), moving(14))])
     with TemporaryDirectory() as folder:
         path = Path(folder) / "twin.json"
-        case.write(Point(np.zeros(len(case.declared))), path, {})
+        case.write(ParameterVector(np.zeros(len(case.declared))), path, {})
         return path.read_text()
 
 
@@ -108,7 +108,7 @@ def _among(name: str) -> tuple[Callable[[Path], str], Callable[[Path, bytes], ob
 
 def _scores(path: Path) -> None:
     score = Score("payload", 0.2, 0.1, np.array([0.03, 0.09]))
-    Notebook(path.parent, Stopwatch()).scores(path.stem, lambda: [score])
+    Checkpoints(path.parent, Stopwatch()).scores(path.stem, lambda: [score])
 
 
 def _correction(path: Path) -> None:
@@ -125,14 +125,14 @@ READERS: dict[str, Reader] = {
     "twin.json": Reader(
         _written(
             "twin.json",
-            lambda path: twin_model.write(path, NOMINAL_DESIGN.with_effect(Payload(0.04)), {}),
+            lambda path: twin_model.write(path, NOMINAL_TWIN.with_effect(Payload(0.04)), {}),
         ),
         twin_model.read,
         ("parameters", "joint_damping"),
     ),
     "trunk": Reader(
         _written("twin.json", lambda path: path.write_text(_trunk_text())),
-        lambda path: RIG.changed(path).open([]),
+        lambda path: MACHINE.changed(path).open([]),
         ("first", "hose", 0),
     ),
     "readout.json": Reader(_readout, lambda path: readouts.load(path.parent), ("config", "ridge")),
@@ -159,7 +159,7 @@ READERS: dict[str, Reader] = {
     ),
     "scores": Reader(
         _written("s.npz", _scores),
-        lambda path: Notebook(path.parent, Stopwatch()).scores(path.stem, list),
+        lambda path: Checkpoints(path.parent, Stopwatch()).scores(path.stem, list),
         (0, "start", 0), *_among("scores"), inside=True,
     ),
     "correction": Reader(

@@ -15,7 +15,7 @@ from serpent_twin.emulator.device import running
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import IDENTITY
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
-from serpent_twin.recording.lost_markers import Watch, conclude
+from serpent_twin.recording.lost_markers import Watch, build_diagnosis
 from serpent_twin.sessions import read_journal, read_session, write_session
 
 STEPS, RATE = 60, 20
@@ -150,7 +150,7 @@ def test_what_is_lost_for_good_is_an_error(tmp_path, lost, says):
     metadata = session.metadata | {"markers_lost": rows(*lost).account()}
     path = write_session(tmp_path / "session_01.parquet", replace(session, metadata=metadata))
     if says is None:
-        conclude([path])
+        build_diagnosis([path])
     else:
         with pytest.raises(SerpentError, match=says):
-            conclude([path])
+            build_diagnosis([path])

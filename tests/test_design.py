@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from serpent_twin.arm import mjcf
-from serpent_twin.arm.deviations import EXACT, Tolerances
+from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import CATALOGUE
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 PAYLOAD, FRICTION = CATALOGUE["payload"](0.04), CATALOGUE["cable_friction"](0.1)
 PAYLOAD_FILE = {"name": "payload", "mass": 0.04, "place": 0.09}
@@ -25,8 +25,8 @@ def unlike(seed=0):
     sizes = {name: len(value) for name, value in vars(EXACT).items()}
     parts = {name: tuple(rng.normal(0, 1e-3, size).tolist()) for name, size in sizes.items()}
     parts["jaw_held"] = (1.0,)
-    return Design(
-        replace(NOMINAL, strand_stiffness=1.5e4), Tolerances(**parts), (PAYLOAD, FRICTION)
+    return TwinModel(
+        replace(NOMINAL, strand_stiffness=1.5e4), Deviations(**parts), (PAYLOAD, FRICTION)
     )
 
 
@@ -45,8 +45,8 @@ def test_twin_xml_stands_alone(tmp_path):
 
 
 def test_the_nominal_design_is_the_nominal_twin():
-    assert NOMINAL_DESIGN.spec().to_xml() == mjcf.build().to_xml()
-    assert "all of this arm's effects are in this file" in NOMINAL_DESIGN.xml()
+    assert NOMINAL_TWIN.spec().to_xml() == mjcf.build().to_xml()
+    assert "all of this arm's effects are in this file" in NOMINAL_TWIN.xml()
 
 
 def test_tolerances_reach_the_parts_that_they_name():
@@ -67,23 +67,23 @@ def test_tolerances_reach_the_parts_that_they_name():
 
 
 def test_with_effect_adds_or_replaces():
-    arm = NOMINAL_DESIGN.with_effect(PAYLOAD).with_effect(FRICTION)
+    arm = NOMINAL_TWIN.with_effect(PAYLOAD).with_effect(FRICTION)
     assert arm.effects == (PAYLOAD, FRICTION)
     heavier = CATALOGUE["payload"](0.05)
     assert set(arm.with_effect(heavier).effects) == {FRICTION, heavier}
 
 
 def test_fingerprint_tells_physics_apart():
-    same = Design(effects=(CATALOGUE["cable_creep"](0.0, time=20.0),))
-    prints = {d.fingerprint() for d in (NOMINAL_DESIGN, unlike(), unlike(1))}
-    prints |= {NOMINAL_DESIGN.with_effect(e).fingerprint() for e in (PAYLOAD, FRICTION)}
-    prints |= {Design(replace(NOMINAL, servo_lag=0.02)).fingerprint()}
+    same = TwinModel(effects=(CATALOGUE["cable_creep"](0.0, time=20.0),))
+    prints = {d.fingerprint() for d in (NOMINAL_TWIN, unlike(), unlike(1))}
+    prints |= {NOMINAL_TWIN.with_effect(e).fingerprint() for e in (PAYLOAD, FRICTION)}
+    prints |= {TwinModel(replace(NOMINAL, servo_lag=0.02)).fingerprint()}
     assert len(prints) == 6
-    assert same.fingerprint() == NOMINAL_DESIGN.fingerprint()
+    assert same.fingerprint() == NOMINAL_TWIN.fingerprint()
 
 
 def stored():
-    return twin_model.to_dict(NOMINAL_DESIGN.with_effect(PAYLOAD))
+    return twin_model.to_dict(NOMINAL_TWIN.with_effect(PAYLOAD))
 
 
 def without(key, group=None):
@@ -168,7 +168,7 @@ def test_the_earliest_files_are_read_as_what_they_said(tmp_path):
     del values["parameters"]["transition_velocity"], values["tolerances"]["transition_velocity"]
     del values["tolerances"]["jaw_held"]
     (tmp_path / "twin.json").write_text(json.dumps(values))
-    assert twin_model.read(tmp_path / "twin.json") == NOMINAL_DESIGN.with_effect(PAYLOAD)
+    assert twin_model.read(tmp_path / "twin.json") == NOMINAL_TWIN.with_effect(PAYLOAD)
 
 
 def test_a_key_that_is_given_twice_is_refused(tmp_path):

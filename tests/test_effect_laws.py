@@ -9,12 +9,12 @@ from moments import moment
 from motion import wander
 from numpy.testing import assert_allclose, assert_array_equal
 
-from serpent_twin.arm.deviations import Tolerances
+from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.geometry import ARM, joint_axis, link_frames
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import CATALOGUE
 from serpent_twin.sim.many_twins import Stretches, impose
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 RADIUS = np.array(ARM.pulley_radius)
 
@@ -30,7 +30,9 @@ def statics(effect, q, jaw=0.0):
     """MuJoCo's data of an arm with an effect at joint angles q, at rest; its first nine forces are the
     joints', but where links flex.
     """
-    data = mujoco.MjData(Design(effects=(effect,) if effect else ()).spec(motors=False).compile())
+    data = mujoco.MjData(
+        TwinModel(effects=(effect,) if effect else ()).spec(motors=False).compile()
+    )
     for name, angle in zip([f"joint{i}" for i in range(1, 10)] + ["jaw"], [*q, jaw], strict=True):
         data.joint(name).qpos = angle
     mujoco.mj_forward(data.model, data)
@@ -99,7 +101,7 @@ def test_cable_friction_widens_the_loop():
     c, pull, stiffness, rows = 0.2, 20.0, 5e4, 81
     slack = (-pull / stiffness,) * 2 + (1.0,) * 18
     free = replace(NOMINAL, strand_stiffness=stiffness, strand_slack=0.0, joint_friction=0.0)
-    arm = Design(free, Tolerances(strand_slack=slack), (CATALOGUE["cable_friction"](c),))
+    arm = TwinModel(free, Deviations(strand_slack=slack), (CATALOGUE["cable_friction"](c),))
     m, q = np.zeros((1, rows, 10)), np.zeros((1, rows, 9))
     m[0, :, 0] = q[0, :, 0] = np.interp(np.arange(rows), [0, 20, 60, 80], [0, 0.2, -0.2, 0])
     time = 0.25 * np.arange(rows)[None]
@@ -149,7 +151,7 @@ def test_cable_stiffening_is_a_parabola_beyond_the_slack():
         q[None, None],
         np.ones(1, bool),
     )
-    arm = Design(effects=(CATALOGUE["cable_stiffening"](b),))
+    arm = TwinModel(effects=(CATALOGUE["cable_stiffening"](b),))
     assert_allclose(impose([arm], s).tension[0, 0, 0, :18:2], by_hand[:9], rtol=1e-9)
 
 
@@ -174,8 +176,8 @@ def test_clamp_slips_towards_its_grip():
 def test_mocap_latency_reads_the_past(delay):
     """Rows of one time step: markers are those of some rows before, or between two."""
     stretch = wander(60, dt=0.005, pace=0.02)
-    late = impose([Design(effects=(CATALOGUE["mocap_latency"](delay),))], stretch).marker[0, 0]
-    now = impose([NOMINAL_DESIGN], stretch).marker[0, 0]
+    late = impose([TwinModel(effects=(CATALOGUE["mocap_latency"](delay),))], stretch).marker[0, 0]
+    now = impose([NOMINAL_TWIN], stretch).marker[0, 0]
     rows, share = divmod(delay / 0.005 + 1e-9, 1)
     n = 10 - int(rows)
     by_hand = (1 - share) * now[n : n + 50] + share * now[n - 1 : n + 49]
@@ -184,7 +186,9 @@ def test_mocap_latency_reads_the_past(delay):
 
 
 def test_mocap_latency_before_the_start_is_the_start():
-    late = impose([Design(effects=(CATALOGUE["mocap_latency"](0.15),))], wander(4, dt=0.02)).marker
+    late = impose(
+        [TwinModel(effects=(CATALOGUE["mocap_latency"](0.15),))], wander(4, dt=0.02)
+    ).marker
     assert_allclose(late[0, 0, 3], late[0, 0, 0], atol=1e-12)
 
 
@@ -219,7 +223,7 @@ def test_gear_friction_shows_in_loads_alone():
     """The load rises by c |τ| against the motion, τ = r (T₊ − T₋) of the same run."""
     c, stretch = 0.3, wander(30)
     plain, rubbed = (
-        impose([Design(effects=several)], stretch)
+        impose([TwinModel(effects=several)], stretch)
         for several in ((), (CATALOGUE["gear_friction"](c),))
     )
     assert_array_equal(plain.marker, rubbed.marker)
@@ -258,7 +262,7 @@ def test_link_flex_bends_by_compliance_times_moment():
 
 def test_stiffness_drifts_evenly_down_to_a_tenth():
     for hours, left in ((0.0, 1.0), (0.5, 0.7), (1.0, 0.4), (9.0, 0.1)):
-        now = replace(moment(), time=np.array([[3600 * hours]]), earlier=7200.0)
+        now = replace(moment(), time=np.array([[3600 * hours]]), prior_runtime=7200.0)
         CATALOGUE["stiffness_drift"](0.6).act(now, None)
         assert_allclose(now.stiffness, 1.9e4 * left)
 
@@ -266,8 +270,11 @@ def test_stiffness_drifts_evenly_down_to_a_tenth():
 def test_wear_counts_the_sessions_before():
     """Imposed tensions of a session are those of a fresh arm that is softer by rate × hours."""
     s = wander(10)
-    worn = Design(effects=(CATALOGUE["stiffness_drift"](0.5, carries=1.0),))
-    soft = Design(replace(NOMINAL, strand_stiffness=0.75 * NOMINAL.strand_stiffness))
-    old, soft_pull = impose([worn], replace(s, earlier=1800.0)).tension, impose([soft], s).tension
+    worn = TwinModel(effects=(CATALOGUE["stiffness_drift"](0.5, carries=1.0),))
+    soft = TwinModel(replace(NOMINAL, strand_stiffness=0.75 * NOMINAL.strand_stiffness))
+    old, soft_pull = (
+        impose([worn], replace(s, prior_runtime=1800.0)).tension,
+        impose([soft], s).tension,
+    )
     fresh = impose([worn], s).tension
     assert np.abs(old - soft_pull).max() < 0.02 < np.abs(fresh - soft_pull).max()

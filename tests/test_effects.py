@@ -14,7 +14,7 @@ from serpent_twin.effects import CATALOGUE
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import impose
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 every = pytest.mark.parametrize("kind", CATALOGUE.values(), ids=CATALOGUE)
 
@@ -46,26 +46,26 @@ def test_absent_by_default_present_at_typical_strengths(kind):
 def test_zero_is_the_nominal_twin_bit_for_bit(kind):
     """Alone, and beside a run of full strength if both are of one structure."""
     stretch = wander(8)
-    nominal = impose([NOMINAL_DESIGN], stretch)
-    zero = impose([Design(effects=(kind(),))], stretch)
+    nominal = impose([NOMINAL_TWIN], stretch)
+    zero = impose([TwinModel(effects=(kind(),))], stretch)
     for name, value in vars(nominal).items():
         assert_array_equal(getattr(zero, name), value)
-    strong = Design(effects=kind.variants()[:1])
+    strong = TwinModel(effects=kind.variants()[:1])
     try:
-        both = impose([Design(effects=(kind(),)), strong], stretch)
+        both = impose([TwinModel(effects=(kind(),)), strong], stretch)
     except SerpentError as error:
         assert "structure" in str(error) and not kind.acts()
     else:
         assert_array_equal(both.marker[0], nominal.marker[0])
         assert_array_equal(both.load[0], nominal.load[0])
-    assert len(Design(effects=(kind(),)).active) == 0
+    assert len(TwinModel(effects=(kind(),)).active) == 0
 
 
 @every
 def test_changes_what_is_measured(kind):
     stretch = wander(60, pace=0.06)
     nominal, changed = (
-        impose([Design(effects=several)], stretch) for several in ((), kind.variants()[:1])
+        impose([TwinModel(effects=several)], stretch) for several in ((), kind.variants()[:1])
     )
     moved = np.linalg.norm(changed.marker - nominal.marker, axis=-1).mean()
     assert not changed.unstable.any()
@@ -78,7 +78,7 @@ def test_runs_side_by_side_are_the_runs_alone(kind):
     strength = fields(kind)[0].name
     stronger = replace(first, **{strength: 1.5 * getattr(first, strength)})
     alone, both = (
-        impose([Design(effects=(each,)) for each in several], stretch)
+        impose([TwinModel(effects=(each,)) for each in several], stretch)
         for several in ((stronger,), (first, stronger))
     )
     assert_array_equal(both.marker[1], alone.marker[0])
@@ -97,12 +97,12 @@ def test_stable_over_its_whole_range(kind):
     name, allowed = next(iter(effects.ranges(kind).items()))
     for strength in (1e-4 * allowed.typical, allowed.high):
         strong = replace(kind.variants()[0], **{name: strength})
-        assert not impose([Design(effects=(strong,))], wander(30, pace=0.08)).unstable.any()
+        assert not impose([TwinModel(effects=(strong,))], wander(30, pace=0.08)).unstable.any()
 
 
 @every
 def test_comes_back_from_twin_json(kind, tmp_path):
-    arm = Design(effects=(kind.variants()[-1],))
+    arm = TwinModel(effects=(kind.variants()[-1],))
     twin_model.write(tmp_path / "twin.json", arm, {"arm": "made for a test"})
     assert twin_model.read(tmp_path / "twin.json") == arm
 
@@ -110,7 +110,7 @@ def test_comes_back_from_twin_json(kind, tmp_path):
 @every
 def test_twin_xml_holds_all_that_mjcf_can_say(kind):
     """Numbers in XML have six digits."""
-    arm = Design(effects=kind.variants()[:1])
+    arm = TwinModel(effects=kind.variants()[:1])
     xml = arm.xml()
     ours, read = arm.spec().compile(), mujoco.MjModel.from_xml_string(xml)
     for name in mujoco.batch.MODEL_FIELDS - {"body_user", "key_time"}:
@@ -128,10 +128,10 @@ def test_order_of_acting_is_the_cables_way():
         effects.by_name(n).variants()[0] for n in ("gear_friction", "cable_creep", "gear_backlash")
     ]
     one, other = (
-        impose([Design(effects=tuple(order))], stretch) for order in (several, several[::-1])
+        impose([TwinModel(effects=tuple(order))], stretch) for order in (several, several[::-1])
     )
     assert_array_equal(one.load, other.load)
-    alone = impose([Design(effects=tuple(several[:1]))], stretch)
+    alone = impose([TwinModel(effects=tuple(several[:1]))], stretch)
     assert not np.array_equal(alone.load, one.load)
 
 

@@ -22,7 +22,7 @@ from serpent_twin.readouts.windows import Windows, cut
 from serpent_twin.recording.collect import Collect, Real, collect
 from serpent_twin.sessions import Session, examine, read_session
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN
+from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
 
 @pytest.fixture(scope="module")
@@ -106,11 +106,11 @@ def test_a_windowed_readout_takes_its_own_rate_and_an_observer_any(models, tmp_p
 
 
 def test_an_observer_takes_another_twin_and_stays_as_sure(models, runs, tmp_path):
-    soft = replace(NOMINAL_DESIGN, parameters=replace(NOMINAL, strand_stiffness=8e3))
+    soft = replace(NOMINAL_TWIN, parameters=replace(NOMINAL, strand_stiffness=8e3))
     twin_model.write(tmp_path / "twin.json", soft, {})
     trained = load(models / "observer")
     other = trained.with_twin(soft)  # pyright: ignore
-    assert other.arm == soft and trained.arm == NOMINAL_DESIGN  # pyright: ignore
+    assert other.arm == soft and trained.arm == NOMINAL_TWIN  # pyright: ignore
     assert other.learned is trained.learned and other.rate_hz == 4.0
     np.testing.assert_array_equal(other.covariance, trained.covariance)
     config = Estimate(models / "observer", tmp_path / "out", steps=STEPS, record=False)
@@ -124,7 +124,7 @@ def test_an_observer_takes_another_twin_and_stays_as_sure(models, runs, tmp_path
 
 
 def test_the_arm_to_simulate_is_another_flag(models, tmp_path):
-    soft = replace(NOMINAL_DESIGN, parameters=replace(NOMINAL, strand_stiffness=8e3))
+    soft = replace(NOMINAL_TWIN, parameters=replace(NOMINAL, strand_stiffness=8e3))
     twin = tmp_path / "twin.json"
     twin_model.write(twin, soft, {})
     (path,) = collect(Collect(tmp_path / "logs", sessions=1, steps=20, workers=1, twin=twin))

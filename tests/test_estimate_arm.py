@@ -19,9 +19,9 @@ from serpent_twin.readouts.windows import cut
 from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.sessions import read_folder, read_session, readings_hash
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN
+from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
-SOFT = replace(NOMINAL_DESIGN, parameters=replace(NOMINAL, strand_stiffness=8e3)).with_effect(
+SOFT = replace(NOMINAL_TWIN, parameters=replace(NOMINAL, strand_stiffness=8e3)).with_effect(
     Payload(mass=0.02)
 )
 FEW = {"steps": 12, "record": False}
@@ -32,7 +32,7 @@ def folder(tmp_path_factory) -> Path:
     """Logs of a soft arm, its twin.json, and readouts trained on them: two of windows, two with a twin."""
     folder = tmp_path_factory.mktemp("soft")
     twin_model.write(folder / "soft.json", SOFT, {})
-    twin_model.write(folder / "nominal.json", NOMINAL_DESIGN, {})
+    twin_model.write(folder / "nominal.json", NOMINAL_TWIN, {})
     collect(
         Collect(folder / "logs", sessions=2, steps=70, workers=1, arm="soft", seed=3,
                 twin=folder / "soft.json")

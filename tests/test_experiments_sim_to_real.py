@@ -20,9 +20,9 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.payload import Payload
 from serpent_twin.readouts.belief import Belief
 from serpent_twin.readouts.online import Online
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN
+from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
-ARM = replace(NOMINAL_DESIGN, parameters=replace(NOMINAL, marker_noise=0.0, load_noise=0.0))
+ARM = replace(NOMINAL_TWIN, parameters=replace(NOMINAL, marker_noise=0.0, load_noise=0.0))
 
 
 @pytest.mark.parametrize("count", [1, 200, 390, 391, 780, 781])

@@ -19,7 +19,7 @@ from serpent_twin.effects import by_name
 from serpent_twin.errors import SerpentError
 from serpent_twin.sessions import read_session, write_session
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 # what is injected
 
@@ -164,7 +164,7 @@ def test_another_length_in_the_same_folder_is_refused(faked, tmp_path):
 def arms(tmp_path, monkeypatch):
     """Two arms' logs with a payload, and a trace that knows it."""
     rng = np.random.default_rng(4)
-    heavy = Design().with_effect(by_name("payload")(0.15))
+    heavy = TwinModel().with_effect(by_name("payload")(0.15))
     quiet = replace(heavy.parameters, marker_noise=1e-4, strand_stiffness=4e3)
     built, calls = replace(heavy, parameters=quiet), []
     for arm in ("arm_x", "arm_y"):

@@ -13,9 +13,9 @@ from serpent_twin.readouts.windows import cut
 from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
-SOFT = Design(
+SOFT = TwinModel(
     replace(NOMINAL, strand_stiffness=4e3, strand_slack=6e-4, marker_noise=2e-4, load_noise=2e-3)
 )
 HEAVY = SOFT.with_effect(Payload(mass=0.05))

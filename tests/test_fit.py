@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from serpent_twin.effects import Range
-from serpent_twin.identification.checkpoints import Notebook
-from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors, gain
-from serpent_twin.identification.least_squares import fit, indistinguishable, worth
+from serpent_twin.identification.least_squares import fit, indistinguishable, variance_inflation
 from serpent_twin.identification.score_test import full_fit, score, worth_fitting
 from serpent_twin.identification.steps import Trial, why_not
-from serpent_twin.machines.machine import Candidate, Declared, Point, Quantity, Stopwatch
+from serpent_twin.machines.machine import Candidate, Declared, ParameterVector, Quantity, Stopwatch
 
 SEGMENTS, NUMBERS = 12, 300
 GUST, NOTHING = "gust", "nothing"
@@ -56,7 +56,7 @@ class LinearCase:
             out.append((r - self.other * p.effects.get(NOTHING, [0.0])[0])[pieces])
         return np.array(out)
 
-    def slopes(self, point, pieces):
+    def jacobian(self, point, pieces):
         return -self.X[pieces][None, ..., 1]
 
 
@@ -72,15 +72,16 @@ def every() -> list[int]:
     return list(range(SEGMENTS))
 
 
-START = Point(np.zeros(2))
+START = ParameterVector(np.zeros(2))
 
 
 def test_a_linear_fit_solves_the_normal_equations():
     arm = case(0.0)
-    found = fit(arm, every(), START, moves_of(arm, ()), 3, 99)
+    found = fit(arm, every(), START, free_parameters(arm, ()), 3, 99)
     flat = arm.X.reshape(-1, 2)
     exact = np.linalg.solve(
-        flat.T @ flat / found.worth + np.eye(2) * 1e-6, flat.T @ arm.y.ravel() / found.worth
+        flat.T @ flat / found.variance_inflation + np.eye(2) * 1e-6,
+        flat.T @ arm.y.ravel() / found.variance_inflation,
     )
     assert found.converged
     np.testing.assert_allclose(found.point.declared, exact, rtol=1e-5)
@@ -91,7 +92,7 @@ def test_a_prior_pulls_towards_the_start():
     tight = LinearCase(
         arm.X, arm.g, arm.other, arm.y, (Declared("one", "1", 1e-4, 0.1), arm.declared[1])
     )
-    found = fit(tight, every(), START, moves_of(tight, ()), 3, 99)
+    found = fit(tight, every(), START, free_parameters(tight, ()), 3, 99)
     assert abs(found.point.declared[0]) < 0.01
     assert found.point.declared[1] == pytest.approx(-2.0, abs=0.05)
 
@@ -100,7 +101,7 @@ def test_intervals_hold_as_often_as_they_say():
     inside = 0
     for seed in range(60):
         arm = case(0.7, seed)
-        base = fit(arm, every(), START, moves_of(arm, ()), 2, 99)
+        base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
         found = full_fit(arm, every(), base, score(arm, every(), base, arm.candidates[GUST]), print)
         _, low, high = found.interval(GUST, 0)
         inside += low <= 0.7 <= high
@@ -109,7 +110,7 @@ def test_intervals_hold_as_often_as_they_say():
 
 def test_the_score_finds_what_is_there_and_how_strong():
     arm = case(0.7)
-    base = fit(arm, every(), START, moves_of(arm, ()), 2, 99)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
     scores = [score(arm, every(), base, c) for c in arm.candidates.values()]
     there, absent = scores
     assert there.share > 0.3 > 0.01 > absent.share
@@ -120,14 +121,14 @@ def test_the_score_finds_what_is_there_and_how_strong():
 def test_what_hangs_together_weighs_as_less():
     rng = np.random.default_rng(3)
     white = rng.standard_normal((20, 400, 3))
-    assert worth(white.reshape(20, -1), 3) == pytest.approx(1.0, abs=0.1)
+    assert variance_inflation(white.reshape(20, -1), 3) == pytest.approx(1.0, abs=0.1)
     alike = np.repeat(white[..., :1], 3, axis=2)
-    assert worth(alike.reshape(20, -1), 3) == pytest.approx(3.0, rel=0.05)
+    assert variance_inflation(alike.reshape(20, -1), 3) == pytest.approx(3.0, rel=0.05)
     rho, slow = 0.6, white.copy()
     for t in range(1, 400):
         slow[:, t] = rho * slow[:, t - 1] + np.sqrt(1 - rho**2) * white[:, t]
     exact = (1 + rho) / (1 - rho)  # of an autoregression of first order
-    assert worth(slow.reshape(20, -1), 3) == pytest.approx(exact, rel=0.15)
+    assert variance_inflation(slow.reshape(20, -1), 3) == pytest.approx(exact, rel=0.15)
 
 
 def test_what_cannot_be_told_apart_is_named():
@@ -136,7 +137,7 @@ def test_what_cannot_be_told_apart_is_named():
     twins = LinearCase(
         X, arm.g, arm.other, arm.y, tuple(Declared(n, "1", 1.0, 0.1) for n in ("a", "b"))
     )
-    found = fit(twins, every(), START, moves_of(twins, ()), 2, 99)
+    found = fit(twins, every(), START, free_parameters(twins, ()), 2, 99)
     assert any("a and b cannot be told apart" in told for told in indistinguishable(twins, found))
 
 
@@ -160,7 +161,7 @@ def test_a_loss_is_told_as_a_loss(step, said):
     """Also where a candidate of a round is not accepted for other reasons."""
     arm, before = case(0.7), Errors(np.ones(7), np.full(7, np.nan))
     lost = gain(before, Errors(before.marker_by_segment + step, before.load_by_segment), RNG)
-    base = fit(arm, every(), START, moves_of(arm, ()), 2, 99)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
     found = score(arm, every(), base, arm.candidates[GUST])
     fitted = full_fit(arm, every(), base, found, print)
     ends = replace(fitted, point=fitted.point.having(GUST, np.array([10.0])))
@@ -172,13 +173,13 @@ def test_a_loss_is_told_as_a_loss(step, said):
 
 def test_a_stage_that_was_finished_is_read_back(tmp_path):
     arm, asked = case(0.7), []
-    base = fit(arm, every(), START, moves_of(arm, ()), 2, 99)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
 
     def make():
         asked.append(1)
         return full_fit(arm, every(), base, score(arm, every(), base, arm.candidates[GUST]), print)
 
-    own, notes = (Notebook(tmp_path / "stages", Stopwatch()) for _ in range(2))
+    own, notes = (Checkpoints(tmp_path / "stages", Stopwatch()) for _ in range(2))
     first = own.fit("gust", make)
     own.fit("gust", make)
     assert own.seconds == 0  # this run's own clock has it
@@ -187,6 +188,6 @@ def test_a_stage_that_was_finished_is_read_back(tmp_path):
     notes.fit("gust", make)
     assert notes.seconds == took > 0
     assert len(asked) == 1
-    np.testing.assert_array_equal(first.slope, again.slope)
+    np.testing.assert_array_equal(first.jacobian, again.jacobian)
     assert first.point.effects[GUST] == again.point.effects[GUST]
-    assert (first.moves, first.used, first.cost) == (again.moves, again.used, again.cost)
+    assert (first.free, first.used, first.cost) == (again.free, again.used, again.cost)

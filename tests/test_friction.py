@@ -13,10 +13,10 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import CATALOGUE
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.sim.twin import Twin
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 FRICTION, TRANSITION = 0.02, 0.03
-CREEPING = Design(replace(NOMINAL, transition_velocity=TRANSITION))
+CREEPING = TwinModel(replace(NOMINAL, transition_velocity=TRANSITION))
 
 
 def pushed(torque, inertia, transition, seconds=2.0):
@@ -50,7 +50,7 @@ def test_above_it_friction_is_coulombs():
 
 def test_without_it_hinges_stick():
     assert pushed(0.9 * FRICTION, 1e-2, 0.0) < 1e-3
-    assert NOMINAL_DESIGN.spec().to_xml() == mjcf.build().to_xml()
+    assert NOMINAL_TWIN.spec().to_xml() == mjcf.build().to_xml()
     assert softness(np.array(0.02), np.array(1e4), 0.0) == pytest.approx((0.02, STICKS))
 
 
@@ -58,7 +58,7 @@ def test_twin_xml_has_it_and_the_arm_is_another():
     model = mujoco.MjModel.from_xml_string(CREEPING.xml())
     dof = model.joint("joint9").dofadr[0]
     assert model.dof_solimp[dof, 0] < STICKS
-    assert CREEPING.fingerprint() != NOMINAL_DESIGN.fingerprint()
+    assert CREEPING.fingerprint() != NOMINAL_TWIN.fingerprint()
 
 
 def test_friction_that_grows_with_tension_creeps_alike():

@@ -20,7 +20,7 @@ from serpent_twin.sessions import FIELDS, read_session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import Stretches, impose
 from serpent_twin.sim.twin import Twin
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 HERE = Path(__file__).resolve().parent
 FROZEN, DATA = HERE / "frozen", HERE.parent / "data" / "arm_a"
@@ -30,12 +30,12 @@ WORN = tuple(
     CATALOGUE[name].variants()[0] for name in ("cable_friction", "gear_backlash", "payload")
 )
 BUILT = {
-    "nominal": NOMINAL_DESIGN,
-    "worn": Design(tolerances=replace(EXACT, winch_radius=(0.004,) * 10), effects=WORN),
+    "nominal": NOMINAL_TWIN,
+    "worn": TwinModel(tolerances=replace(EXACT, winch_radius=(0.004,) * 10), effects=WORN),
 }
 
 
-def recorded(arm: Design) -> dict[str, np.ndarray]:
+def recorded(arm: TwinModel) -> dict[str, np.ndarray]:
     """A short session of the simulated bus, a column a field of the log."""
     loads, cameras, targets = map(np.random.default_rng, np.random.SeedSequence(7).spawn(3))
     noise, gain = arm.parameters, arm.parameters.controller_gain
@@ -46,7 +46,7 @@ def recorded(arm: Design) -> dict[str, np.ndarray]:
     return {name: np.array([row[name] for row in rows]) for name in FIELDS}
 
 
-def driven(arm: Design) -> dict[str, np.ndarray]:
+def driven(arm: TwinModel) -> dict[str, np.ndarray]:
     """What an arm does that the first rows of the committed logs drive."""
     log = read_session(DATA / "session_01.parquet")[:ROWS]
     still = np.zeros((1, ROWS, 9))
@@ -55,10 +55,10 @@ def driven(arm: Design) -> dict[str, np.ndarray]:
     return {name: getattr(did, name)[0, 0, ::EVERY] for name in ("marker", "load", "joint_angle")}
 
 
-def designs() -> dict[str, Design]:
+def designs() -> dict[str, TwinModel]:
     """The nominal arm, and one with each effect of the catalogue."""
-    one = {name: Design(effects=kind.variants()[:1]) for name, kind in CATALOGUE.items()}
-    return {"nominal": NOMINAL_DESIGN, **one}
+    one = {name: TwinModel(effects=kind.variants()[:1]) for name, kind in CATALOGUE.items()}
+    return {"nominal": NOMINAL_TWIN, **one}
 
 
 def frozen(name: str, entry: str) -> dict[str, np.ndarray]:

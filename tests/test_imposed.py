@@ -8,16 +8,16 @@ from motion import sway, wander
 from numpy.testing import assert_allclose, assert_array_equal
 
 from serpent_twin.arm import mjcf
-from serpent_twin.arm.deviations import Tolerances
+from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.geometry import markers
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import CATALOGUE
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim.many_twins import Stretches, gaps, impose
 from serpent_twin.sim.twin import Twin
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
-STIFF = Design(replace(NOMINAL, strand_slack=0.0, joint_friction=0.0, joint_damping=0.05))
+STIFF = TwinModel(replace(NOMINAL, strand_slack=0.0, joint_friction=0.0, joint_damping=0.05))
 
 
 def distance(a, b):
@@ -48,7 +48,7 @@ def full_twin(s, timestep):
 
 def test_moves_as_the_twin_with_motors():
     s = wander(20)
-    imposed = impose([NOMINAL_DESIGN], s, timestep=0.002).marker[0, 0]
+    imposed = impose([NOMINAL_TWIN], s, timestep=0.002).marker[0, 0]
     assert distance(imposed, imposed[:1]).mean() > 0.02
     assert distance(imposed, full_twin(s, 0.002)).max() < 1e-8
 
@@ -56,7 +56,7 @@ def test_moves_as_the_twin_with_motors():
 def test_time_step_hardly_matters():
     """Neither by distance nor as a lead or lag, which would pass for a latency of the cameras."""
     s = sway(60)
-    coarse, fine = (impose([NOMINAL_DESIGN], s, timestep=h).marker[0, 0] for h in (0.005, 0.001))
+    coarse, fine = (impose([NOMINAL_TWIN], s, timestep=h).marker[0, 0] for h in (0.005, 0.001))
     assert distance(coarse, fine).mean() < 1.5e-4
     velocity = np.diff(fine, axis=0) / 0.25
     ahead = ((coarse - fine)[1:] * velocity).sum() / (velocity**2).sum()
@@ -85,7 +85,7 @@ def _from(s, row):
 
 def test_a_restart_is_a_new_run():
     s = wander(12)
-    both, alone = impose([NOMINAL_DESIGN], _parted(s, 6)), impose([NOMINAL_DESIGN], _from(s, 6))
+    both, alone = impose([NOMINAL_TWIN], _parted(s, 6)), impose([NOMINAL_TWIN], _from(s, 6))
     assert_allclose(both.marker[:, :, 6:], alone.marker, atol=1e-7)
     assert_allclose(both.marker[0, 0, 6], markers(s.joint_angle[0, 6]), atol=1e-9)
 
@@ -94,7 +94,7 @@ def test_a_restart_is_a_new_run():
 def test_memory_alone_outlives_a_restart(name):
     """After a restart, an arm that remembers pulls otherwise than a fresh one."""
     s = wander(40, pace=0.08)
-    arm = Design(effects=CATALOGUE[name].variants())
+    arm = TwinModel(effects=CATALOGUE[name].variants())
     long, short = (impose([arm], x).tension[0, 0, -8:] for x in (_parted(s, 30), _from(s, 30)))
     assert (np.abs(long - short).max() > 0.05) == CATALOGUE[name].remembers
 
@@ -102,8 +102,8 @@ def test_memory_alone_outlives_a_restart(name):
 def test_stretches_and_designs_do_not_mix():
     s = wander(8, stretches=3)
     several = [
-        NOMINAL_DESIGN,
-        replace(NOMINAL_DESIGN, parameters=replace(NOMINAL, strand_slack=1e-3)),
+        NOMINAL_TWIN,
+        replace(NOMINAL_TWIN, parameters=replace(NOMINAL, strand_slack=1e-3)),
     ]
     both = impose(several, s)
     for d, arm in enumerate(several):
@@ -140,7 +140,7 @@ def test_servo_lag_bends_the_path_and_keeps_its_ends():
 
 def test_load_is_torque_over_stall_and_friction_against_the_motion():
     s = wander(15)
-    arm = Design(tolerances=Tolerances(winch_radius=(0.02,) * 10))
+    arm = TwinModel(tolerances=Deviations(winch_radius=(0.02,) * 10))
     did = impose([arm], s)
     radius = np.array(arm.arm.pulley_radius) * 1.02
     torque = radius * (did.tension[..., 0::2] - did.tension[..., 1::2])
@@ -152,8 +152,8 @@ def test_load_is_torque_over_stall_and_friction_against_the_motion():
 
 def test_an_unstable_design_is_said_and_leaves_the_others(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo writes MUJOCO_LOG.TXT where it runs
-    mad = Design(replace(NOMINAL, strand_stiffness=3e7))
-    did, alone = impose([NOMINAL_DESIGN, mad], wander(12)), impose([NOMINAL_DESIGN], wander(12))
+    mad = TwinModel(replace(NOMINAL, strand_stiffness=3e7))
+    did, alone = impose([NOMINAL_TWIN, mad], wander(12)), impose([NOMINAL_TWIN], wander(12))
     assert did.unstable.tolist() == [False, True]
     for name in ("marker", "load", "joint_angle", "jaw_angle", "tension"):
         assert np.isnan(getattr(did, name)[1]).all()
@@ -176,7 +176,7 @@ def test_the_cable_of_a_held_jaw_bends_the_arm(held):
     still = np.zeros_like(angle)
     s = Stretches(0.25 * np.arange(rows)[None], angle, still, angle[..., :9], np.arange(rows) == 0)
     soft = replace(NOMINAL, strand_stiffness=4e3)
-    did = impose([Design(soft, Tolerances(jaw_held=(held,)))], s)
+    did = impose([TwinModel(soft, Deviations(jaw_held=(held,)))], s)
     bent, tension = did.joint_angle[0, 0].sum(axis=1), did.tension[0, 0, :, 18]
     if not held:
         assert abs(bent[-1]) < 0.02 and abs(did.jaw_angle[0, 0, -1]) > 0.15

@@ -16,9 +16,9 @@ from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN
+from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
-HEAVY = NOMINAL_DESIGN.with_effect(Payload(mass=0.04))
+HEAVY = NOMINAL_TWIN.with_effect(Payload(mass=0.04))
 TWO = ("linear", "observer")
 
 
@@ -60,7 +60,7 @@ def test_the_observer_is_trained_unasked_where_the_twin_is_known(nominal, unknow
 
 
 def test_logs_of_a_softer_arm_and_of_a_twin_with_effects_hold_their_twin(twin, tmp_path):
-    soft = replace(NOMINAL_DESIGN.parameters, strand_stiffness=8000.0)
+    soft = replace(NOMINAL_TWIN.parameters, strand_stiffness=8000.0)
     of_soft = planned(Train(simulated(tmp_path / "soft", parameters=soft), tmp_path)).twin
     assert of_soft.exact and of_soft.design and of_soft.design.parameters == soft
     of_heavy = planned(Train(simulated(tmp_path / "heavy", twin=twin), tmp_path)).twin

@@ -22,7 +22,7 @@ from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.reservoir.sweep.run import Sweep
 from serpent_twin.sessions import read_folder, read_session, write_session
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN
+from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
 QUICK = "--readout linear mlp observer"
 
@@ -79,7 +79,7 @@ def test_logs_are_trained_on_and_then_traced(place):
 def test_a_corrected_twin_is_collected_from_trained_on_and_followed(place):
     twin = place / "trace" / "twin.json"
     twin.parent.mkdir()
-    twin_model.write(twin, NOMINAL_DESIGN.with_effect(Payload(mass=0.03)), {})
+    twin_model.write(twin, NOMINAL_TWIN.with_effect(Payload(mass=0.03)), {})
     step = next_step.after_trace(Trace(place / "my runs/logs", Path("trace")))
     assert step is None  # there is no such twin from here
     step = next_step.after_trace(Trace(place / "my runs/logs", place / "trace"))
@@ -94,7 +94,7 @@ def test_a_corrected_twin_is_collected_from_trained_on_and_followed(place):
     assert "--readout corrected_readouts/models/observer --out live_session_01.rrd" in step
     step = after(run(step, place))
     assert "rerun" in step and (place / shlex.split(step)[-1]).is_file()
-    twin_model.write(twin, NOMINAL_DESIGN, {})  # no longer the twin that was collected from
+    twin_model.write(twin, NOMINAL_TWIN, {})  # no longer the twin that was collected from
     assert "--twin" not in after(run("python -m serpent_twin.log info corrected", place))
 
 

@@ -20,9 +20,9 @@ from serpent_twin.recording.loop import record
 from serpent_twin.sessions import FIELDS, Session, read_folder
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin import Twin
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
-SOFT = Design(
+SOFT = TwinModel(
     replace(NOMINAL, strand_stiffness=4e3, strand_slack=6e-4, marker_noise=2e-4, load_noise=4e-3)
 )
 
@@ -40,7 +40,7 @@ def observer(sessions):
     return trained(sessions)
 
 
-def trained(sessions, twin: Design = SOFT):
+def trained(sessions, twin: TwinModel = SOFT):
     made = find("observer")(4, twin=twin_model.to_dict(twin))
     made.fit(cut(sessions[:1], 4, 20), cut(sessions[1:2], 4, 20), np.random.default_rng(0))
     return made
@@ -130,7 +130,7 @@ def test_doubts_itself_when_loads_say_that_the_arm_has_changed(sessions, observe
 
 
 def test_a_wrong_twin_states_how_wrong_it_was_in_training(sessions):
-    wrong = trained(sessions, NOMINAL_DESIGN)
+    wrong = trained(sessions, NOMINAL_TWIN)
     test = windows(sessions[2])
     assert error_mm(wrong, test) > 5
     assert 0.88 <= wrong.follow(test).coverage(test.marker) <= 0.995

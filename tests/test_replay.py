@@ -21,7 +21,7 @@ from serpent_twin.effects import CATALOGUE
 from serpent_twin.errors import SerpentError
 from serpent_twin.reporting import rerun_recording
 from serpent_twin.sim import twin, twin_model
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN
+from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
 T = 24
 LOST = (5, 6, 20)
@@ -193,7 +193,7 @@ def test_a_log_of_another_arm_replays(tmp_path):
 def overlaid(tmp_path_factory):
     """A session of an arm with a payload, its twin.json, and the recording of both."""
     folder = tmp_path_factory.mktemp("overlaid")
-    heavy = NOMINAL_DESIGN.with_effect(CATALOGUE["payload"](0.1))
+    heavy = NOMINAL_TWIN.with_effect(CATALOGUE["payload"](0.1))
     twin_model.write(folder / "twin.json", heavy, {"arm": "swing"})
     session = make_session(np.random.default_rng(2))
     moved = twin.replay_motors(session.time, session.motor_position, heavy)
@@ -234,7 +234,7 @@ def test_a_recording_is_of_one_corrected_twin(overlaid, tmp_path, capsys):
     again = folder / "session_01.parquet", folder / "both.rrd"
     replay.main(*again, twin=folder / "twin.json")
     assert "Driving" not in capsys.readouterr().out
-    twin_model.write(tmp_path / "twin.json", NOMINAL_DESIGN, {})
+    twin_model.write(tmp_path / "twin.json", NOMINAL_TWIN, {})
     for other in (None, tmp_path / "twin.json"):
         with pytest.raises(SerpentError, match=r"both\.rrd exists"):
             replay.main(*again, twin=other)
@@ -242,7 +242,7 @@ def test_a_recording_is_of_one_corrected_twin(overlaid, tmp_path, capsys):
 
 def test_the_twin_of_another_arm_is_refused(overlaid, tmp_path):
     folder, _, _ = overlaid
-    twin_model.write(tmp_path / "twin.json", NOMINAL_DESIGN, {"arm": "arm_b"})
+    twin_model.write(tmp_path / "twin.json", NOMINAL_TWIN, {"arm": "arm_b"})
     for twin_file, message in (
         (tmp_path / "twin.json", r"is the twin of the arm arm_b, and .* is of the arm swing"),
         (tmp_path / "twin.xml", r"Give the twin\.json that"),

@@ -7,27 +7,29 @@ import pytest
 from measured_logs import DATA, WHERE, jaw, write_log
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
-from serpent_twin.machines.jaw import RIG
-from serpent_twin.machines.machine import Point
+from serpent_twin.machines.jaw import MACHINE
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Recording
 
 MEASURED = DATA / "jaw"
 measured = pytest.mark.skipif(not MEASURED.is_dir(), reason=WHERE)
-START = Point(np.zeros(4))
+START = ParameterVector(np.zeros(4))
 
 
 def opened(*made):
     """The rig's case on runs made by `jaw`, and the runs."""
     several = [Recording(None, about, columns) for about, columns in made]
-    case = RIG.open(several)
+    case = MACHINE.open(several)
     return case, case.pieces(several)
 
 
 def of(**effects):
     """A twin with effects by name."""
-    return Point(np.zeros(4), {name: np.array(values) for name, values in effects.items()})
+    return ParameterVector(
+        np.zeros(4), {name: np.array(values) for name, values in effects.items()}
+    )
 
 
 def test_rigid_and_without_friction_the_jaw_turns_with_the_spindle():
@@ -64,7 +66,7 @@ def test_stretch_on_both_sides_and_friction_are_found_again():
         joint_elasticity=[0.01],
     )
     case = case.reweighted(start, some)
-    found = fit(case, some, start, moves_of(case, list(start.effects)), 5, 9)
+    found = fit(case, some, start, free_parameters(case, list(start.effects)), 5, 9)
     effects = {name: values[0] for name, values in found.point.effects.items()}
     scale = np.exp(found.point.declared[3])  # load and compliance are told together
     assert effects["cable_stretch"] * scale == pytest.approx(1.3, rel=0.1)
@@ -87,17 +89,17 @@ def test_lost_motion_is_the_play_operator():
 def test_a_log_of_another_machine_is_refused(tmp_path):
     write_log(tmp_path / "a.parquet", {}, time=np.arange(90.0), position=np.arange(90.0))
     with pytest.raises(SerpentError, match=r"lacks spindle_position, .* Name another --rig"):
-        RIG.read(tmp_path)
+        MACHINE.read(tmp_path)
 
 
 @measured
 def test_stretch_and_friction_reach_what_was_published_on_pairs_never_seen():
     """Judged at 0.2 Hz and 30 %, 0.4 Hz and 10 %, 0.3 Hz and 40 %; the sketch had 0.44° rms."""
     held = ("tool_4_12", "tool_4_30", "tool_4_23")
-    everything = RIG.read(MEASURED)
+    everything = MACHINE.read(MEASURED)
     training = [r for r in everything if r.name not in held][::2]
     judging = [r for r in everything if r.name in held]
-    case = RIG.open(training)
+    case = MACHINE.open(training)
     pieces, held_out = case.pieces(training), case.pieces(judging)
     start = of(
         cable_stretch=[1.0],
@@ -106,6 +108,6 @@ def test_stretch_and_friction_reach_what_was_published_on_pairs_never_seen():
         joint_elasticity=[0.02],
     )
     case = case.reweighted(start, pieces)
-    found = fit(case, pieces, start, moves_of(case, list(start.effects)), 2, 6)
+    found = fit(case, pieces, start, free_parameters(case, list(start.effects)), 2, 6)
     off = case.compare(found.point, held_out).marker_residual
     assert np.degrees(np.sqrt(np.nanmean(off**2))) < 0.44

@@ -6,14 +6,14 @@ import pytest
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.identification.conclude import _calibrated
-from serpent_twin.identification.free_parameters import Moves
+from serpent_twin.identification.build_diagnosis import _calibrated
+from serpent_twin.identification.free_parameters import FreeParameters
 from serpent_twin.identification.least_squares import Fit
 from serpent_twin.machines import jaw, trunk, xl330
 from serpent_twin.machines.arm.cable_law import CableLaw
 from serpent_twin.machines.arm.quantities import quantities
 from serpent_twin.machines.arm.vector import vector
-from serpent_twin.machines.machine import Point
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.trunk.shape import KINDS
 
 RNG = np.random.default_rng(6)
@@ -38,7 +38,7 @@ def arm():
 @pytest.mark.parametrize("spread", [0.0, 0.2])
 def test_the_arms_table_holds_the_numbers_of_its_design(arm, spread):
     x = RNG.normal(0, spread, len(arm.declared))
-    found, design = at(quantities(arm), x), arm.design(Point(x))
+    found, design = at(quantities(arm), x), arm.design(ParameterVector(x))
     p, t = design.parameters, design.tolerances
     for n, name in enumerate(mjcf.STRANDS):
         short = name.removeprefix("cable").replace("_plus", "+").replace("_minus", "−")
@@ -109,9 +109,17 @@ def test_an_interval_of_two_coordinates_has_the_errors_of_both(arm):
     error, correlation = np.full(n, 0.05), np.eye(n)
     common = several[k].of[0]
     correlation[common, k] = correlation[k, common] = -0.6
-    point = Point(RNG.normal(0, 0.1, n))
+    point = ParameterVector(RNG.normal(0, 0.1, n))
     fit = Fit(
-        point, Moves(tuple(range(n)), ()), 0.0, 1.0, error, correlation, True, np.zeros(0), ()
+        point,
+        FreeParameters(tuple(range(n)), ()),
+        0.0,
+        1.0,
+        error,
+        correlation,
+        True,
+        np.zeros(0),
+        (),
     )
     case = type("Case", (), {"declared": arm.declared})
     found = _calibrated(case, fit, several[k], k)

@@ -9,11 +9,11 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
-from serpent_twin.machines.machine import Point
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Recording
-from serpent_twin.machines.trunk import RIG, Trunk
+from serpent_twin.machines.trunk import MACHINE, Trunk
 from serpent_twin.machines.trunk.shape import ANGLES, CHANNEL, ENDS_AT, GOALS, KINDS, SEEN, TURNED
 
 MEASURED = DATA / "trunk"
@@ -47,7 +47,7 @@ def answer(machine, run, **there):
     """Disks (T, 3, 3), servos (T, 6) and times (T,) of a whole run."""
     from serpent_twin.machines.measured import cut
 
-    point = Point(
+    point = ParameterVector(
         np.zeros(len(machine.declared)), {name: np.array(values) for name, values in there.items()}
     )
     runs = cut([run], machine.columns, [each.column for each in machine.outputs], machine.every)
@@ -182,16 +182,16 @@ def made(machine, goal, seed=0, **there):
 
 def test_what_was_hung_on_is_found_in_the_trunks_own_weights(tmp_path):
     """From twin.json of the bare trunk, as the loop writes it."""
-    bare = RIG.open([made(Trunk(shape()), moving(14))])
-    bare.write(Point(np.zeros(len(bare.declared))), tmp_path / "twin.json", {})
+    bare = MACHINE.open([made(Trunk(shape()), moving(14))])
+    bare.write(ParameterVector(np.zeros(len(bare.declared))), tmp_path / "twin.json", {})
     twin = json.loads((tmp_path / "twin.json").read_text())
     loaded = made(bare.machine, moving(34, 1), payload=[0.25, 0.05])
-    case = RIG.changed(tmp_path / "twin.json").open([loaded])
+    case = MACHINE.changed(tmp_path / "twin.json").open([loaded])
     assert {name: list(v) for name, v in twin["first"].items()}.keys() == KINDS.keys()
     runs = case.pieces([loaded])
-    start = Point(np.zeros(len(case.declared)), {"payload": np.array([0.1, 0.05])})
+    start = ParameterVector(np.zeros(len(case.declared)), {"payload": np.array([0.1, 0.05])})
     case = case.reweighted(start, runs)
-    found = fit(case, runs, start, moves_of(case, ["payload"]), 4, 3)
+    found = fit(case, runs, start, free_parameters(case, ["payload"]), 4, 3)
     value, low, high = found.interval("payload", 0)
     assert value == pytest.approx(0.25, rel=0.05)
     assert low < 0.25 < high
@@ -200,30 +200,30 @@ def test_what_was_hung_on_is_found_in_the_trunks_own_weights(tmp_path):
 def test_angles_are_linear_between_the_rows_in_which_they_are_new(tmp_path):
     angle = np.repeat(np.arange(20.0), 5)
     columns = {"time": 0.01 * np.arange(100)} | dict.fromkeys((*GOALS, *ANGLES, *SEEN), angle)
-    (run,) = RIG.read_files([write_log(tmp_path / "some.parquet", {}, **columns)])
+    (run,) = MACHINE.read_files([write_log(tmp_path / "some.parquet", {}, **columns)])
     np.testing.assert_allclose(run.columns[TURNED[0]][:96], np.arange(96) / 5)
 
 
 def test_refusals_say_what_to_do(tmp_path):
-    case = RIG.open([made(Trunk(shape()), moving(4))])
+    case = MACHINE.open([made(Trunk(shape()), moving(4))])
     with pytest.raises(SerpentError, match=r"shorter than 12 s.* Give longer runs"):
         case.pieces([log(moving(11))])
     other = tmp_path / "twin.json"
     other.write_text(json.dumps({"kind": "jaw"}))
     with pytest.raises(SerpentError, match=r'kind is the text "jaw"; it must be "trunk"'):
-        RIG.changed(other).open([])
+        MACHINE.changed(other).open([])
 
 
 def test_a_log_of_another_machine_is_refused(tmp_path):
     path = write_log(tmp_path / "some.parquet", {}, time=0.01 * np.arange(100))
     with pytest.raises(SerpentError, match=r"lacks motor1_command.* another machine"):
-        RIG.read_files([path])
+        MACHINE.read_files([path])
 
 
 @measured
 def test_first_guesses_find_where_the_measured_trunk_hangs():
-    (run,) = RIG.read_files([MEASURED / "controlled_1.parquet"])
-    start = RIG.open([run]).machine.start
+    (run,) = MACHINE.read_files([MEASURED / "controlled_1.parquet"])
+    start = MACHINE.open([run]).machine.start
     assert start["length"][0] == pytest.approx(0.1, abs=0.01)
     assert abs(start["base"][1]) < 0.02  # the origin of its frame
     directions = np.degrees(start["direction"])

@@ -7,20 +7,20 @@ from scipy.special import ellipk
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
-from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
-from serpent_twin.machines.machine import Point
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Recording
-from serpent_twin.machines.xl330 import RIG, Xl330
+from serpent_twin.machines.xl330 import MACHINE, Xl330
 
-START = Point(np.zeros(4))
+START = ParameterVector(np.zeros(4))
 MEASURED = DATA / "xl330"
 measured = pytest.mark.skipif(not MEASURED.is_dir(), reason=WHERE)
 
 
 def runs(*made):
     """Runs as the rig cuts them, starting at rest."""
-    case = RIG.open([])
+    case = MACHINE.open([])
     still = [columns | {"velocity": 0 * columns["time"]} for _, columns in made]
     several = zip(made, still, strict=True)
     return case, case.pieces([Recording(None, about, columns) for (about, _), columns in several])
@@ -72,7 +72,7 @@ def test_frictions_of_an_integrated_servo_are_found_again():
     start = START
     for name, values in truth.items():
         start = start.having(name, 0.4 * np.array(values))
-    found = fit(case, some, start, moves_of(case, list(truth)), 6, 9)
+    found = fit(case, some, start, free_parameters(case, list(truth)), 6, 9)
     friction, viscous = found.point.effects["hinge_friction"]
     assert friction == pytest.approx(0.03, abs=0.006)
     assert viscous == pytest.approx(0.006, abs=0.004)
@@ -99,23 +99,23 @@ def test_a_trace_names_what_was_put_in(tmp_path):
 
 def test_refusals_say_what_to_do(tmp_path):
     with pytest.raises(SerpentError, match=r"no folder .*\. Name the folder"):
-        RIG.read(tmp_path / "none")
+        MACHINE.read(tmp_path / "none")
     with pytest.raises(SerpentError, match=r"no \*\.parquet in .*\. Name the folder"):
-        RIG.read(tmp_path)
+        MACHINE.read(tmp_path)
     about, columns = pendulum(200, 0, 0, 0, seconds=1)
     path = tmp_path / "a.parquet"
     write_log(path, {k: v for k, v in about.items() if k != "kp"}, **columns)
     with pytest.raises(SerpentError, match=r"metadata: it lacks kp\. Name another --rig or --logs"):
-        RIG.read(tmp_path)
+        MACHINE.read(tmp_path)
     write_log(path, about, **(columns | {"position": columns["position"] * np.nan}))
     with pytest.raises(SerpentError, match=r"position are not finite .* Repair or leave out"):
-        RIG.read_files([path])
+        MACHINE.read_files([path])
     write_log(path, about, **(columns | {"time": columns["time"][::-1]}))
     with pytest.raises(SerpentError, match=r"time does not increase .* Repair or leave out"):
-        RIG.read_files([path])
+        MACHINE.read_files([path])
     path.write_bytes(b"no parquet")
     with pytest.raises(SerpentError, match=r"not a whole Parquet file.* Copy it again"):
-        RIG.read_files([path])
+        MACHINE.read_files([path])
 
 
 def test_runs_of_unequal_length_lie_side_by_side():
@@ -129,16 +129,16 @@ def test_runs_of_unequal_length_lie_side_by_side():
 @measured
 def test_frictions_and_saturation_halve_the_error_on_an_unseen_gain():
     """Fitted to P gains 100 and 800, judged at 200; the sketch had 2.45°, its authors 1.77°."""
-    everything = RIG.read(MEASURED)
+    everything = MACHINE.read(MEASURED)
     training = [r for r in everything if not r.name.startswith("kp200")]
     judging = [r for r in everything if r.name.startswith("kp200")]
-    case = RIG.open(training)
+    case = MACHINE.open(training)
     names = ["gear_friction", "torque_saturation"]
-    start = Point(
+    start = ParameterVector(
         np.zeros(4), {"gear_friction": np.array([0.3]), "torque_saturation": np.array([0.5])}
     )
     pieces, held_out = case.pieces(training), case.pieces(judging)
     case = case.reweighted(start, pieces)
-    found = fit(case, pieces, start, moves_of(case, names), 4, 9)
+    found = fit(case, pieces, start, free_parameters(case, names), 4, 9)
     off = np.degrees(np.nanmean(np.abs(case.compare(found.point, held_out).marker_residual)))
     assert off < 1.77

@@ -19,10 +19,10 @@ from serpent_twin.reservoir import capacities, check_inputs, expand, memory, tap
 from serpent_twin.reservoir.sweep import body, drive, pose, rigid, run
 from serpent_twin.reservoir.sweep.measures import overlap
 from serpent_twin.reservoir.sweep.outcome import Outcome, measured, rounded
-from serpent_twin.reservoir.sweep.point import Measuring, Point, key
+from serpent_twin.reservoir.sweep.point import GridPoint, Measuring, key
 from serpent_twin.reservoir.sweep.run import Sweep, sweep
 from serpent_twin.sessions import FIELDS, read_session
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 
 def written(out: Path) -> dict[str, int]:
@@ -93,13 +93,13 @@ def test_a_worker_with_other_versions_is_refused(first):
 
 def test_every_parameter_and_setting_names_another_file():
     names = {key(POINT, QUICK), key(replace(POINT, stiffness=None), QUICK)}
-    for each in fields(Point):
+    for each in fields(GridPoint):
         names.add(key(replace(POINT, **{each.name: 1.5 * getattr(POINT, each.name) + 0.01}), QUICK))
     for each in fields(Measuring):
         value = getattr(QUICK, each.name)
         other = (*value, *value) if isinstance(value, tuple) else 2 * (value or 1) + 1
         names.add(key(POINT, replace(QUICK, **{each.name: other})))
-    assert len(names) == 2 + len(fields(Point)) + len(fields(Measuring))
+    assert len(names) == 2 + len(fields(GridPoint)) + len(fields(Measuring))
     assert key(replace(POINT, stiffness=8000), QUICK) == key(POINT, QUICK)
 
 
@@ -165,10 +165,10 @@ def test_angles_read_at_the_end_of_a_hold_are_the_present_inputs_alone():
 def test_an_arm_that_rests_carries_the_loads_of_inverse_dynamics():
     smooth = {"strand_slack": 0.0, "joint_friction": 0.0, "joint_damping": 0.05}
     targets = np.repeat(0.25 * np.random.default_rng(0).uniform(-1, 1, (6, 1, 9)), 4, axis=1)
-    soft = drive.drive(Design(replace(NOMINAL, **smooth)), targets, 0.2)
+    soft = drive.drive(TwinModel(replace(NOMINAL, **smooth)), targets, 0.2)
     assert soft.load[:, -1] == pytest.approx(rigid.loads(soft.joint_angle[:, -1]), abs=1e-4)
     assert soft.load.std() > 0.03
-    stiff = drive.drive(Design(replace(NOMINAL, strand_stiffness=1e6, **smooth)), targets, 0.2)
+    stiff = drive.drive(TwinModel(replace(NOMINAL, strand_stiffness=1e6, **smooth)), targets, 0.2)
     exact = rigid.move(targets)
     assert stiff.load[:, -1] == pytest.approx(exact.load[:, -1], abs=5e-3)
     assert stiff.marker[:, -1] == pytest.approx(exact.marker[:, -1], abs=5e-3)
@@ -218,7 +218,7 @@ def test_noise_of_the_loads_changes_what_is_read_and_nothing_else():
 
 
 def test_a_session_is_the_one_that_collect_records(tmp_path):
-    point = Point(
+    point = GridPoint(
         NOMINAL.strand_stiffness, NOMINAL.strand_slack, NOMINAL.joint_damping, 4, 0.07, 5, 1
     )
     config = Collect(tmp_path / "logs", sessions=1, steps=30, seed=5)

@@ -179,8 +179,8 @@ def test_sessions_that_never_show_a_marker_are_refused_before_training(number, p
 
 def test_a_twin_is_given_to_the_readouts_that_have_one(tmp_path):
     path, few = tmp_path / "twin.json", tmp_path / "logs"
-    soft = replace(twin_model.NOMINAL_DESIGN.parameters, strand_stiffness=9000.0)
-    twin_model.write(path, replace(twin_model.NOMINAL_DESIGN, parameters=soft), {})
+    soft = replace(twin_model.NOMINAL_TWIN.parameters, strand_stiffness=9000.0)
+    twin_model.write(path, replace(twin_model.NOMINAL_TWIN, parameters=soft), {})
     few.mkdir()
     for number in (1, 2, 3):
         write(few, make_session(number, rows=120))

@@ -13,7 +13,7 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim.many_twins import Stretches, impose
 from serpent_twin.sim.twin import Twin, replay_motors
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 FRICTIONLESS = replace(NOMINAL, joint_friction=0.0, gear_friction=0.0, joint_damping=0.0)
 STIFF = replace(NOMINAL, strand_slack=0.0, joint_friction=0.0, joint_damping=0.1)
@@ -77,7 +77,7 @@ def test_stiff_taut_cables_give_the_joints_the_motors_tell():
     motor = np.append(motor, motor[-1])
     error = []
     for stiffness in (2e5, 4e5):
-        stiff = Design(replace(STIFF, strand_stiffness=stiffness))
+        stiff = TwinModel(replace(STIFF, strand_stiffness=stiffness))
         joint = held(stiff, motor, [0.0, 1.0, 4.0], timestep=1e-4).joint_angle[0, 0, -1]
         error.append(np.abs(joint - joint_from_motor(motor[:9])))
     assert error[0].max() < np.deg2rad(0.6)
@@ -104,7 +104,7 @@ def test_a_pulled_strand_stretches_by_force_over_stiffness():
 def test_a_hanging_arm_loads_its_strand_by_the_lever_of_its_weight():
     """Static balance from outside the simulator: the moment of the weights below joint 1."""
     free = replace(NOMINAL, joint_friction=0.0, gear_friction=0.0, joint_damping=0.05)
-    did = held(Design(free), np.full(10, 0.4), [0.0, 2.0, 41.0, 42.0])
+    did = held(TwinModel(free), np.full(10, 0.4), [0.0, 2.0, 41.0, 42.0])
     joint, tension = did.joint_angle[0, 0], did.tension[0, 0, -1]
     origin, rotation = geometry.link_frames(joint[-1])
     centre = origin + rotation @ np.array([1.0, 0, 0]) * np.array(ARM.link_length)[:, None] / 2
@@ -207,7 +207,7 @@ def test_a_period_between_time_steps_is_refused():
 
 
 def test_an_unstable_twin_is_refused_by_name():
-    twin = Twin(Design(replace(NOMINAL, strand_stiffness=1e9)))
+    twin = Twin(TwinModel(replace(NOMINAL, strand_stiffness=1e9)))
     with pytest.raises(SerpentError, match="unstable"):
         for _ in range(40):
             twin.advance(np.full(10, 2.0), 0.25)

@@ -9,14 +9,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from serpent_twin import effects
 from serpent_twin.arm import geometry
 from serpent_twin.arm.control import joint_p_control, random_targets
-from serpent_twin.arm.deviations import Tolerances
+from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import CATALOGUE
 from serpent_twin.sim.twin import Twin, replay_motors
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 ACTING = tuple(kind.variants()[0] for kind in CATALOGUE.values() if kind.acts())
-UNEVEN = Tolerances(strand_stiffness=tuple(np.linspace(-0.1, 0.1, 20)), winch_radius=(0.01,) * 10)
+UNEVEN = Deviations(strand_stiffness=tuple(np.linspace(-0.1, 0.1, 20)), winch_radius=(0.01,) * 10)
 
 
 def readings(twin):
@@ -43,7 +43,7 @@ def drive(twin, steps=12, seed=0):
 
 
 def test_rows_of_a_batch_are_single_runs_to_the_last_bit():
-    design = Design(NOMINAL, UNEVEN, ACTING)
+    design = TwinModel(NOMINAL, UNEVEN, ACTING)
     velocity = np.random.default_rng(0).uniform(-0.5, 0.5, (3, 10))
     together, alone = Twin(design, nsim=3, nthread=2), [Twin(design) for _ in range(3)]
     for turn in (1, -1, 1):
@@ -56,7 +56,7 @@ def test_rows_of_a_batch_are_single_runs_to_the_last_bit():
 
 def test_substep_by_substep_is_the_rollout():
     """Effects of no strength act, and change nothing."""
-    rolled, stepped = (Twin(Design(NOMINAL, UNEVEN), nsim=2) for _ in range(2))
+    rolled, stepped = (Twin(TwinModel(NOMINAL, UNEVEN), nsim=2) for _ in range(2))
     stepped.mechanism.acting = True
     for one, other in zip(drive(rolled), drive(stepped), strict=True):
         assert_allclose(other, one, rtol=0, atol=1e-12)
@@ -66,7 +66,7 @@ def test_substep_by_substep_is_the_rollout():
 
 def test_tension_is_what_the_motors_feel():
     """MuJoCo's own torque on motor 1 is r₁ (T₋ − T₊), whatever softened, lengthened and wound the strands."""
-    twin = Twin(Design(NOMINAL, UNEVEN, ACTING))
+    twin = Twin(TwinModel(NOMINAL, UNEVEN, ACTING))
     pull = twin.batch.bind("qfrc_spring")
     twin.advance(np.full(10, 0.15), 2.0)
     plus, minus = twin.tension[0, :2]
@@ -78,7 +78,7 @@ def test_tension_is_what_the_motors_feel():
 def test_runs_at_full_strength_and_reads_the_right_places(kind):
     strength, allowed = next(iter(effects.ranges(kind).items()))
     strong = replace(kind.variants()[0], **{strength: allowed.high})
-    twin, nominal = Twin(Design(effects=(strong,))), Twin()
+    twin, nominal = Twin(TwinModel(effects=(strong,))), Twin()
     for each in (twin, nominal):
         drive(each, steps=16)
     assert any(not np.array_equal(v, readings(twin)[k]) for k, v in readings(nominal).items())
@@ -91,7 +91,7 @@ def test_runs_at_full_strength_and_reads_the_right_places(kind):
 
 def turned_until_joint_1_follows(gap):
     """Angle by which motor 1 turns back before joint 1 does, having turned forth [rad]."""
-    twin = Twin(Design(effects=(CATALOGUE["gear_backlash"](gap),)))
+    twin = Twin(TwinModel(effects=(CATALOGUE["gear_backlash"](gap),)))
     velocity = np.r_[0.2, np.zeros(9)]
     for turn, seconds in ((1, 2.0), (0, 2.0)):
         twin.advance(turn * velocity, seconds)
@@ -108,7 +108,7 @@ def test_a_winch_lags_by_its_gears_play():
 
 def test_loaded_cables_creep_while_the_motors_hold():
     """In the end a strand's stretch is (1 + f) times its elastic one, T / k."""
-    twin = Twin(Design(effects=(CATALOGUE["cable_creep"](0.5, time=5.0),)))
+    twin = Twin(TwinModel(effects=(CATALOGUE["cable_creep"](0.5, time=5.0),)))
     twin.advance([0.4] * 10, 1.0)
     ratio = []
     for _ in range(2):
@@ -123,7 +123,7 @@ def test_loaded_cables_creep_while_the_motors_hold():
 
 def test_delayed_markers_are_those_of_before_and_begin_at_the_pose():
     """A delay of ten readings: what a twin with no delay showed ten readings ago."""
-    now, late = Twin(), Twin(Design(effects=(CATALOGUE["mocap_latency"](0.04),)))
+    now, late = Twin(), Twin(TwinModel(effects=(CATALOGUE["mocap_latency"](0.04),)))
     assert_array_equal(late.markers, now.markers)
     seen = [now.markers]
     for n in range(40):
@@ -136,9 +136,9 @@ def test_delayed_markers_are_those_of_before_and_begin_at_the_pose():
 
 def test_wear_of_earlier_sessions_softens_from_the_start():
     """T / x of strands that pull is what hours of running left of the stiffness."""
-    worn = Design(effects=(CATALOGUE["stiffness_drift"](0.5, carries=1.0),))
+    worn = TwinModel(effects=(CATALOGUE["stiffness_drift"](0.5, carries=1.0),))
     for hours, left in ((0, 1.0), (1, 0.5)):
-        twin = Twin(worn, earlier=3600.0 * hours)
+        twin = Twin(worn, prior_runtime=3600.0 * hours)
         twin.advance([0.4] * 10, 1.0)
         pulls = twin.tension[0] > 1.0
         stretch = twin.batch.bind("ten_length")[0, pulls] - NOMINAL.strand_slack
@@ -149,7 +149,7 @@ def test_wear_of_earlier_sessions_softens_from_the_start():
 
 def test_replay_is_of_the_design():
     """Driven by the angles of a run with effects, their design comes closer to it than the nominal one."""
-    design = Design(effects=(CATALOGUE["payload"](0.05), CATALOGUE["cable_friction"](0.2)))
+    design = TwinModel(effects=(CATALOGUE["payload"](0.05), CATALOGUE["cable_friction"](0.2)))
     twin, rows = Twin(design), []
     for target in random_targets(60, np.random.default_rng(3)):
         rows.append((twin.motor_angle[0], twin.markers[0]))
@@ -158,7 +158,7 @@ def test_replay_is_of_the_design():
     time = 0.25 * np.arange(60)
     own, other = (
         np.linalg.norm(replay_motors(time, motor, d).marker - marker, axis=-1)[8:].mean()
-        for d in (design, Design())
+        for d in (design, TwinModel())
     )
     assert own < 0.3 * other
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from serpent_twin.arm import mjcf
-from serpent_twin.arm.deviations import Tolerances
+from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import CATALOGUE
 from serpent_twin.emulator.device import running
@@ -22,7 +22,7 @@ from serpent_twin.recording.collect import Collect, Real, collect
 from serpent_twin.sessions import FIELDS, read_session
 from serpent_twin.sim import arm_file, twin_model
 from serpent_twin.sim.twin import Twin
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 QUIET = replace(NOMINAL, load_noise=0.0, marker_noise=0.0)
 EFFECTS = (
@@ -31,7 +31,7 @@ EFFECTS = (
     CATALOGUE["link_flex"](0.05),
     CATALOGUE["mocap_latency"](0.05),
 )
-ARM = Design(QUIET, Tolerances(strand_stiffness=tuple(np.linspace(-0.2, 0.2, 20))), EFFECTS)
+ARM = TwinModel(QUIET, Deviations(strand_stiffness=tuple(np.linspace(-0.2, 0.2, 20))), EFFECTS)
 SHORT = {"sessions": 1, "steps": 24}
 
 

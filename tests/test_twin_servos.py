@@ -10,7 +10,7 @@ from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.sim.twin import Twin
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 FREE = replace(
     NOMINAL, joint_friction=0.0, gear_friction=0.0, joint_damping=0.0, strand_stiffness=0.0
@@ -44,7 +44,7 @@ def test_servo_holds_its_velocity_under_load():
 def test_servos_take_up_new_velocities_within_their_lag(steps):
     """First order: of a change Δv, Δv τ (1 − exp(−T / τ)) is missed in a time T, however that is cut."""
     lag, period, told = 0.03, 0.25, 0.4 * np.array([1, -1, 2])
-    twin = Twin(Design(replace(NOMINAL, servo_lag=lag)))
+    twin = Twin(TwinModel(replace(NOMINAL, servo_lag=lag)))
     angle, before = 0.0, 0.0
     for velocity in told:
         for _ in range(steps):
@@ -57,7 +57,7 @@ def test_servos_take_up_new_velocities_within_their_lag(steps):
 
 
 def test_a_servo_that_was_off_has_forgotten_how_fast_it_was():
-    twin = Twin(Design(replace(NOMINAL, servo_lag=0.03)))
+    twin = Twin(TwinModel(replace(NOMINAL, servo_lag=0.03)))
     twin.advance(np.full(10, 0.4), 0.25)
     twin.power(False)
     twin.advance(np.zeros(10), 1.0)
@@ -76,7 +76,7 @@ def lift(twin):
 def test_unpowered_motors_let_the_arm_sag_and_powered_ones_hold():
     moved = {}
     for on in (True, False):
-        twin = Twin(Design(replace(NOMINAL, gear_friction=1e-4)))
+        twin = Twin(TwinModel(replace(NOMINAL, gear_friction=1e-4)))
         lift(twin)
         before = twin.motor_angle[0, 0]
         twin.power(on)
@@ -87,7 +87,7 @@ def test_unpowered_motors_let_the_arm_sag_and_powered_ones_hold():
 
 def test_switching_on_holds_still():
     """After the arm has moved with the power off, the drives start from where they are."""
-    twin = Twin(Design(replace(NOMINAL, gear_friction=5e-3)))
+    twin = Twin(TwinModel(replace(NOMINAL, gear_friction=5e-3)))
     lift(twin)
     lifted = twin.motor_angle
     twin.power(False)

@@ -19,9 +19,9 @@ from serpent_twin.readouts.weighing_observer import followed
 from serpent_twin.readouts.windows import cut
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.prescribed_motion import DrivenArms, Motors
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
-TWIN = Design(
+TWIN = TwinModel(
     replace(NOMINAL, strand_stiffness=4e3, strand_slack=6e-4, marker_noise=2e-4, load_noise=2e-3)
 )
 ARM = replace(TWIN, parameters=replace(TWIN.parameters, strand_stiffness=4.05e3))

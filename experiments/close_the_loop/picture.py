@@ -72,7 +72,7 @@ def picture(
     return Shown(Figure("overlay", drawing, caption(at)), numbers | off)
 
 
-def moment(arm: str, session: Session, corrected: twin_model.Design) -> Moment:
+def moment(arm: str, session: Session, corrected: twin_model.TwinModel) -> Moment:
     """A moment at which the nominal twin is clearly off: only one in twenty shows more of a gain."""
     twins = {
         NOMINAL: replay_motors(session.time, session.motor_position),

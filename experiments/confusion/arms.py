@@ -12,7 +12,7 @@ import bench_arm
 from experiments.confusion.outside import OUTSIDE, place
 from experiments.confusion.plan import Trial
 from serpent_twin.arm.control import random_targets
-from serpent_twin.arm.deviations import EXACT, Tolerances
+from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.effects import CATALOGUE, Effect, by_name, ranges
 from serpent_twin.emulator.cameras import SimulatedMocap
@@ -21,7 +21,7 @@ from serpent_twin.recording.loop import record
 from serpent_twin.runs.files import write_whole
 from serpent_twin.sessions import SCHEMA_VERSION, Session, write_session
 from serpent_twin.sim.twin import Twin
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 RATE_HZ = 4.0
 MARKER_LOSS = 0.002
@@ -72,12 +72,12 @@ class TwinSource:
         return {"effects": told, "parameters": asdict(built.parameters)}
 
 
-def simulated(built: Design, number: int, steps: int, rng: np.random.Generator) -> Session:
+def simulated(built: TwinModel, number: int, steps: int, rng: np.random.Generator) -> Session:
     """One session of a twin behind its simulated bus and cameras."""
     for_targets, for_loads, for_cameras = rng.spawn(3)
-    noise, earlier = built.parameters, (number - 1) * steps / RATE_HZ
+    noise, prior_runtime = built.parameters, (number - 1) * steps / RATE_HZ
     targets = random_targets(steps, for_targets)
-    twin = Twin(built, earlier=earlier)
+    twin = Twin(built, prior_runtime=prior_runtime)
     cameras = SimulatedMocap(twin, for_cameras, noise.marker_noise, MARKER_LOSS)
     with SimulatedBus(twin, for_loads, noise.load_noise) as bus:
         rows = list(record(bus, cameras, targets, noise.controller_gain, 1 / RATE_HZ))
@@ -89,7 +89,7 @@ def simulated(built: Design, number: int, steps: int, rng: np.random.Generator) 
     return Session(path=None, metadata=about, **columns)
 
 
-def draw(rng: np.random.Generator) -> Design:
+def draw(rng: np.random.Generator) -> TwinModel:
     """An arm as workshops build them: other numbers than the nominal, each part a little different."""
 
     def between(low: float, high: float) -> float:
@@ -118,8 +118,8 @@ def draw(rng: np.random.Generator) -> Design:
         "marker": 0.3e-3,
     }
     each = {f.name: spread[f.name] * rng.standard_normal(len(getattr(EXACT, f.name)))
-            for f in fields(Tolerances)}  # fmt: skip
-    return Design(parameters, Tolerances(**{n: tuple(v.tolist()) for n, v in each.items()}))
+            for f in fields(Deviations)}  # fmt: skip
+    return TwinModel(parameters, Deviations(**{n: tuple(v.tolist()) for n, v in each.items()}))
 
 
 def injected(name: str, level: float, rng: np.random.Generator) -> Effect:

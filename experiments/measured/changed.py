@@ -17,10 +17,10 @@ from experiments.measured.page import effect_told
 from experiments.measured.split import by_time
 from serpent_twin import machines, stored
 from serpent_twin.identification import Trace
-from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import NORMAL_95, fit
 from serpent_twin.identification.run import trace_sessions
-from serpent_twin.machines.machine import Point
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Recording, read_twin
 from serpent_twin.runs.provenance import file_hash
 
@@ -52,9 +52,9 @@ def _before(name: str, twin: Path, runs: Sequence[Recording], path: Path) -> Pat
     case = machines.find(name).open(runs)
     pieces, at = case.pieces(runs), read_twin(twin, name).point
     case = case.reweighted(at, pieces)
-    moves = moves_of(case, list(at.effects))
-    found = fit(case, pieces, at, moves, _DERIVATIVES, case.segments[1])
-    names = [case.declared[k].name for k in moves.declared]
+    free = free_parameters(case, list(at.effects))
+    found = fit(case, pieces, at, free, _DERIVATIVES, case.segments[1])
+    names = [case.declared[k].name for k in free.declared]
     errors = dict(zip(names, found.error[: len(names)].tolist(), strict=True))
     path.parent.mkdir(exist_ok=True)
     case.write(found.point, path, {"fitted_to": of, "standard_error": errors})
@@ -89,7 +89,10 @@ def _one(name: str, twin: Path, run: Recording, out: Path, seed: int) -> dict[st
 
 
 def carried(
-    rig: machines.Rig, runs: Sequence[Recording], effects: Sequence[Mapping[str, Any]], twin: Path
+    rig: machines.Machine,
+    runs: Sequence[Recording],
+    effects: Sequence[Mapping[str, Any]],
+    twin: Path,
 ) -> dict[str, float] | None:
     """What the machine carries, in its own weights; None if nothing was found.
 
@@ -105,9 +108,11 @@ def carried(
     ends = []
     for variant in case.candidates["payload"].variants:
         values = {name: np.array(of) for name, of in found.items()} | {"payload": variant}
-        start = Point(np.zeros(len(case.declared)), values)
+        start = ParameterVector(np.zeros(len(case.declared)), values)
         weighed = case.reweighted(start, pieces)
-        fitted = fit(weighed, pieces, start, moves_of(case, list(values)), _DERIVATIVES, _SEGMENTS)
+        fitted = fit(
+            weighed, pieces, start, free_parameters(case, list(values)), _DERIVATIVES, _SEGMENTS
+        )
         value, _, high = fitted.interval("payload", 0)
         factor = float(np.exp(np.hypot(high / value - 1, NORMAL_95 * own)))
         ends += [value / factor, value * factor]

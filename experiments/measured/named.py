@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from serpent_twin import machines
-from serpent_twin.identification.conclude import estimates
+from serpent_twin.identification.build_diagnosis import estimates
 from serpent_twin.identification.diagnosis import Estimate
-from serpent_twin.identification.free_parameters import moves_of
+from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import Fit, fit
-from serpent_twin.machines.machine import Case, Point
+from serpent_twin.machines.machine import Case, ParameterVector
 from serpent_twin.machines.measured import Recording, read_twin
 from serpent_twin.residual import Comparison
 
@@ -39,7 +39,7 @@ def judge(
     """Fit the effects of a traced twin, twin.json, to all training runs; compare on those that judge."""
     case = machines.find(rig).open(training)
     named = read_twin(twin, rig).point.effects
-    bare = _fitted(case, training, Point(np.zeros(len(case.declared))))
+    bare = _fitted(case, training, ParameterVector(np.zeros(len(case.declared))))
     whole = _fitted(case, training, replace(bare.point, effects=named)) if named else bare
     points = {"nominal": None, "calibrated": bare.point, "corrected": whole.point}
     runs = case.pieces(judging)
@@ -49,12 +49,12 @@ def judge(
     )
 
 
-def _fitted(case: Case[Any], training: Sequence[Recording], start: Point) -> Fit:
+def _fitted(case: Case[Any], training: Sequence[Recording], start: ParameterVector) -> Fit:
     """All parameters of a point, weights renewed in between."""
     runs, at = case.pieces(training), start
     for _ in range(2):
         case = case.reweighted(at, runs)
-        moves = moves_of(case, list(start.effects))
-        found = fit(case, runs, at, moves, _DERIVATIVES, case.segments[1])
+        free = free_parameters(case, list(start.effects))
+        found = fit(case, runs, at, free, _DERIVATIVES, case.segments[1])
         at = found.point
     return found

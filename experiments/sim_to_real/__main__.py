@@ -72,10 +72,10 @@ def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the
     with claimed(config.out, SETTINGS, _settings(config, folders)):
         found = _study_all(config, folders, size)
         chosen = _chosen(config, found)
-        with _progress(chosen, 7 + len(CHANGES), 0) as tell:
+        with _progress(chosen, 7 + len(CHANGES), 0) as on_progress:
             hour = MINUTES if config.quick else HOUR
-            others = _other_conditions(config, chosen, hour, tell)
-            changes = _changes(config, chosen, tell)
+            others = _other_conditions(config, chosen, hour, on_progress)
+            changes = _changes(config, chosen, on_progress)
         origin = provenance() | {"settings": _settings(config, folders)}
         results = {
             "arms": found,
@@ -102,8 +102,8 @@ def _study_all(config: SimToReal, folders: dict[str, Path], size: Size) -> dict[
 
 def _study(config: SimToReal, folders: dict[str, Path], size: Size, name: str) -> dict[str, Any]:
     tqdm.set_lock(RLock())  # a semaphore of the system would be left behind by Ctrl-C
-    with _progress(name, STEPS, list(folders).index(name)) as tell:
-        return study_arm(folders[name], config.out / name, config.seed, size, tell)
+    with _progress(name, STEPS, list(folders).index(name)) as on_progress:
+        return study_arm(folders[name], config.out / name, config.seed, size, on_progress)
 
 
 @contextmanager
@@ -111,11 +111,11 @@ def _progress(name: str, steps: int, line: int) -> Iterator[Callable[[str], None
     """A bar that is told what begins."""
     with tqdm(total=steps, unit="step", position=line, smoothing=0.1) as bar:
 
-        def tell(what: str) -> None:
+        def on_progress(what: str) -> None:
             bar.set_description_str(f"{name}, {what}", refresh=False)
             bar.update()
 
-        yield tell
+        yield on_progress
 
 
 def _folders(config: SimToReal) -> dict[str, Path]:
@@ -155,7 +155,7 @@ def _chosen(config: SimToReal, found: dict[str, Any]) -> str:
 
 
 def _other_conditions(
-    config: SimToReal, name: str, hour: int, tell: Callable[[str], None]
+    config: SimToReal, name: str, hour: int, on_progress: Callable[[str], None]
 ) -> dict[str, Any]:
     folder = config.out / name
     done = folder / "conditions.json"
@@ -170,12 +170,12 @@ def _other_conditions(
         "arm-trained lstm": load(models / "real" / "lstm"),
     }
     arm = twin_model.read(sorted((folder / "trace" / "twins").glob("drawn_*.json"))[-1])
-    found = in_conditions(arm, readouts, config.seed, hour, tell)
+    found = in_conditions(arm, readouts, config.seed, hour, on_progress)
     write_whole(done, json.dumps(found, indent=1) + "\n")
     return found
 
 
-def _changes(config: SimToReal, name: str, tell: Callable[[str], None]) -> dict[str, Any]:
+def _changes(config: SimToReal, name: str, on_progress: Callable[[str], None]) -> dict[str, Any]:
     """An arm that changes on the way: with markers from then on, without, and followed by loads alone."""
     folder = config.out / name
     done = folder / "changes.json"
@@ -190,7 +190,7 @@ def _changes(config: SimToReal, name: str, tell: Callable[[str], None]) -> dict[
     }
     weighing = {n: load(models / f"weighing_{n}" / "weighing_observer") for n in FOLLOWED}
     for what, (change, text) in CHANGES.items():
-        tell(text)
+        on_progress(text)
         session = changing(arm, rows, at, change, config.seed)
         estimators = {f"{n}, alone": r.live() for n, r in readouts.items()}
         estimators |= {f"observer that follows {n}": r.live() for n, r in weighing.items()}

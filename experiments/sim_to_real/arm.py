@@ -51,7 +51,7 @@ LONGEST = 1000  # windows that choose the filter's scatter and how fast is follo
 STEPS = 65
 """Of one arm, for the time left"""
 
-Tell = Callable[[str], None]
+OnProgress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Study:
     size: Size
     real: Real
     twins: Twins
-    tell: Tell
+    on_progress: OnProgress
 
     def rng(self, *name: str) -> np.random.Generator:
         """Of one readout, the same in every run."""
@@ -96,7 +96,7 @@ class Study:
         self, place: str, name: str, data: tuple[Windows, Windows], **settings: Any
     ) -> Readout:
         """A readout of that name trained on windows, kept under a place."""
-        self.tell(f"{place}: {name}")
+        self.on_progress(f"{place}: {name}")
         if self.size.epochs and any(f.name == "epochs" for f in fields(find(name))):
             settings["epochs"] = self.size.epochs
         return kept(
@@ -107,7 +107,7 @@ class Study:
 
     def adapt(self, place: str, base: Readout, count: str) -> Readout:
         """A trained readout corrected by the arm's first windows."""
-        self.tell(f"{place}: {base.name}, {counted(count, 'window')}")
+        self.on_progress(f"{place}: {base.name}, {counted(count, 'window')}")
         few = self.real.few(count)
         return kept(
             self.out / "models" / f"{place}_{count}" / base.name,
@@ -122,16 +122,18 @@ class Study:
         return score(np.concatenate(told), test.marker).mean_mm
 
 
-def study_arm(folder: Path, out: Path, seed: int, size: Size, tell: Tell) -> dict[str, Any]:
+def study_arm(
+    folder: Path, out: Path, seed: int, size: Size, on_progress: OnProgress
+) -> dict[str, Any]:
     """All routes on one arm; made once, then read from OUT/arm.json."""
     done = out / "arm.json"
     if done.exists():
         return stored.read_json(done)
     parts = split(read_folder(folder))
     out.mkdir(parents=True, exist_ok=True)
-    tell("tracing")
+    on_progress("tracing")
     twins = trace_arm(folder, parts, out / "trace", seed, size)
-    study = Study(out, seed, size, Real(*parts.windows(WINDOW, DROP)), twins, tell)
+    study = Study(out, seed, size, Real(*parts.windows(WINDOW, DROP)), twins, on_progress)
     found = _routes(study) | _observers(study) | _diagnosed(twins.diagnosis)
     found["test_sessions"] = parts.names()["test"]
     found["windows"] = {"train": len(study.real.all.x), "test": len(study.real.test.x)}
@@ -151,7 +153,7 @@ def _routes(study: Study) -> dict[str, Any]:
     stopped = {"lstm": lstm.stopped_after, HEADLINE: own[HEADLINE].stopped_after}
     servo = command_error(real.train)
     for stage in STAGES:
-        study.tell(f"{stage}: simulating")
+        study.on_progress(f"{stage}: simulating")
         logs = simulated(
             stage, study.twins, _rate(real), study.out / "logs", study.seed, study.size
         )

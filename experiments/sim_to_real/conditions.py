@@ -26,7 +26,7 @@ from serpent_twin.recording.loop import record
 from serpent_twin.sessions import FIELDS, Session
 from serpent_twin.sim.cable_dynamics import Variation
 from serpent_twin.sim.twin import Twin
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 ROWS = 1200
 MORE_KG = 0.03
@@ -62,14 +62,14 @@ def conditions(hour: int) -> tuple[Condition, ...]:
     )
 
 
-def loaded(design: Design, more_kg: float) -> Design:
+def loaded(design: TwinModel, more_kg: float) -> TwinModel:
     """The arm with more in its gripper."""
     held = design.effect_of(Payload)
     return design.with_effect(replace(held, mass=held.mass + more_kg)) if more_kg else design
 
 
 def _bench(
-    arm: Design, seed: list[int]
+    arm: TwinModel, seed: list[int]
 ) -> tuple[SimulatedBus, SimulatedMocap, np.random.Generator]:
     """An arm's bus, cameras that see it, and what draws its targets."""
     seeds = np.random.SeedSequence(seed).spawn(3)
@@ -78,7 +78,7 @@ def _bench(
     return bus, SimulatedMocap(bus.twin, for_cameras, arm.parameters.marker_noise), for_targets
 
 
-def session_of(arm: Design, condition: Condition, seed: int) -> Session:
+def session_of(arm: TwinModel, condition: Condition, seed: int) -> Session:
     """A session of a simulated arm."""
     bus, cameras, for_targets = _bench(loaded(arm, condition.more_kg), [seed, 17])
     gain = arm.parameters.controller_gain
@@ -109,12 +109,16 @@ def _session(rows: list[dict[str, Any]], rate_hz: float) -> Session:
 
 
 def in_conditions(
-    arm: Design, readouts: Mapping[str, Readout], seed: int, hour: int, tell: Callable[[str], None]
+    arm: TwinModel,
+    readouts: Mapping[str, Readout],
+    seed: int,
+    hour: int,
+    on_progress: Callable[[str], None],
 ) -> dict[str, Any]:
     """Errors [mm] and coverage of each readout in each condition; what it refuses, it says."""
     found: dict[str, Any] = {}
     for condition in conditions(hour):
-        tell(f"condition: {condition.name}")
+        on_progress(f"condition: {condition.name}")
         windows = cut([session_of(arm, condition, seed)], 4, 100)
         test = windows.sessions[0]
         found[condition.name] = {}
@@ -154,7 +158,7 @@ CHANGES = {
 """Each with what happens, in words"""
 
 
-def changing(arm: Design, rows: int, at: int, change: Change, seed: int) -> Session:
+def changing(arm: TwinModel, rows: int, at: int, change: Change, seed: int) -> Session:
     """A session during which the arm changes, at a row."""
     before, after = _held(arm, Change()), _held(arm, change)
     bus, cameras, for_targets = _bench(before, [seed, 19])
@@ -171,7 +175,7 @@ def changing(arm: Design, rows: int, at: int, change: Change, seed: int) -> Sess
     return _session(logged, 4.0)
 
 
-def _held(arm: Design, change: Change) -> Design:
+def _held(arm: TwinModel, change: Change) -> TwinModel:
     """The arm after a change, built as it is before one: with a payload and a tilt, however small."""
     tilted = arm.effect_of(BaseTilt)
     about_y, about_z = (max(abs(x), 1e-9) * (np.sign(x) or 1) for x in change.tilt)

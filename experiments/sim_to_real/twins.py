@@ -16,7 +16,7 @@ from serpent_twin.readouts.windows import Windows, cut
 from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 NOMINAL, CALIBRATED, CORRECTED, RANDOMISED = "nominal", "calibrated", "corrected", "randomised"
 STAGES = (NOMINAL, CALIBRATED, CORRECTED, RANDOMISED)
@@ -45,16 +45,16 @@ QUICK = Size(3, 400, 2, epochs=3)
 class Twins:
     """What the loop knows of one arm before its test session."""
 
-    corrected: Design
-    calibrated: Design
-    drawn: tuple[Design, ...]
+    corrected: TwinModel
+    calibrated: TwinModel
+    drawn: tuple[TwinModel, ...]
     diagnosis: Mapping[str, Any]
     """What diagnosis.json holds"""
 
-    def of(self, stage: str) -> Sequence[Design]:
+    def of(self, stage: str) -> Sequence[TwinModel]:
         """The twins of a stage."""
         known = {CALIBRATED: (self.calibrated,), CORRECTED: (self.corrected,)}
-        return {NOMINAL: (NOMINAL_DESIGN,), RANDOMISED: self.drawn, **known}[stage]
+        return {NOMINAL: (NOMINAL_TWIN,), RANDOMISED: self.drawn, **known}[stage]
 
 
 def trace_arm(folder: Path, parts: Split, out: Path, seed: int, size: Size) -> Twins:

@@ -20,7 +20,7 @@ from serpent_twin.readouts.score import score
 from serpent_twin.readouts.training.split import split
 from serpent_twin.readouts.training.trial import Trial
 from serpent_twin.reservoir.sweep import channels, pose
-from serpent_twin.reservoir.sweep.point import DROP, WINDOW, Point
+from serpent_twin.reservoir.sweep.point import DROP, WINDOW, GridPoint
 from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
 
@@ -30,7 +30,7 @@ _FEW = 600  # rows that tell the cameras' noise
 
 
 @dataclass(frozen=True)
-class Placed(Point):
+class Placed(GridPoint):
     """A twin with a logged arm's stiffness and slack, seen by cameras as good as that arm's."""
 
     marker_noise: float = NOMINAL.marker_noise
@@ -63,7 +63,7 @@ def place(sessions: Sequence[Session], twin: Path | None) -> Place:
     return _median(start, f"first guesses from {counted(len(training), 'session')}")
 
 
-def _median(arm: twin_model.Design, source: str) -> Place:
+def _median(arm: twin_model.TwinModel, source: str) -> Place:
     told, parts = arm.parameters, arm.tolerances
     stiffness = told.strand_stiffness * np.exp(np.median(parts.strand_stiffness))
     slack = told.strand_slack + np.median(parts.strand_slack)

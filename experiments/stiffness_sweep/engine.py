@@ -12,18 +12,18 @@ from serpent_twin.arm.geometry import ARM, N_JOINTS
 from serpent_twin.arm.mjcf import JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.reservoir.sweep import drive
-from serpent_twin.reservoir.sweep.point import Point
+from serpent_twin.reservoir.sweep.point import GridPoint
 from serpent_twin.runs.processes import processes
 from serpent_twin.sim.cable_dynamics import addresses
 from serpent_twin.sim.many_twins import TIMESTEP, hasten, substeps
 
 CORES = os.cpu_count() or 1
 _ROUNDS = 3
-Job = tuple[Point, int, int]
+Job = tuple[GridPoint, int, int]
 """An arm, and stretches of so many command periods"""
 
 
-def engine_ratio(point: Point, stretches: int = 40, periods: int = 20) -> float:
+def engine_ratio(point: GridPoint, stretches: int = 40, periods: int = 20) -> float:
     """Steps per second of a sweep's processes, one thread each, over those of a rollout on all cores.
 
     The peer steps the same model as often, pushed by the torques that commanded strands would make.
@@ -47,7 +47,7 @@ def simulate(job: Job) -> None:
     drive.drive(point.design, _targets(job), point.rate)
 
 
-def _step(point: Point) -> float:
+def _step(point: GridPoint) -> float:
     """The time step that `drive` asks for [s]."""
     longest = drive.steady_timestep(point.stiffness or 0.0, TIMESTEP, drive.LONGEST)
     return drive.LONGER * longest
@@ -85,7 +85,7 @@ def _bare(job: Job, steps: int) -> float:
     return time.perf_counter() - began
 
 
-def _pushes(point: Point, model: mujoco.MjModel, count: int, steps: int) -> Array:
+def _pushes(point: GridPoint, model: mujoco.MjModel, count: int, steps: int) -> Array:
     """Torques [N m], (count, steps, nv), that strands wound from target to target in each period make."""
     radius = np.array(ARM.pulley_radius[:N_JOINTS])
     wound = radius[:, None] * np.tri(N_JOINTS)

@@ -6,20 +6,20 @@ from pathlib import Path
 
 from experiments.stiffness_sweep.plan import GRID, Plan
 from serpent_twin.command_line.options import used_only
-from serpent_twin.reservoir.sweep.point import Point
+from serpent_twin.reservoir.sweep.point import GridPoint
 from serpent_twin.reservoir.sweep.rows import Row
 from serpent_twin.reservoir.sweep.run import Sweep, sweep
 
-Errors = Mapping[Point, Mapping[str, float]]
+Errors = Mapping[GridPoint, Mapping[str, float]]
 """Mean marker distances [mm] by point and readout"""
 
 
-def networks(plan: Plan, out: Path, workers: int) -> dict[Point, dict[str, float]]:
+def networks(plan: Plan, out: Path, workers: int) -> dict[GridPoint, dict[str, float]]:
     """Errors at every other stiffness of the grid, of the first seed; OUT gets folders of points."""
     first = [p for p in plan.points()[GRID] if p.seed == plan.seeds[0]]
     some = [p for p in first if p.stiffness in plan.stiffness[::2]]
     second = [p for p in first if p.slack == plan.slack[1]]
-    found: dict[Point, dict[str, float]] = {}
+    found: dict[GridPoint, dict[str, float]] = {}
     for readouts, points in ((plan.networks, some), (plan.slow, second)):
         if not readouts:
             continue
@@ -32,7 +32,7 @@ def networks(plan: Plan, out: Path, workers: int) -> dict[Point, dict[str, float
     return found
 
 
-def added(rows: Sequence[Row], points: Sequence[Point], errors: Errors) -> list[Row]:
+def added(rows: Sequence[Row], points: Sequence[GridPoint], errors: Errors) -> list[Row]:
     """The rows of points with what networks make of them, where they were trained."""
     return [
         replace(row, pose_mm={**row.pose_mm, **errors.get(point, {})})

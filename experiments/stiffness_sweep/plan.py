@@ -9,9 +9,9 @@ import numpy as np
 from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.arrays import Array
-from serpent_twin.reservoir.sweep.point import Measuring, Point
+from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
 from serpent_twin.reservoir.sweep.pose import PUBLISHED_RATE
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 SPEED = 0.28
 """Rate [Hz] times amplitude [rad], as the servos' speed lets joints go"""
@@ -26,13 +26,13 @@ NOISES = "load noise"
 
 
 @dataclass(frozen=True)
-class Weightless(Point):
+class Weightless(GridPoint):
     """An arm without weight."""
 
     @property
-    def design(self) -> Design:
+    def design(self) -> TwinModel:
         """The arm."""
-        return Design(self.parameters, arm=replace(ARM, gravity=(0.0, 0.0, 0.0)))
+        return TwinModel(self.parameters, arm=replace(ARM, gravity=(0.0, 0.0, 0.0)))
 
     def described(self) -> dict[str, Any]:
         """By names that carry units."""
@@ -69,7 +69,7 @@ class Plan:
     slow: tuple[str, ...] = ()
     """Readouts that are trained on it at the grid's second slack alone"""
 
-    def point(self, stiffness: float | None, **others: Any) -> Point:
+    def point(self, stiffness: float | None, **others: Any) -> GridPoint:
         """One point as the grid has it but for what is given."""
         usual = {
             "slack": self.slack[1],
@@ -80,9 +80,9 @@ class Plan:
             "steps": self.steps,
             "load_noise": LOAD_NOISE,
         }
-        return Point(stiffness, **(usual | others))
+        return GridPoint(stiffness, **(usual | others))
 
-    def points(self) -> dict[str, list[Point]]:
+    def points(self) -> dict[str, list[GridPoint]]:
         """All points by what they are for; some serve twice."""
         K, middle = self.stiffness, self.stiffness[len(self.stiffness) // 2]
         return {
@@ -167,7 +167,7 @@ def damping_at(stiffness: float) -> float:
 def natural_period(stiffness: float) -> float:
     """Longest period [s] of the hanging arm's small swings on strands [N/m] without slack or friction."""
     parameters = replace(NOMINAL, strand_stiffness=stiffness, strand_slack=0.0)
-    model = Design(parameters).spec(motors=False).compile()
+    model = TwinModel(parameters).spec(motors=False).compile()
     data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, mass)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from serpent_twin.reservoir.sweep.point import Measuring, Point
+from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
 from serpent_twin.reservoir.sweep.rows import Row, row_of
 
 Rows = Mapping[str, Sequence[Row]]
@@ -11,8 +11,8 @@ Rows = Mapping[str, Sequence[Row]]
 
 
 def rows_of(
-    points: Mapping[str, Sequence[Point]],
-    found: Mapping[Point, Mapping[str, Any]],
+    points: Mapping[str, Sequence[GridPoint]],
+    found: Mapping[GridPoint, Mapping[str, Any]],
     measuring: Measuring,
 ) -> dict[str, list[Row]]:
     """Rows by what they are for, out of what was found at each point."""

@@ -28,7 +28,7 @@ Motors = Annotated[tuple[_Log, ...], many(N_MOTORS)]
 
 
 @dataclass(frozen=True)
-class Tolerances:
+class Deviations:
     """Deviations of single parts; all zero is the nominal arm. Calibration fits them to logs."""
 
     strand_stiffness: Strands = (0.0,) * N_STRANDS
@@ -69,5 +69,5 @@ class Tolerances:
         return np.array(self.marker).reshape(N_JOINTS, 3)
 
 
-EXACT = Tolerances()
+EXACT = Deviations()
 """Every part as drawn."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from serpent_twin.arm.deviations import EXACT, Tolerances
+from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, Arm
 from serpent_twin.arm.hinge_friction import STICKS
 from serpent_twin.arm.parameters import NOMINAL, Parameters
@@ -46,7 +46,7 @@ _HEADER = """ The cable-driven serpentine arm. `python -m serpent_twin.mjcf` wri
 def build(
     arm: Arm = ARM,
     parameters: Parameters = NOMINAL,
-    tolerances: Tolerances = EXACT,
+    tolerances: Deviations = EXACT,
     drawn: bool = False,
     motors: bool = True,
 ) -> mujoco.MjSpec:
@@ -120,7 +120,7 @@ def _word(value: Any) -> str:
 def _document(
     arm: Arm,
     parameters: Parameters,
-    tolerances: Tolerances = EXACT,
+    tolerances: Deviations = EXACT,
     parts: "list[Part] | None" = None,
     motors: bool = True,
 ) -> ET.Element:
@@ -177,7 +177,7 @@ def _add_assets(root: ET.Element, parts: "list[Part]") -> None:
 
 
 def _add_bodies(
-    world: ET.Element, arm: Arm, parameters: Parameters, tolerances: Tolerances, motors: bool
+    world: ET.Element, arm: Arm, parameters: Parameters, tolerances: Deviations, motors: bool
 ) -> dict[str, ET.Element]:
     """All bodies by name: the base with its motors, the chain of links, the jaw."""
     half = np.sqrt(0.5)
@@ -256,7 +256,7 @@ def _add_jaw(link: ET.Element, arm: Arm, resist: dict[str, Any]) -> ET.Element:
 
 
 def _add_strands(
-    tendon: ET.Element, arm: Arm, parameters: Parameters, tolerances: Tolerances, motors: bool
+    tendon: ET.Element, arm: Arm, parameters: Parameters, tolerances: Deviations, motors: bool
 ) -> None:
     for n, name in enumerate(STRANDS):
         j, sign = n // 2 + 1, 1.0 if name.endswith("plus") else -1.0

@@ -106,7 +106,7 @@ class Moment:
     """Coulomb friction of the gearboxes [N m]"""
     winch_ratio: Array | float = 1.0
     """Winch radius over the radius of the cable's pulleys [1]"""
-    earlier: Array | float = 0.0
+    prior_runtime: Array | float = 0.0
     """How long earlier sessions ran in all [s], or (n, 1)"""
     stiffening: Array | float = 0.0
     """b in T = k x (1 + b x) [1/m]; the model's, not to be changed here"""

@@ -39,5 +39,5 @@ class StiffnessDrift(Effect):
 
     def act(self, moment: Moment, memory: None) -> None:
         """Soften the strands."""
-        hours = (moment.time + self.carries * moment.earlier) / 3600.0
+        hours = (moment.time + self.carries * moment.prior_runtime) / 3600.0
         moment.stiffness *= np.maximum(1.0 - self.rate * hours, LEAST)

@@ -10,10 +10,10 @@ import numpy as np
 
 from serpent_twin import stored
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification.free_parameters import Moves
+from serpent_twin.identification.free_parameters import FreeParameters
 from serpent_twin.identification.least_squares import Fit
 from serpent_twin.identification.score_test import Score
-from serpent_twin.machines.machine import Point, Stopwatch
+from serpent_twin.machines.machine import ParameterVector, Stopwatch
 from serpent_twin.stored import Numbers, above, within
 
 T = TypeVar("T")
@@ -22,7 +22,7 @@ Index = Annotated[int, within(0, 1_000_000)]
 _AGAIN = "Delete it, and the same command makes it anew."
 
 
-class Notebook:
+class Checkpoints:
     """Finished stages of one trace, each a file in a folder, with what it took."""
 
     def __init__(self, folder: Path, clock: Stopwatch) -> None:
@@ -90,7 +90,7 @@ class _Fit(stored.Form, frozen=True):
     cost: float
     converged: bool
     used: tuple[Index, ...]
-    worth: Annotated[float, above(0.0, 1e12)]
+    variance_inflation: Annotated[float, above(0.0, 1e12)]
 
 
 def _save(path: Path, arrays: dict[str, Any]) -> None:
@@ -103,31 +103,31 @@ def _save(path: Path, arrays: dict[str, Any]) -> None:
 def _fit_arrays(fit: Fit) -> dict[str, Any]:
     about = {
         "effects": {name: list(map(float, v)) for name, v in fit.point.effects.items()},
-        "moved": list(fit.moves.declared),
-        "moved_effects": [list(each) for each in fit.moves.effects],
+        "moved": list(fit.free.declared),
+        "moved_effects": [list(each) for each in fit.free.effects],
         "cost": fit.cost,
         "converged": fit.converged,
         "used": list(fit.used),
-        "worth": fit.worth,
+        "variance_inflation": fit.variance_inflation,
     }
     return {
         "about": np.array(json.dumps(about)),
         "declared": fit.point.declared,
         "error": fit.error,
         "correlation": fit.correlation,
-        "slope": fit.slope,
+        "slope": fit.jacobian,
     }
 
 
 def _read_fit(path: Path, arrays: stored.Arrays) -> Fit:
     about = stored.json_in(arrays, "about", _Fit, str(path), _AGAIN)
-    moves = Moves(about.moved, about.moved_effects)
+    free = FreeParameters(about.moved, about.moved_effects)
     declared = arrays.get("declared", np.zeros(0)).size
     known = [k < declared for k in about.moved]
     known += [k < len(about.effects.get(name, ())) for name, k in about.moved_effects]
     if not all(known):
         raise SerpentError(f"{path}: about.moved names what the fit does not have. {_AGAIN}")
-    n, rows = len(moves), arrays["slope"].shape[2:] if "slope" in arrays else (0,)
+    n, rows = len(free), arrays["slope"].shape[2:] if "slope" in arrays else (0,)
     wanted = {
         "declared": Numbers((declared,)),
         "error": Numbers((n,), unknown=True),
@@ -137,13 +137,13 @@ def _read_fit(path: Path, arrays: stored.Arrays) -> Fit:
     stored.require_arrays(arrays, wanted, str(path), _AGAIN)
     effects = {name: np.array(values) for name, values in about.effects.items()}
     return Fit(
-        point=Point(arrays["declared"], effects),
-        moves=moves,
+        point=ParameterVector(arrays["declared"], effects),
+        free=free,
         cost=about.cost,
         error=arrays["error"],
         correlation=arrays["correlation"],
         converged=about.converged,
-        slope=arrays["slope"],
+        jacobian=arrays["slope"],
         used=about.used,
-        worth=about.worth,
+        variance_inflation=about.variance_inflation,
     )

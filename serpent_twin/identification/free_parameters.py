@@ -1,4 +1,4 @@
-"""Along which coordinates does a fit move, and how does the residual change with each?"""
+"""Which parameters a fit is free to change, and the residual's Jacobian by them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Range
-from serpent_twin.machines.machine import Case, Point
+from serpent_twin.machines.machine import Case, ParameterVector
 
 
 @dataclass(frozen=True)
-class Moves:
-    """Which coordinates a fit moves: declared ones by index, and effects' parameters by name and index."""
+class FreeParameters:
+    """What a fit may change: declared parameters by index, effects' parameters by name and index."""
 
     declared: tuple[int, ...]
     effects: tuple[tuple[str, int], ...]
@@ -22,7 +22,7 @@ class Moves:
         return len(self.declared) + len(self.effects)
 
 
-def moves_of(case: Case[Any], names: Sequence[str]) -> Moves:
+def free_parameters(case: Case[Any], names: Sequence[str]) -> FreeParameters:
     """All declared parameters, and the fitted ones of the named effects."""
     chosen = [
         (name, k)
@@ -30,50 +30,54 @@ def moves_of(case: Case[Any], names: Sequence[str]) -> Moves:
         for k, allowed in enumerate(case.candidates[name].ranges.values())
         if allowed.fitted
     ]
-    return Moves(tuple(range(len(case.declared))), tuple(chosen))
+    return FreeParameters(tuple(range(len(case.declared))), tuple(chosen))
 
 
-def moved(case: Case[Any], point: Point, moves: Moves, step: Array) -> Point:
-    """A point after a step, its effects kept within their ranges."""
+def moved(
+    case: Case[Any], point: ParameterVector, free: FreeParameters, step: Array
+) -> ParameterVector:
+    """A parameter vector after a step, its effects kept within their ranges."""
     declared = point.declared.copy()
-    declared[list(moves.declared)] += step[: len(moves.declared)]
+    declared[list(free.declared)] += step[: len(free.declared)]
     effects = {name: values.copy() for name, values in point.effects.items()}
-    for (name, k), by in zip(moves.effects, step[len(moves.declared) :], strict=True):
+    for (name, k), by in zip(free.effects, step[len(free.declared) :], strict=True):
         allowed = list(case.candidates[name].ranges.values())[k]
         effects[name][k] = np.clip(effects[name][k] + by, allowed.least, allowed.high)
-    return Point(declared, effects)
+    return ParameterVector(declared, effects)
 
 
-def between(before: Point, after: Point, moves: Moves) -> Array:
+def between(before: ParameterVector, after: ParameterVector, free: FreeParameters) -> Array:
     """The step that was really taken, bounds considered."""
-    declared = (after.declared - before.declared)[list(moves.declared)]
-    return np.r_[declared, [after.effects[n][k] - before.effects[n][k] for n, k in moves.effects]]
+    declared = (after.declared - before.declared)[list(free.declared)]
+    return np.r_[declared, [after.effects[n][k] - before.effects[n][k] for n, k in free.effects]]
 
 
-def slopes(case: Case[Any], point: Point, moves: Moves, pieces: Any) -> tuple[Array, Array]:
-    """The residual, (S, n), and its derivative by every move, (len(moves), S, n)."""
+def jacobian(
+    case: Case[Any], point: ParameterVector, free: FreeParameters, pieces: Any
+) -> tuple[Array, Array]:
+    """The residual, (S, n), and its derivative by every free parameter, (len(free), S, n)."""
     simulated, steps, answered = [], [], []
-    for n, k in enumerate(moves.declared):
+    for n, k in enumerate(free.declared):
         if case.declared[k].simulated:
             simulated.append(n)
             steps.append(case.declared[k].step)
         else:
             answered.append(n)
-    for n, (name, k) in enumerate(moves.effects, len(moves.declared)):
+    for n, (name, k) in enumerate(free.effects, len(free.declared)):
         allowed = list(case.candidates[name].ranges.values())[k]
         simulated.append(n)
         steps.append(_difference(allowed, point.effects[name][k]))
     points = [point]
     for n, by in zip(simulated, steps, strict=True):
-        points.append(moved(case, point, moves, by * (np.arange(len(moves)) == n)))
+        points.append(moved(case, point, free, by * (np.arange(len(free)) == n)))
     rough = case.residual(points, pieces, rough=True)
     residual = case.residual([point], pieces)[0]
-    out = np.zeros((len(moves), *residual.shape), np.float32)
+    out = np.zeros((len(free), *residual.shape), np.float32)
     out[simulated] = (rough[1:] - rough[0]) / np.array(steps, np.float32)[:, None, None]
     if answered:
         first = next(n for n, d in enumerate(case.declared) if not d.simulated)
-        every = case.slopes(point, pieces)
-        out[answered] = every[[moves.declared[n] - first for n in answered]]
+        every = case.jacobian(point, pieces)
+        out[answered] = every[[free.declared[n] - first for n in answered]]
     return residual, np.nan_to_num(out)
 
 

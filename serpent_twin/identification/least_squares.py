@@ -13,8 +13,8 @@ import numpy as np
 from scipy.stats import t as student
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.free_parameters import Moves, between, moved, slopes
-from serpent_twin.machines.machine import Case, Point
+from serpent_twin.identification.free_parameters import FreeParameters, between, jacobian, moved
+from serpent_twin.machines.machine import Case, ParameterVector
 
 _DAMPINGS = (0.0, 0.3, 3.0)
 """Levenberg's, tried in turn"""
@@ -33,7 +33,7 @@ SIMPLIFIED = 0.01
 residuals shows (a type B uncertainty: JCGM 100, 4.3); independent arms of other laws were off by as much."""
 _STEPS = 10
 _LISTED = 6
-Tell = Callable[[str], None]
+OnProgress = Callable[[str], None]
 
 
 def _silent(_: str) -> None: ...
@@ -43,30 +43,30 @@ def _silent(_: str) -> None: ...
 class Fit:
     """A fitted twin."""
 
-    point: Point
-    moves: Moves
+    point: ParameterVector
+    free: FreeParameters
     cost: float
     """Weighted squares over the segments `used`, divided by `worth`, priors included"""
-    worth: float
+    variance_inflation: float
     """So many of the residual's numbers weigh as one"""
     error: Array
     """Standard errors of the moves, in their coordinates, (len(moves),)"""
     correlation: Array
     """Of the moves' errors, (len(moves), len(moves))"""
     converged: bool
-    slope: Array
+    jacobian: Array
     """Derivative of the residual by the moves on the segments `used`, (len(moves), S, n)"""
     used: tuple[int, ...]
 
     def interval(self, name: str, index: int) -> tuple[float, float, float]:
         """An effect's parameter with its 95 % interval, for scatter and for what is simplified."""
-        at = len(self.moves.declared) + self.moves.effects.index((name, index))
+        at = len(self.free.declared) + self.free.effects.index((name, index))
         value = float(self.point.effects[name][index])
         half = NORMAL_95 * float(np.hypot(self.error[at], SIMPLIFIED * value))
         return value, value - half, value + half
 
 
-def worth(residual: Array, channels: int) -> float:
+def variance_inflation(residual: Array, channels: int) -> float:
     """How many numbers of a residual, (S, T · channels), weigh as one independent number.
 
     In time: 1 + 2 Σ ρ_k, the autocorrelations to the first that is not positive (Geyer). From channel
@@ -93,11 +93,11 @@ def worth(residual: Array, channels: int) -> float:
 def fit(
     case: Case[Any],
     pieces: Any,
-    start: Point,
-    moves: Moves,
+    start: ParameterVector,
+    free: FreeParameters,
     derivatives: int,
     most: int,
-    tell: Tell = _silent,
+    on_progress: OnProgress = _silent,
     known: Fit | None = None,
     steps: int = _STEPS,
 ) -> Fit:
@@ -109,32 +109,44 @@ def fit(
     is the derivative at the start.
     """
     used = known.used if known else _spread(len(pieces), most)
-    problem = _Problem(case, case.take(pieces, used), moves, known)
-    at, slope = problem.begin(start)
+    problem = _Problem(case, case.take(pieces, used), free, known)
+    at, jacobian = problem.begin(start)
     settled = False
     for n in range(derivatives):
         if n:
-            slope = problem.slope(at.point)
+            jacobian = problem.jacobian(at.point)
         before, begun = at.cost, at.point
         for _ in range(steps):
-            taken = problem.step(at, slope)
+            taken = problem.step(at, jacobian)
             if taken is None:
                 break
-            gained, step = at.cost - taken.cost, between(at.point, taken.point, moves)
-            slope = _bettered(slope, taken.residual - at.residual, step, problem.worth)
+            gained, step = at.cost - taken.cost, between(at.point, taken.point, free)
+            jacobian = _bettered(
+                jacobian, taken.residual - at.residual, step, problem.variance_inflation
+            )
             at = taken
             if gained < _SETTLED:
                 break
-        tell(f"derivative {n + 1} of {derivatives}: cost {before:.0f} → {at.cost:.0f}")
+        on_progress(f"derivative {n + 1} of {derivatives}: cost {before:.0f} → {at.cost:.0f}")
         bettered = before - at.cost
         settled = steps > 0 and bettered < max(2 * _SETTLED, _NEARLY * at.cost)
         if steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost):
             break
-    error, correlation = _errors(slope, at.residual, problem.worth, problem.prior)
-    if steps > 0 and moves.effects:
-        late = np.abs(between(begun, at.point, moves) / error)[len(moves.declared) :]
+    error, correlation = _errors(jacobian, at.residual, problem.variance_inflation, problem.prior)
+    if steps > 0 and free.effects:
+        late = np.abs(between(begun, at.point, free) / error)[len(free.declared) :]
         settled = settled or bool((late < _STILL).all())
-    return Fit(at.point, moves, at.cost, problem.worth, error, correlation, settled, slope, used)
+    return Fit(
+        at.point,
+        free,
+        at.cost,
+        problem.variance_inflation,
+        error,
+        correlation,
+        settled,
+        jacobian,
+        used,
+    )
 
 
 def _spread(segments: int, most: int) -> tuple[int, ...]:
@@ -147,7 +159,7 @@ def _spread(segments: int, most: int) -> tuple[int, ...]:
 class _At:
     """A point with what it leaves."""
 
-    point: Point
+    point: ParameterVector
     residual: Array
     cost: float
 
@@ -155,107 +167,113 @@ class _At:
 class _Problem:
     """What a fit betters: a case's residual on some segments, and the priors."""
 
-    def __init__(self, case: Case[Any], some: Any, moves: Moves, known: Fit | None) -> None:
-        self.case, self.some, self.moves, self.known = case, some, moves, known
-        declared = [1 / case.declared[k].prior ** 2 for k in moves.declared]
-        wide = [list(case.candidates[name].ranges.values())[k] for name, k in moves.effects]
+    def __init__(self, case: Case[Any], some: Any, free: FreeParameters, known: Fit | None) -> None:
+        self.case, self.some, self.free, self.known = case, some, free, known
+        declared = [1 / case.declared[k].prior ** 2 for k in free.declared]
+        wide = [list(case.candidates[name].ranges.values())[k] for name, k in free.effects]
         effects = [(allowed.high - allowed.low) ** -2 for allowed in wide]
         self.prior = np.array([*declared, *effects])
-        self.worth = 1.0
+        self.variance_inflation = 1.0
 
-    def begin(self, start: Point) -> tuple[_At, Array]:
+    def begin(self, start: ParameterVector) -> tuple[_At, Array]:
         """The start and the derivative there; from here on the data weigh as what they are worth."""
-        residual, slope = self._slopes(start)
-        self.worth = self.known.worth if self.known else worth(residual, self.case.channels)
-        return _At(start, residual, self._cost(residual, start)), slope
+        residual, jacobian = self._jacobian(start)
+        self.variance_inflation = (
+            self.known.variance_inflation
+            if self.known
+            else variance_inflation(residual, self.case.channels)
+        )
+        return _At(start, residual, self._cost(residual, start)), jacobian
 
-    def slope(self, point: Point) -> Array:
+    def jacobian(self, point: ParameterVector) -> Array:
         """A fresh derivative."""
-        return self._slopes(point)[1]
+        return self._jacobian(point)[1]
 
-    def step(self, at: _At, slope: Array) -> _At | None:
+    def step(self, at: _At, jacobian: Array) -> _At | None:
         """Gauss-Newton's step, or with Levenberg's damping if that leads nowhere, or nothing."""
-        flat = slope.reshape(len(self.moves), -1)
-        normal = flat @ flat.T / self.worth + np.diag(self.prior)
-        pull = -(flat @ at.residual.ravel()) / self.worth - self.prior * self._lean(at.point)
+        flat = jacobian.reshape(len(self.free), -1)
+        normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
+        pull = -(flat @ at.residual.ravel()) / self.variance_inflation - self.prior * self._lean(
+            at.point
+        )
         for damp in _DAMPINGS:
             step = np.linalg.solve(normal + damp * np.diag(np.diag(normal)), pull)
-            there = moved(self.case, at.point, self.moves, step)
+            there = moved(self.case, at.point, self.free, step)
             found = self.case.residual([there], self.some)[0]
             if (cost := self._cost(found, there)) < at.cost:
                 return _At(there, found, cost)
         return None
 
-    def _slopes(self, point: Point) -> tuple[Array, Array]:
+    def _jacobian(self, point: ParameterVector) -> tuple[Array, Array]:
         if self.known is None:
-            return slopes(self.case, point, self.moves, self.some)
-        residual, by_effects = slopes(self.case, point, Moves((), self.moves.effects), self.some)
-        by_declared = self.known.slope[: len(self.moves.declared)]
+            return jacobian(self.case, point, self.free, self.some)
+        residual, by_effects = jacobian(
+            self.case, point, FreeParameters((), self.free.effects), self.some
+        )
+        by_declared = self.known.jacobian[: len(self.free.declared)]
         return residual, np.concatenate([by_declared, by_effects])
 
-    def _lean(self, point: Point) -> Array:
+    def _lean(self, point: ParameterVector) -> Array:
         """Where the moves stand against their priors; effects have none to lean on."""
-        declared = point.declared[list(self.moves.declared)]
-        return np.r_[declared, np.zeros(len(self.moves.effects))]
+        declared = point.declared[list(self.free.declared)]
+        return np.r_[declared, np.zeros(len(self.free.effects))]
 
-    def _cost(self, residual: Array, point: Point) -> float:
-        squares = float((residual.astype(float) ** 2).sum()) / self.worth
+    def _cost(self, residual: Array, point: ParameterVector) -> float:
+        squares = float((residual.astype(float) ** 2).sum()) / self.variance_inflation
         cost = squares + float((self.prior * self._lean(point) ** 2).sum())
         return cost if np.isfinite(cost) else np.inf
 
 
-def _bettered(slope: Array, change: Array, step: Array, each: float) -> Array:
+def _bettered(jacobian: Array, change: Array, step: Array, each: float) -> Array:
     """The derivative that explains the change along the step; else as it was (Broyden 1965)."""
-    flat = slope.reshape(len(slope), -1)
+    flat = jacobian.reshape(len(jacobian), -1)
     metric = (flat**2).sum(axis=1) / each
     length = float(step @ (metric * step))
     if length < 1.0:  # of about a standard error: noise of sticking hinges is larger
-        return slope
-    missed = change - np.tensordot(step, slope, 1)
+        return jacobian
+    missed = change - np.tensordot(step, jacobian, 1)
     along = (metric * step / length).astype(np.float32)
-    return slope + along[:, None, None] * missed.astype(np.float32)
+    return jacobian + along[:, None, None] * missed.astype(np.float32)
 
 
-def _errors(slope: Array, residual: Array, each: float, prior: Array) -> tuple[Array, Array]:
+def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tuple[Array, Array]:
     """Standard errors and correlations of the moves.
 
     The greater of two: what the numbers' scatter and the priors leave, and what segments disagree by,
     each taken as one independent draw (Liang and Zeger 1986). For no twin is exact, and what it does
     wrong within a segment hangs together.
     """
-    flat = slope.reshape(len(slope), -1)
+    flat = jacobian.reshape(len(jacobian), -1)
     covariance = np.linalg.inv(flat @ flat.T / each + np.diag(prior))
     error = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(error, error)
     segments = residual.shape[0]
     if segments < 3:
         return error, correlation
-    pull = np.einsum("msn,sn->ms", slope, residual, dtype=float) / each
+    pull = np.einsum("msn,sn->ms", jacobian, residual, dtype=float) / each
     apart = covariance @ (pull - pull.mean(axis=1, keepdims=True))
     between = np.sqrt(segments / (segments - 1) * (apart**2).sum(axis=1))
     few = float(student.ppf(0.975, segments - 1)) / NORMAL_95
     return np.maximum(error, np.minimum(few * between, prior**-0.5)), correlation
 
 
-def drawn(case: Case[Any], found: Fit, rng: np.random.Generator, n: int) -> list[Point]:
+def drawn(case: Case[Any], found: Fit, rng: np.random.Generator, n: int) -> list[ParameterVector]:
     """Twins that the data do not tell from the fitted one."""
     half = np.linalg.cholesky(found.correlation + 1e-9 * np.eye(len(found.error)))
     steps = (half @ rng.standard_normal((len(found.error), n))).T * found.error
-    return [moved(case, found.point, found.moves, step) for step in steps]
+    return [moved(case, found.point, found.free, step) for step in steps]
 
 
 def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[str]:
     """What the data cannot tell apart, or tell nothing of, in sentences."""
-    names = [case.quantities[k].name for k in found.moves.declared]
-    names += [
-        f"{name}'s {list(case.candidates[name].ranges)[k]}" for name, k in found.moves.effects
-    ]
+    names = [case.quantities[k].name for k in found.free.declared]
+    names += [f"{name}'s {list(case.candidates[name].ranges)[k]}" for name, k in found.free.effects]
     told = []
     for a, b in zip(*np.where(np.triu(np.abs(found.correlation), 1) > above), strict=True):
         if names[a].endswith("all joints"):  # the single joints' deviations are from it
             continue
         told.append(f"{names[a]} and {names[b]} cannot be told apart.")
-    prior = np.array([case.declared[k].prior for k in found.moves.declared])
+    prior = np.array([case.declared[k].prior for k in found.free.declared])
     blind = np.flatnonzero(found.error[: len(prior)] > 0.9 * prior)
     if blind.size:
         named = ", ".join(names[n] for n in blind[:_LISTED])

@@ -16,8 +16,8 @@ from serpent_twin import machines
 from serpent_twin.command_line.option_groups import Group
 from serpent_twin.command_line.options import ABSENT, Checked, Seed, when
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification.checkpoints import Notebook
-from serpent_twin.identification.conclude import conclude
+from serpent_twin.identification.build_diagnosis import build_diagnosis
+from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.diagnosis import Diagnosis
 from serpent_twin.identification.least_squares import drawn
 from serpent_twin.identification.page import page
@@ -69,7 +69,7 @@ def trace(config: Trace) -> dict[str, Any]:
     return trace_sessions(config, *planned(config))[1]
 
 
-def planned(config: Trace) -> tuple[machines.Rig, Sequence[Any], Sequence[Any]]:
+def planned(config: Trace) -> tuple[machines.Machine, Sequence[Any], Sequence[Any]]:
     """The machine, the sessions to fit to and those that judge, of a config that can be traced."""
     rig = machines.find(config.rig)
     return rig, *_split(config, rig.read(config.logs)[: config.sessions or None])
@@ -95,7 +95,7 @@ def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]
 
 
 def trace_sessions(
-    config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
+    config: Trace, rig: machines.Machine, training: Sequence[Log], judging: Sequence[Log]
 ) -> tuple[Diagnosis, dict[str, Any]]:
     """Trace sessions that are split already; returns besides what diagnosis.json holds."""
     refuse_repeated([*training, *judging])
@@ -119,22 +119,24 @@ def _settings(config: Trace, training: Sequence[Log], judging: Sequence[Log]) ->
 
 
 def _run(
-    config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
+    config: Trace, rig: machines.Machine, training: Sequence[Log], judging: Sequence[Log]
 ) -> tuple[Tracer, Search, Diagnosis]:
     with tqdm(total=_STEPS, unit="step", desc="first guesses", smoothing=0.1) as bar:
 
-        def tell(what: str) -> None:
+        def on_progress(what: str) -> None:
             bar.set_description_str(what)
             bar.total = max(bar.total, bar.n + 8)
             bar.update()
 
         case = rig.open(training)
-        notes = Notebook(config.out / "stages", case.clock)
-        tracer = Tracer(case, case.pieces(training), case.pieces(judging), notes, tell, config.seed)
+        notes = Checkpoints(config.out / "stages", case.clock)
+        tracer = Tracer(
+            case, case.pieces(training), case.pieces(judging), notes, on_progress, config.seed
+        )
         search = tracer.search()
-        tell("what is left")
+        on_progress("what is left")
         arm = str(training[0].metadata.get("arm", config.logs.name))
-        found = conclude(tracer, search, arm, [_file(s) for s in judging])
+        found = build_diagnosis(tracer, search, arm, [_file(s) for s in judging])
         bar.total = bar.n
         bar.refresh()
     return tracer, search, found

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.free_parameters import moves_of
-from serpent_twin.identification.least_squares import Fit, Tell, fit
+from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.least_squares import Fit, OnProgress, fit
 from serpent_twin.machines.machine import Candidate, Case
 
 EXCITED = 0.02
@@ -76,17 +76,17 @@ def _projected(base: Fit, case: Case[Any], residual: Array, change: Array) -> tu
     """Share of the squares that the change removes beyond the declared parameters and those of the
     effects that are there, and its size.
     """
-    free = np.zeros(len(base.moves.effects))
-    prior = np.r_[[1 / case.declared[k].prior ** 2 for k in base.moves.declared], free]
-    flat = base.slope.reshape(len(prior), -1)
-    weight = 1 / base.worth
+    free = np.zeros(len(base.free.effects))
+    prior = np.r_[[1 / case.declared[k].prior ** 2 for k in base.free.declared], free]
+    flat = base.jacobian.reshape(len(prior), -1)
+    weight = 1 / base.variance_inflation
     normal = weight * (flat @ flat.T) + np.diag(prior)
     d, r = change.ravel().astype(float), residual.ravel().astype(float)
     free_d = d - flat.T @ np.linalg.solve(normal, weight * (flat @ d))
     along = float(free_d @ d)
     if along <= 0:
         return 0.0, 0.0
-    lean = prior * np.r_[base.point.declared[list(base.moves.declared)], free]
+    lean = prior * np.r_[base.point.declared[list(base.free.declared)], free]
     size = -float(free_d @ r - (flat @ d) @ np.linalg.solve(normal, lean)) / along
     return size * size * along / float(r @ r), size
 
@@ -129,7 +129,7 @@ def worth_fitting(
     return list(dict.fromkeys([*best, *beside]))
 
 
-def full_fit(case: Case[Any], pieces: Any, base: Fit, found: Score, tell: Tell) -> Fit:
+def full_fit(case: Case[Any], pieces: Any, base: Fit, found: Score, on_progress: OnProgress) -> Fit:
     """A candidate fitted together with all declared parameters, from the best of a few strengths."""
     names = [*base.point.effects, found.name]
     starts = _starts(case.candidates[found.name], found.start)
@@ -137,7 +137,9 @@ def full_fit(case: Case[Any], pieces: Any, base: Fit, found: Score, tell: Tell) 
     some = case.take(pieces, base.used)
     cost = np.nansum(case.residual(points, some) ** 2, axis=(1, 2))
     start = points[int(np.argmin(np.where(cost > 0, cost, np.inf)))]
-    return fit(case, pieces, start, moves_of(case, names), _DERIVATIVES, 1, tell, known=base)
+    return fit(
+        case, pieces, start, free_parameters(case, names), _DERIVATIVES, 1, on_progress, known=base
+    )
 
 
 def _starts(candidate: Candidate, values: Array) -> list[Array]:

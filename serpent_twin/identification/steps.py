@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.identification.checkpoints import Notebook
-from serpent_twin.identification.free_parameters import Moves, moves_of
+from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.held_out import Errors, Gain, errors, gain
-from serpent_twin.identification.least_squares import Fit, Tell, fit
+from serpent_twin.identification.least_squares import Fit, OnProgress, fit
 from serpent_twin.identification.score_test import (
     EXCITED,
     Score,
@@ -25,7 +25,7 @@ from serpent_twin.identification.score_test import (
     too_strong,
     worth_fitting,
 )
-from serpent_twin.machines.machine import Candidate, Case, Point
+from serpent_twin.machines.machine import Candidate, Case, ParameterVector
 
 WORTH_IT = 0.04
 """Relative gain on held-out logs, markers and loads weighing alike, that an effect must bring"""
@@ -82,15 +82,21 @@ class Tracer:
     """Runs the steps on one machine's training and held-out segments."""
 
     def __init__(
-        self, case: Case[Any], training: Any, held_out: Any, notes: Notebook, tell: Tell, seed: int
+        self,
+        case: Case[Any],
+        training: Any,
+        held_out: Any,
+        notes: Checkpoints,
+        on_progress: OnProgress,
+        seed: int,
     ) -> None:
         self.case, self.training, self.held_out = case, training, held_out
-        self.notes, self.tell, self.seed = notes, tell, seed
-        self.final: Point | None = None
+        self.notes, self.on_progress, self.seed = notes, on_progress, seed
+        self.final: ParameterVector | None = None
 
     def search(self) -> Search:
         """Calibrate, then add effects one by one while they are worth it."""
-        start = Point(np.zeros(len(self.case.declared)))
+        start = ParameterVector(np.zeros(len(self.case.declared)))
         opening, calibrated = self._calibrate(start)
         base, rounds = calibrated, []
         while len(rounds) < _MOST_EFFECTS:
@@ -119,57 +125,68 @@ class Tracer:
         stands = _best({done.accepted: trial}, self.case.candidates)
         return replace(done, trials={**done.trials, done.accepted: trial}, accepted=stands)
 
-    def errors(self, point: Point) -> Errors:
+    def errors(self, point: ParameterVector) -> Errors:
         """Held-out errors of a point."""
         return errors(self.case.compare(point, self.held_out))
 
-    def _calibrate(self, start: Point) -> tuple[Fit, Fit]:
+    def _calibrate(self, start: ParameterVector) -> tuple[Fit, Fit]:
         """Fit the declared parameters, weights renewed in between; returns the opening, a fit that has
         not moved yet, and the calibrated twin.
         """
         self.case = self.case.reweighted(start, self.training)
-        moves = moves_of(self.case, ())
-        self.tell("opening")
+        free = free_parameters(self.case, ())
+        self.on_progress("opening")
         opening = self.notes.fit(
             "opening",
             lambda: fit(
-                self.case, self.training, start, moves, 1, self.case.segments[0], self.tell, steps=0
+                self.case,
+                self.training,
+                start,
+                free,
+                1,
+                self.case.segments[0],
+                self.on_progress,
+                steps=0,
             ),
         )
-        first = self._fit("calibrated_1", start, moves, 1, opening)
+        first = self._fit("calibrated_1", start, free, 1, opening)
         self._opening_case = self.case
         self.case = self.case.reweighted(first.point, self.training)
-        second = self._fit("calibrated_2", first.point, moves, 1)
+        second = self._fit("calibrated_2", first.point, free, 1)
         self.case = self.case.reweighted(second.point, self.training)
-        return opening, self._fit("calibrated_3", second.point, moves, 3)
+        return opening, self._fit("calibrated_3", second.point, free, 3)
 
     def _fit(
         self,
         name: str,
-        start: Point,
-        moves: Moves,
+        start: ParameterVector,
+        free: FreeParameters,
         derivatives: int,
         known: Fit | None = None,
         last: bool = False,
     ) -> Fit:
-        self.tell(f"fit {name.replace('_', ' ')}")
+        self.on_progress(f"fit {name.replace('_', ' ')}")
         case, most = self.case, self.case.segments[last]
         return self.notes.fit(
             name,
-            lambda: fit(case, self.training, start, moves, derivatives, most, self.tell, known),
+            lambda: fit(
+                case, self.training, start, free, derivatives, most, self.on_progress, known
+            ),
         )
 
     def _polish(self, found: Fit, name: str) -> Fit:
         """Fit an accepted effect with everything else, anew, with the weights that it brings."""
         self.case = self.case.reweighted(found.point, self.training)
-        return self._fit(name, found.point, moves_of(self.case, list(found.point.effects)), 2)
+        return self._fit(
+            name, found.point, free_parameters(self.case, list(found.point.effects)), 2
+        )
 
     def _sharpened(self, found: Fit) -> Fit:
         """The last fit, on more segments: what is reported of the accepted effects."""
         if not found.point.effects:
             return found
         self.case = self.case.reweighted(found.point, self.training)
-        return self._fit("last", found.point, found.moves, 1, last=True)
+        return self._fit("last", found.point, found.free, 1, last=True)
 
     def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
         """Try all candidates; those that calibration may have swallowed also from the opening."""
@@ -200,10 +217,12 @@ class Tracer:
         trials = {name: Trial(s, None, None, before.marker) for name, s in scores.items()}
         chosen = worth_fitting(list(scores.values()), case.candidates)[:most]
         for name in chosen:
-            self.tell(f"{stage.replace('_', ', from the ')}: fitting {name}")
+            self.on_progress(f"{stage.replace('_', ', from the ')}: fitting {name}")
             fitted = self.notes.fit(
                 f"fit_{stage}_{name}",
-                lambda found=scores[name]: full_fit(case, self.training, begun, found, self.tell),
+                lambda found=scores[name]: full_fit(
+                    case, self.training, begun, found, self.on_progress
+                ),
             )
             after = self.errors(fitted.point)
             rng = np.random.default_rng([self.seed, 1])
@@ -217,7 +236,7 @@ class Tracer:
         def test() -> list[Score]:
             out = []
             for name in names:
-                self.tell(f"score test of {name}")
+                self.on_progress(f"score test of {name}")
                 out.append(score(case, self.training, base, case.candidates[name]))
             return out
 
@@ -228,18 +247,25 @@ class Tracer:
         names = list(final.point.effects)
         for name in names[:-1]:
             rest = {n: v for n, v in final.point.effects.items() if n != name}
-            point = Point(final.point.declared, rest)
-            moves = moves_of(self.case, list(rest))
+            point = ParameterVector(final.point.declared, rest)
+            free = free_parameters(self.case, list(rest))
             less = self.notes.fit(
                 f"without_{len(rounds)}_{name}",
-                lambda p=point, m=moves, f=final: fit(
-                    self.case, self.training, p, m, 3, self.case.segments[0], self.tell, known=f
+                lambda p=point, m=free, f=final: fit(
+                    self.case,
+                    self.training,
+                    p,
+                    m,
+                    3,
+                    self.case.segments[0],
+                    self.on_progress,
+                    known=f,
                 ),
             )
             rng = np.random.default_rng([self.seed, 99])
             lost = gain(self.errors(less.point), self.errors(final.point), rng)
             if _weakness(lost):
-                self.tell(f"{name} is not worth it beside the others")
+                self.on_progress(f"{name} is not worth it beside the others")
                 final = less
         return final
 
@@ -260,8 +286,8 @@ def _weakness(found: Gain) -> str:
 def significant(found: Fit, name: str, candidate: Candidate) -> bool:
     """Whether a strength of an effect differs from zero by more than chance."""
     strong = strengths(candidate)
-    ours = [(n, k) for n, (e, k) in enumerate(found.moves.effects) if e == name and k in strong]
-    error = found.error[len(found.moves.declared) :]
+    ours = [(n, k) for n, (e, k) in enumerate(found.free.effects) if e == name and k in strong]
+    error = found.error[len(found.free.declared) :]
     return any(abs(found.point.effects[name][k]) > SURE * error[n] for n, k in ours)
 
 

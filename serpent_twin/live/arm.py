@@ -8,14 +8,14 @@ from serpent_twin.numerals import counted
 from serpent_twin.readouts import Readout
 from serpent_twin.recording.collect import Collect
 from serpent_twin.sim.arm_file import ArmFile
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 
 @dataclass(frozen=True)
 class Drive(Collect):
     """What moves: an arm as `collect` has it, or a readout's own twin."""
 
-    own: Design | None = None
+    own: TwinModel | None = None
     """The readout's own twin, simulated in place of `twin` and `parameters`"""
 
     def simulated(self) -> ArmFile:
@@ -57,7 +57,7 @@ def note(drive: Drive, readout: Readout) -> str:
 def _called(drive: Drive) -> str:
     if drive.twin:
         return f"that of {drive.twin}"
-    nominal = drive.simulated().design == NOMINAL_DESIGN
+    nominal = drive.simulated().design == NOMINAL_TWIN
     return "the nominal one" if nominal else "that of the given parameters"
 
 

@@ -107,7 +107,7 @@ def estimate(config: Estimate) -> dict[str, Any]:
                 print(told(results))
                 results |= {"seed": config.seed, "settings": said} | provenance()
                 write_whole(config.out / RESULTS, json.dumps(results, indent=1) + "\n")
-        lost_markers.conclude([plan.session])
+        lost_markers.build_diagnosis([plan.session])
     return results
 
 

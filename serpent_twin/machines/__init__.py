@@ -5,7 +5,7 @@ import pkgutil
 from pathlib import Path
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.machine import Rig
+from serpent_twin.machines.machine import Machine
 
 
 def available() -> list[str]:
@@ -21,8 +21,8 @@ def described() -> str:
     return "; ".join(f"{name}, {find(name).about}" for name in available())
 
 
-def find(name: str) -> Rig:
+def find(name: str) -> Machine:
     """The rig of a name; raises a `SerpentError` that lists what there is."""
     if name not in available():
         raise SerpentError(f"there is no rig {name!r}; there are: {', '.join(available())}.")
-    return importlib.import_module(f"{__name__}.{name}").RIG
+    return importlib.import_module(f"{__name__}.{name}").MACHINE

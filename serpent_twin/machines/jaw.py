@@ -19,7 +19,7 @@ from serpent_twin.effects.shaft_stretch import HEAVY, SHAFT
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
-    Point,
+    ParameterVector,
     Quantity,
     candidate,
     effects_at,
@@ -141,7 +141,7 @@ class Jaw:
             effect.edit(spec, ARM)
         return spec
 
-    def respond(self, points: Sequence[Point], runs: Runs) -> Array:
+    def respond(self, points: Sequence[ParameterVector], runs: Runs) -> Array:
         """Jaw angle and spindle torque, (D, S, T, 2)."""
         several = [effects_at(point) for point in points]
         models = [
@@ -271,4 +271,4 @@ class JawRig:
         return RunCase(machine, np.array([np.radians(1.0), 0.02]))
 
 
-RIG = JawRig()
+MACHINE = JawRig()

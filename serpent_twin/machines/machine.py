@@ -92,7 +92,7 @@ def candidate(name: str, **sized: Range) -> Candidate:
 
 
 @dataclass(frozen=True)
-class Point:
+class ParameterVector:
     """A twin in the fit's coordinates."""
 
     declared: Array
@@ -100,12 +100,12 @@ class Point:
     effects: Mapping[str, Array] = field(default_factory=dict)
     """All parameters of each effect that is there, by name, in the order of its ranges"""
 
-    def having(self, name: str, values: Array) -> "Point":
+    def having(self, name: str, values: Array) -> "ParameterVector":
         """With one effect's parameters set."""
         return replace(self, effects={**self.effects, name: np.asarray(values, float)})
 
 
-def effects_at(point: Point) -> tuple[Effect, ...]:
+def effects_at(point: ParameterVector) -> tuple[Effect, ...]:
     """The effects of a point."""
     return tuple(effect_at(name, values) for name, values in point.effects.items())
 
@@ -199,39 +199,43 @@ class Case(Protocol[P]):
         """Some of the segments."""
         ...
 
-    def residual(self, points: Sequence[Point], pieces: P, rough: bool = False) -> Array:
+    def residual(self, points: Sequence[ParameterVector], pieces: P, rough: bool = False) -> Array:
         """Measured minus predicted, divided by its noise: (points, segments, numbers); 0 where nothing
         was measured, NaN for a twin whose simulation gave up. All points have the same effects.
         `rough` may be less exact where it is faster: good enough for differences between points.
         """
         ...
 
-    def slopes(self, point: Point, pieces: P) -> Array:
+    def jacobian(self, point: ParameterVector, pieces: P) -> Array:
         """Change of the residual per unit of each parameter that is not simulated, (p, segments, numbers)."""
         ...
 
-    def reweighted(self, point: Point, pieces: P) -> "Case[P]":
+    def reweighted(self, point: ParameterVector, pieces: P) -> "Case[P]":
         """The same case, each channel's noise set to what a fitted twin leaves of it."""
         ...
 
-    def compare(self, point: Point | None, pieces: P) -> Comparison:
+    def compare(self, point: ParameterVector | None, pieces: P) -> Comparison:
         """Measured beside what the twin at a point predicts; without a point, the nominal twin."""
         ...
 
     def expected(
-        self, fit: Point, drawn: Sequence[Point], pieces: P, rng: np.random.Generator
+        self,
+        fit: ParameterVector,
+        drawn: Sequence[ParameterVector],
+        pieces: P,
+        rng: np.random.Generator,
     ) -> float:
         """Mean marker error [mm] of a twin that lacks nothing: whose start is as uncertain as the
         measurement, and which is one of those drawn as the fit is uncertain.
         """
         ...
 
-    def write(self, point: Point, path: Path, about: Mapping[str, Any]) -> None:
+    def write(self, point: ParameterVector, path: Path, about: Mapping[str, Any]) -> None:
         """Write the twin of a point, PATH.json and PATH.xml."""
         ...
 
 
-class Rig(Protocol):
+class Machine(Protocol):
     """One kind of machine."""
 
     name: str

@@ -18,7 +18,7 @@ from serpent_twin.effects import Effect
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
-    Point,
+    ParameterVector,
     Quantity,
     candidate,
     effects_at,
@@ -145,7 +145,7 @@ class Xl330:
             effect.edit(spec, ARM)
         return spec
 
-    def respond(self, points: Sequence[Point], runs: Runs) -> Array:
+    def respond(self, points: Sequence[ParameterVector], runs: Runs) -> Array:
         """The horn's angle, (D, S, T, 1), from where each run begins."""
         turns = _turns(self, points, runs)
         D, (S, T) = len(points), runs.time.shape
@@ -189,7 +189,7 @@ class _Powered(Turns):
         self.biasprm = self.batch.expand("actuator_biasprm")
 
 
-def _turns(machine: Xl330, points: Sequence[Point], runs: Runs) -> _Powered:
+def _turns(machine: Xl330, points: Sequence[ParameterVector], runs: Runs) -> _Powered:
     """Rows of runs, points slow, runs fast."""
     models, several = [], []
     for point in points:
@@ -230,4 +230,4 @@ class Xl330Rig:
         return RunCase(Xl330(), np.array([np.radians(3.0)]))
 
 
-RIG = Xl330Rig()
+MACHINE = Xl330Rig()

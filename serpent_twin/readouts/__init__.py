@@ -40,7 +40,7 @@ from serpent_twin.runs.files import write_whole
 from serpent_twin.stored import naming, within
 
 if TYPE_CHECKING:
-    from serpent_twin.sim.twin_model import Design
+    from serpent_twin.sim.twin_model import TwinModel
 
 Progress = Callable[[int, int, float], None]
 """Called with epochs done, epochs at most, validation loss."""
@@ -108,7 +108,7 @@ class Readout(ABC):
         return Belief(marker, np.broadcast_to(self.covariance, (len(marker), N_JOINTS, 3, 3)))
 
     @property
-    def own_twin(self) -> "Design | None":
+    def own_twin(self) -> "TwinModel | None":
         """The design of the arm that it simulates, if it does."""
         return None
 

@@ -34,7 +34,7 @@ from serpent_twin.readouts.windows import COMMAND, STATE, SessionWindows, Start,
 from serpent_twin.stored import many, naming, within
 
 if TYPE_CHECKING:
-    from serpent_twin.sim.twin_model import Design
+    from serpent_twin.sim.twin_model import TwinModel
 
 BLOCKS = 10
 FREE, HELD = 1e-9, 1e12
@@ -82,7 +82,7 @@ class Adapted(Readout):
         return base
 
     @property
-    def own_twin(self) -> "Design | None":
+    def own_twin(self) -> "TwinModel | None":
         """That of the readout that is corrected, if it has one."""
         return self.trained.own_twin
 

@@ -38,10 +38,10 @@ class Ensemble(Readout):
         count = len(self.members)
         for k, (member, own) in enumerate(zip(self._untrained(), rng.spawn(count), strict=True)):
 
-            def tell(done: int, most: int, loss: float, before: int = k) -> None:
+            def on_progress(done: int, most: int, loss: float, before: int = k) -> None:
                 progress(before * most + done, count * most, loss)
 
-            member.fit(train, validate, own, tell)
+            member.fit(train, validate, own, on_progress)
             self.learned |= {f"{k}.{name}": value for name, value in member.learned.items()}
             self.history += member.history
             self.stopped_after = self.stopped_after or member.stopped_after

@@ -44,12 +44,12 @@ class FilteredObserver(Observer):
         chosen = {"scatter": numbers(low=0.0), "tried_mm": numbers(len(self.scatters), low=0.0)}
         return super().wanted() | chosen
 
-    def live(self, earlier: float = 0.0) -> LiveObserver:
+    def live(self, prior_runtime: float = 0.0) -> LiveObserver:
         """An estimator for one session of an arm that ran for so long before [s]."""
         scatter = float(self.learned.get("scatter", 0.0))
         if not scatter:
-            return LiveObserver(self, earlier)
-        return LiveFilter(self, scatter, earlier)
+            return LiveObserver(self, prior_runtime)
+        return LiveFilter(self, scatter, prior_runtime)
 
     def _learn(
         self, train: Windows, validate: Windows, rng: np.random.Generator, progress: Progress
@@ -71,8 +71,8 @@ class FilteredObserver(Observer):
 class LiveFilter(LiveObserver):
     """Members of one session, corrected together row by row."""
 
-    def __init__(self, observer: FilteredObserver, scatter: float, earlier: float) -> None:
-        super().__init__(observer, earlier, [observer.arm] * observer.members)
+    def __init__(self, observer: FilteredObserver, scatter: float, prior_runtime: float) -> None:
+        super().__init__(observer, prior_runtime, [observer.arm] * observer.members)
         self._scatter, self._rng = scatter, np.random.default_rng(0)
         self._noise: Any = observer.learned["load"]
 

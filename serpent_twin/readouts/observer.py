@@ -41,7 +41,7 @@ class Observer(Readout):
     about: ClassVar[str] = "ours: the twin driven by the motors' angles"
 
     twin: Mapping[str, Any] = field(
-        default_factory=lambda: twin_model.to_dict(twin_model.NOMINAL_DESIGN)
+        default_factory=lambda: twin_model.to_dict(twin_model.NOMINAL_TWIN)
     )
     """The design, as twin.json holds it; the nominal one unless told"""
 
@@ -70,14 +70,14 @@ class Observer(Readout):
             )
         return joined([belief for _, belief in self._run(session)])
 
-    def live(self, earlier: float = 0.0) -> "LiveObserver":
+    def live(self, prior_runtime: float = 0.0) -> "LiveObserver":
         """An estimator for one session of an arm that ran for so long before [s]."""
-        return LiveObserver(self, earlier)
+        return LiveObserver(self, prior_runtime)
 
     def require_rate(self, rate_hz: float) -> None:
         """Take rows of any rate: the twin goes from each to the next, however long that takes."""
 
-    def with_twin(self, arm: twin_model.Design) -> "Observer":
+    def with_twin(self, arm: twin_model.TwinModel) -> "Observer":
         """The same observer with another twin; how sure it is stays what training found with its own."""
         other = replace(self, twin=twin_model.to_dict(arm))
         for each in fields(self):
@@ -86,18 +86,18 @@ class Observer(Readout):
         return other
 
     @cached_property
-    def arm(self) -> twin_model.Design:
+    def arm(self) -> twin_model.TwinModel:
         """The twin's design."""
         return twin_model.from_dict(self.twin)
 
     @property
-    def own_twin(self) -> twin_model.Design:
+    def own_twin(self) -> twin_model.TwinModel:
         """The twin's design."""
         return self.arm
 
     def _run(self, session: SessionWindows) -> Iterator[tuple[Sensed, Belief]]:
         """What the twin senses and says in the session's windows."""
-        live, first = self.live(session.bus.earlier), len(session.bus.time) - len(session)
+        live, first = self.live(session.bus.prior_runtime), len(session.bus.time) - len(session)
         for k, now in enumerate(readings(session.bus)):
             belief = live.update(now)
             if k >= first:
@@ -172,7 +172,10 @@ class LiveObserver:
     """The twin of one session, a row at a time."""
 
     def __init__(
-        self, observer: Observer, earlier: float = 0.0, members: Sequence[twin_model.Design] = ()
+        self,
+        observer: Observer,
+        prior_runtime: float = 0.0,
+        members: Sequence[twin_model.TwinModel] = (),
     ) -> None:
         members = members or (observer.arm,)
         models = {id(arm): arm.spec(motors=False).compile() for arm in members}
@@ -181,7 +184,7 @@ class LiveObserver:
             model.opt.timestep = self._timestep
         lag = float(observer.learned["servo_lag"])
         self.arms = DrivenArms(members, [models[id(arm)] for arm in members], lag)
-        self.arms.earlier = np.full(len(members), earlier)
+        self.arms.prior_runtime = np.full(len(members), prior_runtime)
         self._count, self._observer, self._time = len(members), observer, np.nan
         self._doubt = 1.0  # squared, of the loads' errors over those in training
 

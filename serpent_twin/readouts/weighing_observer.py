@@ -18,7 +18,7 @@ from serpent_twin.readouts.observer import TURNING, LiveObserver, Observer
 from serpent_twin.readouts.saved import Wanted, divisors, numbers
 from serpent_twin.readouts.windows import Windows
 from serpent_twin.sim.prescribed_motion import Sensed
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.stored import many, within
 
 PRIOR = 1.0
@@ -67,11 +67,11 @@ class WeighingObserver(Observer):
         chosen = {"noise": divisors(N_MOTORS), "tried_mm": numbers(1 + len(self.cautions), low=0.0)}
         return super().wanted() | chosen
 
-    def live(self, earlier: float = 0.0) -> LiveObserver:
+    def live(self, prior_runtime: float = 0.0) -> LiveObserver:
         """An estimator for one session of an arm that ran for so long before [s]."""
         if "noise" not in self.learned:
-            return LiveObserver(self, earlier)
-        return LiveWeighing(self, earlier)
+            return LiveObserver(self, prior_runtime)
+        return LiveWeighing(self, prior_runtime)
 
     def _learn(
         self, train: Windows, validate: Windows, rng: np.random.Generator, progress: Progress
@@ -110,13 +110,13 @@ class Followed:
         low, high = self.within.low - self.value, self.within.high - self.value
         return max(-FURTHEST, low / self.typical), min(FURTHEST, high / self.typical)
 
-    def added(self, arm: Design, more: float) -> Design:
+    def added(self, arm: TwinModel, more: float) -> TwinModel:
         """The arm with so much more of it."""
         held = arm.effect_of(self.kind)
         return arm.with_effect(replace(held, **{self.name: getattr(held, self.name) + more}))
 
 
-def followed(arm: Design, unknown: Sequence[str]) -> list[Followed]:
+def followed(arm: TwinModel, unknown: Sequence[str]) -> list[Followed]:
     """The fitted parameters of those effects, with what an arm has of them."""
     found = []
     for kind in map(effects.by_name, unknown):
@@ -132,13 +132,13 @@ def followed(arm: Design, unknown: Sequence[str]) -> list[Followed]:
 class LiveWeighing(LiveObserver):
     """The twin of one session with what it follows, and its neighbours in each parameter."""
 
-    def __init__(self, observer: WeighingObserver, earlier: float) -> None:
+    def __init__(self, observer: WeighingObserver, prior_runtime: float) -> None:
         self.followed = followed(observer.arm, observer.unknown)
         base = observer.arm
         for each in self.followed:  # there must be some of it, for all to be built alike
             base = each.added(base, 1e-6 * each.typical)
         further = [each.added(base, NEAR * each.typical) for each in self.followed]
-        super().__init__(observer, earlier, [base, *further])
+        super().__init__(observer, prior_runtime, [base, *further])
         try:
             self._variation = self.arms.variation()
         except SerpentError as error:

@@ -42,7 +42,7 @@ class Bus:
     """Fraction of the stall torque, (T, 10)"""
     command: Array
     """Sent after each row [rad/s], (T, 10)"""
-    earlier: float = 0.0
+    prior_runtime: float = 0.0
     """How long the arm's sessions before this one ran [s]"""
 
 
@@ -212,7 +212,7 @@ def bus_of(session: Session) -> Bus:
         session.motor_velocity,
         session.motor_load,
         session.motor_velocity_command,
-        session.earlier,
+        session.prior_runtime,
     )
 
 

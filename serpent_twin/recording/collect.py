@@ -93,7 +93,7 @@ def collect(config: Collect) -> list[Path]:
             from serpent_twin.recording import lost_markers, real  # not before its port is meant
 
             real.record_all(config, missing)
-            lost_markers.conclude(paths)
+            lost_markers.build_diagnosis(paths)
         else:
             from serpent_twin.recording import simulated
 

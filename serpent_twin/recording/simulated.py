@@ -35,9 +35,9 @@ def bench(config: Collect, session: int) -> tuple[SimulatedBus, SimulatedMocap, 
     """The twin's bus, cameras that see it, and the joint targets of one session [rad], (steps, 9)."""
     seeds = np.random.SeedSequence(config.seed, spawn_key=(session,)).spawn(3)
     for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
-    arm, earlier = config.simulated(), (session - 1) * config.steps / config.rate_hz
+    arm, prior_runtime = config.simulated(), (session - 1) * config.steps / config.rate_hz
     parameters = arm.design.parameters
-    bus = SimulatedBus(arm.twin(earlier), for_loads, parameters.load_noise)
+    bus = SimulatedBus(arm.twin(prior_runtime), for_loads, parameters.load_noise)
     cameras = SimulatedMocap(bus.twin, for_cameras, parameters.marker_noise, config.marker_loss)
     return bus, cameras, random_targets(config.steps, for_targets)
 

@@ -153,8 +153,8 @@ def _check_pairs(columns: Array, delay: int) -> None:
 
 
 def _dependent(where: tuple[np.intp, ...], score: float, limit: float, rows: int) -> str:
-    k, later, a, earlier, b = (int(index) for index in where)
-    other = "itself" if later == earlier else f"input {earlier}"
+    k, later, a, prior_runtime, b = (int(index) for index in where)
+    other = "itself" if later == prior_runtime else f"input {prior_runtime}"
     when = f"{k} row{'s' if k > 1 else ''} earlier" if k else "in the same row"
     root = np.sqrt(rows - k)
     return (

@@ -112,7 +112,7 @@ class Session:
         return np.concatenate(read, axis=1)[turning if turning.any() else slice(None)]
 
     @property
-    def earlier(self) -> float:
+    def prior_runtime(self) -> float:
         """How long the arm ran before [s]; sessions of a run are of one length."""
         number = int(self.metadata.get("session", 1))
         return (number - 1) * float(self.time[-1] - self.time[0])

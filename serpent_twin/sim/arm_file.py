@@ -15,7 +15,7 @@ from serpent_twin.numerals import counted
 from serpent_twin.runs.provenance import model_hash
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin import Twin
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 _MOTORS = [f"motor{j}" for j in range(1, N_MOTORS + 1)]
 _LINKS = range(1, N_JOINTS + 1)
@@ -39,7 +39,7 @@ _HINGE = mujoco.mjtJoint.mjJNT_HINGE
 class ArmFile:
     """An arm to simulate, whole."""
 
-    design: Design
+    design: TwinModel
     """What twin.json says; of an arm in MJCF, its noise and its controller"""
     path: Path | None = None
     """Where it was read, if it was"""
@@ -58,9 +58,9 @@ class ArmFile:
             return ""
         return f"{self.path} is MJCF, which lacks the effects that only twin.json can hold."
 
-    def twin(self, earlier: float = 0.0) -> Twin:
+    def twin(self, prior_runtime: float = 0.0) -> Twin:
         """A twin of the arm, which ran for so long before [s]."""
-        return Twin(self.design, model=self.model, earlier=earlier)
+        return Twin(self.design, model=self.model, prior_runtime=prior_runtime)
 
 
 def read(path: Path | None, parameters: Parameters = NOMINAL, flag: str = "--twin") -> ArmFile:
@@ -71,7 +71,7 @@ def read(path: Path | None, parameters: Parameters = NOMINAL, flag: str = "--twi
     others; twin.json allows none.
     """
     if path is None:
-        return ArmFile(Design(parameters))
+        return ArmFile(TwinModel(parameters))
     beside = () if path.suffix == ".json" else _BESIDE_MJCF
     given = [each.flag for each in options_of(parameters) if each.name not in beside and each.given]
     if given:
@@ -80,7 +80,7 @@ def read(path: Path | None, parameters: Parameters = NOMINAL, flag: str = "--twi
         )
     if path.suffix == ".json":
         return ArmFile(twin_model.read(path), path)
-    return ArmFile(Design(parameters), path, _model(path))
+    return ArmFile(TwinModel(parameters), path, _model(path))
 
 
 def _model(path: Path) -> mujoco.MjModel:

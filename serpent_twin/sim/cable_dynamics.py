@@ -15,7 +15,7 @@ from serpent_twin.arm.hinge_friction import softness
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Moment
 from serpent_twin.errors import SerpentError
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -99,14 +99,14 @@ def addresses(
     )
 
 
-class Mechanism:
+class CableDynamics:
     """Cables, gears and hinges of n runs, with what their effects do before every time step.
 
     `motors` says whether the model has the motors' hinges, so that its strands feel them already;
     else the strands' rest lengths carry what the winches wind.
     """
 
-    def __init__(self, batch: Batch, designs: Sequence[Design], motors: bool) -> None:
+    def __init__(self, batch: Batch, designs: Sequence[TwinModel], motors: bool) -> None:
         model = batch.model
         self.batch, self.arm, self._motors = batch, designs[0].arm, motors
         self._joint_q, self._joint_v = addresses(model, mjcf.JOINTS)
@@ -133,7 +133,7 @@ class Mechanism:
             self.gear_friction = self._friction[:, self._motor_v].copy()
         self.winch_ratio = 1.0 + np.array([d.tolerances.winch_radius for d in designs])
         self._reach = np.array(self.arm.pulley_radius) * self.winch_ratio
-        self.earlier: Array | float = 0.0
+        self.prior_runtime: Array | float = 0.0
         """How long earlier sessions ran in all [s], or (n, 1)"""
         self._memory: list[object] = []
 
@@ -165,7 +165,7 @@ class Mechanism:
             gear_friction=self.gear_friction.copy(),
             winch_ratio=self.winch_ratio,
             stiffening=self.stiffening,
-            earlier=self.earlier,
+            prior_runtime=self.prior_runtime,
         )
 
     def act(
@@ -213,7 +213,7 @@ class Mechanism:
         return moment.horn_torque
 
 
-def _per_motor(designs: Sequence[Design]) -> Array:
+def _per_motor(designs: Sequence[TwinModel]) -> Array:
     return np.array(
         [d.parameters.gear_friction * np.exp(d.tolerances.gear_friction) for d in designs]
     )

@@ -16,7 +16,7 @@ from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim.prescribed_motion import DrivenArms, Motors
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 TIMESTEP = 0.005
 """[s]; a step of 1 ms moves the markers by about 0.1 mm, and by about 1 ms in time at most (tests)."""
@@ -58,7 +58,7 @@ class Stretches:
     """Rows at which a segment begins, of bool, (R,); the first is one"""
     servo_lag: float = 0.0
     """Time constant with which a motor takes up a new velocity after each row [s]"""
-    earlier: Array | float = 0.0
+    prior_runtime: Array | float = 0.0
     """How long the arm's sessions before each one ran in all [s], or (B,)"""
     joint_velocity: Array | float = 0.0
     """[rad/s], or (B, R, 9); used at restarts only"""
@@ -85,7 +85,7 @@ class Response:
 
 
 def impose(
-    designs: Sequence[Design],
+    designs: Sequence[TwinModel],
     stretches: Stretches,
     timestep: float = TIMESTEP,
     nthread: int = 0,
@@ -116,7 +116,7 @@ def hasten(model: mujoco.MjModel) -> None:
     model.opt.solver, model.opt.iterations = mujoco.mjtSolver.mjSOL_PGS, _SWEEPS
 
 
-def bearable(designs: Sequence[Design]) -> int:
+def bearable(designs: Sequence[TwinModel]) -> int:
     """How many times the time step these designs bear where a rough answer does: soft strands bear two."""
     stiffest = max(
         d.parameters.strand_stiffness * np.exp(max(d.tolerances.strand_stiffness)) for d in designs
@@ -137,7 +137,7 @@ class _Run:
 
     def __init__(
         self,
-        designs: Sequence[Design],
+        designs: Sequence[TwinModel],
         models: Sequence[mujoco.MjModel],
         stretches: Stretches,
         timestep: float,
@@ -150,7 +150,7 @@ class _Run:
         self.arms = DrivenArms(
             [designs[n] for n in rows], [models[n] for n in rows], stretches.servo_lag, nthread
         )
-        self.arms.earlier = self._rows(np.broadcast_to(stretches.earlier, self.B))
+        self.arms.prior_runtime = self._rows(np.broadcast_to(stretches.prior_runtime, self.B))
         self.substeps = substeps(stretches, timestep)
         shape = (self.D * self.B, self.R)
         self.marker = np.empty((*shape, N_JOINTS, 3))

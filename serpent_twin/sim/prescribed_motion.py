@@ -11,14 +11,14 @@ from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.sim.cable_dynamics import (
-    Mechanism,
+    CableDynamics,
     Variation,
     addresses,
     set_timestep,
     side_by_side,
 )
 from serpent_twin.sim.history import History
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 STANDING = 0.05
 """[rad/s] slower than this, a motor's load lies anywhere within its gear friction."""
@@ -60,7 +60,7 @@ class DrivenArms:
 
     def __init__(
         self,
-        designs: Sequence[Design],
+        designs: Sequence[TwinModel],
         models: Sequence[mujoco.MjModel],
         servo_lag: float = 0.0,
         nthread: int = 1,
@@ -68,7 +68,7 @@ class DrivenArms:
         """`servo_lag` is the time constant with which a motor takes up a new velocity [s]."""
         self._lag, self._stall = servo_lag, designs[0].arm.servo.stall_torque
         self._batch, self._models = side_by_side(models, nthread), models
-        self._cables = Mechanism(self._batch, designs, motors=False)
+        self._cables = CableDynamics(self._batch, designs, motors=False)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._sensors = self._batch.bind("sensordata")
         self._history = History(self._batch)
@@ -78,13 +78,13 @@ class DrivenArms:
         self._motors = Motors(none, *np.zeros((2, len(designs), 10)))
 
     @property
-    def earlier(self) -> Array | float:
+    def prior_runtime(self) -> Array | float:
         """How long each arm's earlier sessions ran in all [s], (n,)."""
-        return np.ravel(self._cables.earlier)
+        return np.ravel(self._cables.prior_runtime)
 
-    @earlier.setter
-    def earlier(self, seconds: Array) -> None:
-        self._cables.earlier = np.asarray(seconds)[:, None]
+    @prior_runtime.setter
+    def prior_runtime(self, seconds: Array) -> None:
+        self._cables.prior_runtime = np.asarray(seconds)[:, None]
 
     @property
     def unstable(self) -> NDArray[np.bool_]:

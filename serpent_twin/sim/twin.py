@@ -11,11 +11,11 @@ from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.sim.cable_dynamics import Mechanism, addresses
+from serpent_twin.sim.cable_dynamics import CableDynamics, addresses
 from serpent_twin.sim.history import History
 from serpent_twin.sim.many_twins import Stretches, impose
 from serpent_twin.sim.prescribed_motion import taken_up
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 _TORQUE = slice(2 * N_MOTORS, 3 * N_MOTORS)  # in the sensor vector, as mjcf.py orders it
 _MARKERS = slice(3 * N_MOTORS, 3 * N_MOTORS + 3 * N_JOINTS)
@@ -37,11 +37,11 @@ class Twin:
 
     def __init__(
         self,
-        design: Design = NOMINAL_DESIGN,
+        design: TwinModel = NOMINAL_TWIN,
         nsim: int = 1,
         nthread: int = 1,
         model: mujoco.MjModel | None = None,
-        earlier: float = 0.0,
+        prior_runtime: float = 0.0,
     ) -> None:
         """`model` is taken in place of what the design's spec compiles to; `earlier` is how long the
         arm has run in earlier sessions [s], for effects that wear it.
@@ -63,8 +63,8 @@ class Twin:
         self._gain = self.batch.expand("actuator_gainprm")
         self._firmware_gain = self._gain.copy()
         self._goal, self._pace = np.zeros((2, nsim, N_MOTORS))
-        self.mechanism = Mechanism(self.batch, [design] * nsim, motors=True)
-        self.mechanism.earlier = earlier
+        self.mechanism = CableDynamics(self.batch, [design] * nsim, motors=True)
+        self.mechanism.prior_runtime = prior_runtime
         self.mechanism.start(self._time[:, None].copy(), self.motor_angle, self.motor_velocity)
         self._look()
         History(self.batch).fill()
@@ -204,7 +204,7 @@ class Replay:
     """In the base frame [m], (T, 9, 3)"""
 
 
-def replay_motors(time: Array, motor_position: Array, design: Design = NOMINAL_DESIGN) -> Replay:
+def replay_motors(time: Array, motor_position: Array, design: TwinModel = NOMINAL_TWIN) -> Replay:
     """Drive a design by measured motor angles [rad], (T, 10), at rising times [s], (T,).
 
     The run starts where stiff cables would put the joints, and settles for two seconds. A gap in

@@ -14,7 +14,7 @@ from msgspec import field
 
 from serpent_twin import effects, stored
 from serpent_twin.arm import hinge_friction, mjcf
-from serpent_twin.arm.deviations import EXACT, Tolerances
+from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
@@ -41,12 +41,12 @@ E = TypeVar("E", bound=Effect)
 
 
 @dataclass(frozen=True)
-class Design:
+class TwinModel:
     """One arm as its twin is built; the nominal one unless told."""
 
     parameters: Parameters = NOMINAL
     """Of all parts of a kind"""
-    tolerances: Tolerances = EXACT
+    tolerances: Deviations = EXACT
     """Part by part"""
     effects: Several = ()
     """What the nominal twin leaves out; absent ones change nothing"""
@@ -75,7 +75,7 @@ class Design:
         """The arm's effect of one kind, as it would be were there none if there is none."""
         return next((each for each in self.effects if type(each) is kind), kind())
 
-    def with_effect(self, effect: Effect) -> "Design":
+    def with_effect(self, effect: Effect) -> "TwinModel":
         """The same arm with one effect added, or replaced where it has one of its kind."""
         others = tuple(each for each in self.effects if type(each) is not type(effect))
         return replace(self, effects=(*others, effect))
@@ -98,7 +98,7 @@ class Design:
         return hashlib.sha256((bare.spec().to_xml() + said).encode()).hexdigest()
 
 
-NOMINAL_DESIGN = Design()
+NOMINAL_TWIN = TwinModel()
 
 
 class Origin(stored.OpenForm, frozen=True):
@@ -116,7 +116,7 @@ class TwinFile(stored.Form, frozen=True):
     kind: str
     schema_version: Literal[2]
     parameters: Parameters
-    tolerances: Tolerances
+    tolerances: Deviations
     effects: tuple[effects.Stored, ...]
     arm: str = ""
     """Name of the arm whose logs made it"""
@@ -126,12 +126,14 @@ class TwinFile(stored.Form, frozen=True):
         effects.require_distinct(self.effects)
 
     @property
-    def design(self) -> Design:
+    def design(self) -> TwinModel:
         """The design that it stores."""
-        return Design(self.parameters, self.tolerances, tuple(map(effects.restored, self.effects)))
+        return TwinModel(
+            self.parameters, self.tolerances, tuple(map(effects.restored, self.effects))
+        )
 
 
-def to_dict(design: Design) -> dict[str, Any]:
+def to_dict(design: TwinModel) -> dict[str, Any]:
     """A design as twin.json stores it; the arm's own numbers are the project's and not stored."""
     return {
         "kind": KIND,
@@ -142,27 +144,27 @@ def to_dict(design: Design) -> dict[str, Any]:
     }
 
 
-def from_dict(values: Mapping[str, Any], where: str = "the twin") -> Design:
+def from_dict(values: Mapping[str, Any], where: str = "the twin") -> TwinModel:
     """A design out of what twin.json holds; raises a `SerpentError` that names the key at fault."""
     return _taken(stored.take(values, dict[str, Any], where, _ADVICE), where).design
 
 
-def write(path: Path, design: Design, about: Mapping[str, Any]) -> None:
+def write(path: Path, design: TwinModel, about: Mapping[str, Any]) -> None:
     """Write twin.json, and beside it twin.xml; `about` says where the design comes from."""
     files.write_whole(path, json.dumps(to_dict(design) | dict(about), indent=1) + "\n")
     files.write_whole(path.with_suffix(".xml"), design.xml())
 
 
-def read(path: Path) -> Design:
+def read(path: Path) -> TwinModel:
     """Read twin.json; raises a `SerpentError` that names the file and what is wrong with it."""
     return read_file(path).design
 
 
-def simulated_by(metadata: Mapping[str, Any]) -> Design | None:
+def simulated_by(metadata: Mapping[str, Any]) -> TwinModel | None:
     """The design that a log was simulated from, by its metadata; None where they do not hold it."""
     config, twin = metadata.get("config"), metadata.get("twin")
     config, twin = ({} if not isinstance(each, dict) else each for each in (config, twin))
-    bare = {name: to_dict(NOMINAL_DESIGN)[name] for name in ("kind", "tolerances", "effects")}
+    bare = {name: to_dict(NOMINAL_TWIN)[name] for name in ("kind", "tolerances", "effects")}
     try:
         found = from_dict(twin.get("design") or bare | {"parameters": config.get("parameters")})
     except SerpentError:

@@ -14,7 +14,7 @@ from serpent_twin.machines.arm.cable_law import cable_laws
 from serpent_twin.machines.arm.case import ArmCase
 from serpent_twin.machines.arm.recorder import recorded_by
 from serpent_twin.machines.arm.vector import candidates, vector
-from serpent_twin.machines.machine import Candidate, Point
+from serpent_twin.machines.machine import Candidate, ParameterVector
 from serpent_twin.sessions import Session, read_folder, refuse_damaged
 from serpent_twin.sim.prescribed_motion import STANDING
 
@@ -92,7 +92,7 @@ def _with_friction(case: ArmCase, training: Sequence[Session]) -> ArmCase:
         x = np.zeros(len(case.declared))
         x[at["friction"].start] = np.log(friction / start.parameters.joint_friction)
         x[at["damping"].start] = np.log(damping / start.parameters.joint_damping)
-        points.append(Point(x))
+        points.append(ParameterVector(x))
     cost = np.nansum(case.residual(points, some) ** 2, axis=(1, 2))
     friction, damping = tried[int(np.argmin(np.where(cost > 0, cost, np.inf)))]
     parameters = replace(start.parameters, joint_friction=friction, joint_damping=damping)
@@ -100,4 +100,4 @@ def _with_friction(case: ArmCase, training: Sequence[Session]) -> ArmCase:
     return replace(case, vector=moved)
 
 
-RIG = ArmRig()
+MACHINE = ArmRig()

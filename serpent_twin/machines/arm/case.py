@@ -13,13 +13,13 @@ from serpent_twin.arrays import Array
 from serpent_twin.machines.arm.pieces import Pieces, camera_noise, cut, past
 from serpent_twin.machines.arm.quantities import quantities
 from serpent_twin.machines.arm.vector import Vector
-from serpent_twin.machines.machine import Candidate, Declared, Point, Quantity, Stopwatch
+from serpent_twin.machines.machine import Candidate, Declared, ParameterVector, Quantity, Stopwatch
 from serpent_twin.residual import Comparison
 from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import Response, Stretches, bearable, impose
 from serpent_twin.sim.prescribed_motion import STANDING
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN
+from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
 _AT_ONCE = 3.0e6  # numbers that one call keeps in memory: designs × rows × (markers and loads)
 
@@ -65,7 +65,9 @@ class ArmCase:
         }
         return replace(pieces, session=tuple(pieces.session[k] for k in n), **arrays)
 
-    def residual(self, points: Sequence[Point], pieces: Pieces, rough: bool = False) -> Array:
+    def residual(
+        self, points: Sequence[ParameterVector], pieces: Pieces, rough: bool = False
+    ) -> Array:
         """Measured minus predicted over noise, (points, S, T · 37): markers, then loads."""
         at_once = max(1, int(_AT_ONCE / (pieces.time.size * 37)))
         times = bearable([self.vector.design(point) for point in points]) if rough else 0
@@ -75,7 +77,7 @@ class ArmCase:
         ]
         return np.concatenate(parts)
 
-    def _residual(self, points: Sequence[Point], pieces: Pieces, rough: int) -> Array:
+    def _residual(self, points: Sequence[ParameterVector], pieces: Pieces, rough: int) -> Array:
         did = self.respond(points, pieces, rough)
         return self._weigh(pieces.marker - did.marker, pieces.load - did.load, pieces)
 
@@ -89,7 +91,9 @@ class ArmCase:
             np.concatenate([flat, load], axis=-1).reshape(*marker.shape[:2], -1).astype(np.float32)
         )
 
-    def respond(self, points: Sequence[Point], pieces: Pieces, rough: int = 0) -> Response:
+    def respond(
+        self, points: Sequence[ParameterVector], pieces: Pieces, rough: int = 0
+    ) -> Response:
         """What the twins at these points do in the segments."""
         designs = [self.vector.design(point) for point in points]
         with self.clock:
@@ -103,13 +107,13 @@ class ArmCase:
                 pieces.joint_angle,
                 restart,
                 self.vector.start.parameters.servo_lag,
-                pieces.earlier,
+                pieces.prior_runtime,
                 joint_velocity=pieces.joint_velocity,
                 past=past(pieces) if remember else None,
             )
             return impose(designs, s, rough=rough)
 
-    def slopes(self, point: Point, pieces: Pieces) -> Array:
+    def jacobian(self, point: ParameterVector, pieces: Pieces) -> Array:
         """How gear friction and marker places move the residual, (10 + 27, S, T · 37)."""
         friction = self.vector.design(point)
         gear = friction.parameters.gear_friction * np.exp(friction.tolerances.gear_friction)
@@ -129,7 +133,7 @@ class ArmCase:
             rows.append(self._weigh(marker[None], none_load[None], pieces)[0])
         return np.array(rows)
 
-    def reweighted(self, point: Point, pieces: Pieces) -> "ArmCase":
+    def reweighted(self, point: ParameterVector, pieces: Pieces) -> "ArmCase":
         """Weigh every marker and motor by the rms that this twin leaves of it."""
         did = self.respond([point], pieces)
         marker = np.sqrt(np.nanmean((pieces.marker - did.marker[0]) ** 2, axis=(0, 1, 3)))
@@ -140,7 +144,7 @@ class ArmCase:
             self, marker_noise=np.maximum(marker, 1e-4), load_noise=np.maximum(load, 2e-3)
         )
 
-    def compare(self, point: Point | None, pieces: Pieces) -> Comparison:
+    def compare(self, point: ParameterVector | None, pieces: Pieces) -> Comparison:
         """Measured beside predicted, with what the residual may depend on."""
         did = self.respond([point], pieces) if point else self._nominal(pieces)
         anchor, rotation = link_frames(did.joint_angle[0])
@@ -163,11 +167,15 @@ class ArmCase:
         )
 
     def _nominal(self, pieces: Pieces) -> Response:
-        nominal = replace(self, vector=replace(self.vector, start=NOMINAL_DESIGN))
-        return nominal.respond([Point(np.zeros(len(self.declared)))], pieces)
+        nominal = replace(self, vector=replace(self.vector, start=NOMINAL_TWIN))
+        return nominal.respond([ParameterVector(np.zeros(len(self.declared)))], pieces)
 
     def expected(
-        self, fit: Point, drawn: Sequence[Point], pieces: Pieces, rng: np.random.Generator
+        self,
+        fit: ParameterVector,
+        drawn: Sequence[ParameterVector],
+        pieces: Pieces,
+        rng: np.random.Generator,
     ) -> float:
         """Mean marker error [mm] of twins drawn as a fit is uncertain, from starts drawn as cameras are."""
         noise = camera_noise(pieces)
@@ -186,7 +194,7 @@ class ArmCase:
             errors.append(np.nanmean(np.linalg.norm(moved - truth, axis=-1)))
         return 1e3 * float(np.mean(errors))
 
-    def write(self, point: Point, path: Path, about: Mapping[str, Any]) -> None:
+    def write(self, point: ParameterVector, path: Path, about: Mapping[str, Any]) -> None:
         """Write twin.json and twin.xml; the loads' noise is what the case's last twin left of them."""
         found = self.vector.design(point)
         parameters = replace(found.parameters, load_noise=float(np.median(self.load_noise)))

@@ -64,7 +64,7 @@ class Pieces:
     """From the markers [rad], (S, T, 9)"""
     joint_velocity: Array
     """From the markers of the rows before and after [rad/s]; 0 where a log begins, (S, T, 9)"""
-    earlier: Array
+    prior_runtime: Array
     """How long the sessions before ran [s], (S,)"""
     run: Mapping[str, Run]
     """Each session from its first row, for effects that remember"""
@@ -81,7 +81,7 @@ class Pieces:
 def cut(sessions: Sequence[Session], offset: Array) -> Pieces:
     """All whole segments of sessions without gaps in time, the last of each ending with its session."""
     rows, parts = segments(sessions)
-    earlier = {s.name: s.earlier for s in sessions}
+    prior_runtime = {s.name: s.prior_runtime for s in sessions}
     runs = {s.name: _run(s, offset) for s in sessions}
 
     def of(name: str) -> Array:
@@ -98,7 +98,7 @@ def cut(sessions: Sequence[Session], offset: Array) -> Pieces:
         marker=of("marker"),
         joint_angle=np.array([runs[s.name].joint_angle[at : at + rows] for s, at in parts]),
         joint_velocity=np.array([runs[s.name].joint_velocity[at : at + rows] for s, at in parts]),
-        earlier=np.array([earlier[s.name] for s, _ in parts]),
+        prior_runtime=np.array([prior_runtime[s.name] for s, _ in parts]),
         run=runs,
     )
 

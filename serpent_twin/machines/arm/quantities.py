@@ -10,7 +10,7 @@ from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.machines.arm.vector import Vector
 from serpent_twin.machines.machine import Quantity
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 _SIGNS = {"plus": "+", "minus": "−"}
 _MILLI = 1e3
@@ -53,7 +53,7 @@ _KINDS: Mapping[str, _Kind] = {
 
 def quantities(of: Vector) -> tuple[Quantity, ...]:
     """One for each coordinate of a vector."""
-    start, nominal = _si(of.start), _si(NOMINAL_DESIGN)
+    start, nominal = _si(of.start), _si(NOMINAL_TWIN)
     found = []
     for block, where in of.blocks.items():
         kind = _KINDS[block]
@@ -80,7 +80,7 @@ def quantities(of: Vector) -> tuple[Quantity, ...]:
     return tuple(found)
 
 
-def _si(design: Design) -> dict[str, Array]:
+def _si(design: TwinModel) -> dict[str, Array]:
     """The numbers of each block; of hinges, first what they have in common."""
     p, t = design.parameters, design.tolerances
 

@@ -8,13 +8,19 @@ import numpy as np
 
 from serpent_twin import effects
 from serpent_twin.arm import mjcf
-from serpent_twin.arm.deviations import Tolerances
+from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.arrays import Array
 from serpent_twin.machines.arm.cable_law import CableLaw
-from serpent_twin.machines.machine import Candidate, Declared, Point, candidate, effects_at
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.machines.machine import (
+    Candidate,
+    Declared,
+    ParameterVector,
+    candidate,
+    effects_at,
+)
+from serpent_twin.sim.twin_model import TwinModel
 
 _TRUST = 2.0  # prior widths are so many standard errors of the cable laws, which ignore mismatch
 _STIFFNESS, _SLACK, _WINCH = 0.02, 0.02, 0.1  # [log], [mm], [%] at least
@@ -27,7 +33,7 @@ _UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cabl
 class Vector:
     """The fit's coordinates, and the design that lies at any point of them."""
 
-    start: Design
+    start: TwinModel
     """The design at all coordinates zero"""
     declared: tuple[Declared, ...]
     """stiffness 20, slack 20, winch 10; friction, transition velocity and damping 1 + 9 each; gear
@@ -50,7 +56,7 @@ class Vector:
         ends = np.cumsum(list(sizes.values()))
         return {k: slice(e - n, e) for (k, n), e in zip(sizes.items(), ends, strict=True)}
 
-    def design(self, point: Point) -> Design:
+    def design(self, point: ParameterVector) -> TwinModel:
         """The arm at a point."""
         x = {name: point.declared[where] for name, where in self.blocks.items()}
         t = self.start.tolerances
@@ -107,7 +113,7 @@ def vector(
         transition_velocity=_TRANSITION,
         joint_damping=damping,
     )
-    tolerances = Tolerances(
+    tolerances = Deviations(
         strand_stiffness=tuple(
             float(np.log(law.stiffness[side] / stiffness)) if law else 0.0
             for law in laws
@@ -123,7 +129,7 @@ def vector(
         ),
         marker=tuple(map(float, offset.ravel())),
     )
-    return Vector(Design(parameters, tolerances), _declare(laws, 1e3 * offset_error))
+    return Vector(TwinModel(parameters, tolerances), _declare(laws, 1e3 * offset_error))
 
 
 def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Declared, ...]:

@@ -16,7 +16,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
-    Point,
+    ParameterVector,
     Quantity,
     Stopwatch,
     effects_at,
@@ -119,7 +119,7 @@ class Machine(Protocol):
         """The twin as MJCF."""
         ...
 
-    def respond(self, points: Sequence[Point], runs: Runs) -> Array:
+    def respond(self, points: Sequence[ParameterVector], runs: Runs) -> Array:
         """The outputs that twins predict, (D, S, T, C); not finite where a simulation gave up."""
         ...
 
@@ -177,7 +177,9 @@ class RunCase:
         """Some of the runs."""
         return pieces.take(which)
 
-    def residual(self, points: Sequence[Point], pieces: Runs, rough: bool = False) -> Array:
+    def residual(
+        self, points: Sequence[ParameterVector], pieces: Runs, rough: bool = False
+    ) -> Array:
         """Measured minus predicted over noise, (points, S, T · C)."""
         at_once = max(1, int(_AT_ONCE / pieces.measured.size))
         parts = [
@@ -186,7 +188,7 @@ class RunCase:
         ]
         return np.concatenate(parts)
 
-    def _respond(self, points: Sequence[Point], pieces: Runs) -> Array:
+    def _respond(self, points: Sequence[ParameterVector], pieces: Runs) -> Array:
         with self.clock:
             return self.machine.respond(points, pieces)
 
@@ -196,20 +198,20 @@ class RunCase:
         error[~np.isfinite(predicted).all(axis=(1, 2, 3))] = np.nan
         return error.reshape(*error.shape[:2], -1).astype(np.float32)
 
-    def slopes(self, point: Point, pieces: Runs) -> Array:
+    def jacobian(self, point: ParameterVector, pieces: Runs) -> Array:
         """No parameter goes without a simulation."""
         return np.zeros((0, len(pieces), pieces.measured[0].size))
 
-    def reweighted(self, point: Point, pieces: Runs) -> "RunCase":
+    def reweighted(self, point: ParameterVector, pieces: Runs) -> "RunCase":
         """Weigh every output by the rms that this twin leaves of it."""
         error = pieces.measured - self._respond([point], pieces)[0]
         left = np.sqrt(np.nanmean(error**2, axis=(0, 1)))
         least = [each.noise for each in self.machine.outputs]
         return replace(self, noise=np.maximum(left, least))
 
-    def compare(self, point: Point | None, pieces: Runs) -> Comparison:
+    def compare(self, point: ParameterVector | None, pieces: Runs) -> Comparison:
         """Measured beside predicted, in blocks that are judged one by one."""
-        at = point or Point(np.zeros(len(self.declared)))
+        at = point or ParameterVector(np.zeros(len(self.declared)))
         predicted = self._respond([at], pieces)[0]
         rows = max(8, round(self.machine.block / float(np.median(pieces.period))))
         n = max(1, pieces.time.shape[1] // rows)
@@ -247,7 +249,11 @@ class RunCase:
         )
 
     def expected(
-        self, fit: Point, drawn: Sequence[Point], pieces: Runs, rng: np.random.Generator
+        self,
+        fit: ParameterVector,
+        drawn: Sequence[ParameterVector],
+        pieces: Runs,
+        rng: np.random.Generator,
     ) -> float:
         """Mean error of twins drawn as a fit is uncertain."""
         of = self.machine
@@ -262,7 +268,7 @@ class RunCase:
         error = np.where(known, error, np.nan).reshape(*error.shape[:-1], len(of.markers), size)
         return of.outputs[0].measure.scale * float(np.nanmean(np.linalg.norm(error, axis=-1)))
 
-    def write(self, point: Point, path: Path, about: Mapping[str, Any]) -> None:
+    def write(self, point: ParameterVector, path: Path, about: Mapping[str, Any]) -> None:
         """Write the twin's parameters as PATH, and what MJCF can express of it as PATH.xml."""
         there = effects_at(point)
         spec = self.machine.spec(point.declared, there)

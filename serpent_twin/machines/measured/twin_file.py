@@ -11,7 +11,7 @@ from serpent_twin import effects, stored
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.machine import Point
+from serpent_twin.machines.machine import ParameterVector
 
 VERSION: Literal[2] = 2
 """Of twin.json; a file without one has the same keys"""
@@ -64,13 +64,13 @@ class MachineTwin(stored.Form, frozen=True):
         return np.array([self.declared[name].value for name in wanted])
 
     @property
-    def point(self) -> Point:
+    def point(self) -> ParameterVector:
         """Where it lies in the fit's coordinates."""
         there = {
             effects.name_of(each): np.array([getattr(each, n) for n in effects.ranges(type(each))])
             for each in self.several
         }
-        return Point(np.array([each.value for each in self.declared.values()]), there)
+        return ParameterVector(np.array([each.value for each in self.declared.values()]), there)
 
 
 def read_twin(path: Path, kind: str) -> MachineTwin:

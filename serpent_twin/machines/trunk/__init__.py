@@ -20,7 +20,7 @@ from serpent_twin.effects import Effect, Range
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
-    Point,
+    ParameterVector,
     Quantity,
     candidate,
     effects_at,
@@ -131,7 +131,7 @@ class Trunk:
         """The twin as MJCF."""
         return body.spec(moved(self.start, self.kinds, declared), (*self.fixed, *effects))
 
-    def respond(self, points: Sequence[Point], runs: Runs) -> Array:
+    def respond(self, points: Sequence[ParameterVector], runs: Runs) -> Array:
         """Disks and servos, (D, S, T, 15)."""
         shapes, models, several = [], [], []
         for point in points:
@@ -184,4 +184,4 @@ def _changed(twin: Path) -> Trunk:
     return Trunk(moved(start, tuple(KINDS), x), _REZEROED, there, _sized(asked))
 
 
-RIG = TrunkRig()
+MACHINE = TrunkRig()

@@ -122,8 +122,8 @@ def first_guess(runs: Sequence[Recording]) -> Shape:
     few = np.argsort(np.abs(goal).sum(axis=1))[: max(1, round(_STILL * len(goal)))]
     rest = np.median(seen[few], axis=0).reshape(3, 3)
     length = (rest[0, 1] - rest[2, 1]) / 2
-    slopes = _slopes(runs)
-    across = np.array([slopes[m, disk - 1][[0, 2]] for m, disk in enumerate(ENDS_AT)])
+    jacobian = _slopes(runs)
+    across = np.array([jacobian[m, disk - 1][[0, 2]] for m, disk in enumerate(ENDS_AT)])
     # A segment bent by β moves its end by β L / 2; cables wound by w to one side bend it by w / radius.
     wound = 2 * CHANNEL / length * np.linalg.norm(across, axis=1)
     return {
@@ -169,6 +169,6 @@ def _slopes(runs: Sequence[Recording]) -> Array:
         pairs = [(_columns(r, GOALS)[: len(r) - late], _columns(r, SEEN)[late:]) for r in runs]
         goal, seen = (np.concatenate(each) for each in zip(*pairs, strict=True))
         x = np.c_[goal, np.ones(len(goal))]
-        slopes, *_ = np.linalg.lstsq(x, seen, rcond=None)
-        found.append((((seen - x @ slopes) ** 2).mean(), slopes[:6]))
+        jacobian, *_ = np.linalg.lstsq(x, seen, rcond=None)
+        found.append((((seen - x @ jacobian) ** 2).mean(), jacobian[:6]))
     return min(found, key=lambda each: each[0])[1].reshape(6, 3, 3)

@@ -10,7 +10,7 @@ from serpent_twin.readouts.training.split import Split
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.twin_model import NOMINAL_DESIGN, Design
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 BEST = "observer"
 """The readout with a twin that is trained unasked wherever the twin is known"""
@@ -20,7 +20,7 @@ BEST = "observer"
 class KnownTwin:
     """What is known of the arm that was logged."""
 
-    design: Design | None
+    design: TwinModel | None
     """Its twin; None where nobody gave one and the logs were not simulated from one"""
     exact: bool = False
     """Whether the logs were simulated from this very design"""
@@ -32,7 +32,7 @@ class KnownTwin:
     @property
     def settled(self) -> bool:
         """Whether a trace of the logs could tell no more: the twin was given, or is not the nominal one."""
-        return self.path is not None or self.design not in (None, NOMINAL_DESIGN)
+        return self.path is not None or self.design not in (None, NOMINAL_TWIN)
 
     def readouts(self) -> list[str]:
         """Names of the readouts that are trained unless others are asked for."""

@@ -11,7 +11,7 @@ from serpent_twin.reservoir import streams
 from serpent_twin.reservoir.rank import STREAMS_PER_CHANNEL
 from serpent_twin.reservoir.sweep import channels, drive, rigid
 from serpent_twin.reservoir.sweep.drive import Motion
-from serpent_twin.reservoir.sweep.point import Measuring, Point
+from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
 
 STREAMS = STREAMS_PER_CHANNEL * channels.COUNT
 
@@ -36,7 +36,7 @@ class Runs:
     """The same after streams whose last inputs are alike, (STREAMS, 20)"""
 
 
-def simulate(point: Point, measuring: Measuring) -> Runs:
+def simulate(point: GridPoint, measuring: Measuring) -> Runs:
     """Drive a point's arm. Raises SerpentError when the simulation becomes unstable."""
     seeds = np.random.SeedSequence(point.seed).spawn(4)
     for_inputs, for_replicas, for_streams, for_noise = map(np.random.default_rng, seeds)
@@ -64,7 +64,7 @@ def simulate(point: Point, measuring: Measuring) -> Runs:
     )
 
 
-def _mover(point: Point) -> Callable[[Array], Motion]:
+def _mover(point: GridPoint) -> Callable[[Array], Motion]:
     """What moves a point's arm along inputs on [−1, 1]."""
     if point.stiffness is None:
         return lambda u: rigid.move(point.amplitude * u)

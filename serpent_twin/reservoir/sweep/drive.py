@@ -17,7 +17,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.sim.many_twins import TIMESTEP, Stretches, impose
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 MOVING = 0.8
 """Share of a command period in which the motors move"""
@@ -65,7 +65,7 @@ def check(rate: float, amplitude: float) -> None:
         )
 
 
-def drive(design: Design, targets: Array, rate: float) -> Motion:
+def drive(design: TwinModel, targets: Array, rate: float) -> Motion:
     """What a design does along joint targets [rad], (B, K + 1, 9), at a rate [Hz].
 
     A stretch begins at rest at its first targets. Raises SerpentError when the simulation gives up.

@@ -10,13 +10,13 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.reservoir import Capacities, Expansion, label
 from serpent_twin.reservoir.sweep import channels
 from serpent_twin.reservoir.sweep.body import Runs
-from serpent_twin.reservoir.sweep.point import Measuring, Point
+from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
 
 _SETTLED = 1e-6  # [standard deviations] a replica nearer than this is the same but for rounding
 _NAMED = 10  # products that a file names
 
 
-def measure(runs: Runs, point: Point, measuring: Measuring) -> dict[str, Any]:
+def measure(runs: Runs, point: GridPoint, measuring: Measuring) -> dict[str, Any]:
     """All measures by channel set, and of the markers and the body as such; JSON-ready but for rounding."""
     markers = runs.motion.marker.reshape(*runs.inputs.shape[:2], -1)
     found = reservoir.expand(markers, runs.inputs, *_search(measuring))

@@ -15,7 +15,7 @@ import numpy as np
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.reservoir.sweep import body, measures, pose
-from serpent_twin.reservoir.sweep.point import Measuring, Point
+from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
 from serpent_twin.runs.provenance import provenance
 
 _DIGITS = 6
@@ -55,7 +55,7 @@ class _Parts:
         self.seconds[name] = time.perf_counter() - began
 
 
-def measured(point: Point, measuring: Measuring) -> Outcome:
+def measured(point: GridPoint, measuring: Measuring) -> Outcome:
     """Measure a point; what cannot be measured, such as an unstable twin, is said in its file."""
     with _quietly():
         parts = _parts(point, measuring)
@@ -74,7 +74,7 @@ def measured(point: Point, measuring: Measuring) -> Outcome:
     )
 
 
-def _parts(point: Point, measuring: Measuring) -> _Parts:
+def _parts(point: GridPoint, measuring: Measuring) -> _Parts:
     parts = _Parts()
     if measuring.body:
         parts.add("simulation", lambda: body.simulate(point, measuring))

@@ -15,7 +15,7 @@ from serpent_twin.readouts import find
 from serpent_twin.reservoir.basis import fine_cut
 from serpent_twin.reservoir.sweep import channels, drive
 from serpent_twin.reservoir.targets import search
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.stored import within
 
 FORMAT = 1
@@ -26,7 +26,7 @@ _POSE = Group("pose error")
 
 
 @dataclass(frozen=True)
-class Point:
+class GridPoint:
     """One arm, commanded in one way."""
 
     stiffness: float | None
@@ -60,9 +60,9 @@ class Point:
         )
 
     @property
-    def design(self) -> Design:
+    def design(self) -> TwinModel:
         """The arm."""
-        return Design(self.parameters)
+        return TwinModel(self.parameters)
 
     @property
     def arm(self) -> dict[str, float]:
@@ -168,7 +168,7 @@ class Measuring:
         fine_cut(rows, channels.COUNT + self.taps * N_JOINTS, self.coarsest)
 
 
-def key(point: Point, measuring: Measuring) -> str:
+def key(point: GridPoint, measuring: Measuring) -> str:
     """Name of a point's file: a hash of all that its content depends on."""
     about = {
         "format": FORMAT,

@@ -17,7 +17,7 @@ from serpent_twin.readouts.training.trial import Trial
 from serpent_twin.readouts.windows import Windows
 from serpent_twin.recording.loop import record
 from serpent_twin.reservoir.sweep.drive import steady_timestep
-from serpent_twin.reservoir.sweep.point import DROP, WINDOW, Measuring, Point
+from serpent_twin.reservoir.sweep.point import DROP, WINDOW, GridPoint, Measuring
 from serpent_twin.sessions import FIELDS, SCHEMA_VERSION, Session
 from serpent_twin.sim.twin import Twin
 
@@ -25,7 +25,7 @@ PUBLISHED_RATE = 4.0
 """[Hz] P. At another rate the whole protocol goes faster or slower: velocities in proportion."""
 
 
-def errors(point: Point, measuring: Measuring) -> dict[str, Any]:
+def errors(point: GridPoint, measuring: Measuring) -> dict[str, Any]:
     """Marker distances of each readout [mm] on a session that it never saw.
 
     Raises SerpentError when the simulation becomes unstable or a motor switches itself off.
@@ -35,7 +35,7 @@ def errors(point: Point, measuring: Measuring) -> dict[str, Any]:
     return {name: _score(name, point, measuring, train, steer, test) for name in measuring.readouts}
 
 
-def session(point: Point, measuring: Measuring, number: int) -> Session:
+def session(point: GridPoint, measuring: Measuring, number: int) -> Session:
     """Session 1, 2, … of the protocol, in memory, at the point's rate if none is given for sessions."""
     seeds = np.random.SeedSequence(point.seed, spawn_key=(number,)).spawn(3)
     for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
@@ -52,7 +52,7 @@ def session(point: Point, measuring: Measuring, number: int) -> Session:
     return Session(path=None, metadata=about, **arrays)
 
 
-def _twin(point: Point, rate: float) -> Twin:
+def _twin(point: GridPoint, rate: float) -> Twin:
     """The arm with time steps that are steady, a whole number of them to a control period."""
     model = point.design.spec().compile()
     longest = steady_timestep(point.parameters.strand_stiffness, mjcf.TIMESTEP, mjcf.TIMESTEP)
@@ -62,7 +62,7 @@ def _twin(point: Point, rate: float) -> Twin:
 
 
 def _score(
-    name: str, point: Point, measuring: Measuring, train: Windows, steer: Windows, test: Windows
+    name: str, point: GridPoint, measuring: Measuring, train: Windows, steer: Windows, test: Windows
 ) -> dict[str, Any]:
     readout = Trial(name, WINDOW, Path(), point.seed, measuring.epochs).untrained()
     if any(each.name == "epochs" for each in fields(readout)):

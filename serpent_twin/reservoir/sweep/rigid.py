@@ -15,7 +15,7 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.arrays import Array
 from serpent_twin.reservoir.sweep.drive import Motion, coupled
 from serpent_twin.sim.cable_dynamics import addresses
-from serpent_twin.sim.twin_model import Design
+from serpent_twin.sim.twin_model import TwinModel
 
 
 def move(targets: Array) -> Motion:
@@ -32,7 +32,7 @@ def loads(joint_angle: Array) -> Array:
     asks beyond what joint j + 1 asks.
     """
     free = replace(NOMINAL, strand_stiffness=0.0, joint_friction=0.0)
-    model = Design(free).spec(motors=False).compile()
+    model = TwinModel(free).spec(motors=False).compile()
     data = mujoco.MjData(model)
     at, dof = addresses(model, (*mjcf.JOINTS, "jaw"))
     torque = np.empty((len(joint_angle), len(dof)))

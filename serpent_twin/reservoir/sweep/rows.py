@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.reservoir.sweep.point import Measuring, Point
+from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ class Row:
         return self.numbers() | how
 
 
-def row_of(point: Point, content: Mapping[str, Any], measuring: Measuring) -> Row:
+def row_of(point: GridPoint, content: Mapping[str, Any], measuring: Measuring) -> Row:
     """What a point's file holds."""
     body = content["body"]
     both = body["channels"]["both"] if body else None

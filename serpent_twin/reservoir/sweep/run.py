@@ -22,7 +22,7 @@ from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import write
 from serpent_twin.reservoir.sweep.outcome import Outcome, measured
 from serpent_twin.reservoir.sweep.page import facts, page
-from serpent_twin.reservoir.sweep.point import Measuring, Point, key
+from serpent_twin.reservoir.sweep.point import GridPoint, Measuring, key
 from serpent_twin.reservoir.sweep.rows import row_of
 from serpent_twin.runs.cluster import cluster
 from serpent_twin.runs.files import write_whole
@@ -95,7 +95,7 @@ class Sweep(Checked):
     """How points are measured; the same for all points of a folder."""
 
 
-def sweep(config: Sweep, points: Sequence[Point] | None = None) -> dict[str, Any]:
+def sweep(config: Sweep, points: Sequence[GridPoint] | None = None) -> dict[str, Any]:
     """Measure what is missing of a grid, or of other points; returns what table.json holds."""
     points = grid(config) if points is None else points
     _check(config, points)
@@ -115,7 +115,7 @@ def sweep(config: Sweep, points: Sequence[Point] | None = None) -> dict[str, Any
     return table
 
 
-def grid(config: Sweep) -> list[Point]:
+def grid(config: Sweep) -> list[GridPoint]:
     """All points of a grid, each once."""
     arms: list[tuple[float | None, float, float]] = [
         *itertools.product(config.stiffness, config.slack, config.damping)
@@ -123,7 +123,7 @@ def grid(config: Sweep) -> list[Point]:
     if config.rigid:
         arms.append((None, 0.0, 0.0))
     points = [
-        Point(*arm, rate, amplitude, seed, config.steps, noise)
+        GridPoint(*arm, rate, amplitude, seed, config.steps, noise)
         for arm, noise, rate, amplitude, seed in itertools.product(
             arms, config.load_noise, config.rate, config.amplitude, config.seeds
         )
@@ -136,7 +136,7 @@ def settings(config: Sweep) -> dict[str, Any]:
     return {"measuring": asdict(config.measuring), "versions": versions()}
 
 
-def _check(config: Sweep, points: Sequence[Point]) -> None:
+def _check(config: Sweep, points: Sequence[GridPoint]) -> None:
     if not points:
         raise SerpentError("The grid has no points: give at least one value of each kind.")
     config.measuring.check(config.steps)
@@ -144,15 +144,15 @@ def _check(config: Sweep, points: Sequence[Point]) -> None:
         point.check()
 
 
-def _path(config: Sweep, point: Point, folder: str = "points") -> Path:
+def _path(config: Sweep, point: GridPoint, folder: str = "points") -> Path:
     return config.out / folder / f"{key(point, config.measuring)}.json"
 
 
-def _measure(config: Sweep, missing: Sequence[Point], asked: int) -> list[Point]:
+def _measure(config: Sweep, missing: Sequence[GridPoint], asked: int) -> list[GridPoint]:
     """Measure points, keeping each as soon as it is there; returns those that were given up."""
     with _pool(config, len(missing)) as pool, _bar(asked, asked - len(missing)) as bar:
 
-        def keep(point: Point, outcome: Outcome) -> None:
+        def keep(point: GridPoint, outcome: Outcome) -> None:
             _keep(config, point, outcome)
             bar.update()
 
@@ -171,7 +171,7 @@ def _bar(total: int, done: int) -> tqdm:
     return tqdm(total=total, initial=done, unit="point", smoothing=0.1)
 
 
-def _keep(config: Sweep, point: Point, outcome: Outcome) -> None:
+def _keep(config: Sweep, point: GridPoint, outcome: Outcome) -> None:
     """Write a point's files, its own last: it makes it done."""
     own = versions()
     if outcome.versions != own:
@@ -184,7 +184,7 @@ def _keep(config: Sweep, point: Point, outcome: Outcome) -> None:
     write_whole(_path(config, point), outcome.text)
 
 
-def _gather(config: Sweep, points: Sequence[Point]) -> dict[str, Any]:
+def _gather(config: Sweep, points: Sequence[GridPoint]) -> dict[str, Any]:
     """Write table.json of the asked points that are there; returns what it holds."""
     paths = [path for path in (_path(config, point) for point in points) if path.exists()]
     table = {

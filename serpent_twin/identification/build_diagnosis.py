@@ -36,7 +36,7 @@ LOAD_BEYOND = 1.15
 _DRAWS = 4  # of twins that the data do not tell apart
 
 
-def conclude(tracer: Tracer, search: Search, arm: str, files: Sequence[str]) -> Diagnosis:
+def build_diagnosis(tracer: Tracer, search: Search, arm: str, files: Sequence[str]) -> Diagnosis:
     """The diagnosis: errors, effects with intervals, verdicts, and what is left."""
     case, held_out, rng = search.case, tracer.held_out, np.random.default_rng([tracer.seed, 7])
     final = search.final
@@ -97,7 +97,7 @@ def estimates(case: Case, fit: Fit, name: str) -> dict[str, Estimate]:
     for k, (parameter, allowed) in enumerate(case.candidates[name].ranges.items()):
         value = float(fit.point.effects[name][k])
         low, high = value, value
-        if (name, k) in fit.moves.effects:
+        if (name, k) in fit.free.effects:
             _, low, high = fit.interval(name, k)
         out[parameter] = Estimate(
             value, max(low, allowed.low), min(high, allowed.high), allowed.unit
@@ -168,7 +168,7 @@ def _cautions(case: Case, search: Search) -> tuple[str, ...]:
 def _calibration(case: Case, fit: Fit) -> dict[str, Calibrated]:
     quantities = case.quantities
     return {
-        case.declared[k].name: _calibrated(case, fit, quantities[k], k) for k in fit.moves.declared
+        case.declared[k].name: _calibrated(case, fit, quantities[k], k) for k in fit.free.declared
     }
 
 
@@ -188,6 +188,6 @@ def _calibrated(case: Case, fit: Fit, of: Quantity, k: int) -> Calibrated:
 
 def _error(fit: Fit, coordinates: Sequence[int]) -> float:
     """Standard error of the sum of some of the declared coordinates; those held fixed have none."""
-    at = [fit.moves.declared.index(k) for k in coordinates if k in fit.moves.declared]
+    at = [fit.free.declared.index(k) for k in coordinates if k in fit.free.declared]
     error = fit.error[at]
     return float(np.sqrt(error @ fit.correlation[np.ix_(at, at)] @ error))
