@@ -53,7 +53,7 @@ GAP = 6  # [px] between the pictures
 
 @dataclass(frozen=True)
 class Picture(Checked):
-    """Draw the pictures of the README."""
+    """Draw the pictures of the README and of docs/index.md."""
 
     docs: Path = DOCS
     """Folder for the pictures."""

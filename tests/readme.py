@@ -1,8 +1,11 @@
-"""The commands of the README in their order, and each made small."""
+"""The commands of README and docs in their order, and each made small."""
 
 import re
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
+
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 _BLOCK = r"^ {4}(?P<block>(?:python|make|dask|source) .*)$"
@@ -31,10 +34,25 @@ LAST_SESSION = ("session_23", "session_04"), "session_03"
 """Sessions that there are in 23, and the last one of a small run"""
 
 
+def pages() -> list[Path]:
+    """README.md, then the pages of the site in the order of its navigation."""
+    site = yaml.safe_load((ROOT / "mkdocs.yml").read_text())
+    return [ROOT / "README.md", *(ROOT / "docs" / name for name in _leaves(site["nav"]))]
+
+
+def _leaves(navigation: str | list | dict) -> Iterator[str]:
+    if isinstance(navigation, str):
+        yield navigation
+        return
+    for each in navigation.values() if isinstance(navigation, dict) else navigation:
+        yield from _leaves(each)
+
+
 def commands() -> list[str]:
-    """What the README has to be typed, without comments, each once."""
-    found = re.finditer(f"{_BLOCK}|{_INLINE}", (ROOT / "README.md").read_text(), re.MULTILINE)
-    typed = [match["block"] or match["inline"] for match in found]
+    """What a reader of the pages has to type, without comments, each once."""
+    text = "\n".join(page.read_text() for page in pages())
+    found = re.finditer(f"{_BLOCK}|{_INLINE}", text, re.MULTILINE)
+    typed = [re.sub(r"\s*\n\s*", " ", match["block"] or match["inline"]) for match in found]
     return list(dict.fromkeys(re.split(r"\s{2,}#", text)[0].strip() for text in typed))
 
 

@@ -164,7 +164,9 @@ def test_files_named_elsewhere_judge_the_rig_that_reads_them(data, traced, tmp_p
 
 
 def test_it_says_what_is_missing(data, traced, tmp_path, capsys):
-    with pytest.raises(SerpentError, match=r"holds no .*Rhoban/bam, .*MRDLab.* README says"):
+    with pytest.raises(
+        SerpentError, match=r"holds no .*Rhoban/bam, .*MRDLab.* docs/other-machines.md says"
+    ):
         measured.main(measured.Measured(tmp_path / "none", tmp_path / "out"))
     with pytest.raises(SerpentError, match=r"names no file. Give a path"):
         measured.main(measured.Measured(data, tmp_path / "out", held_out="nowhere/*"))
@@ -265,7 +267,8 @@ def test_a_trunk_needs_runs_before_any_change(trunks):
     for path in (trunks / "trunk").glob("controlled_*"):
         path.unlink()
     with pytest.raises(
-        SerpentError, match=r"trunk holds no controlled_\*\.parquet .* README says how"
+        SerpentError,
+        match=r"trunk holds no controlled_\*\.parquet .* docs/other-machines.md says how",
     ):
         measured_split.asked(trunks)
     named = str(trunks / "trunk" / "heavy.parquet")

@@ -1,4 +1,4 @@
-"""Does git ignore whatever the README's commands write?"""
+"""Does git ignore whatever the commands of README and docs write?"""
 
 import re
 import shutil
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("README.md", "Makefile", *(str(p.relative_to(ROOT)) for p in ROOT.glob("docs/*.md")))
+PAGES = ("README.md", "Makefile", *(str(p.relative_to(ROOT)) for p in ROOT.glob("docs/**/*.md")))
 WRITTEN = re.compile(r"--(?:out|link|setup|frame|transcript)[ =](?:\./)?([\w./-]+)")
 BESIDE = {"arm.toml": ("arm.toml.before", "arm.turns.json"), "sim.toml": ("sim.turns.json",)}
 DEFAULTS = (
@@ -30,7 +30,7 @@ def outputs():
 
 
 @pytest.mark.skipif(not shutil.which("git") or not (ROOT / ".git").exists(), reason="no checkout")
-def test_git_ignores_what_the_commands_of_the_readme_write():
+def test_git_ignores_what_the_documented_commands_write():
     paths = [path for name in outputs() for path in (name, f"{name}/a_file")]
     done = subprocess.run(
         ["git", "check-ignore", "--stdin"],

@@ -1,4 +1,4 @@
-"""Can the README's commands be typed one after the other, as they stand, in one folder?"""
+"""Can the commands of README and docs be typed one after the other, as they stand, in one folder?"""
 
 import os
 import re
@@ -25,7 +25,8 @@ NOT_RUN = {
     "python -m mujoco.viewer": "opens a window",
     "dask ": "tests/test_sweep_workers.py",
     "python -m serpent_twin.sweep --cluster": "tests/test_sweep_workers.py",
-    "python -m experiments.": "hours; that they take these options is tested below",
+    "python -m experiments.": "hours; tests/test_docs.py tests that they take these options",
+    "python -m bench_arm": "tests/test_bench_arm.py",
     "python -m serpent_twin.bus.device": "serves until Ctrl-C; started by the test",
 }
 PATH = ("collect", "train", "trace", "collect", "train", "estimate", "replay")
@@ -65,15 +66,6 @@ def test_no_two_commands_claim_one_folder():
             other = claimed.setdefault(out, command)
             same = module(command) == module(other) and module(command) in CONTINUED
             assert other == command or same, f"{out} is of `{other}` and of `{command}`"
-
-
-def test_experiments_take_the_options_of_the_readme():
-    scripts = [shlex.split(c) for c in commands() if c.startswith("python -m experiments.")]
-    assert scripts
-    for words in scripts:
-        done = run([*words[1:3], "--help"], ROOT)
-        assert done.returncode == 0, done.stderr
-        assert set(options(words)) - {""} <= set(re.findall(r"--[a-z-]+", done.stdout))
 
 
 def film(folder: Path) -> None:

@@ -224,7 +224,7 @@ def _time_reads(wire: Wire, setup: ArmSetup, reads: int, into: Diagnosis) -> Non
         level = "error" if failed > HOPELESS * reads else "warning"
         into.add(level, f"{failed} of {reads} reads were incomplete", todo)
     if into.cycle_ms["median"] > 2 * least + 6:
-        todo = "Set the adapter's latency timer to 1 ms (README, udev rule)."
+        todo = "Set the adapter's latency timer to 1 ms (docs/hardware.md, udev rule)."
         into.add("warning", f"a read takes {into.cycle_ms['median']:.1f} ms", todo)
 
 
@@ -235,4 +235,4 @@ def _latency_timer(into: Diagnosis) -> None:
         into.latency_timer_ms = int(timer.read_text())
         if into.latency_timer_ms > 1:
             what = f"the adapter's latency timer is {into.latency_timer_ms} ms"
-            into.add("warning", what, f"As root: echo 1 > {timer} (README, udev rule).")
+            into.add("warning", what, f"As root: echo 1 > {timer} (docs/hardware.md, udev rule).")
