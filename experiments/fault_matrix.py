@@ -20,6 +20,7 @@ from typing import Annotated
 import numpy as np
 from tqdm import tqdm
 
+from experiments.fault_matrix_page import markdown
 from serpent_twin.arm.control import joint_p_control, random_targets
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.command_line import cli
@@ -77,6 +78,8 @@ class FaultMatrix(Checked):
     """Which faults."""
     seed: Seed = 0
     """Seed of targets and faults."""
+    page: Path | None = None
+    """Also write the results as a Markdown page, such as docs/results/fault-matrix.md."""
 
 
 def main(config: FaultMatrix) -> None:  # noqa: D103 tyro would print it above the config's own
@@ -94,9 +97,12 @@ def main(config: FaultMatrix) -> None:  # noqa: D103 tyro would print it above t
     cycle = cycle_times(config.seed)
     for name, figures in cycle.items():
         print(f"cycle {name:24} median {figures['median']:6.2f} ms   p99 {figures['p99']:6.2f} ms")
-    results = {"faults": table, "cycle_ms": cycle, "config": asdict(config) | {"out": ""}}
-    content = json.dumps(results | provenance(), indent=2, default=str)
+    settings = {k: v for k, v in asdict(config).items() if k != "page"} | {"out": ""}
+    results = {"faults": table, "cycle_ms": cycle, "config": settings} | provenance()
+    content = json.dumps(results, indent=2, default=str)
     write_whole(config.out / "results.json", content + "\n")
+    if config.page:
+        write_whole(config.page, markdown(results))
     ratio = cycle["over_the_wire_at_1_mbd"]["times_its_bytes"]
     print(f"a cycle at 1 MBd takes {ratio:.2f} × the time of its bytes, {BYTES_MS:.2f} ms")
     print(f"\n{verdict(table)}")

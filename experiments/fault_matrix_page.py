@@ -1,0 +1,88 @@
+"""Write the results of the fault matrix as a page of docs/results/."""
+
+from collections.abc import Mapping
+from typing import Any
+
+LABELS = {
+    "none": "none",
+    "crc": "CRC, 0.5 % of answers",
+    "drop": "dropped, 0.5 %",
+    "truncate": "truncated, 0.5 %",
+    "garbage": "garbage, 0.5 %",
+    "late": "late by 60 ms, 0.5 %",
+    "very_late": "late by 150 ms, 0.5 %",
+    "deaf": "requests lost, 1 %",
+    "all_of_the_wire": "five of these at once, 0.2 % each",
+    "missing_for_a_moment": "a motor gone for 0.3 s",
+    "watchdog": "a watchdog trips",
+    "reboot": "a motor restarts, its turns lost",
+    "unplug": "unplugged for 0.5 s",
+    "missing": "a motor gone for good",
+    "overload": "overload",
+    "voltage": "low voltage",
+}
+HEADER = (
+    "fault",
+    "occurrences",
+    "rows",
+    "lost",
+    "wrong or stale",
+    "recoveries",
+    "marked rows",
+    "rest after kill -9, s",
+)
+_PAGE = """# Fault matrix
+
+| | |
+| --- | --- |
+| command | `python -m experiments.fault_matrix --out faults`, about five minutes; `--page` writes this page |
+| on | the [emulator](../emulator.md) |
+| commit | {commit} |
+
+Every fault was run through {cycles} cycles of the whole collect loop at {rate_hz:g} Hz in real time.
+Each row of the log was compared, word for word, with the true state of the motors:
+
+{table}
+
+"Rest" means that no motor is driven any more. The time is counted from the kill. For the faults that no
+program can recover from (a motor gone for good, overload, low voltage), it is counted from the fault. These
+runs end with a sentence that names the motor and the cause, and with a sealed log.
+
+"Marked rows" follow an interval in which a command was not in force throughout; the log marks them.
+
+One cycle of read, command and check takes {in_process:.1f} ms in process and {wire:.1f} ms over the wire.
+With the wire paced to 1 MBd it takes {paced:.1f} ms, which is {ratio:.2f} × the time of its bytes.
+"""
+
+
+def markdown(results: Mapping[str, Any]) -> str:
+    """The page of a results.json."""
+    cycle = results["cycle_ms"]
+    return _PAGE.format(
+        commit=results["git_commit"],
+        cycles=results["config"]["cycles"],
+        rate_hz=results["config"]["rate_hz"],
+        table=_table(results["faults"]),
+        in_process=cycle["in_process"]["median"],
+        wire=cycle["over_the_wire"]["median"],
+        paced=cycle["over_the_wire_at_1_mbd"]["median"],
+        ratio=cycle["over_the_wire_at_1_mbd"]["times_its_bytes"],
+    )
+
+
+def _table(faults: Mapping[str, Mapping[str, Any]]) -> str:
+    rule = ("---", *["---:"] * (len(HEADER) - 1))
+    lines = (HEADER, rule, *(_row(LABELS[name], row) for name, row in faults.items()))
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _row(label: str, row: Mapping[str, Any]) -> tuple[str, ...]:
+    counts = (
+        sum(row["struck"].values()),
+        row["rows"],
+        row["rows_lost"],
+        row["rows_wrong"],
+        row["recoveries"],
+        row["rows_interrupted"],
+    )
+    return (label, *map(str, counts), f"{row['stop_s']:.2f}")
