@@ -38,7 +38,9 @@ def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None)
         rerun_recording.require_writable(out)
         print(f"Driving the twin by the motor angles of {counted(len(seen), 'row')} …", flush=True)
         moved = replay_motors(seen.time, seen.motor_position)
-        better = corrected and replay_motors(seen.time, seen.motor_position, corrected)
+        better = corrected and replay_motors(
+            seen.time, seen.motor_position, corrected, seen.prior_runtime
+        )
         rerun_recording.write(out, seen, moved, guess, identity, corrected=better)
     return said
 

@@ -76,7 +76,9 @@ def moment(arm: str, session: Session, corrected: twin_model.TwinModel) -> Momen
     """A moment at which the nominal twin is clearly off: only one in twenty shows more of a gain."""
     twins = {
         NOMINAL: replay_motors(session.time, session.motor_position),
-        CORRECTED: replay_motors(session.time, session.motor_position, corrected),
+        CORRECTED: replay_motors(
+            session.time, session.motor_position, corrected, session.prior_runtime
+        ),
     }
     off = {name: _distances_mm(twin, session) for name, twin in twins.items()}
     gain = off[NOMINAL] - off[CORRECTED]

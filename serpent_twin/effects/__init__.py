@@ -7,8 +7,18 @@ tell the reader of a diagnosis. The file's name is the effect's name: nothing el
 the trace find it here.
 """
 
-from serpent_twin.effects.effect import Effect, Range, Several, parameter, ranges, stack, stacked
-from serpent_twin.effects.moment import Driven, Geared, Moment, Wound
+from serpent_twin.effects.effect import (
+    Effect,
+    Range,
+    Several,
+    act,
+    begin,
+    parameter,
+    ranges,
+    stack,
+    stacked,
+)
+from serpent_twin.effects.moment import Driven, Geared, Instant, Moment, Wound
 from serpent_twin.effects.registry import (
     CATALOGUE,
     Stored,
@@ -24,11 +34,14 @@ __all__ = [
     "Driven",
     "Effect",
     "Geared",
+    "Instant",
     "Moment",
     "Range",
     "Several",
     "Stored",
     "Wound",
+    "act",
+    "begin",
     "by_name",
     "name_of",
     "parameter",

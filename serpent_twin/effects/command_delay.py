@@ -25,6 +25,7 @@ class CommandDelay(Effect):
 
     shows_in: ClassVar[str] = "all that servos move comes late by the same, at every speed and load"
     confused_with: ClassVar[tuple[str, ...]] = ("mocap_latency", "servo_sag")
+    remembers: ClassVar[bool] = False
     stage: ClassVar[int] = COMMAND
     of_arm: ClassVar[bool] = False
 
@@ -39,8 +40,7 @@ class CommandDelay(Effect):
         ago = np.broadcast_to(self.delay / moment.dt, (len(moment.goal), 1))
         whole = np.floor(ago).astype(np.intp)
         newer, older = (memory.ago(whole[:, 0] + k) for k in (0, 1))
-        moment.goal = newer + (ago - whole) * (older - newer)
-        moment.stand(moment.goal)
+        moment.tell(newer + (ago - whole) * (older - newer))
 
 
 @dataclass

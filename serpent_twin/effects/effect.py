@@ -1,6 +1,6 @@
 """What is an effect, and in which range do its parameters lie?"""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from math import isfinite
 from typing import Any, ClassVar, TypeVar
@@ -63,11 +63,21 @@ class Effect:
     confused_with: ClassVar[tuple[str, ...]] = ()
     """Names of effects that look like it."""
     remembers: ClassVar[bool] = False
-    """Whether its memory is longer than a segment, so that a session must be run through."""
+    """Whether its memory is longer than a segment, so that a session must be run through; an effect with a
+    memory must say so, or that it is not."""
     stage: ClassVar[int] = CABLE
     """When in a time step it acts."""
     of_arm: ClassVar[bool] = True
     """Whether the arm may lack it; else its parameters hold it, and other machines may."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "start" in vars(cls) and "remembers" not in vars(cls):
+            raise SerpentError(
+                f"{cls.__name__} has a memory, which `start` makes, but does not say how long it lasts. Add "
+                "`remembers: ClassVar[bool] = True` if it outlives a segment of 40 s, so that sessions are "
+                "run through from their first row; or False if every segment may begin with a fresh one."
+            )
 
     def __post_init__(self) -> None:
         for name, allowed in ranges(type(self)).items():
@@ -130,6 +140,41 @@ def stacked(several: Sequence[Sequence[Effect]]) -> list[Effect]:
             of = [next((e for e in each if type(e) is kind), None) for each in several]
             rows.append(stack([e or kind() for e in of]))
     return rows
+
+
+def begin(effects: Sequence[Effect], moment: Any) -> list[Any]:
+    """What effects remember at the beginning of runs."""
+    return [_alone(effect.start, effect, moment) for effect in effects]
+
+
+def act(effects: Sequence[Effect], moment: Any, memories: Sequence[Any]) -> None:
+    """Let effects change one time step, one after the other; raises a `SerpentError` that names the effect
+    which asks of the moment what it lacks, or changes what would not be honoured.
+    """
+    for effect, memory in zip(effects, memories, strict=True):
+        _alone(effect.act, effect, moment, memory)
+
+
+def _alone(do: Callable[..., Any], effect: Effect, moment: Any, *memory: Any) -> Any:
+    try:
+        return do(moment, *memory)
+    except (SerpentError, AttributeError, ValueError) as error:
+        if not (why := _refused(error, moment)):
+            raise
+        raise SerpentError(f"the effect {type(effect).__name__} cannot act here: {why}") from error
+
+
+def _refused(error: Exception, moment: Any) -> str:
+    """Why a moment refused an effect, or nothing if it did not."""
+    if isinstance(error, SerpentError):
+        return str(error)
+    if isinstance(error, AttributeError) and error.obj is moment:
+        return (
+            f"it needs {error.name}, which this machine's moment lacks. Leave it out of this twin."
+        )
+    if "read-only" in str(error):
+        return "it writes into an array that effects read and do not change. Let it change a copy."
+    return ""
 
 
 def stack(effects: Sequence[E]) -> E:

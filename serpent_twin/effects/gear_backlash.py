@@ -26,6 +26,7 @@ class GearBacklash(Effect):
 
     shows_in: ClassVar[str] = "joints that start late after each reversal of a motor, at every load"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_friction", "mocap_latency")
+    remembers: ClassVar[bool] = False
     stage: ClassVar[int] = WINDING
 
     def start(self, moment: Wound) -> Array:

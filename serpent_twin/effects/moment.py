@@ -1,15 +1,42 @@
 """What does an effect see of one time step, and what may it change?"""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, Arm
 from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
 
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
 _STICKS = 1e-9  # [rad/s] as good as at rest
+
+
+class Instant:
+    """A moment of which effects change only what its simulation honours; to change the rest is an error."""
+
+    given: ClassVar[frozenset[str]] = frozenset()
+    """Names of the fields that effects read and do not change"""
+
+    def __post_init__(self) -> None:
+        for name in self.given:
+            if isinstance(value := getattr(self, name), np.ndarray):
+                object.__setattr__(self, name, _read_only(value))
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in self.given and name in self.__dict__:
+            raise SerpentError(
+                f"{name} cannot be changed by an effect here: the simulation would not honour it. Effects "
+                f"change {', '.join(n for n in self.__dict__ if n not in self.given)}."
+            )
+        object.__setattr__(self, name, value)
+
+
+def _read_only(array: Array) -> Array:
+    view = array.view()
+    view.setflags(write=False)
+    return view
 
 
 class Geared(Protocol):
@@ -45,6 +72,10 @@ class Told(Protocol):
     motor_angle: Array
     """Where they stand [rad]"""
 
+    def tell(self, goal: Array) -> None:
+        """Tell the servos another goal, where they stand unless a later effect lets them give way [rad]."""
+        ...
+
     def stand(self, angle: Array) -> None:
         """Let the servos, and what winds the cables, stand there [rad]."""
         ...
@@ -65,12 +96,17 @@ class Driven(Protocol):
 
 
 @dataclass
-class Moment:
+class Moment(Instant):
     """One time step of n runs; arrays are (n, 10) for motors, (n, 9) for joints, (n, 20) for strands.
 
-    The first block is measured from the runs and is not to be changed. The second is what the arm
-    without effects would do; an effect changes it in place or replaces it.
+    The first block is measured from the runs, or of the arm as it is built, and cannot be changed. The
+    second is what the arm without effects would do; an effect changes it in place or replaces it.
     """
+
+    given: ClassVar[frozenset[str]] = frozenset(
+        {"arm", "dt", "time", "motor_angle", "motor_velocity", "joint_angle", "joint_velocity",
+         "jaw_angle", "winch_ratio", "prior_runtime"}
+    )  # fmt: skip
 
     arm: Arm
     dt: float | Array
@@ -104,12 +140,13 @@ class Moment:
     """Speed below which that friction is in proportion to the speed [rad/s]; at zero hinges stick"""
     gear_friction: Array
     """Coulomb friction of the gearboxes [N m]"""
+    stiffening: Array | float = 0.0
+    """b in T = k x (1 + b x) [1/m]"""
+
     winch_ratio: Array | float = 1.0
-    """Winch radius over the radius of the cable's pulleys [1]"""
+    """Winch radius over the radius of the cable's pulleys [1]; of the first block, as all below"""
     prior_runtime: Array | float = 0.0
     """How long earlier sessions ran in all [s], or (n, 1)"""
-    stiffening: Array | float = 0.0
-    """b in T = k x (1 + b x) [1/m]; the model's, not to be changed here"""
 
     def add_joint_friction(self, torque: Array, transition_velocity: Array | float) -> None:
         """Let the hinges rub by so much more [N m], below a velocity of its own [rad/s]: near rest, the

@@ -24,6 +24,7 @@ class ServoSag(Effect):
 
     shows_in: ClassVar[str] = "servos that stop short of their goals in proportion to the load"
     confused_with: ClassVar[tuple[str, ...]] = ("command_delay", "gear_backlash")
+    remembers: ClassVar[bool] = False
     stage: ClassVar[int] = SERVO
     of_arm: ClassVar[bool] = False
 

@@ -137,9 +137,9 @@ class SimulatedMotors:
 
     def restring(self) -> None:
         """Start again straight and at rest, all motors tripped: for when they pulled so hard that the
-        simulation of the arm gave up.
+        simulation of the arm gave up. The arm has run for as long as it has.
         """
-        self.twin = Twin(self.twin.design, model=self.twin.model)
+        self.twin = self.twin.anew()
         self.goal[:] = 0
         self.trip(slice(None), xl430.OVERLOAD)
 

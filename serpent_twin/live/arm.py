@@ -17,6 +17,8 @@ class Drive(Collect):
 
     own: TwinModel | None = None
     """The readout's own twin, simulated in place of `twin` and `parameters`"""
+    prior_runtime: float = 0.0
+    """How long the arm ran before its session 1 [s]"""
 
     def simulated(self) -> ArmFile:
         """The arm to simulate."""

@@ -22,6 +22,7 @@ from serpent_twin.runs.files import write_whole
 from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sim import arm_file, twin_model
+from serpent_twin.stored import within
 
 SETTINGS = "estimate.json"
 RESULTS = "results.json"
@@ -65,6 +66,9 @@ class Estimate(Checked):
     any, but how sure it is holds at its own."""
     seed: Seed = 0
     """Seed of targets and noise."""
+    prior_runtime_h: Annotated[float, within(0.0, 1e5, "h")] = 0.0
+    """How long the arm has run before since its cables were strung [h], for effects that wear it: of the
+    simulated arm, and of a readout's twin. 0: the cables are new, or nothing wears."""
     arm: str = ""
     """Name of the arm, stored in the log; without: twin, or the setup file's name."""
     markers: Annotated[bool, SIMULATED, when(backend="sim")] = True
@@ -83,13 +87,19 @@ class Estimate(Checked):
     ] = NOMINAL
     """For --backend sim: the arm's free parameters. The controller's gain is also the real arm's."""
 
+    @property
+    def prior_runtime_s(self) -> float:
+        """How long the arm ran before [s]."""
+        return 3600.0 * self.prior_runtime_h
+
 
 def estimate(config: Estimate) -> dict[str, Any]:
     """Drive, estimate and log; returns what results.json holds, which a run that is stopped has, too."""
     plan = planned(config)
     if plan.note:
         print(plan.note)
-    follower, course = Follower(plan.readout, config.steps, config.learn), Course(config.steps)
+    follower = Follower(plan.readout, config.steps, config.learn, config.prior_runtime_s)
+    course = Course(config.steps)
     said = settings(plan)
     with claimed(config.out, SETTINGS, said):
         _refuse_second(plan)
@@ -124,6 +134,11 @@ def planned(config: Estimate) -> Plan:
                 "could be replaced. Leave --twin out, or give a trained observer as --model."
             )
         simulated = config.twin
+    if config.prior_runtime_h and config.backend == "real" and estimator.own_twin is None:
+        raise SerpentError(
+            f"--prior-runtime-h would be ignored: the readout {estimator.name} has no twin that could wear. "
+            "Leave it out."
+        )
     if config.backend == "sim":
         arm_file.read(simulated, config.parameters, "--simulate")
     drive = Drive(
@@ -137,6 +152,7 @@ def planned(config: Estimate) -> Plan:
         twin=simulated,
         real=config.real,
         parameters=config.parameters,
+        prior_runtime=config.prior_runtime_s,
     )
     drive = of_readout(drive, trained)
     collect.check(drive)
@@ -157,6 +173,7 @@ def settings(plan: Plan) -> dict[str, Any]:
         "twin_sha256": config.twin and file_hash(config.twin),
         "simulate_sha256": config.simulate and file_hash(config.simulate),
         "learn": config.learn,
+        "prior_runtime_h": config.prior_runtime_h,
         "markers": config.real.mocap if config.backend == "real" else config.markers,
     }
 

@@ -27,14 +27,18 @@ time from the reading to its estimate [ms], in which the command is sent, too. N
 class Follower:
     """A readout that follows one session, and keeps all that it said: one row a step, NaN where nothing."""
 
-    def __init__(self, readout: Readout, rows: int, learns: bool = False) -> None:
-        """`learns`: what `learn` is told of the markers corrects later estimates."""
+    def __init__(
+        self, readout: Readout, rows: int, learns: bool = False, prior_runtime: float = 0.0
+    ) -> None:
+        """`learns`: what `learn` is told of the markers corrects later estimates. `prior_runtime` is how long
+        the arm ran before this session [s], for effects that wear the readout's twin.
+        """
         self._name, self._states_covariance = (
             readout.name,
             bool(np.isfinite(readout.covariance).all()),
         )
         self._warm_up(readout)
-        live = readout.live()
+        live = readout.live(prior_runtime)
         self._weighing = live if isinstance(live, LiveWeighing) else None
         self._online = Online(live) if learns else None
         self._live = self._online or live

@@ -48,6 +48,8 @@ def run(plan: Plan, follower: Follower, course: Course) -> None:
     about: dict[str, Any] = {
         "estimate": {"readout": plan.readout.name, "model": str(plan.config.model)}
     }
+    if plan.config.prior_runtime_h:
+        about["prior_runtime_s"] = plan.config.prior_runtime_s
     with ExitStack() as stack:
         stream = _stream(plan, stack) if plan.config.record or plan.config.view else None
 
@@ -68,7 +70,7 @@ def run(plan: Plan, follower: Follower, course: Course) -> None:
 
 def _simulate(plan: Plan, beside: Beside) -> None:
     drive = plan.drive
-    bus, cameras, targets = simulated.bench(drive, 1)
+    bus, cameras, targets = simulated.bench(drive, 1, drive.prior_runtime)
     if not plan.config.markers:
         cameras = NoMocap()
     markers = "simulated" if plan.config.markers else "none"

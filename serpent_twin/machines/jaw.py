@@ -188,6 +188,8 @@ def _weightless(body: mujoco.MjsBody) -> None:
 class _Cables(Turns):
     """Drives that turn as logged, hinges, jaws."""
 
+    moment_of = hinge.AngleMoment
+
     def __init__(
         self, models: Sequence[mujoco.MjModel], several: Sequence[Sequence[Effect]], period: Array
     ) -> None:

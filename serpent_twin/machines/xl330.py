@@ -181,6 +181,8 @@ class Xl330:
 class _Powered(Turns):
     """With the motor's constants at hand, which are nought while it is off."""
 
+    moment_of = hinge.TorqueMoment
+
     def __init__(
         self, models: Sequence[mujoco.MjModel], several: Sequence[Sequence[Effect]], dt: Array
     ) -> None:

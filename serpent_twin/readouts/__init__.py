@@ -112,8 +112,11 @@ class Readout(ABC):
         """The design of the arm that it simulates, if it does."""
         return None
 
-    def live(self) -> Live:
-        """An estimator of this readout for one session, which no marker starts."""
+    def live(self, prior_runtime: float = 0.0) -> Live:
+        """An estimator of this readout for one session, which no marker starts.
+
+        `prior_runtime` is how long the arm ran before [s]; a readout without a twin needs no such number.
+        """
         return LiveWindows(self)
 
     def _spread(self, validate: Windows) -> Array:

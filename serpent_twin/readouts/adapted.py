@@ -118,9 +118,9 @@ class Adapted(Readout):
         """Markers of all windows of a session, and how sure that is."""
         return self.corrected(self.trained.follow(session), session.x)
 
-    def live(self) -> "LiveAdapted":
-        """An estimator for one session, which no marker starts."""
-        return LiveAdapted(self)
+    def live(self, prior_runtime: float = 0.0) -> "LiveAdapted":
+        """An estimator for one session of an arm that ran for so long before [s]; no marker starts it."""
+        return LiveAdapted(self, prior_runtime)
 
     def corrected(self, belief: Belief, x: Array) -> Belief:
         """What the base believes of windows x, (N, 27H − 9), corrected."""
@@ -227,9 +227,9 @@ def least_windows(window: int) -> int:
 class LiveAdapted:
     """An adapted readout in one session, a reading at a time."""
 
-    def __init__(self, adapted: Adapted) -> None:
+    def __init__(self, adapted: Adapted, prior_runtime: float = 0.0) -> None:
         self._adapted = adapted
-        self._base: Live = adapted.trained.live()
+        self._base: Live = adapted.trained.live(prior_runtime)
         self._recent = RecentWindow(adapted.window, adapted.rate_hz)
 
     def update(self, now: Reading) -> Belief | None:

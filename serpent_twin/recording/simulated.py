@@ -31,11 +31,16 @@ def simulate_all(config: Collect, missing: list[int]) -> None:
         _simulate_all(config, missing, show)
 
 
-def bench(config: Collect, session: int) -> tuple[SimulatedBus, SimulatedMocap, Array]:
-    """The twin's bus, cameras that see it, and the joint targets of one session [rad], (steps, 9)."""
+def bench(
+    config: Collect, session: int, prior_runtime: float = 0.0
+) -> tuple[SimulatedBus, SimulatedMocap, Array]:
+    """The twin's bus, cameras that see it, and the joint targets of one session [rad], (steps, 9), of an arm
+    that ran for so long before session 1 [s].
+    """
     seeds = np.random.SeedSequence(config.seed, spawn_key=(session,)).spawn(3)
     for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
-    arm, prior_runtime = config.simulated(), (session - 1) * config.steps / config.rate_hz
+    arm = config.simulated()
+    prior_runtime += (session - 1) * config.steps / config.rate_hz
     parameters = arm.design.parameters
     bus = SimulatedBus(arm.twin(prior_runtime), for_loads, parameters.load_noise)
     cameras = SimulatedMocap(bus.twin, for_cameras, parameters.marker_noise, config.marker_loss)

@@ -130,6 +130,8 @@ class Metadata(stored.OpenForm, frozen=True):
     complete: bool = True
     recovered: bool = False
     bytes_dropped: int = 0
+    prior_runtime_s: Annotated[float, within(0.0, 1e9, "s")] = 0.0
+    """How long the arm ran before; without, as many sessions of this one's length as its number says"""
     markers: str = ""
     """Where they are from"""
 

@@ -113,7 +113,9 @@ class Session:
 
     @property
     def prior_runtime(self) -> float:
-        """How long the arm ran before [s]; sessions of a run are of one length."""
+        """How long the arm ran before [s]: as the log says, else sessions of a run are of one length."""
+        if "prior_runtime_s" in self.metadata:
+            return float(self.metadata["prior_runtime_s"])
         number = int(self.metadata.get("session", 1))
         return (number - 1) * float(self.time[-1] - self.time[0])
 

@@ -1,6 +1,7 @@
 """How do effects act on runs that step side by side?"""
 
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import mujoco.batch
@@ -135,12 +136,12 @@ class CableDynamics:
         self._reach = np.array(self.arm.pulley_radius) * self.winch_ratio
         self.prior_runtime: Array | float = 0.0
         """How long earlier sessions ran in all [s], or (n, 1)"""
-        self._memory: list[object] = []
+        self._memory: list[Any] = []
 
     def start(self, time: Array, motor_angle: Array, motor_velocity: Array) -> None:
         """Begin anew: effects forget all. Arrays are (n, 1), (n, 10), (n, 10)."""
         moment = self.moment(time, motor_angle, motor_velocity, 0.0)
-        self._memory = [effect.start(moment) for effect in self._effects]
+        self._memory = effects.begin(self._effects, moment)
 
     def moment(
         self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array
@@ -163,8 +164,8 @@ class CableDynamics:
             joint_friction=self.joint_friction.copy(),
             transition_velocity=self.transition_velocity.copy(),
             gear_friction=self.gear_friction.copy(),
+            stiffening=self.stiffening.copy(),
             winch_ratio=self.winch_ratio,
-            stiffening=self.stiffening,
             prior_runtime=self.prior_runtime,
         )
 
@@ -173,11 +174,10 @@ class CableDynamics:
     ) -> Moment:
         """Let the effects act on the next time step, and write what they changed into the batch."""
         moment = self.moment(time, motor_angle, motor_velocity, dt)
-        for effect, memory in zip(self._effects, self._memory, strict=True):
-            effect.act(moment, memory)
+        effects.act(self._effects, moment, self._memory)
         self.wind(moment.slack, moment.winch_angle, motor_angle)
         self._stiffness[...] = moment.stiffness
-        self._bend[:, :, 0] = moment.stiffness * self.stiffening
+        self._bend[:, :, 0] = moment.stiffness * moment.stiffening
         self._rub(moment)
         self._applied[:, self._joint_v] = moment.joint_torque
         if self._motor_v is not None:

@@ -43,8 +43,8 @@ class Twin:
         model: mujoco.MjModel | None = None,
         prior_runtime: float = 0.0,
     ) -> None:
-        """`model` is taken in place of what the design's spec compiles to; `earlier` is how long the
-        arm has run in earlier sessions [s], for effects that wear it.
+        """`model` is taken in place of what the design's spec compiles to; `prior_runtime` is how
+        long the arm has run in earlier sessions [s], for effects that wear it.
         """
         self.model = model or design.spec().compile()
         self.design, self.arm = design, design.arm
@@ -64,11 +64,21 @@ class Twin:
         self._firmware_gain = self._gain.copy()
         self._goal, self._pace = np.zeros((2, nsim, N_MOTORS))
         self.mechanism = CableDynamics(self.batch, [design] * nsim, motors=True)
-        self.mechanism.prior_runtime = prior_runtime
+        self.mechanism.prior_runtime = self.prior_runtime = prior_runtime
+        self._ran = 0.0  # a run that became unstable resets MuJoCo's clock
         self.mechanism.start(self._time[:, None].copy(), self.motor_angle, self.motor_velocity)
         self._look()
         History(self.batch).fill()
         self.batch.forward()
+
+    @property
+    def runtime(self) -> float:
+        """How long the arm has run in all, earlier sessions included [s]."""
+        return self.prior_runtime + self._ran
+
+    def anew(self) -> "Twin":
+        """One run of the same arm, straight, at rest and strung anew; what has worn stays worn."""
+        return Twin(self.design, model=self.model, prior_runtime=self.runtime)
 
     @property
     def motor_angle(self) -> Array:
@@ -140,6 +150,7 @@ class Twin:
         self._ctrl[:, 0::2], self._ctrl[:, 1::2] = self._goal, self._pace
         self._look()
         self._refuse_divergence()
+        self._ran += duration
         return torque
 
     def _held_to(self, velocity: Array, elapsed: Array) -> tuple[Array, Array]:
@@ -204,8 +215,15 @@ class Replay:
     """In the base frame [m], (T, 9, 3)"""
 
 
-def replay_motors(time: Array, motor_position: Array, design: TwinModel = NOMINAL_TWIN) -> Replay:
+def replay_motors(
+    time: Array,
+    motor_position: Array,
+    design: TwinModel = NOMINAL_TWIN,
+    prior_runtime: float = 0.0,
+) -> Replay:
     """Drive a design by measured motor angles [rad], (T, 10), at rising times [s], (T,).
+
+    `prior_runtime` is how long the arm's sessions before ran in all [s], for effects that wear it.
 
     The run starts where stiff cables would put the joints, and settles for two seconds. A gap in
     time is bridged as one long, even motion.
@@ -215,7 +233,14 @@ def replay_motors(time: Array, motor_position: Array, design: TwinModel = NOMINA
     joint = np.zeros((*moves.shape[:2], N_JOINTS))
     joint[0, 0] = joint_from_motor(motor_position[0, :N_JOINTS])
     velocity = np.gradient(moves, clock[0], axis=1)
-    stretch = Stretches(clock, moves, velocity, joint, np.arange(len(clock[0])) == 0)
+    stretch = Stretches(
+        clock,
+        moves,
+        velocity,
+        joint,
+        np.arange(len(clock[0])) == 0,
+        prior_runtime=prior_runtime,
+    )
     did = impose([design], stretch, mjcf.TIMESTEP, 1)
     if did.unstable.any():
         raise SerpentError(_UNSTABLE.format("its replay"))

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import mujoco
 
 from serpent_twin import effects
 from serpent_twin.arm.hinge_friction import STICKS
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect
+from serpent_twin.effects import Effect, Instant
 from serpent_twin.sim.cable_dynamics import addresses, set_timestep, side_by_side
 from serpent_twin.sim.history import History
 
@@ -17,12 +18,16 @@ HINGE, SENSOR = "joint1", "marker1"
 
 
 @dataclass
-class HingeMoment:
+class HingeMoment(Instant):
     """One time step of n runs; arrays are (n, 1).
 
-    The first block is measured from the runs and is not to be changed. The second is what the machine
+    The first block is measured from the runs and cannot be changed. The second is what the machine
     without effects would do; an effect changes it in place or replaces it.
     """
+
+    given: ClassVar[frozenset[str]] = frozenset(
+        {"dt", "time", "motor_angle", "motor_velocity", "joint_velocity", "asked_torque"}
+    )
 
     dt: Array
     """[s]"""
@@ -50,8 +55,23 @@ class HingeMoment:
         return (self.drive_torque + self.asked_torque) / 2
 
 
+class AngleMoment(HingeMoment):
+    """Of a machine whose drive is where it is logged, whatever torque that takes."""
+
+    given = HingeMoment.given | {"drive_torque"}
+
+
+class TorqueMoment(HingeMoment):
+    """Of a machine whose drive gives a torque to the hinge itself: there is no cable to wind."""
+
+    given = HingeMoment.given | {"winch_angle"}
+
+
 class Turns:
     """Runs side by side, run i of models[i] with effects[i]."""
+
+    moment_of: ClassVar[type[HingeMoment]] = HingeMoment
+    """What effects may change"""
 
     def __init__(
         self, models: Sequence[mujoco.MjModel], several: Sequence[Sequence[Effect]], timestep: Array
@@ -70,13 +90,13 @@ class Turns:
         self._friction = self.batch.expand("dof_frictionloss")
         self._base = self._friction[:, [self.dof]].copy()
         self._effects = effects.stacked(several)
-        self._memory: list[object] = []
+        self._memory: list[Any] = []
 
     def moment(
         self, time: Array, angle: Array, velocity: Array, asked: Array, drive: Array
     ) -> HingeMoment:
         """The present instant without effects, of drives' angles and torques (n, 1)."""
-        return HingeMoment(
+        return self.moment_of(
             dt=self.dt,
             time=time,
             motor_angle=angle,
@@ -90,7 +110,7 @@ class Turns:
 
     def start(self, moment: HingeMoment) -> None:
         """Begin: effects forget all, delayed sensors have always read the present."""
-        self._memory = [effect.start(moment) for effect in self._effects]
+        self._memory = effects.begin(self._effects, moment)
         self.batch.forward()
         History(self.batch).fill()
         self.batch.forward()
@@ -104,8 +124,7 @@ class Turns:
 
     def act(self, moment: HingeMoment) -> HingeMoment:
         """Let the effects act on the next time step, and the hinge rub as they have it."""
-        for effect, memory in zip(self._effects, self._memory, strict=True):
-            effect.act(moment, memory)
+        effects.act(self._effects, moment, self._memory)
         self._friction[:, [self.dof]] = moment.gear_friction
         return moment
 

@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
 
 from serpent_twin import effects
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect
+from serpent_twin.effects import Effect, Instant
+from serpent_twin.errors import SerpentError
 from serpent_twin.machines.trunk.body import TIME_STEP
 from serpent_twin.machines.trunk.shape import ENDS_AT, Shape
 from serpent_twin.sim.cable_dynamics import set_timestep, side_by_side
@@ -16,8 +18,10 @@ from serpent_twin.sim.history import History
 
 
 @dataclass
-class TrunkMoment:
-    """One time step of n trunks; arrays are (n, 6), one number a servo."""
+class TrunkMoment(Instant):
+    """One time step of n trunks; arrays are (n, 6), one number a servo. `tell` changes the goal."""
+
+    given: ClassVar[frozenset[str]] = frozenset({"dt", "motor_velocity", "cable_torque", "goal"})
 
     dt: Array
     """[s], (n, 1)"""
@@ -32,6 +36,11 @@ class TrunkMoment:
     """Where they stand [rad]"""
     winch_angle: Array
     """What winds the cables [rad]"""
+
+    def tell(self, goal: Array) -> None:
+        """Tell the servos another goal, where they stand unless a later effect lets them give way [rad]."""
+        object.__setattr__(self, "goal", goal)
+        self.stand(goal)
 
     def stand(self, angle: Array) -> None:
         """Let the servos, and what winds the cables, stand there [rad]."""
@@ -48,6 +57,7 @@ class Trunks:
         several: Sequence[Sequence[Effect]],
         threads: int,
     ) -> None:
+        _refuse_memories(several)
         self._batch = side_by_side(models, threads)
         self._length = self._batch.bind("ten_length")
         self._rest = self._batch.expand("tendon_lengthspring")
@@ -58,7 +68,7 @@ class Trunks:
         self._wound = np.array([s["wound"][np.array(ENDS_AT) - 1] for s in shapes])
         self._zero = np.array([s["zero"] for s in shapes])
         self._effects = effects.stacked(several)
-        self._memory: list[object] = []
+        self._memory: list[Any] = []
 
     def run(self, goal: Array, period: Array) -> tuple[Array, Array]:
         """Where disks (n, T, 9) and servos (n, T, 6) are in each row, for goals (n, T, 6) [rad], rows of
@@ -71,7 +81,7 @@ class Trunks:
         ahead = np.diff(goal, axis=1, append=goal[:, -1:])
         disks, servos = np.empty((n, T, 9)), np.empty((n, T, 6))
         moment = self._moment(goal[:, 0], ahead[:, 0] / (steps * dt), dt)
-        self._memory = [effect.start(moment) for effect in self._effects]
+        self._memory = effects.begin(self._effects, moment)
         self._wind(moment.winch_angle)
         self._batch.forward()
         History(self._batch).fill()
@@ -79,8 +89,7 @@ class Trunks:
             for k in range(steps):
                 told = goal[:, t] + k / steps * ahead[:, t]
                 moment = self._moment(told, ahead[:, t] / (steps * dt), dt)
-                for effect, memory in zip(self._effects, self._memory, strict=True):
-                    effect.act(moment, memory)
+                effects.act(self._effects, moment, self._memory)
                 self._wind(moment.winch_angle)
                 self._batch.step()
                 if k == 0:  # a step reads its sensors before it moves
@@ -96,3 +105,13 @@ class Trunks:
     def _wind(self, angle: Array) -> None:
         wound = self._wound * (angle + self._zero)
         self._rest[:, :, 1] = self._straight - np.repeat(wound, 2, axis=1) * np.tile([1.0, -1.0], 6)
+
+
+def _refuse_memories(several: Sequence[Sequence[Effect]]) -> None:
+    """Refuse what each window of a log would begin anew."""
+    for effect in (each for there in several for each in there):
+        if effect.remembers:
+            raise SerpentError(
+                f"the effect {type(effect).__name__} remembers for longer than a window of a log, and this "
+                "machine's logs are cut into windows that are run alone. Leave it out of this twin."
+            )

@@ -40,7 +40,8 @@ def session(point: GridPoint, measuring: Measuring, number: int) -> Session:
     seeds = np.random.SeedSequence(point.seed, spawn_key=(number,)).spawn(3)
     for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
     rate = measuring.session_rate or point.rate
-    parameters, twin = point.parameters, _twin(point, rate)
+    prior_runtime = (number - 1) * measuring.session_steps / rate
+    parameters, twin = point.parameters, _twin(point, rate, prior_runtime)
     bus = SimulatedBus(twin, for_loads, parameters.load_noise)
     cameras = SimulatedMocap(twin, for_cameras, parameters.marker_noise)
     targets = random_targets(measuring.session_steps, for_targets)
@@ -52,13 +53,13 @@ def session(point: GridPoint, measuring: Measuring, number: int) -> Session:
     return Session(path=None, metadata=about, **arrays)
 
 
-def _twin(point: GridPoint, rate: float) -> Twin:
+def _twin(point: GridPoint, rate: float, prior_runtime: float) -> Twin:
     """The arm with time steps that are steady, a whole number of them to a control period."""
     model = point.design.spec().compile()
     longest = steady_timestep(point.parameters.strand_stiffness, mjcf.TIMESTEP, mjcf.TIMESTEP)
     period = 1 / rate
     model.opt.timestep = period / np.ceil(period / longest - 1e-9)
-    return Twin(point.design, model=model)
+    return Twin(point.design, model=model, prior_runtime=prior_runtime)
 
 
 def _score(
