@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.effect import Effect, parameter
+from serpent_twin.effects.effect import SMOOTH, Effect, parameter
 from serpent_twin.effects.moment import Moment
 
 
@@ -34,6 +34,10 @@ class CableCreep(Effect):
     def start(self, moment: Moment) -> Array:
         """Strands that have rested: no elongation [m], (n, 20)."""
         return np.zeros_like(moment.slack)
+
+    def longest_step(self, moment: Moment) -> Array | float:
+        """A strand held at one length relaxes with the time constant τ / (1 + f)."""
+        return SMOOTH * self.time / (1.0 + self.fraction)
 
     def act(self, moment: Moment, memory: Array) -> None:
         """Lengthen the strands, then let them creep on; exact for a stretch held over the step."""

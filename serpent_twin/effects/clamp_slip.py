@@ -7,7 +7,7 @@ import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
-from serpent_twin.effects.effect import Effect, Several, parameter
+from serpent_twin.effects.effect import SMOOTH, Effect, Several, parameter
 from serpent_twin.effects.moment import Moment
 
 EVERY = -1.0
@@ -43,6 +43,10 @@ class ClampSlip(Effect):
     def start(self, moment: Moment) -> Array:
         """Tight clamps: no elongation [m], (n, 20)."""
         return np.zeros_like(moment.slack)
+
+    def longest_step(self, moment: Moment) -> Array | float:
+        """A strand held at one length slips to its grip with the time constant 1 / (rate k)."""
+        return SMOOTH / np.maximum(self.rate * moment.stiffness, 1e-9)
 
     def act(self, moment: Moment, memory: Array) -> None:
         """Lengthen the strands, then let them slip on."""

@@ -31,6 +31,10 @@ class Range:
         return 1e-6 * self.typical if self.fitted and self.low == 0 else self.low
 
 
+SMOOTH = 0.2
+"""Share of a time constant that one explicit time step may take: what relaxes does so without overshoot, and
+is never off by more than 5 %."""
+_UNKNOWN = 0.005  # [s] as the simulation's own
 COMMAND, SERVO, WINDING, CABLE, LOSS = range(5)
 """Order in a time step: what servos are told, where they go, what winds the cables, what cables are, what
 rubs by their tension."""
@@ -109,6 +113,12 @@ class Effect:
     def act(self, moment: Any, memory: Any) -> None:
         """Change one time step of n runs, and the memory, in place."""
 
+    def longest_step(self, moment: Any) -> Array | float:
+        """Longest time step by which its memory goes through a measured past [s]: `SMOOTH` of its law's time
+        constant, where that is known.
+        """
+        return _UNKNOWN if self.remembers else np.inf
+
     @classmethod
     def variants(cls) -> "Several":
         """What it may be like in an arm of this size: where fits start, more than one if a parameter
@@ -140,6 +150,15 @@ def stacked(several: Sequence[Sequence[Effect]]) -> list[Effect]:
             of = [next((e for e in each if type(e) is kind), None) for each in several]
             rows.append(stack([e or kind() for e in of]))
     return rows
+
+
+def longest_step(effects: Sequence[Effect], moment: Any, runs: int) -> Array:
+    """Longest time step that all memories of each run follow [s], (runs,); inf where none remembers."""
+    longest = np.full(runs, np.inf)
+    for effect in effects:
+        own = np.broadcast_to(np.atleast_2d(effect.longest_step(moment)).min(axis=1), runs)
+        longest = np.minimum(longest, own)
+    return longest
 
 
 def begin(effects: Sequence[Effect], moment: Any) -> list[Any]:

@@ -137,11 +137,14 @@ class CableDynamics:
         self.prior_runtime: Array | float = 0.0
         """How long earlier sessions ran in all [s], or (n, 1)"""
         self._memory: list[Any] = []
+        self.longest_step = np.full(len(designs), np.inf)
+        """Longest time step that the effects' memories follow [s], (n,)"""
 
     def start(self, time: Array, motor_angle: Array, motor_velocity: Array) -> None:
         """Begin anew: effects forget all. Arrays are (n, 1), (n, 10), (n, 10)."""
         moment = self.moment(time, motor_angle, motor_velocity, 0.0)
         self._memory = effects.begin(self._effects, moment)
+        self.longest_step = effects.longest_step(self._effects, moment, len(time))
 
     def moment(
         self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array

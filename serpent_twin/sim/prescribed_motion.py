@@ -35,6 +35,12 @@ class Motors:
     velocity: Array
     """[rad/s], (n, 10)"""
 
+    def towards(self, other: "Motors", share: Array) -> "Motors":
+        """A share of the way to another row, (n, 1)."""
+        time = self.time + share[:, 0] * (other.time - self.time)
+        angle = self.angle + share * (other.angle - self.angle)
+        return Motors(time, angle, self.velocity + share * (other.velocity - self.velocity))
+
 
 @dataclass(frozen=True)
 class Sensed:
@@ -108,13 +114,24 @@ class DrivenArms:
         self._history.fill()
 
     def feel(self, motors: Motors, joint_angle: Array, anew: bool = False) -> None:
-        """Let effects that remember feel a measured pose [rad], (n, 9), at rest; nothing is simulated."""
-        dt = (motors.time - self._motors.time)[:, None]
-        self._hold(motors, joint_angle)
+        """Let effects that remember feel a measured pose [rad], (n, 9), at rest; nothing is simulated.
+
+        Between the pose before and this one they feel an even motion, each arm in time steps that its laws
+        bear, however many its neighbours take.
+        """
         if anew:
+            self._hold(motors, joint_angle)
             self._begin(motors)
-        else:
-            self._cables.act(motors.time[:, None], motors.angle, motors.velocity, dt)
+            return
+        before, was = self._motors, self._qpos[:, self._joint_q]
+        interval = (motors.time - before.time)[:, None]
+        steps = np.maximum(1, np.ceil(interval / self._cables.longest_step[:, None]))
+        for k in range(int(steps.max())):
+            share = np.minimum(1.0, (k + 1) / steps)
+            now = before.towards(motors, share)
+            self._hold(now, was + share * (joint_angle - was))
+            dt = np.where(k < steps, interval / steps, 0.0)
+            self._cables.act(now.time[:, None], now.angle, now.velocity, dt)
 
     def _hold(self, motors: Motors, joint_angle: Array) -> None:
         """Put joints and the jaw somewhere, at rest."""
