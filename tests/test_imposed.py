@@ -11,7 +11,6 @@ from serpent_twin.arm import mjcf
 from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.geometry import markers
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.effects import CATALOGUE
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim.many_twins import Stretches, gaps, impose
 from serpent_twin.sim.twin import Twin
@@ -88,15 +87,6 @@ def test_a_restart_is_a_new_run():
     both, alone = impose([NOMINAL_TWIN], _parted(s, 6)), impose([NOMINAL_TWIN], _from(s, 6))
     assert_allclose(both.marker[:, :, 6:], alone.marker, atol=1e-7)
     assert_allclose(both.marker[0, 0, 6], markers(s.joint_angle[0, 6]), atol=1e-9)
-
-
-@pytest.mark.parametrize("name", ["cable_creep", "payload"])
-def test_memory_alone_outlives_a_restart(name):
-    """After a restart, an arm that remembers pulls otherwise than a fresh one."""
-    s = wander(40, pace=0.08)
-    arm = TwinModel(effects=CATALOGUE[name].variants())
-    long, short = (impose([arm], x).tension[0, 0, -8:] for x in (_parted(s, 30), _from(s, 30)))
-    assert (np.abs(long - short).max() > 0.05) == CATALOGUE[name].remembers
 
 
 def test_stretches_and_designs_do_not_mix():

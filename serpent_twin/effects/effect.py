@@ -8,7 +8,7 @@ from typing import Any, ClassVar, TypeVar
 import mujoco
 import numpy as np
 
-from serpent_twin.arm.geometry import Arm
+from serpent_twin.arm.geometry import ARM, Arm
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 
@@ -159,6 +159,13 @@ def longest_step(effects: Sequence[Effect], moment: Any, runs: int) -> Array:
         own = np.broadcast_to(np.atleast_2d(effect.longest_step(moment)).min(axis=1), runs)
         longest = np.minimum(longest, own)
     return longest
+
+
+def edit(spec: mujoco.MjSpec, effects: Sequence[Effect], arm: Arm = ARM) -> None:
+    """Write into a machine's spec what MJCF can express of the effects that are there, in their order."""
+    for effect in sorted(effects, key=lambda effect: effect.stage):
+        if not effect.absent:
+            effect.edit(spec, arm)
 
 
 def begin(effects: Sequence[Effect], moment: Any) -> list[Any]:

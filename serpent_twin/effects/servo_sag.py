@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import SERVO, Effect, parameter
 from serpent_twin.effects.moment import Giving
@@ -34,6 +36,6 @@ class ServoSag(Effect):
 
     def act(self, moment: Giving, memory: Array) -> None:
         """Let the servos go on towards where they would settle."""
-        moment.stand(memory)
+        moment.stand(np.where(np.equal(self.compliance, 0.0), moment.goal, memory))
         short = moment.goal - self.compliance * moment.cable_torque - memory
         memory += moment.dt / (self.lag + moment.dt) * short

@@ -11,9 +11,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from serpent_twin.arm.geometry import ARM
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect, Range
+from serpent_twin.effects import Effect, Range, edit
 from serpent_twin.effects.cable_stretch import RIGID, soften
 from serpent_twin.effects.shaft_stretch import HEAVY, SHAFT
 from serpent_twin.machines.machine import (
@@ -137,8 +136,7 @@ class Jaw:
             objtype=mujoco.mjtObj.mjOBJ_JOINT,
             objname=_LOAD,
         )
-        for effect in sorted(effects, key=lambda effect: effect.stage):
-            effect.edit(spec, ARM)
+        edit(spec, effects)
         return spec
 
     def respond(self, points: Sequence[ParameterVector], runs: Runs) -> Array:

@@ -12,9 +12,8 @@ import mujoco
 import numpy as np
 from scipy.signal import savgol_filter
 
-from serpent_twin.arm.geometry import ARM
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect
+from serpent_twin.effects import Effect, edit
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
@@ -141,8 +140,7 @@ class Xl330:
             objtype=mujoco.mjtObj.mjOBJ_JOINT,
             objname=hinge.HINGE,
         )
-        for effect in effects:
-            effect.edit(spec, ARM)
+        edit(spec, effects)
         return spec
 
     def respond(self, points: Sequence[ParameterVector], runs: Runs) -> Array:

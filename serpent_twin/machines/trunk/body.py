@@ -6,9 +6,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from serpent_twin.arm.geometry import ARM
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect
+from serpent_twin.effects import Effect, edit
 from serpent_twin.machines.measured import hinge
 from serpent_twin.machines.trunk.shape import CHANNEL, DISKS, ENDS_AT, Shape
 
@@ -56,8 +55,7 @@ def spec(shape: Shape, effects: Sequence[Effect]) -> mujoco.MjSpec:
         )
     _weigh(model, shape, body, gap)
     _pull(model, shape)
-    for effect in sorted(effects, key=lambda effect: effect.stage):
-        effect.edit(model, ARM)
+    edit(model, effects)
     for each in model.bodies:
         each.mass *= float(shape["weight"][0])
     return model

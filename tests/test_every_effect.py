@@ -1,0 +1,223 @@
+"""Is every effect, in every machine that may have it, absent at zero, seen otherwise, stored and stable?"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from measured_logs import jaw, pendulum
+from motion import wander
+from numpy.testing import assert_allclose, assert_array_equal
+from trunk_runs import log, shape
+
+from serpent_twin import effects, stored
+from serpent_twin.effects.registry import CATALOGUE, KNOWN
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines import jaw as tool
+from serpent_twin.machines import trunk, xl330
+from serpent_twin.machines.arm.vector import candidates
+from serpent_twin.machines.machine import Candidate
+from serpent_twin.machines.measured import HingeMoment, Recording, cut
+from serpent_twin.sim.many_twins import impose
+from serpent_twin.sim.twin_model import TwinModel
+
+_S = wander(6, pace=0.06)
+MOVED = replace(_S, time=3600.0 + _S.time)
+"""A second in which the arm's joints wander, an hour after its session began"""
+BESIDE = {("jaw", "cable_stiffening"): (KNOWN["cable_stretch"](0.5),)}
+"""What must be there for an effect to show: a rigid cable cannot stiffen"""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A machine that moves for a second."""
+
+    candidates: Mapping[str, Candidate]
+    respond: Callable[..., np.ndarray]
+    """What is measured of twins, each with these effects, one row a twin"""
+
+
+def arms(*several):
+    """Markers [m] and loads of arms whose joints wander."""
+    did = impose([TwinModel(effects=each) for each in several], MOVED)
+    return _flat(did.marker, did.load)
+
+
+def _flat(*arrays):
+    return np.concatenate([each.reshape(len(each), -1) for each in arrays], axis=1)
+
+
+def _points(several):
+    return [SimpleNamespace(declared=np.zeros(100), there=each) for each in several]
+
+
+def _bench(module, machine, *logs, every=1):
+    runs = cut(logs, machine.columns, [each.column for each in machine.outputs], every)
+
+    def respond(*several):
+        with pytest.MonkeyPatch.context() as patch:  # zero is zero, not just off it
+            patch.setattr(module, "effects_at", lambda point: point.there)
+            return _flat(machine.respond(_points(several), runs))
+
+    return Bench(machine.candidates, respond)
+
+
+def _jaw():
+    logs = [
+        Recording(None, *jaw(0.4, load, 0.02, 0.2, 0.5, 0.01, seconds=1)) for load in (0.05, 0.1)
+    ]
+    return _bench(tool, replace(tool.Jaw(), zero=1.4), *logs, every=2)
+
+
+def _servo():
+    made = [pendulum(kp, 0.01, 0.002, 0.1, seconds=1, seed=kp) for kp in (100, 400)]
+    logs = [Recording(None, about, c | {"velocity": 0 * c["time"]}) for about, c in made]
+    return _bench(xl330, xl330.Xl330(), *logs)
+
+
+def _trunk():
+    time = np.arange(0, 1, 0.01)[:, None]
+    goal = np.array([0.5, 0.7, 0.3, -0.4, 0.2, 0.1]) * np.sin(2 * np.pi * 0.5 * time)
+    both = dict(trunk._sized(trunk._CANDIDATES)) | dict(trunk._sized(trunk._CHANGES))
+    return _bench(trunk, trunk.Trunk(shape(), candidates=both), log(goal), every=5)
+
+
+BENCHES = {
+    "arm": Bench(candidates(), arms), "jaw": _jaw(), "trunk": _trunk(), "xl330": _servo(),
+}  # fmt: skip
+PAIRS = [(machine, name) for machine, bench in BENCHES.items() for name in bench.candidates]
+of_machines = pytest.mark.parametrize(("machine", "name"), PAIRS)
+every = pytest.mark.parametrize("kind", KNOWN.values(), ids=KNOWN)
+
+
+def made(machine, name, times=1.0):
+    """A candidate as its machine has it, its strength times a number."""
+    found = BENCHES[machine].candidates[name]
+    values = dict(zip(found.ranges, found.variants[0], strict=True))
+    strength = next(iter(values))
+    return KNOWN[name](**{**values, strength: float(times * values[strength])})
+
+
+def test_every_effect_is_in_some_machine():
+    assert {name for _, name in PAIRS} == set(KNOWN)
+
+
+@of_machines
+def test_zero_is_the_nominal_twin_bit_for_bit(machine, name):
+    """Alone, and beside a run that has it if both are of one structure."""
+    respond, zero, strong = BENCHES[machine].respond, KNOWN[name](), made(machine, name)
+    assert zero.absent and not strong.absent
+    nominal = respond(())[0]
+    assert_array_equal(respond((zero,))[0], nominal)
+    try:
+        both = respond((zero,), (strong,))
+    except SerpentError as error:
+        assert "structure" in str(error) and not strong.acts()
+    else:
+        assert_array_equal(both[0], nominal)
+
+
+@of_machines
+def test_a_typical_strength_shows(machine, name):
+    """By more than rounding: 10 µm, 0.01 % of the stall torque, 10 µrad or 10 µN m somewhere."""
+    respond, beside = BENCHES[machine].respond, BESIDE.get((machine, name), ())
+    shown = respond((*beside, made(machine, name))) - respond(beside)
+    assert np.abs(shown).max() > 1e-5
+
+
+@of_machines
+def test_runs_side_by_side_are_the_runs_alone(machine, name):
+    respond = BENCHES[machine].respond
+    one, other = (made(machine, name, times) for times in (1.0, 1.5))
+    both = respond((one,), (other,))
+    assert_allclose(both, np.concatenate([respond((one,)), respond((other,))]), rtol=0, atol=1e-9)
+
+
+@of_machines
+def test_a_second_at_the_end_of_the_range_is_finite(machine, name):
+    """In places that are metres or radians, and not out of all proportion."""
+    found = BENCHES[machine].candidates[name]
+    values = dict(zip(found.ranges, found.variants[0], strict=True))
+    strength, allowed = next(iter(found.ranges.items()))
+    for least in (1e-4 * allowed.typical, allowed.high):
+        did = BENCHES[machine].respond((KNOWN[name](**{**values, strength: least}),))
+        assert np.isfinite(did).all() and np.abs(did).max() < 10.0
+
+
+@every
+def test_says_what_it_is(kind):
+    assert "Source:" in kind.__doc__ and kind.shows_in
+    assert set(kind.confused_with) <= set(KNOWN) - {effects.name_of(kind)}
+    for name, allowed in effects.ranges(kind).items():
+        assert allowed.unit and name
+        assert -np.inf < allowed.low <= allowed.typical <= allowed.high < np.inf
+        assert allowed.low <= kind.__dataclass_fields__[name].default <= allowed.high
+    assert effects.ranges(kind)[fields(kind)[0].name].fitted
+
+
+@every
+def test_absent_by_default_present_in_all_its_variants(kind):
+    assert kind().absent
+    assert all(not variant.absent for variant in kind.variants())
+    assert len({repr(variant) for variant in kind.variants()}) == len(kind.variants())
+
+
+@every
+def test_bounds_are_kept(kind):
+    for name, allowed in effects.ranges(kind).items():
+        for beyond in (allowed.high + 1, allowed.low - 1, np.nan):
+            with pytest.raises(SerpentError, match=rf"{name} is .* must lie within"):
+                kind(**{name: beyond})
+
+
+@every
+def test_comes_back_from_a_file(kind):
+    for effect in kind.variants():
+        entry = stored.take(effects.to_dict(effect), effects.Stored, "an effect")
+        assert effects.restored(entry) == effect
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_memory_alone_outlives_a_restart(name):
+    """After a restart, an arm that remembers pulls otherwise than a fresh one: what forgets within 10 rows
+    may begin every segment anew.
+    """
+    s, at = wander(40, pace=0.08), 30
+    arm = TwinModel(effects=CATALOGUE[name].variants()[:1])
+    parted = replace(s, restart=s.restart | (np.arange(40) == at))
+    arrays = {
+        n: getattr(s, n)[:, at:] for n in ("time", "motor_angle", "motor_velocity", "joint_angle")
+    }
+    fresh = replace(s, restart=s.restart[: 40 - at], **arrays)
+    long, short = (impose([arm], x).tension[0, 0, -4:] for x in (parted, fresh))
+    assert (np.abs(long - short).max() > 0.02) == CATALOGUE[name].remembers
+
+
+def rubbed(speed, **given):
+    """The friction that a hinge has at speeds [rad/s]."""
+    rows, none = np.reshape(speed, (-1, 1)), np.zeros((np.size(speed), 1))
+    names = [f.name for f in fields(HingeMoment)]
+    moment = HingeMoment(**dict.fromkeys(names, none) | {"joint_velocity": rows} | given)
+    KNOWN["stribeck"](0.04, 0.2).act(moment, None)
+    return moment.gear_friction[:, 0]
+
+
+def test_stribeck_falls_with_speed_by_bo_and_pavelescu():
+    """F_c + F exp(−|q̇| / v), either way, from F_c + F at rest to F_c."""
+    speed = np.array([-50.0, -0.4, -0.1, 0.0, 0.1, 0.2, 50.0])
+    friction = rubbed(speed, gear_friction=np.full((7, 1), 0.03))
+    assert_allclose(friction, 0.03 + 0.04 * np.exp(-np.abs(speed) / 0.2), rtol=1e-12)
+    assert friction.max() == friction[3] == pytest.approx(0.07)
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.2, 0.8])
+def test_stribeck_is_what_the_spindle_feels(speed):
+    """A jaw that nothing loads, turned evenly: the spindle's torque is the friction at that speed."""
+    time = np.arange(0, 1, 0.005)
+    none = np.zeros_like(time)
+    names = ("time", "spindle_position", "jaw_torque", "jaw_position", "spindle_torque")
+    run = Recording(None, {}, dict(zip(names, (time, speed * time, none, none, none), strict=True)))
+    several = (KNOWN["hinge_friction"](0.03, 0.0), KNOWN["stribeck"](0.04, 0.2))
+    torque = _bench(tool, tool.Jaw(), run, every=2).respond(several).reshape(-1, 2)[50:, 1]
+    assert_allclose(torque, -(0.03 + 0.04 * np.exp(-speed / 0.2)), rtol=0.01)
