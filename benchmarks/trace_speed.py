@@ -18,7 +18,7 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
-from serpent_twin.identification.score_test import score
+from serpent_twin.identification.score_test import scores
 from serpent_twin.machines.arm import ArmRig
 from serpent_twin.machines.arm.case import ArmCase
 from serpent_twin.machines.arm.pieces import Pieces
@@ -114,7 +114,7 @@ def main(config: TraceSpeed) -> None:
     names = list(case.candidates)
 
     def tested(some: list[str]) -> float:
-        return seconds(lambda: [score(case, every, base, case.candidates[n]) for n in some])
+        return seconds(lambda: scores(case, every, base, [case.candidates[n] for n in some]))
 
     first = [tested([name]) for name in names]
     for name, cost in zip(names, first, strict=True):

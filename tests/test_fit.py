@@ -10,7 +10,7 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors, gain
 from serpent_twin.identification.least_squares import fit, indistinguishable, variance_inflation
-from serpent_twin.identification.score_test import full_fit, score, worth_fitting
+from serpent_twin.identification.score_test import full_fit, scores, worth_fitting
 from serpent_twin.identification.steps import Trial, why_not
 from serpent_twin.machines.machine import Candidate, Declared, ParameterVector, Quantity, Stopwatch
 
@@ -40,6 +40,7 @@ class LinearCase:
     unseen: dict = field(default_factory=dict)
     clock: Stopwatch = field(default_factory=Stopwatch)
     channels: int = 3
+    noise: np.ndarray = field(default_factory=lambda: np.ones(3))
 
     @property
     def quantities(self):
@@ -54,10 +55,13 @@ class LinearCase:
             r = self.y - self.X @ p.declared
             r = r - self.g * p.effects.get(GUST, [0.0])[0]
             out.append((r - self.other * p.effects.get(NOTHING, [0.0])[0])[pieces])
-        return np.array(out)
+        return self.weigh(np.array(out))
+
+    def weigh(self, rows):
+        return rows / np.tile(self.noise, NUMBERS // self.channels)
 
     def jacobian(self, point, pieces):
-        return -self.X[pieces][None, ..., 1]
+        return self.weigh(-self.X[pieces][None, ..., 1])
 
 
 def case(strength: float, seed: int = 0) -> LinearCase:
@@ -72,7 +76,24 @@ def every() -> list[int]:
     return list(range(SEGMENTS))
 
 
+@dataclass(frozen=True)
+class Watched(LinearCase):
+    """Notes whether differences were asked for, and in how many segments."""
+
+    asked: list = field(default_factory=list)
+
+    def residual(self, points, pieces, rough=False):
+        self.asked.append((rough, len(pieces)))
+        return super().residual(points, pieces, rough)
+
+
 START = ParameterVector(np.zeros(2))
+
+
+def scored(arm, base):
+    """The score test of the candidate that is there."""
+    (found,) = scores(arm, every(), base, [arm.candidates[GUST]])
+    return found
 
 
 def test_a_linear_fit_solves_the_normal_equations():
@@ -97,12 +118,29 @@ def test_a_prior_pulls_towards_the_start():
     assert found.point.declared[1] == pytest.approx(-2.0, abs=0.05)
 
 
+def test_a_derivative_is_carried_over_to_other_weights_and_more_segments():
+    arm = case(0.7)
+    free = free_parameters(arm, ())
+    before = fit(arm, every(), START, free, 2, 5)
+    other = replace(arm, noise=np.array([0.5, 2.0, 1.0]))
+    afresh = fit(other, every(), START, free, 3, 99)
+    for more in (0, 2):
+        watched = Watched(**vars(other), asked=[])
+        carried = fit(watched, every(), before.point, free, more, 99, carried=before)
+        assert set(before.used) < set(carried.used) == set(afresh.used)
+        assert carried.point.declared == pytest.approx(afresh.point.declared, abs=1e-4)
+        assert carried.jacobian == pytest.approx(afresh.jacobian, abs=1e-4)
+        assert carried.error == pytest.approx(afresh.error, rel=1e-3)
+        whole = [1 for rough, pieces in watched.asked if rough and pieces == SEGMENTS]
+        assert bool(whole) == bool(more)  # no derivative on the segments that it had
+
+
 def test_intervals_hold_as_often_as_they_say():
     inside = 0
     for seed in range(60):
         arm = case(0.7, seed)
         base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
-        found = full_fit(arm, every(), base, score(arm, every(), base, arm.candidates[GUST]), print)
+        found = full_fit(arm, every(), base, scored(arm, base), print)
         _, low, high = found.interval(GUST, 0)
         inside += low <= 0.7 <= high
     assert 52 <= inside <= 60  # 57 expected, binomial 3 standard deviations below
@@ -111,11 +149,11 @@ def test_intervals_hold_as_often_as_they_say():
 def test_the_score_finds_what_is_there_and_how_strong():
     arm = case(0.7)
     base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
-    scores = [score(arm, every(), base, c) for c in arm.candidates.values()]
-    there, absent = scores
+    found = scores(arm, every(), base, list(arm.candidates.values()))
+    there, absent = found
     assert there.share > 0.3 > 0.01 > absent.share
     assert there.start[0] == pytest.approx(0.7, abs=0.05)
-    assert worth_fitting(scores, arm.candidates) == [GUST]
+    assert worth_fitting(found, arm.candidates) == [GUST]
 
 
 def test_what_hangs_together_weighs_as_less():
@@ -162,7 +200,7 @@ def test_a_loss_is_told_as_a_loss(step, said):
     arm, before = case(0.7), Errors(np.ones(7), np.full(7, np.nan))
     lost = gain(before, Errors(before.marker_by_segment + step, before.load_by_segment), RNG)
     base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
-    found = score(arm, every(), base, arm.candidates[GUST])
+    found = scored(arm, base)
     fitted = full_fit(arm, every(), base, found, print)
     ends = replace(fitted, point=fitted.point.having(GUST, np.array([10.0])))
     for made in (fitted, ends):
@@ -177,7 +215,7 @@ def test_a_stage_that_was_finished_is_read_back(tmp_path):
 
     def make():
         asked.append(1)
-        return full_fit(arm, every(), base, score(arm, every(), base, arm.candidates[GUST]), print)
+        return full_fit(arm, every(), base, scored(arm, base), print)
 
     own, notes = (Checkpoints(tmp_path / "stages", Stopwatch()) for _ in range(2))
     first = own.fit("gust", make)

@@ -116,6 +116,7 @@ def _fit_arrays(fit: Fit) -> dict[str, Any]:
         "error": fit.error,
         "correlation": fit.correlation,
         "slope": fit.jacobian,
+        "noise": fit.noise,
     }
 
 
@@ -134,6 +135,7 @@ def _read_fit(path: Path, arrays: stored.Arrays) -> Fit:
         "correlation": Numbers((n, n), unknown=True),
         "slope": Numbers((n, len(about.used), *rows[:1]), unknown=True),
     }
+    wanted["noise"] = Numbers((arrays.get("noise", np.zeros(0)).size,), low=0.0)
     stored.require_arrays(arrays, wanted, str(path), _AGAIN)
     effects = {name: np.array(values) for name, values in about.effects.items()}
     return Fit(
@@ -144,6 +146,7 @@ def _read_fit(path: Path, arrays: stored.Arrays) -> Fit:
         correlation=arrays["correlation"],
         converged=about.converged,
         jacobian=arrays["slope"],
+        noise=arrays["noise"],
         used=about.used,
         variance_inflation=about.variance_inflation,
     )

@@ -5,7 +5,7 @@ side. A residual's numbers hang together, in time and from marker to marker, so 
 fewer independent numbers they are worth.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,14 +16,12 @@ from serpent_twin.arrays import Array
 from serpent_twin.identification.free_parameters import FreeParameters, between, jacobian, moved
 from serpent_twin.machines.machine import Case, ParameterVector
 
-_DAMPINGS = (0.0, 0.3, 3.0)
-"""Levenberg's, tried in turn"""
+_DAMPINGS = ((0.0,), (0.3, 3.0))
+"""Levenberg's, tried in turn; those of a group side by side"""
 _SETTLED = 0.5
 """A step that betters the cost by less, about half a standard error, is the last"""
-_SETTLED_SHARE = 2e-3
-"""And a derivative that betters it by less than this share"""
-_NEARLY = 1e-2
-"""A fit whose last derivative still bettered the cost by more has not settled"""
+_SETTLED_SHARE = 2e-2
+"""And a derivative that betters it by less than this share: the next gains about a tenth of that"""
 _STILL = 0.5
 """But one that moved its effects by fewer standard errors has"""
 NORMAL_95 = 1.96
@@ -57,6 +55,8 @@ class Fit:
     jacobian: Array
     """Derivative of the residual by the moves on the segments `used`, (len(moves), S, n)"""
     used: tuple[int, ...]
+    noise: Array
+    """What the residual was divided by, (channels,)"""
 
     def interval(self, name: str, index: int) -> tuple[float, float, float]:
         """An effect's parameter with its 95 % interval, for scatter and for what is simplified."""
@@ -99,20 +99,22 @@ def fit(
     most: int,
     on_progress: OnProgress = _silent,
     known: Fit | None = None,
+    carried: Fit | None = None,
     steps: int = _STEPS,
 ) -> Fit:
     """Fit to at most so many segments, spread evenly, with at most so many derivatives.
 
     A derivative serves several steps, bettered after each by Broyden's rank-one update. A fit that is
     `known` lends its segments, and its derivative by the declared parameters, so that only the
-    effects' are simulated. The fit has settled when a fresh derivative leads nowhere; with no steps it
-    is the derivative at the start.
+    effects' are simulated. One that is `carried` over from other weights, and maybe fewer segments, lends
+    its derivative to the first steps, and none is simulated where it has one. The fit has settled when a
+    derivative leads nowhere; with no steps it is the derivative at the start.
     """
-    used = known.used if known else _spread(len(pieces), most)
+    used = known.used if known else _spread(len(pieces), most, carried.used if carried else ())
     problem = _Problem(case, case.take(pieces, used), free, known)
-    at, jacobian = problem.begin(start)
-    settled = False
-    for n in range(derivatives):
+    at, jacobian = problem.carry(start, carried, used) if carried else problem.begin(start)
+    settled, begun = False, at.point
+    for n in range(derivatives + (carried is not None)):
         if n:
             jacobian = problem.jacobian(at.point)
         before, begun = at.cost, at.point
@@ -129,30 +131,31 @@ def fit(
                 break
         on_progress(f"derivative {n + 1} of {derivatives}: cost {before:.0f} → {at.cost:.0f}")
         bettered = before - at.cost
-        settled = steps > 0 and bettered < max(2 * _SETTLED, _NEARLY * at.cost)
-        if steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost):
+        settled = steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost)
+        if settled and (n or not carried):
             break
     error, correlation = _errors(jacobian, at.residual, problem.variance_inflation, problem.prior)
     if steps > 0 and free.effects:
         late = np.abs(between(begun, at.point, free) / error)[len(free.declared) :]
         settled = settled or bool((late < _STILL).all())
+    inflation, noise = problem.variance_inflation, case.noise
     return Fit(
-        at.point,
-        free,
-        at.cost,
-        problem.variance_inflation,
-        error,
-        correlation,
-        settled,
-        jacobian,
-        used,
+        at.point, free, at.cost, inflation, error, correlation, settled, jacobian, used, noise
     )
 
 
-def _spread(segments: int, most: int) -> tuple[int, ...]:
-    """Which segments a fit uses: the middles of so many equal parts."""
+def _spread(segments: int, most: int, used: Sequence[int] = ()) -> tuple[int, ...]:
+    """Which segments a fit uses: the middles of so many equal parts; beside those `used` already, the ones
+    that lie farthest from all others.
+    """
     n = min(segments, most)
-    return tuple(int((k + 0.5) * segments / n) for k in range(n))
+    if not used:
+        return tuple(int((k + 0.5) * segments / n) for k in range(n))
+    chosen = list(used)
+    while len(chosen) < n:
+        apart = np.abs(np.subtract.outer(np.arange(segments), chosen)).min(axis=1)
+        chosen.append(int(apart.argmax()))
+    return tuple(sorted(chosen))
 
 
 @dataclass(frozen=True)
@@ -185,6 +188,22 @@ class _Problem:
         )
         return _At(start, residual, self._cost(residual, start)), jacobian
 
+    def carry(
+        self, start: ParameterVector, carried: Fit, used: tuple[int, ...]
+    ) -> tuple[_At, Array]:
+        """The same with the derivative of a fit to other weights, where it has one of a segment."""
+        residual = self.case.residual([start], self.some)[0]
+        self.variance_inflation = variance_inflation(residual, self.case.channels)
+        shape = (len(self.free), *residual.shape)
+        out = np.empty(shape, np.float32)
+        scale = np.tile(carried.noise / self.case.noise, residual.shape[1] // self.case.channels)
+        for n, segment in enumerate(carried.used):
+            out[:, used.index(segment)] = carried.jacobian[:, n] * scale
+        if lacking := [n for n, segment in enumerate(used) if segment not in carried.used]:
+            some = self.case.take(self.some, lacking)
+            out[:, lacking] = jacobian(self.case, start, self.free, some)[1]
+        return _At(start, residual, self._cost(residual, start)), out
+
     def jacobian(self, point: ParameterVector) -> Array:
         """A fresh derivative."""
         return self._jacobian(point)[1]
@@ -196,12 +215,12 @@ class _Problem:
         pull = -(flat @ at.residual.ravel()) / self.variance_inflation - self.prior * self._lean(
             at.point
         )
-        for damp in _DAMPINGS:
-            step = np.linalg.solve(normal + damp * np.diag(np.diag(normal)), pull)
-            there = moved(self.case, at.point, self.free, step)
-            found = self.case.residual([there], self.some)[0]
-            if (cost := self._cost(found, there)) < at.cost:
-                return _At(there, found, cost)
+        for group in _DAMPINGS:
+            steps = [np.linalg.solve(normal + d * np.diag(np.diag(normal)), pull) for d in group]
+            tried = [moved(self.case, at.point, self.free, step) for step in steps]
+            for there, found in zip(tried, self.case.residual(tried, self.some), strict=True):
+                if (cost := self._cost(found, there)) < at.cost:
+                    return _At(there, found, cost)
         return None
 
     def _jacobian(self, point: ParameterVector) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import Fit, OnProgress, fit
-from serpent_twin.machines.machine import Candidate, Case
+from serpent_twin.machines.machine import Candidate, Case, ParameterVector
 
 EXCITED = 0.02
 """An effect whose typical strength moves the residual by less than this share of its rms is not seen"""
@@ -33,13 +33,29 @@ class Score:
     """Its parameters where a full fit should begin"""
 
 
-def score(case: Case[Any], pieces: Any, base: Fit, candidate: Candidate) -> Score:
-    """The score test of one candidate: one simulation a variant, the derivative is the base's."""
+def scores(case: Case[Any], pieces: Any, base: Fit, candidates: Sequence[Candidate]) -> list[Score]:
+    """The score tests of candidates: one simulation a variant, side by side; the Jacobian is the base's."""
     some = case.take(pieces, base.used)
     residual = case.residual([base.point], some)[0]
-    points = [base.point.having(candidate.name, values) for values in _columns(candidate)]
-    without = case.residual([base.point], some, rough=True)
-    changes = case.residual(points, some, rough=True) - without
+    tried = [[base.point.having(c.name, values) for values in _columns(c)] for c in candidates]
+    every = [base.point, *(point for points in tried for point in points)]
+    without, *changed = case.residual(every, some, rough=True)
+    out = []
+    for candidate, points in zip(candidates, tried, strict=True):
+        changes = [changed.pop(0) - without for _ in points]
+        out.append(_score(case, base, residual, candidate, points, changes))
+    return out
+
+
+def _score(
+    case: Case[Any],
+    base: Fit,
+    residual: Array,
+    candidate: Candidate,
+    points: Sequence[ParameterVector],
+    changes: Sequence[Array],
+) -> Score:
+    """The best variant of a candidate, from what each changes of the residual."""
     best, most = Score(candidate.name, 0.0, 0.0, candidate.variants[0]), 0.0
     for change, point in zip(changes, points, strict=True):
         if not np.isfinite(change).all():

@@ -20,12 +20,13 @@ from serpent_twin.identification.score_test import (
     EXCITED,
     Score,
     full_fit,
-    score,
+    scores,
     strengths,
     too_strong,
     worth_fitting,
 )
 from serpent_twin.machines.machine import Candidate, Case, ParameterVector
+from serpent_twin.numerals import counted
 
 WORTH_IT = 0.04
 """Relative gain on held-out logs, markers and loads weighing alike, that an effect must bring"""
@@ -152,9 +153,9 @@ class Tracer:
         first = self._fit("calibrated_1", start, free, 1, opening)
         self._opening_case = self.case
         self.case = self.case.reweighted(first.point, self.training)
-        second = self._fit("calibrated_2", first.point, free, 1)
+        second = self._fit("calibrated_2", first.point, free, 0, carried=first)
         self.case = self.case.reweighted(second.point, self.training)
-        return opening, self._fit("calibrated_3", second.point, free, 3)
+        return opening, self._fit("calibrated_3", second.point, free, 3, carried=second)
 
     def _fit(
         self,
@@ -163,6 +164,7 @@ class Tracer:
         free: FreeParameters,
         derivatives: int,
         known: Fit | None = None,
+        carried: Fit | None = None,
         last: bool = False,
     ) -> Fit:
         self.on_progress(f"fit {name.replace('_', ' ')}")
@@ -170,23 +172,30 @@ class Tracer:
         return self.notes.fit(
             name,
             lambda: fit(
-                case, self.training, start, free, derivatives, most, self.on_progress, known
+                case,
+                self.training,
+                start,
+                free,
+                derivatives,
+                most,
+                self.on_progress,
+                known,
+                carried,
             ),
         )
 
     def _polish(self, found: Fit, name: str) -> Fit:
         """Fit an accepted effect with everything else, anew, with the weights that it brings."""
         self.case = self.case.reweighted(found.point, self.training)
-        return self._fit(
-            name, found.point, free_parameters(self.case, list(found.point.effects)), 2
-        )
+        free = free_parameters(self.case, list(found.point.effects))
+        return self._fit(name, found.point, free, 2, carried=found)
 
     def _sharpened(self, found: Fit) -> Fit:
         """The last fit, on more segments: what is reported of the accepted effects."""
         if not found.point.effects:
             return found
         self.case = self.case.reweighted(found.point, self.training)
-        return self._fit("last", found.point, found.free, 1, last=True)
+        return self._fit("last", found.point, found.free, 0, carried=found, last=True)
 
     def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
         """Try all candidates; those that calibration may have swallowed also from the opening."""
@@ -213,32 +222,27 @@ class Tracer:
         most: int | None = None,
     ) -> dict[str, Trial]:
         """Score tests of candidates on top of a fit, and full fits of those that are worth it."""
-        scores = self._scores(f"scores_{stage}", case, begun, names)
-        trials = {name: Trial(s, None, None, before.marker) for name, s in scores.items()}
-        chosen = worth_fitting(list(scores.values()), case.candidates)[:most]
+        found = self._scores(f"scores_{stage}", case, begun, names)
+        trials = {name: Trial(s, None, None, before.marker) for name, s in found.items()}
+        chosen = worth_fitting(list(found.values()), case.candidates)[:most]
         for name in chosen:
             self.on_progress(f"{stage.replace('_', ', from the ')}: fitting {name}")
             fitted = self.notes.fit(
                 f"fit_{stage}_{name}",
-                lambda found=scores[name]: full_fit(
-                    case, self.training, begun, found, self.on_progress
-                ),
+                lambda one=found[name]: full_fit(case, self.training, begun, one, self.on_progress),
             )
             after = self.errors(fitted.point)
             rng = np.random.default_rng([self.seed, 1])
             better = gain(before, after, rng, among=len(chosen))
-            trials[name] = Trial(scores[name], fitted, better, after.marker)
+            trials[name] = Trial(found[name], fitted, better, after.marker)
         return trials
 
     def _scores(
         self, stage: str, case: Case[Any], base: Fit, names: Sequence[str]
     ) -> dict[str, Score]:
         def test() -> list[Score]:
-            out = []
-            for name in names:
-                self.on_progress(f"score test of {name}")
-                out.append(score(case, self.training, base, case.candidates[name]))
-            return out
+            self.on_progress(f"score tests of {counted(len(names), 'candidate')}")
+            return scores(case, self.training, base, [case.candidates[name] for name in names])
 
         return {each.name: each for each in self.notes.scores(stage, test)}
 

@@ -184,6 +184,12 @@ class Case(Protocol[P]):
     """Candidates that these logs cannot show, and why"""
     clock: Stopwatch
     """Time spent in simulation"""
+
+    @property
+    def noise(self) -> Array:
+        """What the residual is divided by, (channels,)."""
+        ...
+
     channels: int
     """Numbers that a residual has for each row of a log"""
     segments: tuple[int, int]
@@ -201,7 +207,7 @@ class Case(Protocol[P]):
 
     def residual(self, points: Sequence[ParameterVector], pieces: P, rough: bool = False) -> Array:
         """Measured minus predicted, divided by its noise: (points, segments, numbers); 0 where nothing
-        was measured, NaN for a twin whose simulation gave up. All points have the same effects.
+        was measured, NaN for a twin whose simulation gave up.
         `rough` may be less exact where it is faster: good enough for differences between points.
         """
         ...

@@ -26,6 +26,17 @@ _UNEQUAL = (
 )
 
 
+def structure(model: mujoco.MjModel) -> tuple[object, ...]:
+    """What models that step side by side must have in common: the sizes of state and fields."""
+    shapes = [np.shape(_field(model, name)) for name in mujoco.batch.MODEL_FIELDS]
+    return mujoco.mj_stateSize(model, _STATE), *shapes
+
+
+def _field(model: mujoco.MjModel, name: str) -> Array:
+    owner, _, field = name.rpartition(".")
+    return getattr(model.opt if owner == "opt" else model, field)
+
+
 def side_by_side(models: Sequence[mujoco.MjModel], nthread: int) -> Batch:
     """A batch whose run i is of models[i]; all must be of one structure."""
     distinct = {id(model): model for model in models}
@@ -33,14 +44,11 @@ def side_by_side(models: Sequence[mujoco.MjModel], nthread: int) -> Batch:
         # An unstable run that starts itself anew would warn in every step.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     batch = Batch(models[0], len(models), nthread)
-    if len({mujoco.mj_stateSize(m, _STATE) for m in distinct.values()}) > 1:
+    if len({structure(model) for model in distinct.values()}) > 1:
         raise SerpentError(_UNEQUAL)
     for name in mujoco.batch.MODEL_FIELDS:
-        owner, _, field = name.rpartition(".")
-        of = {n: getattr(m.opt if owner == "opt" else m, field) for n, m in distinct.items()}
+        of = {n: _field(model, name) for n, model in distinct.items()}
         first, *others = of.values()
-        if any(np.shape(value) != np.shape(first) for value in others):
-            raise SerpentError(_UNEQUAL)
         if any(not np.array_equal(value, first) for value in others):
             values = np.array([of[id(model)] for model in models])
             batch.expand(name)[...] = values.reshape(len(models), *np.shape(first))
@@ -67,8 +75,7 @@ class Variation:
     def __init__(self, batch: Batch, models: Sequence[mujoco.MjModel]) -> None:
         self._fields: list[tuple[Array, Array, Array]] = []
         for name in mujoco.batch.MODEL_FIELDS:
-            owner, _, field = name.rpartition(".")
-            all_of = np.array([getattr(m.opt if owner == "opt" else m, field) for m in models])
+            all_of = np.array([_field(model, name) for model in models])
             if name in _DERIVED or not (all_of != all_of[0]).any():
                 continue
             if name not in ("body_mass", "body_subtreemass", "opt.gravity"):

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.sim.cable_dynamics import structure
 from serpent_twin.sim.prescribed_motion import DrivenArms, Motors
 from serpent_twin.sim.twin_model import TwinModel
 
 TIMESTEP = 0.005
 """[s]; a step of 1 ms moves the markers by about 0.1 mm, and by about 1 ms in time at most (tests)."""
-_SWEEPS = 20
 _SOFT = 7e3  # [N/m]
 
 
@@ -89,18 +89,9 @@ def impose(
     stretches: Stretches,
     timestep: float = TIMESTEP,
     nthread: int = 0,
-    rough: int = 0,
 ) -> Response:
-    """Drive designs, all with effects of the same kinds, by measured motor angles.
-
-    `rough`, so many times the time step with a few sweeps of a quicker solver, is about half as costly
-    and good for differences between designs: markers are off by about 0.1 mm, by the same for all.
-    """
+    """Drive designs, whose models are `alike`, by measured motor angles."""
     models = [design.spec(motors=False).compile() for design in designs]
-    if rough:
-        timestep *= rough
-        for model in models:
-            hasten(model)
     run = _Run(designs, models, stretches, timestep, nthread or os.cpu_count() or 1)
     for row in range(stretches.time.shape[1]):
         if stretches.restart[row]:
@@ -111,9 +102,22 @@ def impose(
     return run.response()
 
 
-def hasten(model: mujoco.MjModel) -> None:
-    """Let a model's friction be found by a few sweeps of a quicker solver."""
-    model.opt.solver, model.opt.iterations = mujoco.mjtSolver.mjSOL_PGS, _SWEEPS
+def alike(designs: Sequence[TwinModel]) -> list[list[int]]:
+    """Which designs, by index, can step side by side: models of one structure, effects of like memory."""
+    of_kinds: dict[frozenset[type], tuple[object, ...]] = {}
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for n, design in enumerate(designs):
+        kinds = frozenset(type(effect) for effect in design.active)
+        if kinds not in of_kinds:
+            model = design.spec(motors=False).compile()
+            of_kinds[kinds] = structure(model), remember(design)
+        groups.setdefault(of_kinds[kinds], []).append(n)
+    return list(groups.values())
+
+
+def remember(design: TwinModel) -> bool:
+    """Whether an effect of a design remembers more than a segment."""
+    return any(effect.remembers for effect in design.active)
 
 
 def bearable(designs: Sequence[TwinModel]) -> int:

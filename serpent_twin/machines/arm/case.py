@@ -17,7 +17,15 @@ from serpent_twin.machines.machine import Candidate, Declared, ParameterVector, 
 from serpent_twin.residual import Comparison
 from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.many_twins import Response, Stretches, bearable, impose
+from serpent_twin.sim.many_twins import (
+    TIMESTEP,
+    Response,
+    Stretches,
+    alike,
+    bearable,
+    impose,
+    remember,
+)
 from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
@@ -69,17 +77,22 @@ class ArmCase:
         self, points: Sequence[ParameterVector], pieces: Pieces, rough: bool = False
     ) -> Array:
         """Measured minus predicted over noise, (points, S, T · 37): markers, then loads."""
-        at_once = max(1, int(_AT_ONCE / (pieces.time.size * 37)))
-        times = bearable([self.vector.design(point) for point in points]) if rough else 0
-        parts = [
-            self._residual(points[n : n + at_once], pieces, times)
-            for n in range(0, len(points), at_once)
-        ]
-        return np.concatenate(parts)
+        at_once = max(1, int(_AT_ONCE / (pieces.time.size * self.channels)))
+        designs = [self.vector.design(point) for point in points]
+        longer = bearable(designs) if rough else 1
+        out = np.empty((len(points), len(pieces), pieces.time.shape[1] * self.channels), np.float32)
+        for group in alike(designs):
+            for n in range(0, len(group), at_once):
+                some = group[n : n + at_once]
+                did = self.respond([points[k] for k in some], pieces, longer)
+                error = pieces.marker - did.marker, pieces.load - did.load
+                out[some] = self._weigh(*error, pieces)
+        return out
 
-    def _residual(self, points: Sequence[ParameterVector], pieces: Pieces, rough: int) -> Array:
-        did = self.respond(points, pieces, rough)
-        return self._weigh(pieces.marker - did.marker, pieces.load - did.load, pieces)
+    @property
+    def noise(self) -> Array:
+        """What divides each number of a row, (37,): three coordinates a marker [m], then the loads [1]."""
+        return np.r_[np.repeat(self.marker_noise, 3), self.load_noise]
 
     def _weigh(self, marker: Array, load: Array, pieces: Pieces) -> Array:
         """Errors (D, S, T, 9, 3) and (D, S, T, 10) as one row of numbers per segment, (D, S, T · 37)."""
@@ -92,14 +105,13 @@ class ArmCase:
         )
 
     def respond(
-        self, points: Sequence[ParameterVector], pieces: Pieces, rough: int = 0
+        self, points: Sequence[ParameterVector], pieces: Pieces, longer: int = 1
     ) -> Response:
-        """What the twins at these points do in the segments."""
+        """What the twins at these points do in the segments, in time steps so many times longer."""
         designs = [self.vector.design(point) for point in points]
         with self.clock:
             restart = np.zeros(pieces.time.shape[1], bool)
             restart[0] = True
-            remember = any(e.remembers for design in designs for e in design.active)
             s = Stretches(
                 pieces.time,
                 pieces.motor_angle,
@@ -109,9 +121,9 @@ class ArmCase:
                 self.vector.start.parameters.servo_lag,
                 pieces.prior_runtime,
                 joint_velocity=pieces.joint_velocity,
-                past=past(pieces) if remember else None,
+                past=past(pieces) if any(map(remember, designs)) else None,
             )
-            return impose(designs, s, rough=rough)
+            return impose(designs, s, longer * TIMESTEP)
 
     def jacobian(self, point: ParameterVector, pieces: Pieces) -> Array:
         """How gear friction and marker places move the residual, (10 + 27, S, T · 37)."""

@@ -182,11 +182,16 @@ class RunCase:
     ) -> Array:
         """Measured minus predicted over noise, (points, S, T · C)."""
         at_once = max(1, int(_AT_ONCE / pieces.measured.size))
-        parts = [
-            self._weigh(self._respond(points[n : n + at_once], pieces), pieces)
-            for n in range(0, len(points), at_once)
-        ]
-        return np.concatenate(parts)
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for n, point in enumerate(points):
+            groups.setdefault(tuple(point.effects), []).append(n)
+        out = np.empty((len(points), len(pieces), pieces.measured[0].size), np.float32)
+        for group in groups.values():
+            for n in range(0, len(group), at_once):
+                some = group[n : n + at_once]
+                predicted = self._respond([points[k] for k in some], pieces)
+                out[some] = self._weigh(predicted, pieces)
+        return out
 
     def _respond(self, points: Sequence[ParameterVector], pieces: Runs) -> Array:
         with self.clock:
