@@ -120,6 +120,7 @@ def test_an_interval_of_two_coordinates_has_the_errors_of_both(arm):
         True,
         np.zeros(0),
         (),
+        np.ones(0),
     )
     case = type("Case", (), {"declared": arm.declared})
     found = _calibrated(case, fit, several[k], k)

@@ -20,8 +20,10 @@ _DAMPINGS = ((0.0,), (0.3, 3.0))
 """Levenberg's, tried in turn; those of a group side by side"""
 _SETTLED = 0.5
 """A step that betters the cost by less, about half a standard error, is the last"""
-_SETTLED_SHARE = 2e-2
-"""And a derivative that betters it by less than this share: the next gains about a tenth of that"""
+_SMALL_SHARE = 5e-4
+"""Nor does one that betters it by less than this share have a next one"""
+_SETTLED_SHARE = 1e-2
+"""A derivative that betters the cost by less than this share is the last: another gains about a tenth"""
 _STILL = 0.5
 """But one that moved its effects by fewer standard errors has"""
 NORMAL_95 = 1.96
@@ -127,9 +129,14 @@ def fit(
                 jacobian, taken.residual - at.residual, step, problem.variance_inflation
             )
             at = taken
-            if gained < _SETTLED:
+            if gained < max(_SETTLED, _SMALL_SHARE * at.cost):
                 break
-        on_progress(f"derivative {n + 1} of {derivatives}: cost {before:.0f} → {at.cost:.0f}")
+        what = (
+            f"derivative {n + (not carried)} of {derivatives}"
+            if n or not carried
+            else "first steps"
+        )
+        on_progress(f"{what}: cost {before:.0f} → {at.cost:.0f}")
         bettered = before - at.cost
         settled = steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost)
         if settled and (n or not carried):

@@ -22,8 +22,8 @@ from serpent_twin.sim.many_twins import (
     Response,
     Stretches,
     alike,
-    bearable,
     impose,
+    longest_step,
     remember,
 )
 from serpent_twin.sim.prescribed_motion import STANDING
@@ -79,12 +79,12 @@ class ArmCase:
         """Measured minus predicted over noise, (points, S, T · 37): markers, then loads."""
         at_once = max(1, int(_AT_ONCE / (pieces.time.size * self.channels)))
         designs = [self.vector.design(point) for point in points]
-        longer = bearable(designs) if rough else 1
+        timestep = longest_step(designs) if rough else TIMESTEP
         out = np.empty((len(points), len(pieces), pieces.time.shape[1] * self.channels), np.float32)
         for group in alike(designs):
             for n in range(0, len(group), at_once):
                 some = group[n : n + at_once]
-                did = self.respond([points[k] for k in some], pieces, longer)
+                did = self.respond([points[k] for k in some], pieces, timestep)
                 error = pieces.marker - did.marker, pieces.load - did.load
                 out[some] = self._weigh(*error, pieces)
         return out
@@ -105,9 +105,9 @@ class ArmCase:
         )
 
     def respond(
-        self, points: Sequence[ParameterVector], pieces: Pieces, longer: int = 1
+        self, points: Sequence[ParameterVector], pieces: Pieces, timestep: float = TIMESTEP
     ) -> Response:
-        """What the twins at these points do in the segments, in time steps so many times longer."""
+        """What the twins at these points do in the segments."""
         designs = [self.vector.design(point) for point in points]
         with self.clock:
             restart = np.zeros(pieces.time.shape[1], bool)
@@ -123,7 +123,7 @@ class ArmCase:
                 joint_velocity=pieces.joint_velocity,
                 past=past(pieces) if any(map(remember, designs)) else None,
             )
-            return impose(designs, s, longer * TIMESTEP)
+            return impose(designs, s, timestep)
 
     def jacobian(self, point: ParameterVector, pieces: Pieces) -> Array:
         """How gear friction and marker places move the residual, (10 + 27, S, T · 37)."""

@@ -73,7 +73,7 @@ def drive(design: TwinModel, targets: Array, rate: float) -> Motion:
     timestep = steady_timestep(design.parameters.strand_stiffness, TIMESTEP, LONGEST)
     stretches = stretches_of(targets, rate)
     # The quicker solver moves the ends of holds by less than the time step does.
-    did = impose([design], stretches, LONGER * timestep, nthread=1, rough=1)
+    did = impose([design], stretches, LONGER * timestep, nthread=1, hastened=True)
     if did.unstable.any():
         raise SerpentError(
             f"the twin's simulation became unstable at time steps of {timestep * 1e3:.2g} ms."
