@@ -92,7 +92,7 @@ def impose(
     nthread: int = 0,
     hastened: bool = False,
 ) -> Response:
-    """Drive designs, whose models are `alike`, by measured motor angles, `hastened` or not."""
+    """Drive designs, whose models are `alike`, by measured motor angles."""
     models = [design.spec(motors=False).compile() for design in designs]
     if hastened:
         for model in models:
@@ -108,7 +108,7 @@ def impose(
 
 
 def hasten(model: mujoco.MjModel) -> None:
-    """Let a model's friction be found by a few sweeps of the projected Gauss-Seidel solver: markers are off by
+    """Let a few sweeps of the projected Gauss-Seidel solver find a model's friction: markers are off by
     about 0.1 mm.
     """
     model.opt.solver, model.opt.iterations = mujoco.mjtSolver.mjSOL_PGS, _SWEEPS
