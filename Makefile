@@ -1,6 +1,7 @@
 PYTHON ?= python3.11
 BIN := .venv/bin
 READY := .venv/.ready
+SIDE_BY_SIDE := --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 .PHONY: setup demo test test-fast lint bench faults fuzz loop sweep model clean
 
@@ -19,10 +20,10 @@ demo: setup  ## Collect, train, report and replay: a few minutes, results in dem
 	$(BIN)/python -m experiments.demo --out demo
 
 test: setup lint  ## Everything that CI runs: lint, types, all tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest $(SIDE_BY_SIDE)
 
 test-fast: setup  ## The tests without the slow ones
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow" $(SIDE_BY_SIDE)
 
 lint: setup  ## ruff, the layers of imports, pyright
 	$(BIN)/ruff check .

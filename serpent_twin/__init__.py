@@ -1,11 +1,63 @@
 """Digital twin of a cable-driven serpentine arm, and the loop that keeps the twin honest."""
 
-import mujoco
+import importlib
+from typing import TYPE_CHECKING, Any
 
-_log = mujoco.MjLogConfig.get()
-_log.logto_file = (
-    False  # MuJoCo prints its warnings; it need not leave MUJOCO_LOG.TXT in the user's folder
-)
-_log.set()
+if TYPE_CHECKING:
+    from serpent_twin.arm.geometry import ARM, Arm
+    from serpent_twin.emulator.simulated_bus import SimulatedBus
+    from serpent_twin.errors import SerpentError
+    from serpent_twin.hardware.dynamixel import DynamixelBus
+    from serpent_twin.hardware.motor_bus import MotorBus
+    from serpent_twin.readouts import load as load_readout
+    from serpent_twin.sessions import Session, read_folder, read_session
+    from serpent_twin.sim.twin import Twin
+    from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
+    from serpent_twin.sim.twin_model import read as read_twin
 
 __version__ = "0.1.0"
+__all__ = [
+    "ARM",
+    "NOMINAL_TWIN",
+    "Arm",
+    "DynamixelBus",
+    "MotorBus",
+    "SerpentError",
+    "Session",
+    "SimulatedBus",
+    "Twin",
+    "TwinModel",
+    "load_readout",
+    "read_folder",
+    "read_session",
+    "read_twin",
+]
+
+_WHERE = {
+    "ARM": "arm.geometry:ARM",
+    "Arm": "arm.geometry:Arm",
+    "DynamixelBus": "hardware.dynamixel:DynamixelBus",
+    "MotorBus": "hardware.motor_bus:MotorBus",
+    "NOMINAL_TWIN": "sim.twin_model:NOMINAL_TWIN",
+    "SerpentError": "errors:SerpentError",
+    "Session": "sessions:Session",
+    "SimulatedBus": "emulator.simulated_bus:SimulatedBus",
+    "Twin": "sim.twin:Twin",
+    "TwinModel": "sim.twin_model:TwinModel",
+    "load_readout": "readouts:load",
+    "read_folder": "sessions:read_folder",
+    "read_session": "sessions:read_session",
+    "read_twin": "sim.twin_model:read",
+}
+"""The module and the name in it of each public name, imported when it is first asked for"""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, _, inside = _WHERE[name].partition(":")
+    return getattr(importlib.import_module(f"{__name__}.{module}"), inside)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

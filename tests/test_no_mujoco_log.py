@@ -7,7 +7,7 @@ import pytest
 
 UNSTABLE = ["--strand-stiffness", "9e8", "--steps", "8"]
 WARNS = """
-import numpy as np, mujoco, serpent_twin
+import numpy as np, mujoco, serpent_twin.effects
 from mujoco.batch import Batch
 xml = ("<mujoco><option timestep='1'/><worldbody><body><joint stiffness='1e12'/><geom size='.1'/>"
        "</body></worldbody></mujoco>")
