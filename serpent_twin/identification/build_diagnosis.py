@@ -10,6 +10,7 @@ from serpent_twin.identification.diagnosis import (
     NOT_EXCITED,
     REJECTED,
     SUSPECT,
+    UNSTABLE,
     Calibrated,
     Diagnosis,
     Estimate,
@@ -17,6 +18,7 @@ from serpent_twin.identification.diagnosis import (
     Tried,
     Unexplained,
 )
+from serpent_twin.identification.free_parameters import unstable
 from serpent_twin.identification.held_out import Errors, errors, gain
 from serpent_twin.identification.least_squares import NORMAL_95, Fit, drawn, indistinguishable
 from serpent_twin.identification.score_test import at_bound
@@ -58,7 +60,7 @@ def build_diagnosis(tracer: Tracer, search: Search, arm: str, files: Sequence[st
         unexplained=_unexplained(found["corrected"], error, load, expected),
         error=error | {"noise_floor": noise.floor_mm, "expected": expected},
         load_error=load | {"noise_floor": noise.load_floor_percent},
-        cautions=_cautions(case, search),
+        cautions=(*_cautions(case, search), *_unstable(case, search, tracer.training)),
         calibration=_calibration(case, final),
         comparisons=compared,
         findings=found,
@@ -128,6 +130,11 @@ def _verdict(name: str, each: Round, search: Search, case: Case) -> tuple[str, s
         if name in search.final.point.effects:
             return ACCEPTED, "it betters logs that nothing was fitted to, beyond chance"
         return REJECTED, "beside the effects found later it is not worth its parameters"
+    if trial.gain is None and trial.score.unstable:
+        return (
+            UNSTABLE,
+            "the simulation of a twin with it became unstable, so that it was not tested",
+        )
     if trial.gain is None and not seen(trial):
         return NOT_EXCITED, "a typical strength would move these logs by less than can be seen"
     if why := why_not(name, trial, case.candidates[name]):
@@ -163,6 +170,24 @@ def _cautions(case: Case, search: Search) -> tuple[str, ...]:
         for parameter in at_bound(case.candidates[name], values):
             told.append(f"{name}'s {parameter} lies at the end of its range: doubt it.")
     return tuple(told)
+
+
+def _unstable(case: Case, search: Search, training: Any) -> list[str]:
+    """What the simulation could not tell, in sentences."""
+    final = search.final
+    some = case.take(training, final.used)
+    held = unstable(case, final.point, final.free, some, final.jacobian)
+    told = [
+        f"The twin's simulation became unstable at every step of {', '.join(held)} that was tried: the fit "
+        "held what it stood at, and says nothing of it."
+    ] * bool(held)
+    last = search.rounds[-1].trials if search.rounds else {}
+    told += [
+        f"{name} was not tested: the simulation of a twin with it became unstable, also at smaller strengths."
+        for name, trial in last.items()
+        if trial.gain is None and trial.score.unstable
+    ]
+    return told
 
 
 def _calibration(case: Case, fit: Fit) -> dict[str, Calibrated]:

@@ -47,7 +47,9 @@ class Checkpoints:
         path = self._folder / f"{name}.npz"
         if path.exists():
             rows = stored.json_in(self._read(path), "scores", list[_Score], str(path), _AGAIN)
-            return [Score(r.name, r.share, r.excitation, np.array(r.start)) for r in rows]
+            return [
+                Score(r.name, r.share, r.excitation, np.array(r.start), r.unstable) for r in rows
+            ]
         made, took = self._timed(make)
         self._told.add(path)
         rows = [{**vars(each), "start": each.start.tolist()} for each in made]
@@ -79,6 +81,7 @@ class _Score(stored.Form, frozen=True):
     share: float
     excitation: float
     start: tuple[Number, ...]
+    unstable: bool
 
 
 class _Fit(stored.Form, frozen=True):

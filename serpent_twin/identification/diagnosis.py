@@ -11,6 +11,9 @@ from serpent_twin.residual.learned import Learned
 from serpent_twin.residual.noise import in_words
 
 ACCEPTED, REJECTED, NOT_EXCITED = "accepted", "rejected", "not excited"
+UNSTABLE = "unstable"
+UNTESTED = (NOT_EXCITED, UNSTABLE)
+"""Verdicts on candidates of which these logs, or the simulation, let nothing be said"""
 SUSPECT = 1.25
 """Times the error of a twin that lacks nothing, above which an error is suspect"""
 
@@ -92,7 +95,7 @@ class Tried:
     error: float
     """Held-out marker error with it; of the twin without it, where it was not worth a full fit"""
     verdict: str
-    """accepted, rejected or not excited"""
+    """accepted, rejected, not excited or unstable"""
     score: float
     """Share of the residual's squares that it would remove, to first order [1]"""
     gain_by_segment: Array | None
@@ -190,9 +193,7 @@ class Diagnosis:
     @property
     def blind(self) -> bool:
         """Whether the logs show no candidate at all."""
-        return bool(self.candidates) and all(
-            each.verdict == NOT_EXCITED for each in self.candidates
-        )
+        return bool(self.candidates) and all(each.verdict in UNTESTED for each in self.candidates)
 
     @property
     def doubt(self) -> str:

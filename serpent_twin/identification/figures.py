@@ -7,7 +7,15 @@ import numpy as np
 from scipy.stats import t as student
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.diagnosis import ACCEPTED, NOT_EXCITED, REJECTED, Diagnosis, Tried
+from serpent_twin.identification.diagnosis import (
+    ACCEPTED,
+    NOT_EXCITED,
+    REJECTED,
+    UNSTABLE,
+    UNTESTED,
+    Diagnosis,
+    Tried,
+)
 from serpent_twin.reporting.report import Figure
 from serpent_twin.residual import Comparison, Dependence, Findings
 from serpent_twin.residual.curves import Curve, curve, marker_curve
@@ -23,6 +31,7 @@ _VERDICT_STYLE = {
     ACCEPTED: ("o", COLOURS[2]),
     REJECTED: ("s", COLOURS[1]),
     NOT_EXCITED: ("x", SOFT),
+    UNSTABLE: ("x", SOFT),
 }
 Twin = tuple[Comparison, Findings]
 """What one twin predicts beside what was measured, and what there is to say of it"""
@@ -103,7 +112,7 @@ def ranked(candidates: Sequence[Tried]) -> list[Tried]:
         fitted = np.isfinite(gain)
         return (
             each.verdict != ACCEPTED,
-            each.verdict == NOT_EXCITED,
+            each.verdict in UNTESTED,
             not fitted,
             -gain if fitted else -each.score,
         )
@@ -149,7 +158,7 @@ def ranking(candidates: Sequence[Tried], unit: str = "mm") -> Figure | None:
 def _scores(axes: "Axes", order: Sequence[Tried]) -> None:
     for n, each in enumerate(order):
         colour = _VERDICT_STYLE[each.verdict][1]
-        faded = 0.35 if each.verdict == NOT_EXCITED else 1.0
+        faded = 0.35 if each.verdict in UNTESTED else 1.0
         axes.barh(n, 100 * each.score, height=0.6, color=colour, alpha=faded)
     axes.set_yticks(range(len(order)), [spaced(each.name) for each in order])
     axes.set(ylim=(len(order) - 0.4, -0.6), xlim=(0, None), xlabel="score [% of the squares]")

@@ -1,6 +1,6 @@
 """Which parameters a fit is free to change, and the residual's Jacobian by them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,7 +8,11 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Range
+from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import Case, ParameterVector
+
+_SMALLER = (0.1, 0.01)
+"""Shares of a step that are tried where it makes the simulation unstable"""
 
 
 @dataclass(frozen=True)
@@ -55,30 +59,88 @@ def between(before: ParameterVector, after: ParameterVector, free: FreeParameter
 def jacobian(
     case: Case[Any], point: ParameterVector, free: FreeParameters, pieces: Any
 ) -> tuple[Array, Array]:
-    """The residual, (S, n), and its derivative by every free parameter, (len(free), S, n)."""
-    simulated, steps, answered = [], [], []
-    for n, k in enumerate(free.declared):
-        if case.declared[k].simulated:
-            simulated.append(n)
-            steps.append(case.declared[k].step)
-        else:
-            answered.append(n)
-    for n, (name, k) in enumerate(free.effects, len(free.declared)):
-        allowed = list(case.candidates[name].ranges.values())[k]
-        simulated.append(n)
-        steps.append(_difference(allowed, point.effects[name][k]))
-    points = [point]
-    for n, by in zip(simulated, steps, strict=True):
-        points.append(moved(case, point, free, by * (np.arange(len(free)) == n)))
-    rough = case.residual(points, pieces, rough=True)
+    """The residual, (S, n), and its derivative by every free parameter, (len(free), S, n).
+
+    It is 0, so that a fit holds the parameter, where every step of it makes the simulation unstable:
+    `unstable` names those. Raises a `SerpentError` where the point itself does.
+    """
     residual = case.residual([point], pieces)[0]
+    if not np.isfinite(residual).all():
+        raise SerpentError(
+            "the twin's simulation became unstable where a fit was to begin, so nothing can be said of these "
+            "logs. Check the motors' angles, and what the twin declares."
+        )
     out = np.zeros((len(free), *residual.shape), np.float32)
-    out[simulated] = (rough[1:] - rough[0]) / np.array(steps, np.float32)[:, None, None]
-    if answered:
+    simulated = _simulated(case, free)
+    out[simulated] = np.nan_to_num(_differences(case, point, free, pieces, simulated))
+    if answered := [n for n in range(len(free)) if n not in simulated]:
         first = next(n for n, d in enumerate(case.declared) if not d.simulated)
         every = case.jacobian(point, pieces)
         out[answered] = every[[free.declared[n] - first for n in answered]]
     return residual, np.nan_to_num(out)
+
+
+def unstable(
+    case: Case[Any], point: ParameterVector, free: FreeParameters, pieces: Any, found: Array
+) -> list[str]:
+    """Parameters by which a Jacobian, `found` at a point, is 0 because the simulation gave up."""
+    zero = [n for n in _simulated(case, free) if not found[n].any()]
+    names = [case.quantities[k].name for k in free.declared]
+    names += [f"{name}'s {list(case.candidates[name].ranges)[k]}" for name, k in free.effects]
+    by = _differences(case, point, free, pieces, zero) if zero else ()
+    return [names[n] for n, each in zip(zero, by, strict=True) if not np.isfinite(each).all()]
+
+
+def _simulated(case: Case[Any], free: FreeParameters) -> list[int]:
+    """Which of the free parameters ask for a simulation."""
+    declared = [n for n, k in enumerate(free.declared) if case.declared[k].simulated]
+    return [*declared, *range(len(free.declared), len(free))]
+
+
+def _differences(
+    case: Case[Any],
+    point: ParameterVector,
+    free: FreeParameters,
+    pieces: Any,
+    which: Sequence[int],
+) -> Array:
+    """Derivatives by some of the free parameters, (len(which), S, n); NaN where no step is stable."""
+    steps = [_step(case, point, free, n) for n in which]
+
+    def after(k: int, share: float) -> ParameterVector:
+        return moved(case, point, free, share * steps[k] * (np.arange(len(free)) == which[k]))
+
+    rough = case.residual([point, *(after(k, 1.0) for k in range(len(which)))], pieces, rough=True)
+    changes = steadied(case, pieces, point, rough[1:] - rough[0], after)
+    return changes / np.array(steps, np.float32)[:, None, None]
+
+
+def steadied(
+    case: Case[Any],
+    pieces: Any,
+    base: ParameterVector,
+    changes: Array,
+    after: Callable[[int, float], ParameterVector],
+) -> Array:
+    """Changes of the residual from a base, (k, S, n); one at which the simulation gave up is found again from
+    smaller ones, in proportion. `after` is the point after a share of a change; NaN where none is stable.
+    """
+    for share in _SMALLER:
+        failed = [k for k, change in enumerate(changes) if not np.isfinite(change).all()]
+        if not failed:
+            break
+        points = [base, *(after(k, share) for k in failed)]
+        without, *found = case.residual(points, pieces, rough=True)
+        changes[failed] = [(each - without) / share for each in found]
+    return changes
+
+
+def _step(case: Case[Any], point: ParameterVector, free: FreeParameters, n: int) -> float:
+    """The finite difference of a free parameter."""
+    if n < len(free.declared):
+        return case.declared[free.declared[n]].step
+    name, k = free.effects[n - len(free.declared)]
+    return _difference(list(case.candidates[name].ranges.values())[k], point.effects[name][k])
 
 
 def _difference(allowed: Range, value: float) -> float:

@@ -33,6 +33,12 @@ class Errors:
         return _mean(self.load_by_segment)
 
 
+def gave_up(before: Errors, after: Errors) -> bool:
+    """Whether a twin shows no error where another does: its simulation became unstable."""
+    each = ((before.marker, after.marker), (before.load, after.load))
+    return any(np.isfinite(a) and not np.isfinite(b) for a, b in each)
+
+
 def _mean(values: Array) -> float:
     return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 

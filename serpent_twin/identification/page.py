@@ -141,7 +141,8 @@ def _ranking(diagnosis: Diagnosis) -> Section | None:
         f"{counted(len(diagnosis.candidates), 'candidate was', 'candidates were')} tried: {told}. "
         "A candidate is accepted only if it betters sessions that it was not "
         "fitted to, beyond chance and by enough to be worth its "
-        "parameters. Not excited means that these logs could not show it."
+        "parameters. Not excited means that these logs could not show it; unstable, that the simulation of a "
+        "twin with it gave up."
     )
     return Section(
         "Which candidate",

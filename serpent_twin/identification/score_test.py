@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.free_parameters import free_parameters, steadied
 from serpent_twin.identification.least_squares import Fit, OnProgress, fit
 from serpent_twin.machines.machine import Candidate, Case, ParameterVector
 
@@ -18,6 +19,8 @@ _WORTH_A_FIT = 0.015
 _BESIDE_THE_BEST = 0.1
 """And of what the best candidate removes"""
 _DERIVATIVES = 2
+_WEAK = 0.03
+"""Share of the strength that a score test finds, from which a full fit begins where no other is stable"""
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,8 @@ class Score:
     """How far its typical strength moves the residual, as a share of the residual's rms [1]"""
     start: Array
     """Its parameters where a full fit should begin"""
+    unstable: bool = False
+    """Whether no strength of it could be simulated"""
 
 
 def scores(case: Case[Any], pieces: Any, base: Fit, candidates: Sequence[Candidate]) -> list[Score]:
@@ -42,7 +47,9 @@ def scores(case: Case[Any], pieces: Any, base: Fit, candidates: Sequence[Candida
     without, *changed = case.residual(every, some, rough=True)
     out = []
     for candidate, points in zip(candidates, tried, strict=True):
-        changes = [changed.pop(0) - without for _ in points]
+        changes = np.array([changed.pop(0) - without for _ in points])
+        weaker = partial(_weaker_point, base, candidate, points)
+        changes = steadied(case, some, base.point, changes, weaker)
         out.append(_score(case, base, residual, candidate, points, changes))
     return out
 
@@ -53,7 +60,7 @@ def _score(
     residual: Array,
     candidate: Candidate,
     points: Sequence[ParameterVector],
-    changes: Sequence[Array],
+    changes: Array,
 ) -> Score:
     """The best variant of a candidate, from what each changes of the residual."""
     best, most = Score(candidate.name, 0.0, 0.0, candidate.variants[0]), 0.0
@@ -67,7 +74,23 @@ def _score(
         start = point.effects[candidate.name] if start is None else start
         if share > best.share:
             best = Score(candidate.name, share, 0.0, start)
-    return replace(best, excitation=most)
+    unstable = not np.isfinite(changes).all(axis=(1, 2)).any()
+    return replace(best, excitation=most, unstable=unstable)
+
+
+def _weaker_point(
+    base: Fit, candidate: Candidate, points: Sequence[ParameterVector], k: int, share: float
+) -> ParameterVector:
+    """Of several points, number k with a share of the candidate's strengths."""
+    values = points[k].effects[candidate.name]
+    return base.point.having(candidate.name, _weaker(candidate, values, share))
+
+
+def _weaker(candidate: Candidate, values: Array, share: float) -> Array:
+    """Values with a share of their strengths."""
+    out = values.copy()
+    out[strengths(candidate)] *= share
+    return out
 
 
 def _columns(candidate: Candidate) -> list[Array]:
@@ -153,6 +176,9 @@ def full_fit(case: Case[Any], pieces: Any, base: Fit, found: Score, on_progress:
     some = case.take(pieces, base.used)
     cost = np.nansum(case.residual(points, some) ** 2, axis=(1, 2))
     start = points[int(np.argmin(np.where(cost > 0, cost, np.inf)))]
+    if not (cost > 0).any():
+        weak = _weaker(case.candidates[found.name], found.start, _WEAK)
+        start = base.point.having(found.name, weak)
     return fit(
         case, pieces, start, free_parameters(case, names), _DERIVATIVES, 1, on_progress, known=base
     )

@@ -14,7 +14,7 @@ import numpy as np
 
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
-from serpent_twin.identification.held_out import Errors, Gain, errors, gain
+from serpent_twin.identification.held_out import Errors, Gain, errors, gain, gave_up
 from serpent_twin.identification.least_squares import Fit, OnProgress, fit
 from serpent_twin.identification.score_test import (
     EXCITED,
@@ -120,6 +120,11 @@ class Tracer:
     def _judged_again(self, done: Round, polished: Fit) -> Round:
         """A round whose accepted candidate has been polished, and may not stand that."""
         after = self.errors(polished.point)
+        if gave_up(done.errors, after):
+            trial = Trial(
+                replace(done.trials[done.accepted].score, unstable=True), None, None, after.marker
+            )
+            return replace(done, trials={**done.trials, done.accepted: trial}, accepted="")
         better = gain(done.errors, after, np.random.default_rng([self.seed, 5]), done.fitted)
         before = done.trials[done.accepted]
         trial = replace(before, fit=polished, gain=better, error=after.marker)
@@ -232,6 +237,11 @@ class Tracer:
                 lambda one=found[name]: full_fit(case, self.training, begun, one, self.on_progress),
             )
             after = self.errors(fitted.point)
+            if gave_up(before, after):
+                trials[name] = replace(
+                    trials[name], score=replace(trials[name].score, unstable=True)
+                )
+                continue
             rng = np.random.default_rng([self.seed, 1])
             better = gain(before, after, rng, among=len(chosen))
             trials[name] = Trial(found[name], fitted, better, after.marker)
@@ -267,7 +277,10 @@ class Tracer:
                 ),
             )
             rng = np.random.default_rng([self.seed, 99])
-            lost = gain(self.errors(less.point), self.errors(final.point), rng)
+            without, beside = self.errors(less.point), self.errors(final.point)
+            if gave_up(beside, without):
+                continue
+            lost = gain(without, beside, rng)
             if _weakness(lost):
                 self.on_progress(f"{name} is not worth it beside the others")
                 final = less

@@ -9,6 +9,7 @@ from serpent_twin.identification.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
     REJECTED,
+    UNSTABLE,
     Calibrated,
     Diagnosis,
     Estimate,
@@ -21,7 +22,7 @@ from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Table
 from serpent_twin.residual.noise import UNKNOWN
 
-VERDICTS = (ACCEPTED, REJECTED, NOT_EXCITED)
+VERDICTS = (ACCEPTED, REJECTED, NOT_EXCITED, UNSTABLE)
 MOST_ROWS = 15  # of the calibrated parameters: the others hardly moved
 
 
