@@ -30,7 +30,7 @@ from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.reporting import rerun_recording
 from serpent_twin.sessions import read_session
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.many_twins import impose
+from serpent_twin.sim.many_twins import TIMESTEP, impose
 from serpent_twin.sim.twin import Twin, replay_motors
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -97,8 +97,11 @@ def test_sessions_of_a_run_lie_one_after_the_other(folder):
     assert told.prior_runtime == 12.5
 
 
-def test_a_live_estimate_wears_the_readouts_twin(folder):
-    """An observer that is told of an hour believes what one of half as stiff strands does."""
+def test_a_live_estimate_wears_the_readouts_twin(monkeypatch):
+    """An observer that is told of an hour believes what one of half as stiff strands does, in time steps of
+    one length: softer strands would take longer ones.
+    """
+    monkeypatch.setattr("serpent_twin.readouts.observer.longest_step", lambda _: TIMESTEP)
     observer = find("observer")(4, twin=twin_model.to_dict(WORN))
     observer.learned = {"servo_lag": 0.0, "joint": np.zeros((9, 9)), "load": np.ones(10),
                         "rest": np.tile(np.eye(3), (9, 1, 1)), "scale": 1.0}  # fmt: skip
