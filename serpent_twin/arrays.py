@@ -1,4 +1,4 @@
-"""The type of an array of floats, whose shape and unit the docstrings say."""
+"""Name the type of an array of floats; its shape and unit are in the docstrings."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""`python -m serpent_twin.collect`."""
+"""Record sessions of the arm or of its twin: `python -m serpent_twin.collect`."""
 
 from serpent_twin import next_step
 from serpent_twin.command_line import cli

@@ -1,4 +1,4 @@
-"""How does a learning agent drive the arm?
+"""Wrap the arm as an environment for reinforcement learning.
 
 A dm_control `Environment` over any `MotorBus`: an action is ten motor velocities, an observation is
 what the bus reads and the task's target. One step is one control period.

@@ -1,4 +1,4 @@
-"""What went wrong, said to the person who can mend it."""
+"""Define the errors that a command prints, with what the user can do."""
 
 from serpent_twin.numerals import shortened
 

@@ -1,4 +1,4 @@
-"""`python -m serpent_twin.estimate`."""
+"""Estimate the arm's pose while it moves: `python -m serpent_twin.estimate`."""
 
 import sys
 

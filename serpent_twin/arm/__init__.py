@@ -1,4 +1,4 @@
-"""The published arm: its numbers, its kinematics, and its model in MJCF."""
+"""Describe the published arm: its numbers, its kinematics, and its model in MJCF."""
 
 import mujoco
 

@@ -1,4 +1,4 @@
-"""What does the paper's experiment command?"""
+"""Generate the paper's random joint targets, and the P control that follows them."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How does one arm differ from its drawing, part by part?"""
+"""Store how the parts of one arm deviate from the nominal arm."""
 
 from dataclasses import dataclass, fields
 from typing import Annotated

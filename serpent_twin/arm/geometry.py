@@ -1,4 +1,4 @@
-"""What are the arm's numbers, and where are its links for given joint angles?
+"""State the arm's dimensions and masses, and compute where its links are for given joint angles.
 
 Sources, in the comments below: P is the paper (Pose Estimation of a Cable-Driven Serpentine
 Manipulator Utilizing Intrinsic Dynamics via Physical Reservoir Computing, arXiv:2509.17308),

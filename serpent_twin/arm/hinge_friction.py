@@ -1,4 +1,4 @@
-"""How does a hinge's dry friction give way near rest?
+"""Compute the constraint parameters that let a hinge's dry friction creep near rest.
 
 Polymers creep under load before they slide. Below a transition velocity v the friction of a hinge is
 F q̇ / v, above it F: Coulomb's law, made regular. MuJoCo's friction constraint is of this kind: at rest it

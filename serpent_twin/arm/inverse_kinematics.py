@@ -1,4 +1,4 @@
-"""Which joint angles explain measured markers?"""
+"""Find the joint angles that fit measured markers."""
 
 import numpy as np
 

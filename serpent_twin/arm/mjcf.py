@@ -1,4 +1,4 @@
-"""What is the arm in MuJoCo's words?
+"""Build the arm's MJCF model.
 
 Ten motor hinges, nine arm hinges, the jaw; coordinates in that order. Cables are fixed tendons,
 which is exact: constant pulley radii make a loop's stretch linear in the angles,

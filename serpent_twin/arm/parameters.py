@@ -1,4 +1,4 @@
-"""What of the nominal arm did nobody publish?"""
+"""Store the parameters of the nominal arm that are not published."""
 
 from dataclasses import dataclass
 from typing import Annotated

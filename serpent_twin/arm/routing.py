@@ -1,4 +1,4 @@
-"""Where does each cable run, and how is it drawn?
+"""Compute the route of each cable, and draw it.
 
 Both strands of cable j leave motor j's winch level with its pulley on joint 1, take one full turn
 around each free pulley on joints 1 … j − 1 (each strand in its own groove), make a quarter twist on

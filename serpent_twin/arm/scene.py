@@ -1,4 +1,4 @@
-"""What does the arm hang in, when it is shown?"""
+"""Add light, floor, gantry and camera to the drawn arm."""
 
 import mujoco
 import numpy as np

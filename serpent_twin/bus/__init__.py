@@ -1,1 +1,1 @@
-"""Commands that speak to the motors: `doctor`, `zero`, and `device`, the simulated ones on a wire."""
+"""Run commands on the motor bus: `doctor`, `zero`, and `device`, which simulates motors on a wire."""

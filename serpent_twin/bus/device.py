@@ -1,4 +1,4 @@
-"""`python -m serpent_twin.bus.device`."""
+"""Serve simulated motors on a serial port: `python -m serpent_twin.bus.device`."""
 
 import json
 import signal

@@ -1,4 +1,4 @@
-"""Is this bus fit to move the arm, and if not, what is to be done?"""
+"""Examine whether a motor bus can drive the arm, and say how to fix what is wrong."""
 
 import json
 import sys

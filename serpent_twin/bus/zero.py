@@ -1,4 +1,4 @@
-"""Where do the motors stand when the arm is straight?"""
+"""Store the motors' positions while the arm is straight."""
 
 import time
 from dataclasses import dataclass, replace

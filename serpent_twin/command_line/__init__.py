@@ -1,1 +1,1 @@
-"""Commands: their options, with bounds and needs, and their errors."""
+"""Make commands: their options, with bounds and requirements, and their errors."""

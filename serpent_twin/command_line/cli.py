@@ -1,4 +1,4 @@
-"""How does a module become a command?"""
+"""Make a command of a module."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""What can be wrong with an arm that the nominal twin leaves out? One file here is one effect.
+"""List the effects that an arm may have and the nominal twin leaves out, one per file.
 
 You provide a frozen dataclass that inherits `Effect`: its fields are the parameters, each made by
 `parameter`; `edit` says what MJCF can express, `act` what it cannot; `shows_in` and `confused_with`

@@ -1,4 +1,4 @@
-"""What if the base does not hang plumb?"""
+"""Tilt the base: gravity is not along its x axis."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What if loaded cables lengthen slowly, and recover?"""
+"""Let loaded cables creep, and recover."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What if cables rub on the pulleys that they pass?"""
+"""Let cables rub on the pulleys that they pass."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What if a cable grows stiffer the harder it is pulled?"""
+"""Let a cable's stiffness grow with its stretch."""
 
 from dataclasses import dataclass
 from typing import ClassVar

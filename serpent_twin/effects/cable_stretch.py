@@ -1,4 +1,4 @@
-"""What if a cable that the twin has as rigid stretches under its load?"""
+"""Let a cable that is rigid in the twin stretch under its load."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What if a screw clamp lets its cable slip?"""
+"""Let a cable slip in its screw clamp."""
 
 from dataclasses import dataclass
 from typing import ClassVar

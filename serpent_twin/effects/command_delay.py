@@ -1,4 +1,4 @@
-"""What if servos hear of their goals late?"""
+"""Delay the goals that servos receive."""
 
 from dataclasses import dataclass
 from math import ceil

@@ -1,4 +1,4 @@
-"""What is an effect, and in which range do its parameters lie?"""
+"""Define what an effect is, and the ranges of its parameters."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace

@@ -1,4 +1,4 @@
-"""What if a servo's gears have play?"""
+"""Give a servo's gears backlash."""
 
 from dataclasses import dataclass
 from typing import ClassVar

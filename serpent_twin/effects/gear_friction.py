@@ -1,4 +1,4 @@
-"""What if a servo's gearbox loses more, the more it carries?"""
+"""Let a gearbox's friction grow with the torque that it carries."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What if a machine's hinge rubs, though its twin turns freely?"""
+"""Give the hinges of a machine friction that its twin leaves out."""
 
 from dataclasses import dataclass
 from typing import ClassVar

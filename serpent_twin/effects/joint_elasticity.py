@@ -1,4 +1,4 @@
-"""What if something beside the cables springs each joint back to straight?"""
+"""Add a spring beside the cables to each joint, at rest when the joint is straight."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What if links shorten under the pull of the cables?"""
+"""Let links shorten under the pull of the cables."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What if the links bend?"""
+"""Let the links bend."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What if the cameras' markers are older than the motors' angles?"""
+"""Delay the cameras' markers against the motors' angles."""
 
 from dataclasses import dataclass
 from math import ceil

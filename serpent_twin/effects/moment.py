@@ -1,4 +1,4 @@
-"""What does an effect see of one time step, and what may it change?"""
+"""Define which quantities of a time step effects can read, and which they may change."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol

@@ -1,4 +1,4 @@
-"""What if the gripper holds something?"""
+"""Put a mass into the gripper."""
 
 from dataclasses import dataclass
 from typing import ClassVar

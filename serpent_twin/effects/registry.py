@@ -1,4 +1,4 @@
-"""Which effects are there?"""
+"""Find the effects of this package by name, and store and restore them."""
 
 import importlib
 import pkgutil

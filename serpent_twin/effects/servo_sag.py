@@ -1,4 +1,4 @@
-"""What if a servo gives way under its load?"""
+"""Let a servo yield to its load."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What if what turns the hinge stretches on its way there?"""
+"""Let the cable between the drive and the hinge stretch."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What if cables soften while they work?"""
+"""Let cables soften while the arm runs."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What if a hinge rubs more at rest than in motion?"""
+"""Give a hinge more friction near rest than in motion."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""What if a motor gives less torque per ampere, the harder it pulls?"""
+"""Let a motor's torque per ampere fall as the torque grows."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,1 +1,1 @@
-"""The simulated counterparts: a motor bus in process, motors on a wire, cameras."""
+"""Simulate the hardware: a motor bus in process, motors on a wire, cameras."""

@@ -1,4 +1,4 @@
-"""What would cameras see of the twin?"""
+"""Simulate the cameras' view of the twin."""
 
 from collections.abc import Mapping
 from typing import Any, Self

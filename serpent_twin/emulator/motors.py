@@ -1,4 +1,4 @@
-"""What would ten XL430-W250 do, in register words, if the twin hung on them?"""
+"""Simulate ten XL430-W250 that move the twin, in register values."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""What would OptiTrack's cameras stream if they saw the twin?"""
+"""Stream the twin's markers as OptiTrack's cameras would."""
 
 import math
 import socket

@@ -1,4 +1,4 @@
-"""How is the twin a motor bus?"""
+"""Make the twin a motor bus."""
 
 from collections.abc import Iterable
 from types import TracebackType

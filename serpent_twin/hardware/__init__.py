@@ -1,1 +1,1 @@
-"""Ten Dynamixel motors on a serial bus, and the cameras that see the markers."""
+"""Drive ten Dynamixel motors on a serial bus, and read the cameras that track the markers."""

@@ -1,4 +1,4 @@
-"""How do the cameras' coordinates become the base frame's?"""
+"""Transform the cameras' coordinates into the base frame."""
 
 import json
 from collections.abc import Mapping

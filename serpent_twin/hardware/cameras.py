@@ -1,4 +1,4 @@
-"""Where are the markers, whoever measures them?"""
+"""Define the interface of every source of marker positions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

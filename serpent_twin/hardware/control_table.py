@@ -1,4 +1,4 @@
-"""Which register lies where in an XL430-W250?
+"""List the registers of an XL430-W250.
 
 Addresses, sizes, defaults and ranges from ROBOTIS' e-manual of the XL430-W250, control table.
 """

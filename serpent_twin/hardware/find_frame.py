@@ -1,4 +1,4 @@
-"""Where is the base, seen from the cameras, while the arm hangs straight?"""
+"""Find the base in the cameras' frame while the arm hangs straight."""
 
 import time
 from dataclasses import dataclass, field

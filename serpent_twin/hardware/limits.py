@@ -1,4 +1,4 @@
-"""When must the arm stop?"""
+"""Decide when the arm must stop."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What is in a CSV file that Motive exported?
+"""Read a CSV file that Motive exported.
 
 Row 1 holds key, value pairs; then rows that give each column's type, name, id (and parent); a row of
 components; an axis row beginning with `Frame`; the data. Motive's versions differ in all the rest.

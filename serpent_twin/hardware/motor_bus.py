@@ -1,4 +1,4 @@
-"""How are ten motors commanded and read, whatever drives them?"""
+"""Define the interface through which ten motors are commanded and read."""
 
 from collections.abc import Iterable
 from types import TracebackType

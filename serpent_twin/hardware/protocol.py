@@ -1,4 +1,4 @@
-"""What do the bytes of DYNAMIXEL Protocol 2.0 mean?
+"""Encode and decode the packets of DYNAMIXEL Protocol 2.0.
 
 From ROBOTIS' e-manual, "Protocol 2.0" and "CRC calculation". Nothing here opens a port.
 """

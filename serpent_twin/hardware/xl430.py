@@ -1,4 +1,4 @@
-"""What do an XL430-W250's registers hold?
+"""Convert the registers of an XL430-W250 to SI units, and back.
 
 Units and defaults from ROBOTIS' e-manual of the XL430-W250, control table.
 """

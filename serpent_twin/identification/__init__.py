@@ -1,4 +1,4 @@
-"""Which missing effect explains the residual of a machine's logs? `python -m serpent_twin.trace --help`."""
+"""Find the missing effect that explains the residual of a machine's logs: `serpent_twin.trace`."""
 
 from serpent_twin.identification.run import Trace, trace
 

@@ -1,4 +1,4 @@
-"""What do the rounds of a trace add up to?"""
+"""Build the diagnosis from the rounds of a trace."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""How does an interrupted trace go on where it stopped?"""
+"""Store the finished stages of a trace, so that an interrupted one can continue."""
 
 import json
 import time

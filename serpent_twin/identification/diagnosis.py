@@ -1,4 +1,4 @@
-"""What does a trace find? The figures of diagnosis.json, and what the report draws."""
+"""Hold what a trace finds: the figures of diagnosis.json and of the report."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

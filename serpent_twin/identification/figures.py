@@ -1,4 +1,4 @@
-"""What does a diagnosis look like?"""
+"""Draw the figures of a diagnosis."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any

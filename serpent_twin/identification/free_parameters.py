@@ -1,4 +1,4 @@
-"""Which parameters a fit is free to change, and the residual's Jacobian by them."""
+"""List the free parameters of a fit, and compute the residual's Jacobian with respect to them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How much better is one twin than another on logs that neither has seen?"""
+"""Compare the errors of two twins on held-out logs."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Which parameters fit the logs best, and how surely?
+"""Fit parameters to the logs by least squares, with standard errors.
 
 Gauss-Newton with priors on some of the segments; all perturbed twins of one derivative step side by
 side. A residual's numbers hang together, in time and from marker to marker, so the data weigh as the

@@ -1,4 +1,4 @@
-"""What does an engineer want to know of a trace?"""
+"""Write the report of a trace."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""How is a trace asked for, and what does it leave behind?"""
+"""Run a trace from its options, and write its results."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Which candidate effects are worth a full fit, and what do they then gain?"""
+"""Select candidate effects by a score test, and fit the selected ones fully."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Which missing effect explains the residual? The five steps of a trace.
+"""Find the missing effect that explains a residual, in the five steps of a trace.
 
 (1) Calibrate the declared parameters on training logs. (2) Look at what is left on held-out logs.
 (3) Screen all candidates by a score test; fit the best few fully, with what they can be confused with.

@@ -1,4 +1,4 @@
-"""Which numbers of a diagnosis stand in tables?"""
+"""Lay out the tables of a diagnosis."""
 
 from collections.abc import Mapping, Sequence
 from math import isfinite

@@ -1,4 +1,4 @@
-"""How is a live estimate drawn in rerun?
+"""Draw a live estimate in rerun.
 
 Markers and links where the readout believes them, ellipsoids that hold 95 % of what it expects, measured
 markers beside. This runs in a process of its own.

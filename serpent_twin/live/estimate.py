@@ -1,4 +1,4 @@
-"""Where is the arm now, if only its motor bus is asked?"""
+"""Estimate the arm's pose while it moves, from its motor bus alone."""
 
 import json
 from dataclasses import dataclass, field

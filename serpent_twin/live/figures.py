@@ -1,4 +1,4 @@
-"""How good and how quick were a session's estimates?"""
+"""Compute the errors and latencies of a session's live estimates."""
 
 from collections.abc import Mapping
 from typing import Any

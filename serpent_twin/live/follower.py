@@ -1,4 +1,4 @@
-"""Where are the markers after each reading, and how long does it take to say so?"""
+"""Estimate the markers after each reading, and time each estimate."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""How does a readout go along while the arm moves?"""
+"""Run a readout along with the moving arm."""
 
 from contextlib import ExitStack
 from dataclasses import dataclass

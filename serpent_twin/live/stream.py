@@ -1,4 +1,4 @@
-"""How do rows reach rerun without holding up the loop?
+"""Pass rows to rerun without delaying the control loop.
 
 A process of its own draws them. The loop hands each row to a queue, a thread takes them from there to the
 process, and what it cannot take in time waits in the queue.

@@ -1,4 +1,4 @@
-"""Which machines does the loop know? Each is a module or package here with a `RIG`."""
+"""Find the rigs of the machines that can be traced: each is a module or package here with a `RIG`."""
 
 import importlib
 import pkgutil

@@ -1,4 +1,4 @@
-"""What does a surgical tool's jaw do that a spindle turns by cables?
+"""Model the jaw of a surgical tool, which a spindle turns by cables.
 
 The logs are of the tool characterisation bench of MRDLab: spindle angle and load torque in, jaw angle
 and spindle torque out. The spindle's cable turns a wrist, where all friction sits, and the wrist the jaw.

@@ -1,4 +1,4 @@
-"""What must the loop know of a machine?
+"""Define what a rig must provide for a machine to be traced.
 
 A rig says how its twin is built, how a log drives it, what is measured with which noise, and which
 effects are candidates. `residual` and `trace` know rigs by this file alone.

@@ -1,4 +1,4 @@
-"""What does a Dynamixel XL330 do that swings a mass under position control?
+"""Model a Dynamixel XL330 that swings a mass under position control.
 
 The logs are the pendulum bench of Rhoban's BAM: goal angles and P gain in, the horn's angle out.
 """

@@ -1,4 +1,4 @@
-"""What is to be typed when a command has ended?
+"""Suggest the next command when a command has ended.
 
 Each function names the command that README's path has next, with the paths of the run that has ended, and
 asks that command's own checks first: a step that would be refused is not printed.

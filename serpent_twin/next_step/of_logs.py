@@ -1,4 +1,4 @@
-"""What is typed after logs were written, readouts trained, a trace made, an arm followed?"""
+"""Suggest the next command after logs, readouts, a trace or a live estimate were written."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""What is typed once motors or cameras were found?"""
+"""Suggest the next command once motors or cameras were found."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

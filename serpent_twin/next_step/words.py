@@ -1,4 +1,4 @@
-"""How is a step typed, and would it be refused?"""
+"""Write a suggested command as it is typed, and check that it would not be refused."""
 
 import shlex
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What is a pose readout, and which ones are there?
+"""Define what a pose readout is, and list the readouts.
 
 A readout turns windows of a session log into marker positions. Every module of this package that
 defines a `Readout` is one, found by its name: to add a readout is to add a file.

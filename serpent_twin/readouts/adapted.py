@@ -1,4 +1,4 @@
-"""What does a trained readout still miss on this arm?"""
+"""Correct a trained readout for another arm."""
 
 import itertools
 from collections.abc import Iterator

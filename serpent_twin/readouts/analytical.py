@@ -1,4 +1,4 @@
-"""Where would the markers be if the cables were stiff and taut?"""
+"""Compute the markers of an arm whose cables are stiff and taut."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Where are the markers, and how sure is that?"""
+"""Hold estimated markers and their covariance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How much does it help to know that the markers hang on a chain of joints?"""
+"""Estimate joint angles by a network, and decode them to markers by the chain of joints."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar

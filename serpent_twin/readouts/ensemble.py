@@ -1,4 +1,4 @@
-"""Do several of our networks know more than one?"""
+"""Average several networks of one kind, and estimate their uncertainty."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

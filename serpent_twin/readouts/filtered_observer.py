@@ -1,4 +1,4 @@
-"""How much do the measured loads tell the twin that its motors' angles do not?"""
+"""Correct the simulated twin by the measured loads."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar

@@ -1,4 +1,4 @@
-"""How much of the pose is linear in the window?"""
+"""Estimate the markers linearly from the window."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""How does a readout estimate while the arm moves, one control step at a time?"""
+"""Run a readout while the arm moves, one control step at a time."""
 
 from collections import deque
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What does a recurrent network make of the same window?"""
+"""Estimate the markers by a recurrent network from the same window."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar

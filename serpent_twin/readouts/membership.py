@@ -1,4 +1,4 @@
-"""Say in which of a readout's sets of sessions a session is: what its error there is worth."""
+"""Say to which of a readout's sets of sessions a session belongs, and so what its error there means."""
 
 from serpent_twin.readouts import Readout
 from serpent_twin.sessions import Session

@@ -1,4 +1,4 @@
-"""How well do four layers do, as published?"""
+"""Estimate the markers by the published network of four layers."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar

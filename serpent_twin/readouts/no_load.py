@@ -1,4 +1,4 @@
-"""What are the motors' loads worth?"""
+"""Leave the motors' loads out of the published network, to measure what they contribute."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Where does the twin stand, if its motors go where the bus says?"""
+"""Estimate the pose by a twin whose motors move as measured."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace

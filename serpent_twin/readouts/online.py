@@ -1,4 +1,4 @@
-"""How does an estimate stay right while the arm changes and cameras watch?"""
+"""Adapt an estimate to a changing arm while cameras measure its markers."""
 
 from dataclasses import dataclass
 

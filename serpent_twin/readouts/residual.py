@@ -1,4 +1,4 @@
-"""How much of what stiff cables miss is linear?"""
+"""Correct the pose on stiff cables linearly from the window."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar

@@ -1,4 +1,4 @@
-"""How much of what stiff cables miss can a network learn?"""
+"""Correct the pose on stiff cables by a network."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar

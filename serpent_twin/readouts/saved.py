@@ -1,4 +1,4 @@
-"""What the files of a saved readout hold, and whether they hold it."""
+"""Read the files of a saved readout, and check them."""
 
 from dataclasses import dataclass, fields
 from functools import cache

@@ -1,4 +1,4 @@
-"""How are numbers brought into (−1, 1)?"""
+"""Scale numbers to (−1, 1)."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""How far is an estimate from the measured markers?"""
+"""Measure the distance between estimated and measured markers."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""How heavy is what the gripper holds, if only the loads can tell?"""
+"""Estimate the mass in the gripper from the loads."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Which numbers does a readout see at each step?"""
+"""Collect the window of readings that a readout uses at each step."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

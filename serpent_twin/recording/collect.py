@@ -1,4 +1,4 @@
-"""What do motors and markers say while the arm follows random targets?"""
+"""Record motors and markers while the arm follows random targets."""
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""How does the recording of a session end?"""
+"""End the recording of a session."""
 
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What happens in a control step?"""
+"""Run one control step: read, control, command."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping

@@ -1,4 +1,4 @@
-"""How is a session of the real arm recorded?"""
+"""Record a session of the real arm."""
 
 import contextlib
 import threading

@@ -1,4 +1,4 @@
-"""Which sessions of a run are there already?"""
+"""Find which sessions of a run are recorded already."""
 
 import time
 from collections.abc import Sequence

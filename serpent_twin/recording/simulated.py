@@ -1,4 +1,4 @@
-"""How are many sessions of the twin recorded at once?"""
+"""Record many sessions of the twin at once."""
 
 import multiprocessing as mp
 import os

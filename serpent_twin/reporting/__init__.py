@@ -1,1 +1,1 @@
-"""Reports, the style of plots, and recordings for rerun."""
+"""Write reports, style plots, and record for rerun."""

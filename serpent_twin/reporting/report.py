@@ -1,4 +1,4 @@
-"""How do results become a page that people like to read?"""
+"""Write results as a page in HTML and in Markdown."""
 
 import base64
 import io

@@ -1,4 +1,4 @@
-"""How is a session drawn in rerun?"""
+"""Draw a session in rerun."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""How well does a body compute: what does it remember, combine, tell apart and repeat?
+"""Measure how well a body computes: memory, products of inputs, separation and consistency.
 
 `memory` and `capacities` measure which functions of past inputs its states hold, `expand` which of them a
 task needs, `beyond_taps` what the body adds to its last commands. `state_rank` counts what it tells apart;

@@ -1,4 +1,4 @@
-"""How many independent directions do the states have, and what would chance find in them?"""
+"""Count the independent directions of the states, and the capacity that chance gives them."""
 
 from dataclasses import dataclass
 

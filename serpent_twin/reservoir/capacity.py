@@ -1,4 +1,4 @@
-"""How much of its input history does a body hold, linearly and in products?
+"""Measure how much of its input history a body holds, linearly and in products.
 
 The capacity of a target z is the share of its variance in the span of the states, C = ‖Qᵀz‖² / ‖z‖², both
 without their mean, in sample and without ridge. Over a complete orthonormal set of targets it adds up to

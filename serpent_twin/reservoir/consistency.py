@@ -1,4 +1,4 @@
-"""Does the same input make the same motion, whatever came before?
+"""Measure whether the same input gives the same motion, whatever came before.
 
 Replicas are runs under the same inputs from other initial states, or repeated on the machine.
 """

@@ -1,4 +1,4 @@
-"""Which products of past inputs is a series made of?
+"""Find the products of past inputs that make up a series.
 
 The same expansion that measures what a body holds, of what is to be estimated: coordinates of markers,
 or a benchmark's target. Side by side they say which capacities the task needs.

@@ -1,4 +1,4 @@
-"""Are the inputs fit for measuring capacities: uniform, and independent in time and of each other?
+"""Check that inputs can measure capacities: uniform, independent in time and of each other.
 
 Capacities are shares of orthonormal targets only if they are. What a test would find by chance is
 known: √T times the mean of a normalised product is nearly standard normal.

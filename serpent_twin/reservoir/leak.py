@@ -1,4 +1,4 @@
-"""What does the body hold that its last commands alone do not?
+"""Measure what the body holds beyond its last commands.
 
 Servo angles are nearly delayed commands: a readout that is also given the last H commands holds H of them
 without any body.

@@ -1,4 +1,4 @@
-"""How well is NARMA10 solved, and how well without any reservoir?"""
+"""Score a body on NARMA10, with and without a reservoir."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How many different inputs can a body tell apart, and how many alike does it wrongly tell apart?
+"""Measure the kernel rank and the generalisation rank of a body.
 
 Kernel rank: directions in which its last states differ under different input streams. Generalisation
 rank: the same under streams that are alike in their last rows (Legenstein and Maass 2007, "Edge of chaos

@@ -1,4 +1,4 @@
-"""Which functions of past inputs could a body hold?
+"""List the functions of past inputs that a body could hold.
 
 A target is a product of Legendre polynomials of delayed inputs, z(t) = Π √(2dᵢ+1) P_dᵢ(u(t−i)). For
 inputs that are independent and uniform on [−1, 1] these are orthonormal (Dambre, Verstraeten, Schrauwen

@@ -1,4 +1,4 @@
-"""Where, when and on what does the twin's error depend?
+"""Find where, when and on what the twin's error depends.
 
 `Comparison` holds measured rows beside predicted ones; `analyse` finds, `describe` says, `figures`
 draws. `learned` is the last resort: a correction without physics.

@@ -1,4 +1,4 @@
-"""What was measured, and what did the twin predict for the same rows?"""
+"""Hold measured rows beside the twin's predictions of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""How is a dependence drawn: which points, and which line through them?"""
+"""Compute the points and the line that draw a dependence."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""On what does the error depend, and where does it show?"""
+"""Find the features on which the error depends, and where it shows."""
 
 from dataclasses import dataclass, replace
 

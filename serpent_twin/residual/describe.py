@@ -1,4 +1,4 @@
-"""What should an engineer know of the error, and where should they look?"""
+"""Describe the error in sentences, and say where to look for its cause."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Does the error change during a session, slowly or at once?"""
+"""Test whether the error changes during a session, slowly or at once."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""On what could the error depend?
+"""List the features on which the error could depend.
 
 A feature is a quantity of each row and a few functions of it (its basis), in which dependence is
 sought linearly. Only what the twin predicts or the motors report is used, never a measured load or

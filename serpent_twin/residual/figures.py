@@ -1,4 +1,4 @@
-"""What does the error look like?"""
+"""Draw the error."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any

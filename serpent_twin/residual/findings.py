@@ -1,4 +1,4 @@
-"""What is there to say of a comparison, all in one?"""
+"""Collect all findings on a comparison."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple

@@ -1,4 +1,4 @@
-"""The last resort: what of the marker error can be learned from motor readings, without physics?
+"""Learn a correction of the marker error from motor readings, without physics: the last resort.
 
 Kept apart from the effects: it names no cause. It is on only where it helps on logs that it was not
 fitted to.

@@ -1,4 +1,4 @@
-"""Of what is an error, and in which unit do people read it?"""
+"""Name a measured quantity, and the unit in which its error is reported."""
 
 from dataclasses import dataclass
 

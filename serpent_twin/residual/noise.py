@@ -1,4 +1,4 @@
-"""How much of the error is the measurement's own noise?
+"""Estimate the measurement noise in the error.
 
 Assumed: the noise is independent from row to row and gaussian; the twin's error changes slowly
 against the row rate, follows pose, velocity or direction of motion linearly, or grows with the

@@ -1,4 +1,4 @@
-"""At which joint does the marker error arise?"""
+"""Find the joint at which the marker error arises."""
 
 from dataclasses import dataclass
 

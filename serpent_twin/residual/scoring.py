@@ -1,4 +1,4 @@
-"""How much of a residual does each feature predict in segments it has not seen?"""
+"""Measure how much of a residual each feature predicts in held-out segments."""
 
 from dataclasses import dataclass
 from functools import cached_property

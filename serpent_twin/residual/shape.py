@@ -1,4 +1,4 @@
-"""In which way does an error depend on a quantity: beyond a threshold, in a window, with a period?"""
+"""Find the shape of an error's dependence: beyond a threshold, in a window, or periodic."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

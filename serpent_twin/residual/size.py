@@ -1,4 +1,4 @@
-"""How large is the error, by marker, motor, segment and time?"""
+"""Measure the error by marker, motor, segment and time."""
 
 import warnings
 from dataclasses import dataclass

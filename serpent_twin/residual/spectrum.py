@@ -1,4 +1,4 @@
-"""Does the error swing by itself, and how long does it remember?"""
+"""Find oscillations of the error, and its correlation time."""
 
 from dataclasses import dataclass
 

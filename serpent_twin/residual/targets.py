@@ -1,4 +1,4 @@
-"""Which parts of the residual are looked at, and how much of each is noise?"""
+"""Select the parts of the residual to analyse, and estimate the noise of each."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Where on the machine, and in which direction, does a part of the error show?"""
+"""Find where on the machine, and in which direction, a part of the error shows."""
 
 from dataclasses import dataclass
 

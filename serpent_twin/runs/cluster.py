@@ -1,4 +1,4 @@
-"""How do the workers of a Dask cluster work?"""
+"""Run workers on a Dask cluster."""
 
 import re
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""How do processes of this machine work, one thread each?"""
+"""Run worker processes on this machine, one thread each."""
 
 import multiprocessing as mp
 import os

@@ -1,4 +1,4 @@
-"""Where does a result come from?"""
+"""Record where a result comes from."""
 
 import hashlib
 import importlib.metadata

@@ -1,4 +1,4 @@
-"""How are many jobs done by workers that may die, here or on a cluster?"""
+"""Do many jobs with workers that may die, here or on a cluster."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""The session log: journal, seal, recover, read, check. `python -m serpent_twin.log --help`."""
+"""Write, read, check and recover session logs: `python -m serpent_twin.log --help`."""
 
 from serpent_twin.sessions.check import examine, refuse_damaged, refuse_odd_markers
 from serpent_twin.sessions.finding import Finding

@@ -1,4 +1,4 @@
-"""What is wrong with a session that can be read?"""
+"""Find what is wrong with a session that can be read."""
 
 from collections.abc import Iterator
 from weakref import WeakKeyDictionary

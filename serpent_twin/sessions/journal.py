@@ -1,4 +1,4 @@
-"""How is a session recorded so that a crash loses no row?"""
+"""Record a session so that a crash loses no row."""
 
 import fcntl
 import os

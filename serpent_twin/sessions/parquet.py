@@ -1,4 +1,4 @@
-"""How is a session log read and written as Parquet?"""
+"""Read and write session logs as Parquet."""
 
 import json
 import logging

@@ -1,4 +1,4 @@
-"""How is a recording that was cut off made into a session log?"""
+"""Make a session log of a recording that was cut off."""
 
 import fcntl
 import logging

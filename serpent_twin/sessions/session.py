@@ -1,4 +1,4 @@
-"""What is in a session log?"""
+"""Define the columns and metadata of a session log."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""How does a journal look on disk, and what can be read of a damaged one?
+"""Define a journal's layout on disk, and read what is left of a damaged one.
 
 It is an Arrow IPC stream: its header carries the session's metadata and column names, then each row
 is one record batch of all values and a CRC32. The CRC continues that of the row before and starts

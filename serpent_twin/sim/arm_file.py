@@ -1,4 +1,4 @@
-"""What arm does a file describe: a twin.json, or a model in MJCF?"""
+"""Read the arm that a file describes: a twin.json, or a model in MJCF."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""How do effects act on runs that step side by side?"""
+"""Let effects act on runs that step side by side: cables, gears and hinges before every time step."""
 
 from collections.abc import Sequence
 from typing import Any

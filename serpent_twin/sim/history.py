@@ -1,4 +1,4 @@
-"""What had delayed sensors read before a run began?"""
+"""Fill the histories of delayed sensors at the start of a run."""
 
 import numpy as np
 from mujoco.batch import Batch

@@ -1,4 +1,4 @@
-"""What would arms do, if their motors moved exactly as logged?
+"""Simulate many twins whose motors move exactly as logged.
 
 The motors' angles wind the strands, whatever pulls: an error of the twin is not hidden by a
 controller, nor made by a servo's lag. Many designs and many stretches of logs step side by side.

@@ -1,4 +1,4 @@
-"""What do arms do when their motors go where they were measured, row by row?"""
+"""Simulate arms whose motors follow a prescribed motion, row by row."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

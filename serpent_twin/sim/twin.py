@@ -1,4 +1,4 @@
-"""What does the arm do when its motors move?"""
+"""Simulate the arm that its motors drive."""
 
 from dataclasses import dataclass
 

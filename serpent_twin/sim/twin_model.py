@@ -1,4 +1,4 @@
-"""What is known of one arm? Its numbers, tolerances and effects: what twin.json holds."""
+"""Store the twin model of one arm in twin.json: its numbers, deviations and effects."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""Take a value of a form, that is of a type with bounds, or say which key is not as it should be."""
+"""Parse a value of a form, a type with bounds, or name the key that is wrong."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence

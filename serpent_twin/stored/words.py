@@ -1,4 +1,4 @@
-"""Say in words what was found in a file, and what is expected there."""
+"""Describe what was found in a file, and what is expected there."""
 
 import json
 from collections.abc import Mapping, Sequence

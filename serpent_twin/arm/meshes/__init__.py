@@ -1,4 +1,4 @@
-"""What do the arm's parts look like, and what would they weigh?
+"""Build the meshes of the arm's parts, and compute their masses.
 
 The published robot has no drawings: joints, pulleys, axles, servos and overall size are the arm's
 numbers; the shapes between them are ours, made to look printable. Metres, each part in the frame of

@@ -1,4 +1,4 @@
-"""What do the base, its ten servos and their winches look like?"""
+"""Build the meshes of the base, its ten servos and their winches."""
 
 import itertools
 

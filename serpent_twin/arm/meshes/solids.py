@@ -1,4 +1,4 @@
-"""How is a watertight solid made from a few loops of points?
+"""Make watertight solids from a few loops of points.
 
 Every solid here is a loft: closed loops with the same number of points, one after the other. Its
 two ends are capped, or, for a ring, the last loop meets the first. Lengths in metres.

@@ -1,4 +1,4 @@
-"""What does a program see that opens the serial port of an arm that is not there?
+"""Simulate the arm's motors behind a serial port that any program can open.
 
 Ten XL430-W250 on a pseudo-terminal, moving the simulated arm. They speak Protocol 2.0, so that any
 program for DYNAMIXELs can use them unchanged. `running` starts them for a test.

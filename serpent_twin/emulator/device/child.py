@@ -1,4 +1,4 @@
-"""How does another program's test start a device and make it fail?"""
+"""Start a device from another program's test, and make it fail."""
 
 import queue
 import subprocess

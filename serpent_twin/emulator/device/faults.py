@@ -1,4 +1,4 @@
-"""What goes wrong on a motor bus, by name and rate?"""
+"""Inject faults into a motor bus, by name and rate."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable

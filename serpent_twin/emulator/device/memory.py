@@ -1,4 +1,4 @@
-"""Which bytes of a servo's control table does an address mean?"""
+"""Map addresses to the bytes of a servo's control table."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""How is the device asked for?"""
+"""Define the options of the device."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""How do a person and the device talk to each other?"""
+"""Read a person's orders to the device, and print its messages."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""What do ten servos on one wire answer to an instruction packet?"""
+"""Answer instruction packets as ten servos on one wire do."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

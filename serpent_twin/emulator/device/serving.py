@@ -1,4 +1,4 @@
-"""How do servos live on a terminal: packets in, answers out, time passing?"""
+"""Serve the servos on a terminal: read packets, write answers, advance time."""
 
 import heapq
 import select

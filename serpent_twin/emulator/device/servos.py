@@ -1,4 +1,4 @@
-"""What do ten XL430-W250 do with what is written to their control tables, and what do they refuse?
+"""Simulate how ten XL430-W250 react to writes to their control tables, refusals included.
 
 Behaviour from ROBOTIS' e-manual of the XL430-W250. Gains, profile acceleration and goal PWM can be
 written and read, and have no effect; PWM mode, the secondary id and backups are not simulated.

@@ -1,4 +1,4 @@
-"""How does a program that opens a serial port reach the device?"""
+"""Open the pseudo-terminal through which programs reach the device."""
 
 import heapq
 import os

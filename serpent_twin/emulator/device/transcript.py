@@ -1,4 +1,4 @@
-"""What really happened on the device, for checking a host against?"""
+"""Record what happened on the device, so that a host's log can be checked."""
 
 import json
 import time

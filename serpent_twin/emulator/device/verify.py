@@ -1,4 +1,4 @@
-"""Did a host log what the motors really did?"""
+"""Check a host's log against what the motors did."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator

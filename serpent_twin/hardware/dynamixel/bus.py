@@ -1,4 +1,4 @@
-"""How are ten real XL430-W250 commanded and read, and what if the bus does not play along?"""
+"""Command and read ten real XL430-W250, and recover from bus faults."""
 
 import time
 from collections.abc import Iterable, Iterator

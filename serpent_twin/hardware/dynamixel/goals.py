@@ -1,4 +1,4 @@
-"""Do the motors follow the velocities that they were told?"""
+"""Check that the motors follow their goal velocities."""
 
 import contextlib
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""What do all motors say now, and can it be believed?"""
+"""Read all motors at once, and check the readings."""
 
 from collections.abc import Callable, Iterable
 

@@ -1,4 +1,4 @@
-"""Is a block of readings whole, fresh and possible?"""
+"""Check that a block of readings is complete, fresh and possible."""
 
 import struct
 from collections.abc import Mapping

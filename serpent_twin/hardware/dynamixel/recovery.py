@@ -1,4 +1,4 @@
-"""What brings a port or a motor back that went away?"""
+"""Recover a port or a motor that was lost."""
 
 import time
 from collections import Counter

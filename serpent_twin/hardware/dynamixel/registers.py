@@ -1,4 +1,4 @@
-"""How are registers of real motors read and written for certain?"""
+"""Read and write registers of real motors, with retries and verification."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence

@@ -1,4 +1,4 @@
-"""Which motors hang on which port, and where is the arm straight?"""
+"""Store which motors are on which port, and their positions when the arm is straight."""
 
 import json
 import os

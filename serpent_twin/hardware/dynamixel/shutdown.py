@@ -1,4 +1,4 @@
-"""How does the torque go off, whatever happened before?"""
+"""Switch the torque off, whatever happened before."""
 
 import contextlib
 import signal

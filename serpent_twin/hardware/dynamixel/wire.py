@@ -1,4 +1,4 @@
-"""What do the motors answer to one request?
+"""Send one request to the motors, and receive their answers.
 
 The port and the packets sent are dynamixel-sdk's. Answers are parsed by `protocol.Parser`: the SDK's own
 receiver drops the answers that follow a lost one, hides error bytes in group reads and spins the CPU.

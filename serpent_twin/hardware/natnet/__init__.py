@@ -1,1 +1,1 @@
-"""OptiTrack's live stream: reading it, and a server of it for people without cameras."""
+"""Read OptiTrack's live stream."""

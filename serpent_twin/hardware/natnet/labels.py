@@ -1,4 +1,4 @@
-"""Which of Motive's labelled markers are the arm's?"""
+"""Find the arm's markers among Motive's labelled markers."""
 
 import re
 from collections.abc import Sequence

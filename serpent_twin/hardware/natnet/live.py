@@ -1,4 +1,4 @@
-"""What do OptiTrack's cameras see now?"""
+"""Read the markers that OptiTrack's cameras stream now."""
 
 import time
 from collections import Counter

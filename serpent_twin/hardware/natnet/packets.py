@@ -1,4 +1,4 @@
-"""What bytes does a NatNet server send?
+"""Write the packets of a NatNet server.
 
 Layouts as in the packet client of OptiTrack's NatNet SDK 4.1; from 4.1 on, each list carries its
 size in bytes. Little-endian; a message is its id, its size, its body.

@@ -1,4 +1,4 @@
-"""The cable-driven serpentine arm as a machine of the loop."""
+"""Make the cable-driven serpentine arm a machine that can be traced."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

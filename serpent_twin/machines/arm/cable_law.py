@@ -1,4 +1,4 @@
-"""What do loads and markers say of each cable, before anything is simulated?
+"""Identify each cable's law from loads and markers, before anything is simulated.
 
 Markers give the joint angles, and with the motor angles each loop's stretch; the load of a moving
 motor, less its gear friction, gives the torque that the stretch makes. A cable's law lies open.

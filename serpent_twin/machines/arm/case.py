@@ -1,4 +1,4 @@
-"""What do an arm's logs say, segment by segment, against its twin?"""
+"""Compare an arm's logs with its twin, segment by segment."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

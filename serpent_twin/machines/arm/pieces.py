@@ -1,4 +1,4 @@
-"""How are an arm's logs cut into segments, each starting from a measured pose?"""
+"""Cut an arm's logs into segments, each starting from a measured pose."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What do logs tell of the controller, the servos and the sensors that made them?
+"""Identify the controller, servos and sensors from the logs that they made.
 
 Nothing of it is fitted; but logs that the twin makes are like the arm's only if its controller pulls as hard,
 its servos obey as late and its sensors scatter as much.

@@ -1,4 +1,4 @@
-"""Which of the arm's parameters does calibration fit, and where does it start?"""
+"""Define the parameter vector of the arm's calibration: coordinates, priors and start."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Measured logs of other machines, and what their rigs share: runs beside the twin's."""
+"""Share the code of the rigs of other measured machines."""
 
 from serpent_twin.machines.measured.case import Output, RunCase
 from serpent_twin.machines.measured.hinge import HingeMoment, Turns

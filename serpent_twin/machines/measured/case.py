@@ -1,4 +1,4 @@
-"""What do a machine's runs say against its twin?"""
+"""Compare a machine's runs with its twin."""
 
 import json
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""How do effects act on runs of a machine whose drive turns one hinge?"""
+"""Let effects act on runs of a machine whose drive turns one hinge."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

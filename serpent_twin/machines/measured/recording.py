@@ -1,4 +1,4 @@
-"""How is a measured log of another machine read?
+"""Read a measured log of another machine.
 
 One run is one Parquet file of float columns in SI units, `time` among them; its metadata, JSON under
 the key `measured`, say how it was driven. The file's name says nothing to the reader.

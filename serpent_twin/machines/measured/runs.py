@@ -1,4 +1,4 @@
-"""How do runs of unequal length lie side by side?"""
+"""Stack runs of unequal length into one array."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What does a soft trunk do that six servos bend by twelve cables?
+"""Model a soft trunk that six servos bend by twelve cables.
 
 The logs are of Stanford ASL's trunk: servos' goals in, three disks' positions and the servos' angles out.
 No mass, pulley radius or stiffness is published, and the logs hold no force: only the ratio of the trunk's

@@ -1,4 +1,4 @@
-"""What is the trunk in MJCF?"""
+"""Build the trunk's MJCF model."""
 
 from collections.abc import Sequence
 

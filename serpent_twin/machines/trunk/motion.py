@@ -1,4 +1,4 @@
-"""How do trunks move that are told where their servos shall stand?"""
+"""Simulate trunks whose servos are given goal angles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

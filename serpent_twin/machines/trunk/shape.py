@@ -1,4 +1,4 @@
-"""Which numbers make a trunk, and what do its logs say of them at first sight?"""
+"""Define the parameters of a trunk, and their first guesses from its logs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

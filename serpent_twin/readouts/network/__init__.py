@@ -1,4 +1,4 @@
-"""What do the readouts share that are networks? Torch trains them, numpy runs them."""
+"""Share the code of readouts that are networks: torch trains them, numpy runs them."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""How is a network trained?"""
+"""Train a network."""
 
 import copy
 import time

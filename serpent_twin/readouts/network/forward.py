@@ -1,4 +1,4 @@
-"""What does a trained network answer? Numpy alone, because one row is faster so than in torch."""
+"""Evaluate a trained network in numpy alone, which is faster than torch for one row."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Which networks are trained? Torch twins of `forward`, with the same names of weights."""
+"""Define the networks in torch, with the weights named as in `forward`."""
 
 import torch
 from torch import Tensor, nn

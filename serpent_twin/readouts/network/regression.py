@@ -1,4 +1,4 @@
-"""How does a network become a readout?"""
+"""Make a readout of a network."""
 
 from abc import abstractmethod
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How many windows of the arm does a readout from simulation need?"""
+"""Measure how many windows of the arm a readout from simulation needs."""
 
 import json
 import re

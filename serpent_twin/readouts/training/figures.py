@@ -1,4 +1,4 @@
-"""What do the errors look like?"""
+"""Draw the errors of trained readouts."""
 
 import itertools
 from collections.abc import Mapping, Sequence

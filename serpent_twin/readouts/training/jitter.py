@@ -1,4 +1,4 @@
-"""How does a readout trained on simulated windows bear that the arm's servos differ a little?
+"""Vary simulated commands so that a readout tolerates small differences of the arm's servos.
 
 A simulated motor misses its command by little and always in the same way, so that a readout may lean on
 small differences between commands and angles which on the arm are its servos' own. Commands that are jittered

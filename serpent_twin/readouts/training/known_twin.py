@@ -1,4 +1,4 @@
-"""Which twin do readouts that need one get, and is it the very arm of the logs?"""
+"""Choose the twin of readouts that need one, and check whether it is the arm of the logs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields

@@ -1,4 +1,4 @@
-"""What does a reader want to know of the trained readouts?"""
+"""Write the report on trained readouts."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Which sessions train, which validate, which test?"""
+"""Split sessions into training, validation and test sets."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Which numbers of trained readouts stand in tables?"""
+"""Lay out the tables on trained readouts."""
 
 from collections.abc import Mapping
 from typing import Any

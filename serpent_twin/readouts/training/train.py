@@ -1,4 +1,4 @@
-"""How well do the readouts know the pose of the arm?"""
+"""Train the readouts, and score them on test sessions."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""How good is one readout, and what does it cost?"""
+"""Train, score and time one readout."""
 
 import itertools
 import json

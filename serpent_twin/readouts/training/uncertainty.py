@@ -1,4 +1,4 @@
-"""How certain are mean errors, and do two of them differ beyond chance?
+"""Compute confidence intervals of mean errors, and test whether two differ beyond chance.
 
 Errors of neighbouring rows are alike, so whole blocks of rows are drawn anew: a moving-block bootstrap
 (Künsch, Annals of Statistics 17 (1989) 1217) with Student's t for the number of blocks. A block is five

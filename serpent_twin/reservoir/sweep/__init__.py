@@ -1,4 +1,4 @@
-"""How does what a body computes, and how well its pose can be told, change with its cables?
+"""Measure how a body's computation and the accuracy of its pose depend on its cables.
 
 Many twins, one file a point, one table: `python -m serpent_twin.sweep`.
 """

@@ -1,4 +1,4 @@
-"""What do an arm and its sensors do along the inputs that measure it?"""
+"""Simulate an arm and its sensors along the inputs that measure it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What would the motors' sensors say?"""
+"""Compute the readings of the motors' sensors."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How are independent inputs commanded, and what do joints and motors answer?
+"""Command independent inputs, and simulate the response of joints and motors.
 
 Nine inputs, uniform on [−1, 1] and new in every command period, set the nine joints' targets. The motors go
 from the coupled angles of one set of targets to those of the next, each at its constant velocity within a

@@ -1,4 +1,4 @@
-"""What does the body remember, combine, tell apart and repeat, as its sensors show it?"""
+"""Measure memory, products, separation and consistency of a body as its sensors show it."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What comes out of one point, whole and the same wherever it is measured?"""
+"""Store the result of one grid point, complete and the same wherever it is measured."""
 
 import json
 import math

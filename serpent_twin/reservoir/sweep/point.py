@@ -1,4 +1,4 @@
-"""What is one point of a sweep, and how is it measured?"""
+"""Define one grid point of a sweep, and measure it."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""How well do readouts know the pose of a point's arm under the published protocol?"""
+"""Score readouts on the pose of a grid point's arm under the published protocol."""
 
 import zlib
 from dataclasses import asdict, fields

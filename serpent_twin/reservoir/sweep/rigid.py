@@ -1,4 +1,4 @@
-"""What would the arm do on cables that neither stretch nor slacken?
+"""Simulate the arm on cables that neither stretch nor slacken.
 
 The control of a sweep: joints follow the motors exactly, loads are the weight of the present pose, so
 nothing is remembered, and what is combined is what the arm's shape combines.

@@ -1,4 +1,4 @@
-"""How is a sweep asked for, and what does it leave behind?"""
+"""Run a sweep from its options, and write its results."""
 
 import itertools
 import json

@@ -1,4 +1,4 @@
-"""Undo what may be wrong with markers, one fault after the other, and see which leaves a possible arm."""
+"""Undo possible faults of the markers one by one, and find which leaves a possible arm."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

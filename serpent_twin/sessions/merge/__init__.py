@@ -1,4 +1,4 @@
-"""How are a take's markers put into session logs?"""
+"""Put a take's markers into session logs."""
 
 from serpent_twin.sessions.merge.merge import HEADING, Merge, merge
 

@@ -1,4 +1,4 @@
-"""Does a session found in a take agree with its prediction, marker by marker?"""
+"""Check that a session found in a take agrees with its prediction, marker by marker."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,4 +1,4 @@
-"""How do the cameras' clock and frame map onto a log's, to a fraction of a frame?"""
+"""Map the cameras' clock and frame onto a log's, to a fraction of a frame."""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,4 @@
-"""Where were the markers at any camera time?"""
+"""Interpolate the markers of a take at any camera time."""
 
 from dataclasses import dataclass
 

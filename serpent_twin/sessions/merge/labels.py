@@ -1,4 +1,4 @@
-"""Which of a take's columns is which of the arm's markers?"""
+"""Match a take's columns to the arm's markers."""
 
 import re
 from collections.abc import Mapping, Sequence

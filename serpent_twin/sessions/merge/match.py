@@ -1,4 +1,4 @@
-"""Where in a take is a session, and is that certain?"""
+"""Find a session in a take, and test whether the match is certain."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

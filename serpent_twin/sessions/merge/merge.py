@@ -1,4 +1,4 @@
-"""How do a take's markers get into session logs?"""
+"""Merge a take's markers into session logs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Which place of a take moves as a log says?
+"""Search a take for the motion that a log holds.
 
 Distances that a marker moves within a moment depend neither on the cameras' frame nor on labels.
 """
