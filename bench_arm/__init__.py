@@ -1,4 +1,4 @@
-"""What would a second arm log, that shares no physics with the twin?
+"""Simulate a second arm that shares no physics with the twin, and record its logs.
 
 Rigid bodies, cables, friction, servos and sensors are written from physics in numpy alone; many
 arms and sessions run side by side. `python -m bench_arm --help` records from the shell.

@@ -1,4 +1,4 @@
-"""Record session logs of a bench arm, with effects that the logs do not tell."""
+"""Record session logs of a bench arm, with effects that the logs do not state."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""With how much does each strand pull?"""
+"""Compute the tension of each strand."""
 
 from collections.abc import Iterable, Sequence
 

@@ -1,4 +1,4 @@
-"""How does a chain of hinges move? Mass matrix and bias of many chains side by side."""
+"""Compute mass matrix and bias forces of many chains of hinges side by side."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What may be wrong with a bench arm that its log does not say?"""
+"""Define the effects that a bench arm may have and its log does not state."""
 
 from dataclasses import dataclass, replace
 from typing import Any

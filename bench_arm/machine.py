@@ -1,4 +1,4 @@
-"""How do the arms move between two readings?"""
+"""Step the arms from one reading to the next."""
 
 from collections.abc import Sequence
 

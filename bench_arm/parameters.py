@@ -1,4 +1,4 @@
-"""Which numbers make one bench arm differ from another?"""
+"""Store the parameters that differ between bench arms."""
 
 from dataclasses import dataclass
 

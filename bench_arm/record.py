@@ -1,4 +1,4 @@
-"""How do bench arms write session logs?"""
+"""Write the session logs of bench arms."""
 
 import json
 from collections.abc import Sequence

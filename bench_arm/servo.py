@@ -1,4 +1,4 @@
-"""How does a servo under velocity control turn, and what does its drive give?"""
+"""Compute the motion of a servo under velocity control, and the torque of its drive."""
 
 from collections.abc import Sequence
 

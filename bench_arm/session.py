@@ -1,4 +1,4 @@
-"""What do the controller, the sensors and the cameras see of the arms?"""
+"""Simulate the controller, the sensors and the cameras of the arms."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How much does everything around the physics cost when sessions are collected?
+"""Measure what everything around the physics costs when sessions are collected.
 
 The peer is MuJoCo's own multi-threaded rollout of the same model over the same number of steps, in
 the same run. Printed besides: cost against the number of sessions, and memory against their length.

@@ -1,4 +1,4 @@
-"""What does one estimate cost on one core, against what a control loop allows?
+"""Measure what one estimate costs on one core, against the limits of a control loop.
 
 Milliseconds from a reading to its estimate, as shares of the limits: 5 ms for the observer at 4 Hz, 1 ms for
 readouts of windows and for the correction by markers. Medians over the rows of a simulated session; the

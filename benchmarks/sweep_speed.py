@@ -1,4 +1,4 @@
-"""What does a sweep cost, beside MuJoCo alone, and does a point cost the same among many?
+"""Measure what a sweep costs beside MuJoCo alone, and how the cost grows with the number of grid points.
 
 The peer is MuJoCo's own multi-threaded rollout of the same model over the same number of steps, in the
 same run. Printed besides: cost of a point and memory against the number of points, starting workers

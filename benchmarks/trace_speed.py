@@ -1,4 +1,4 @@
-"""What does a trace cost, how does the cost grow, and how much of it is physics?
+"""Measure what a trace costs, how the cost grows, and how much of it is physics.
 
 The peer is the same batch of the same models stepped as often without anything else, in the same run.
 Printed besides: cost against segments of logs and against designs tried, a score test of every candidate

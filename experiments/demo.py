@@ -1,4 +1,4 @@
-"""What can all this do, in three minutes?
+"""Show what the package can do, in three minutes.
 
 Runs the commands of the README one after the other, as a person would type them.
 """

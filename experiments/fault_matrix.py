@@ -1,4 +1,4 @@
-"""Does a collection over the wire lose, repeat or falsify anything when the bus fails?
+"""Test whether a collection over the wire loses, repeats or falsifies rows when the bus fails.
 
 Each fault runs through the whole loop: a device on a pseudo-terminal that fails by name and rate, and
 `python -m serpent_twin.collect --backend real` against it, in real time. The device's transcript says

@@ -1,4 +1,4 @@
-"""What becomes of damaged packets and files: a reading or a refusal, and never anything else.
+"""Test that damaged packets and files are read or refused, and never anything else.
 
 Good samples of everything that is read from outside are mutated at random and read again. Each row of the
 table counts what was read, what was refused, and what else happened, which is a defect; FOUND keeps an

@@ -1,4 +1,4 @@
-"""What do the arm and a replay look like? Draws docs/arm.png and, from a recording, docs/replay.png.
+"""Draw docs/arm.png and, from a recording, docs/replay.png.
 
 Needs a software or hardware OpenGL that MuJoCo finds without a display (MUJOCO_GL=egl or osmesa), and
 for the replay a Vulkan driver (Debian: mesa-vulkan-drivers, libvulkan1).

@@ -1,4 +1,4 @@
-"""What did the twin lack of arms that are not the twin, and how much better is it now?
+"""Find what the twin lacks of arms that are not the twin, and measure how much better it becomes.
 
 Traces every arm's folder of logs, and writes the table of before and after and one picture: measured
 arm, nominal twin and corrected twin at a held-out moment.

@@ -1,4 +1,4 @@
-"""Where were the measured arm, the nominal twin and the corrected twin, at one held-out moment?"""
+"""Draw the measured arm, the nominal twin and the corrected twin at one held-out moment."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Does the trace name what is wrong with an arm, how small a fault does it notice, and when is it wrong?
+"""Measure whether the trace names an arm's fault, how small a fault it detects, and when it is wrong.
 
 Every effect of the catalogue at several strengths, pairs, effects outside the catalogue, and none, in
 arms whose other numbers and noises are drawn anew for each. A trial is one arm: recorded, traced, and

@@ -1,4 +1,4 @@
-"""Which logs would an arm with a known fault write? Made by the twin, or by the independent arm."""
+"""Write the logs of arms with known faults, by the twin or by the independent arm."""
 
 import json
 import shutil

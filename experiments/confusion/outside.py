@@ -1,4 +1,4 @@
-"""What may be wrong with an arm that no file of `serpent_twin.effects` describes?"""
+"""Define faults that no file of `serpent_twin.effects` describes."""
 
 from dataclasses import dataclass
 from typing import Any

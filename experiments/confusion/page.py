@@ -1,4 +1,4 @@
-"""What does a reader of the confusion experiment want to see?"""
+"""Write the report of the confusion experiment."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""Which arms does the confusion experiment build, and in which order?
+"""Plan which arms the confusion experiment builds, and in which order.
 
 Round by round, so that a run which ends early leaves a balanced table: every round has each effect
 once at one strength, clean arms, one pair, and each effect outside the catalogue.

@@ -1,4 +1,4 @@
-"""How often is an arm's fault named, and from which strength on?"""
+"""Count how often an arm's fault is named, and from which strength on."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Does the loop find what the twins of real, measured machines lack?
+"""Measure whether the loop finds what the twins of real, measured machines lack.
 
 Traces each machine's logs on splits that are fixed beforehand, scores on runs that nothing was fitted to, and
 sets beside them a plain regression on the same split and what others published. Where something was changed

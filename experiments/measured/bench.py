@@ -1,4 +1,4 @@
-"""Which measured machines does the loop know, and how is the twin of each judged?"""
+"""List the measured machines, and how the twin of each is judged."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What was changed about a machine, and how much?
+"""Identify what was changed about a machine, and by how much.
 
 The nominal twin is that of the machine as it was, fitted to all of its runs; what may have been changed are
 the candidates. The beginning of a run after the change is fitted; its rest judges.

@@ -1,4 +1,4 @@
-"""By which number is a twin, or a regression, judged?"""
+"""Define the number by which a twin, or a regression, is judged."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How does a twin do on files that were not even there when its effects were chosen?
+"""Score a twin on files that did not exist when its effects were chosen.
 
 The effects are those that a trace on the other runs accepts; all parameters are then fitted anew to all of
 the other runs.

@@ -1,4 +1,4 @@
-"""What do the measured machines' traces look like side by side?"""
+"""Report the traces of the measured machines side by side."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

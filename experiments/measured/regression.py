@@ -1,4 +1,4 @@
-"""How far does a regression come that knows no physics, on the same runs?"""
+"""Score a regression without physics on the same runs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations_with_replacement

@@ -1,4 +1,4 @@
-"""Which runs of a machine are fitted, and which judge?"""
+"""Split a machine's runs into those that are fitted and those that judge."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Which free parameters make the twin reproduce the paper's results table?
+"""Fit the twin's free parameters to the paper's results table.
 
 The only published measurement of the real arm is five mean marker errors. Two stages: many short
 runs of the twin over the plausible ranges teach an emulator how each error changes with the

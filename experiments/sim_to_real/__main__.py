@@ -1,5 +1,5 @@
-"""What is a mended twin good for? Estimates of the real arm's pose: from the twin itself, from readouts
-trained on it, and from readouts that were trained on the arm.
+"""Score estimates of the real arm's pose: from a corrected twin, from readouts trained on it, and from
+readouts trained on the arm.
 
 Each arm is traced by its training sessions alone; all routes are then scored on its test session.
 """

@@ -1,4 +1,4 @@
-"""How well does each route know one arm's pose, and how many of its windows does it need?"""
+"""Measure the error of each route on one arm, and how many of its windows each needs."""
 
 import json
 from collections.abc import Callable, Mapping

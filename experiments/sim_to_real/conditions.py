@@ -1,4 +1,4 @@
-"""What becomes of each route in conditions that nobody trained for?
+"""Measure the error of each route in conditions that no readout was trained for.
 
 The arm is simulated here: it is a twin that the logs do not tell from the corrected one, with which the
 observer goes on. So an error of all twins is not in these figures; the logged arm's are elsewhere.

@@ -1,4 +1,4 @@
-"""How do the errors fall with real windows, and are they as large as stated?"""
+"""Draw how errors fall with real windows, and whether they are as large as stated."""
 
 from collections.abc import Mapping
 from typing import Any

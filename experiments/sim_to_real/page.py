@@ -1,4 +1,4 @@
-"""What does a reader want to know of going from simulation to the arm?"""
+"""Write the report on going from simulation to the arm."""
 
 from collections.abc import Mapping
 from typing import Any

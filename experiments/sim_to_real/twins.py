@@ -1,4 +1,4 @@
-"""From which twins do readouts learn, and what do they see of them?"""
+"""Make the twins that readouts learn from, and their training sessions."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

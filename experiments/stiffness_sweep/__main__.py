@@ -1,4 +1,4 @@
-"""What does the stiffness of its cables do to an arm's memory, its computation, and the sense of its pose?
+"""Measure how the stiffness of its cables changes an arm's memory, computation, and the error of its pose.
 
 Sweeps twins over stiffness and slack, and, in less detail, over commands, damping and gravity; answers
 what was expected of them with numbers; and places logged arms on the chart.

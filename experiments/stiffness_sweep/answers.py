@@ -1,4 +1,4 @@
-"""Which expectations does the stiffness sweep confirm, and which does it contradict?"""
+"""Test the expectations of the stiffness sweep against its numbers."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

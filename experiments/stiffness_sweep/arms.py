@@ -1,4 +1,4 @@
-"""Where do logged arms lie on the chart of the sweep, and how far is the twin at that place from them?"""
+"""Place logged arms on the chart of the sweep, and measure their distance from the twin there."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace

@@ -1,4 +1,4 @@
-"""How fast does a sweep simulate, against MuJoCo alone?"""
+"""Measure how fast a sweep simulates, against MuJoCo alone."""
 
 import os
 import time

@@ -1,4 +1,4 @@
-"""What does the stiffness sweep look like?"""
+"""Draw the figures of the stiffness sweep."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

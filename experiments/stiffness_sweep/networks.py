@@ -1,4 +1,4 @@
-"""How well do networks tell the pose, which take too long to be trained at every point?"""
+"""Score networks on the pose at a few points, as they take too long to train at every one."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What does a reader of the stiffness sweep want to see?"""
+"""Write the report of the stiffness sweep."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

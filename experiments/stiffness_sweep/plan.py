@@ -1,4 +1,4 @@
-"""Which arms does the stiffness sweep measure, and how?"""
+"""Plan which arms the stiffness sweep measures, and how."""
 
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Which points of the stiffness sweep are for what?"""
+"""Sort the points of the stiffness sweep by their purpose."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""How good is a readout of one arm on another?"""
+"""Score a readout of one arm on another."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""Does a number rise or fall along an axis of the sweep, beyond what other seeds would change?"""
+"""Test whether a number rises or falls along an axis of the sweep beyond the scatter between seeds."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
