@@ -22,7 +22,7 @@ def random_targets(steps: int, rng: np.random.Generator, arm: Arm = ARM, hold: i
 def joint_p_control(target: Array, motor_angle: Array, gain: float) -> Array:
     """Motor velocities [rad/s], (..., 10), that pull the joint angles to target [rad], (..., 9).
 
-    P control of the joint angles A⁻¹ m that motor angles m [rad], (..., 10), tell, motor velocity
+    P control of the joint angles A⁻¹ m at motor angles m [rad], (..., 10); motor velocity
     = A × joint velocity (P); motor 10 follows the sum of all joints, which keeps the jaw still (A).
     `gain` in 1/s.
     """

@@ -5,9 +5,7 @@ import numpy as np
 from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm, joint_axis, link_frames
 from serpent_twin.arrays import Array
 
-_LEAN = (
-    1e-6  # [m²] (0.2 mm of noise over 0.2 rad)²: leans on the first guess where markers are lost
-)
+_LEAN = 1e-6  # [m²] (0.2 mm of noise over 0.2 rad)²: the prior of the first guess, for lost markers
 _LONGEST_STEP = 0.2  # [rad] Gauss-Newton overshoots from far away
 
 
@@ -51,8 +49,8 @@ def linearised(
     marker: Array, q: Array, offset: Array, arm: Arm = ARM
 ) -> tuple[Array, Array, Array, Array]:
     """Measured markers (N, 9, 3) against those at joint angles q (N, 9) and offsets (9, 3): errors [m],
-    (N, 27), their slopes by joint angles, (N, 27, 9), what gives the angles that undo an error,
-    (N, 9, 27), and the slopes by offsets, (N, 27, 27). Zero where a marker is NaN.
+    (N, 27), their Jacobian by joint angles, (N, 27, 9), its regularised inverse,
+    (N, 9, 27), and the Jacobian by offsets, (N, 27, 27). Zero where a marker is NaN.
     """
     n, seen = len(q), np.isfinite(marker).reshape(len(q), -1)
     at, slope, rotation = marker_jacobian(q, offset, arm)
@@ -79,10 +77,10 @@ def marker_offsets(
     what no rigid arm explains, from rows (N, 9, 3) and first guesses of the joint angles, (N, 9).
 
     Least squares over offsets and all poses, the poses eliminated row by row. An offset that acts
-    as a turn of its joint cannot be told from the pose; `prior` [m] settles those.
+    as a turn of its joint cannot be told apart from the pose; `prior` [m] determines those.
     """
     offset, n = np.zeros((N_JOINTS, 3)), len(start)
-    q = joints_from_markers(marker, start, offset, arm)  # from afar both at once may run away
+    q = joints_from_markers(marker, start, offset, arm)  # both at once may diverge
     seen = np.isfinite(marker).reshape(n, -1)
     for _ in range(iterations):
         error, slope, solve, moves = linearised(marker, q, offset, arm)

@@ -52,8 +52,8 @@ def build(
 ) -> mujoco.MjSpec:
     """The arm as an `MjSpec`; `drawn` adds meshes, lights and visible cables, and no physics.
 
-    Without `motors` the strands run over the arm's joints alone: who steps it shifts their rest
-    lengths by what the motors wind (see `imposed.py`).
+    Without `motors` the strands run over the arm's joints alone: the caller shifts their rest
+    lengths by what the motors wind (see `prescribed_motion.py`).
     """
     if not drawn:
         document = _document(arm, parameters, tolerances, motors=motors)

@@ -2,7 +2,7 @@
 
 You provide a frozen dataclass that inherits `Effect`: its fields are the parameters, each made by
 `parameter`; `edit` says what MJCF can express, `act` what it cannot; `shows_in` and `confused_with`
-tell the reader of a diagnosis. The file's name is the effect's name: nothing else is to be edited.
+are printed in a diagnosis. The file's name is the effect's name: nothing else is to be edited.
 `CATALOGUE` is what the arm may lack; other machines choose by name. The twin, the bus, the device and
 the trace find it here.
 """

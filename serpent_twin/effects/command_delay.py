@@ -14,7 +14,7 @@ from serpent_twin.effects.moment import Told
 
 @dataclass(frozen=True)
 class CommandDelay(Effect):
-    """Servos are told at time t the goals of t − delay, linear between time steps.
+    """Servos receive at time t the goals of t − delay, linear between time steps.
 
     Source: a pure dead time. A bus that is read motor by motor between two writes, queues of messages, and
     a log written before its commands are sent add up to 20 … 300 ms.
@@ -35,7 +35,7 @@ class CommandDelay(Effect):
         return Past(np.tile(moment.goal, (steps, 1, 1)))
 
     def act(self, moment: Told, memory: "Past") -> None:
-        """Tell the servos an old goal."""
+        """Give the servos a delayed goal."""
         memory.keep(moment.goal)
         ago = np.broadcast_to(self.delay / moment.dt, (len(moment.goal), 1))
         whole = np.floor(ago).astype(np.intp)
@@ -53,7 +53,7 @@ class Past:
     """Row of the present ones"""
 
     def keep(self, goal: Array) -> None:
-        """Take the present goals, (n, 6), in place of the oldest."""
+        """Store the present goals, (n, 6), in place of the oldest."""
         self.newest = (self.newest + 1) % len(self.goals)
         self.goals[self.newest] = goal
 

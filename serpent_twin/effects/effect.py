@@ -27,7 +27,7 @@ class Range:
 
     @property
     def least(self) -> float:
-        """Its lowest value while fitted: just off a low of zero, where an effect leaves the model."""
+        """Its lowest value while fitted: just above a low of zero, where the effect would leave the model."""
         return 1e-6 * self.typical if self.fitted and self.low == 0 else self.low
 
 
@@ -57,9 +57,9 @@ class Effect:
     """Physics that the nominal twin leaves out. All fields zero, or `absent`, is the nominal twin.
 
     `edit` writes what MJCF can express into the machine's spec; `act` changes one time step of many runs
-    at once, with what `start` returned as memory. What `act` asks of its moment says which machines can
-    have it. A stacked effect (`stack`) has (n, 1) arrays for
-    fields: `start` and `act` are written so that both work. `edit` sees numbers only.
+    at once, with what `start` returned as memory. The quantities that `act` reads from its moment determine
+    which machines can have it. A stacked effect (`stack`) has (n, 1) arrays for fields: `start` and
+    `act` are written so that both work. `edit` is given numbers only.
     """
 
     shows_in: ClassVar[str] = ""
@@ -96,7 +96,7 @@ class Effect:
 
     @property
     def strength(self) -> float:
-        """How strong it is, in the unit of its first parameter; zero is absence."""
+        """Its strength, in the unit of its first parameter; zero is absence."""
         return float(getattr(self, fields(self)[0].name))
 
     @property
@@ -108,21 +108,21 @@ class Effect:
         """Write into the arm's spec what MJCF can express of it."""
 
     def start(self, moment: Any) -> Any:
-        """What it remembers, at the beginning of a run."""
+        """Its memory at the beginning of a run."""
 
     def act(self, moment: Any, memory: Any) -> None:
         """Change one time step of n runs, and the memory, in place."""
 
     def longest_step(self, moment: Any) -> Array | float:
-        """Longest time step by which its memory goes through a measured past [s]: `SMOOTH` of its law's time
-        constant, where that is known.
+        """Longest time step of its memory in a measured past [s]: `SMOOTH` of its law's time constant,
+        where that is known.
         """
         return _UNKNOWN if self.remembers else np.inf
 
     @classmethod
     def variants(cls) -> "Several":
-        """What it may be like in an arm of this size: where fits start, more than one if a parameter
-        that is not fitted says where or how it sits.
+        """Typical instances in an arm of this size, from which fits start; more than one if a parameter
+        that is not fitted sets its place or form.
         """
         return (cls(**{n: r.typical for n, r in ranges(cls).items()}),)
 
@@ -169,13 +169,13 @@ def edit(spec: mujoco.MjSpec, effects: Sequence[Effect], arm: Arm = ARM) -> None
 
 
 def begin(effects: Sequence[Effect], moment: Any) -> list[Any]:
-    """What effects remember at the beginning of runs."""
+    """The memories of effects at the beginning of runs."""
     return [_alone(effect.start, effect, moment) for effect in effects]
 
 
 def act(effects: Sequence[Effect], moment: Any, memories: Sequence[Any]) -> None:
-    """Let effects change one time step, one after the other; raises a `SerpentError` that names the effect
-    which asks of the moment what it lacks, or changes what would not be honoured.
+    """Let effects change one time step, one after the other; raises a `SerpentError` that names an effect
+    which reads what the moment lacks, or changes what the simulation does not use.
     """
     for effect, memory in zip(effects, memories, strict=True):
         _alone(effect.act, effect, moment, memory)

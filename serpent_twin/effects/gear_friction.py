@@ -11,7 +11,7 @@ from serpent_twin.effects.moment import Geared
 class GearFriction(Effect):
     """A gearbox's Coulomb friction grows by c |τ|, τ the torque at its horn.
 
-    Tooth and bearing friction grow with the force that they carry. Where angles are imposed it shows in
+    Tooth and bearing friction grow with the force that they carry. In prescribed motion it shows in
     the loads alone; else the servo lags more, too.
     Source: the load-dependent friction models of Duclusaud et al., Extended Friction Models for the
     Physics Simulation of Servo Actuators, arXiv:2410.08650 (Rhoban BAM). Five stages of plastic and

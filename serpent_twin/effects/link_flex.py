@@ -20,7 +20,7 @@ in the joints from creeping; at 0.5 Hz, it carries less than 1 % of the moment o
 class LinkFlex(Effect):
     """A link bends about y and about z by compliance × moment, as if by a hinge at its middle.
 
-    Cables run along the link's axis and do not bend it. Links 1 … 8 bend; what hangs on the ninth is
+    Cables run along the link's axis and do not bend it. Links 1 … 8 bend; the load of the ninth is
     too light. A link's own mass and marker stay with the half that holds its joint.
     Source: pseudo-rigid-body model (Howell, Compliant Mechanisms, Wiley 2001). MJCF expresses all of it:
     joints of one body turn in sequence, so that the hinges of a link's middle come first in the next

@@ -14,7 +14,7 @@ _STICKS = 1e-9  # [rad/s] as good as at rest
 
 
 class Instant:
-    """A moment of which effects change only what its simulation honours; to change the rest is an error."""
+    """A moment whose writable fields are those that its simulation uses; changing others is an error."""
 
     given: ClassVar[frozenset[str]] = frozenset()
     """Names of the fields that effects read and do not change"""
@@ -63,7 +63,7 @@ class Wound(Protocol):
 
 
 class Told(Protocol):
-    """A moment of a machine that is driven by what its servos are told."""
+    """A moment of a machine whose servos are given goals."""
 
     dt: Array
     """[s], (n, 1)"""
@@ -73,16 +73,16 @@ class Told(Protocol):
     """Where they stand [rad]"""
 
     def tell(self, goal: Array) -> None:
-        """Tell the servos another goal, where they stand unless a later effect lets them give way [rad]."""
+        """Give the servos another goal [rad], reached at once unless a later effect makes them yield."""
         ...
 
     def stand(self, angle: Array) -> None:
-        """Let the servos, and what winds the cables, stand there [rad]."""
+        """Set the angles of the servos, and of what winds the cables [rad]."""
         ...
 
 
 class Giving(Told, Protocol):
-    """A moment of a machine whose servos feel its cables."""
+    """A moment of a machine whose servos yield to its cables."""
 
     cable_torque: Array
     """What the cables ask of each servo's horn [N m]"""
@@ -149,8 +149,8 @@ class Moment(Instant):
     """How long earlier sessions ran in all [s], or (n, 1)"""
 
     def add_joint_friction(self, torque: Array, transition_velocity: Array | float) -> None:
-        """Let the hinges rub by so much more [N m], below a velocity of its own [rad/s]: near rest, the
-        slopes of both frictions add.
+        """Add friction to the hinges [N m], regularised below a velocity of its own [rad/s]: near rest,
+        the slopes of both frictions add.
         """
         before = self.joint_friction / np.maximum(self.transition_velocity, _STICKS)
         slope = before + torque / np.maximum(transition_velocity, _STICKS)
@@ -159,11 +159,11 @@ class Moment(Instant):
 
     @property
     def stretch(self) -> Array:
-        """Length by which each strand is stretched beyond its slack [m]; negative while it hangs."""
+        """Length by which each strand is stretched beyond its slack [m]; negative while it is slack."""
         wound = self.winch_ratio * self.winch_angle
         passed = np.cumsum(
             self.joint_angle, axis=1
-        )  # a matrix product rounds by the number of rows
+        )  # the rounding of a matrix product depends on the number of rows
         wound[:, :N_JOINTS] -= passed
         wound[:, N_JOINTS:] -= passed[:, -1:] + self.jaw_angle
         radius = np.array(self.arm.pulley_radius)
@@ -177,7 +177,7 @@ class Moment(Instant):
 
     @property
     def horn_torque(self) -> Array:
-        """Torque that cables and effects ask of each motor's horn, without its gearbox [N m], (n, 10)."""
+        """Torque of cables and effects on each motor's horn, without gearbox friction [N m], (n, 10)."""
         tension = self.tension
         reach = np.array(self.arm.pulley_radius) * self.winch_ratio
         return reach * (tension[:, 0::2] - tension[:, 1::2]) - self.motor_torque

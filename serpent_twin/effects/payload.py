@@ -25,8 +25,8 @@ class Payload(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("base_tilt", "joint_elasticity", "link_flex")
 
     def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
-        """Hang the mass into the last link."""
+        """Add the mass to the last link."""
         last = [body for body in spec.bodies if body.name.startswith("link")][-1]
         held = last.add_body(name="payload", pos=[self.place, 0, 0])
         held.mass, held.inertia, held.explicitinertial = self.mass, [1e-9] * 3, True
-        held.ipos = [0, 0, 0]  # else it is missing where the spec is written as XML
+        held.ipos = [0, 0, 0]  # otherwise it is missing when the spec is written as XML

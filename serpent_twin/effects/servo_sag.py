@@ -14,8 +14,8 @@ from serpent_twin.effects.moment import Giving
 class ServoSag(Effect):
     """A servo under proportional control, damped by its back-EMF, settles at goal − compliance × torque.
 
-    θ̇ = (goal − c τ − θ) / lag, where τ is what the cables ask of the horn. The nominal servo stands where
-    it is told.
+    θ̇ = (goal − c τ − θ) / lag, where τ is the cables' torque on the horn. The nominal servo stands at
+    its goal.
     Source: a DC motor behind a P gain: K (goal − θ) − b θ̇ = τ with c = 1 / K, lag = b / K.
     """
 
@@ -31,11 +31,11 @@ class ServoSag(Effect):
     of_arm: ClassVar[bool] = False
 
     def start(self, moment: Giving) -> Array:
-        """Where the servos stand [rad]."""
+        """Angles of the servos [rad]."""
         return moment.motor_angle.copy()
 
     def act(self, moment: Giving, memory: Array) -> None:
-        """Let the servos go on towards where they would settle."""
+        """Move the servos towards where they would settle."""
         moment.stand(np.where(np.equal(self.compliance, 0.0), moment.goal, memory))
         short = moment.goal - self.compliance * moment.cable_torque - memory
         memory += moment.dt / (self.lag + moment.dt) * short

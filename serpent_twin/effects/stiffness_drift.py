@@ -16,8 +16,8 @@ LEAST = 0.1
 class StiffnessDrift(Effect):
     """All strands soften evenly: k(t) = k (1 − rate t), down to a tenth.
 
-    What warms recovers until the next session, and t is since the session began; what wears carries
-    over, and t counts the sessions before, too.
+    Warming recovers until the next session, and t counts from the session's start; wear carries
+    over, and t includes earlier sessions.
     Source: linear term of the modulus in time. Polyethylene loses about 1 % of its modulus per kelvin,
     and cables, pulleys and winches warm by some kelvins to tens of kelvins in an hour of running.
     """

@@ -17,7 +17,7 @@ def available() -> list[str]:
 
 
 def described() -> str:
-    """Every rig's name and what it is, for the command line."""
+    """Every rig's name and first docstring line, for the command line."""
     return "; ".join(f"{name}, {find(name).about}" for name in available())
 
 

@@ -1,7 +1,8 @@
 """Model the jaw of a surgical tool, which a spindle turns by cables.
 
-The logs are of the tool characterisation bench of MRDLab: spindle angle and load torque in, jaw angle
-and spindle torque out. The spindle's cable turns a wrist, where all friction sits, and the wrist the jaw.
+The logs are of the tool characterisation bench of MRDLab: spindle angle and load torque are inputs, jaw
+angle and spindle torque are outputs. The spindle's cable
+turns a wrist, where all friction sits, and the wrist turns the jaw.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,7 +52,7 @@ _CANDIDATES = (
 )
 _LOAD = "jaw"
 _SUBSTEPS = 2  # of a row, where the shaft stretches
-_APPROACH = 0.2  # [rad] from where a run is approached in the direction in which it begins
+_APPROACH = 0.2  # [rad] before its first angle, a run is approached in its first direction
 _BEFORE = 60  # time steps of that
 
 
@@ -99,7 +100,7 @@ class Jaw:
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """What the coordinates stand for."""
+        """The physical quantity of each coordinate."""
         starts = (1.0, float(np.degrees(self.zero)), 0.0, 1.0)
         return tuple(
             Quantity(each.name, each.unit.removeprefix("log "), start, not_log, (k,))
@@ -215,8 +216,8 @@ class _Cables(Turns):
         self.batch.forward()
 
     def turn(self, before: Array, after: Array, load: Array) -> tuple[Array, Array]:
-        """Turn the drives through one row, the jaws loaded [N m]; returns what the drives gave and the jaws
-        asked of the hinges when it began [N m], (n, 1) each.
+        """Turn the drives through one row, the jaws loaded [N m]; returns the torques of the drives and
+        of the jaws on the hinges at its beginning [N m], (n, 1) each.
         """
         self.qpos[:, [self._driven]] = before
         self.qvel[:, [self._driven]] = (after - before) / (self._n * self.dt)

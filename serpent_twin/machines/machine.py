@@ -1,7 +1,7 @@
 """Define what a rig must provide for a machine to be traced.
 
-A rig says how its twin is built, how a log drives it, what is measured with which noise, and which
-effects are candidates. `residual` and `trace` know rigs by this file alone.
+A rig defines how its twin is built, how a log drives it, what is measured with which noise, and which
+effects are candidates. `residual` and `trace` use rigs through this interface alone.
 """
 
 import time
@@ -35,7 +35,7 @@ class Declared:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a coordinate of the fit stands for, as a data sheet would state it."""
+    """The physical quantity of a coordinate of the fit, as a data sheet would state it."""
 
     name: str
     """Such as `strand stiffness 3+`"""
@@ -51,7 +51,7 @@ class Quantity:
     """As declared before any log was seen; NaN where nothing is"""
 
     def after(self, change: float) -> float:
-        """Its value where its coordinates have changed by so much in sum."""
+        """Its value after a total change of its coordinates."""
         if self.scale:
             return self.start + self.scale * change
         return self.start * float(np.exp(change))
@@ -75,7 +75,7 @@ class Candidate:
 
 
 def candidate(name: str, **sized: Range) -> Candidate:
-    """An effect as it knows itself, or with ranges for a machine of another size than the arm's."""
+    """An effect with its own ranges, or with ranges for a machine of another size than the arm's."""
     kind = by_name(name)
     known = {n: sized.get(n, r) for n, r in ranges(kind).items()}
     variants = [
@@ -101,17 +101,17 @@ class ParameterVector:
     """All parameters of each effect that is there, by name, in the order of its ranges"""
 
     def having(self, name: str, values: Array) -> "ParameterVector":
-        """With one effect's parameters set."""
+        """The same vector with one effect's parameters set."""
         return replace(self, effects={**self.effects, name: np.asarray(values, float)})
 
 
 def effects_at(point: ParameterVector) -> tuple[Effect, ...]:
-    """The effects of a point."""
+    """The effects of a parameter vector."""
     return tuple(effect_at(name, values) for name, values in point.effects.items())
 
 
 def effect_at(name: str, values: Array) -> Effect:
-    """An effect out of its parameters, clipped to their ranges; a strength stays just off zero, where
+    """An effect of given parameters, clipped to their ranges; a strength stays just above zero, where
     the effect would leave the model's structure.
     """
     kind = by_name(name)
@@ -164,7 +164,7 @@ class Log(Protocol):
 
     @property
     def metadata(self) -> Mapping[str, Any]:
-        """What the recorder said of it."""
+        """The recorder's metadata."""
         ...
 
     @property
@@ -174,7 +174,7 @@ class Log(Protocol):
 
 
 class Case(Protocol[P]):
-    """A machine with the first guesses that its training logs allow: what the fit works on."""
+    """A machine with first guesses from its training logs, as the fit uses it."""
 
     declared: Sequence[Declared]
     quantities: Sequence[Quantity]
@@ -221,7 +221,7 @@ class Case(Protocol[P]):
         ...
 
     def compare(self, point: ParameterVector | None, pieces: P) -> Comparison:
-        """Measured beside what the twin at a point predicts; without a point, the nominal twin."""
+        """Measured beside predicted by the twin of a parameter vector; without one, by the nominal twin."""
         ...
 
     def expected(
@@ -231,13 +231,13 @@ class Case(Protocol[P]):
         pieces: P,
         rng: np.random.Generator,
     ) -> float:
-        """Mean marker error [mm] of a twin that lacks nothing: whose start is as uncertain as the
-        measurement, and which is one of those drawn as the fit is uncertain.
+        """Mean marker error [mm] of a twin that lacks nothing: its start has the measurement's noise, and
+        its parameters are drawn from the fit's covariance.
         """
         ...
 
     def write(self, point: ParameterVector, path: Path, about: Mapping[str, Any]) -> None:
-        """Write the twin of a point, PATH.json and PATH.xml."""
+        """Write the twin of a parameter vector, PATH.json and PATH.xml."""
         ...
 
 

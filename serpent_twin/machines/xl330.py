@@ -1,6 +1,7 @@
 """Model a Dynamixel XL330 that swings a mass under position control.
 
-The logs are the pendulum bench of Rhoban's BAM: goal angles and P gain in, the horn's angle out.
+The logs are of the pendulum bench of Rhoban's BAM: goal angles and P gain are
+inputs, the horn's angle is the output.
 """
 
 from collections.abc import Mapping, Sequence
@@ -58,7 +59,7 @@ _CANDIDATES = (
 
 
 class Driven(OpenForm, frozen=True):
-    """What a log says of how the servo was driven."""
+    """How the servo was driven, in a log's metadata."""
 
     mass: Annotated[float, above(0.0, 100.0, "kg")]
     length: Annotated[float, above(0.0, 10.0, "m")]
@@ -101,7 +102,7 @@ class Xl330:
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """What the coordinates stand for: the data sheet's numbers are the start."""
+        """The physical quantity of each coordinate: the data sheet's numbers are the start."""
         starts = (1e3 * _TORQUE, _BACK_EMF, 1e3 * _ARMATURE, 0.0)
         units = ("mN m/V", "V s/rad", "g m²", "°")
         scales = (0.0, 0.0, 0.0, 1.0)
@@ -177,7 +178,7 @@ class Xl330:
 
 
 class _Powered(Turns):
-    """With the motor's constants at hand, which are nought while it is off."""
+    """Runs with the motor's constants, which are zero while it is off."""
 
     moment_of = hinge.TorqueMoment
 

@@ -53,7 +53,7 @@ class ArmFile:
 
     @property
     def note(self) -> str:
-        """What the reader should know of it; nothing for twin.json."""
+        """A note for the reader; empty for twin.json."""
         if self.model is None:
             return ""
         return f"{self.path} is MJCF, which lacks the effects that only twin.json can hold."

@@ -27,7 +27,7 @@ _UNEQUAL = (
 
 
 def structure(model: mujoco.MjModel) -> tuple[object, ...]:
-    """What models that step side by side must have in common: the sizes of state and fields."""
+    """The sizes of state and fields, which models that step side by side must share."""
     shapes = [np.shape(_field(model, name)) for name in mujoco.batch.MODEL_FIELDS]
     return mujoco.mj_stateSize(model, _STATE), *shapes
 
@@ -41,7 +41,7 @@ def side_by_side(models: Sequence[mujoco.MjModel], nthread: int) -> Batch:
     """A batch whose run i is of models[i]; all must be of one structure."""
     distinct = {id(model): model for model in models}
     for model in distinct.values():
-        # An unstable run that starts itself anew would warn in every step.
+        # An unstable run that resets itself would warn in every step.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     batch = Batch(models[0], len(models), nthread)
     if len({structure(model) for model in distinct.values()}) > 1:
@@ -85,7 +85,7 @@ class Variation:
             self._fields.append((batch.expand(name), all_of[0], all_of[1:] - all_of[0]))
 
     def set(self, share: Array) -> None:
-        """Give every run the first model and shares of what the others differ by, (n, K)."""
+        """Give every run the first model plus shares of the others' differences, (n, K)."""
         for own, first, change in self._fields:
             own[...] = (first + np.tensordot(share, change, 1)).reshape(np.shape(own))
 
@@ -99,7 +99,7 @@ def set_timestep(batch: Batch, timestep: Array) -> None:
 def addresses(
     model: mujoco.MjModel, names: Sequence[str]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Where joints of these names lie in qpos and in qvel."""
+    """Addresses of joints of these names in qpos and in qvel."""
     joints = [model.joint(name) for name in names]
     return (
         np.array([int(j.qposadr[0]) for j in joints], np.intp),
@@ -108,9 +108,9 @@ def addresses(
 
 
 class CableDynamics:
-    """Cables, gears and hinges of n runs, with what their effects do before every time step.
+    """Cables, gears and hinges of n runs, on which their effects act before every time step.
 
-    `motors` says whether the model has the motors' hinges, so that its strands feel them already;
+    `motors` says whether the model has the motors' hinges, which wind its strands already;
     else the strands' rest lengths carry what the winches wind.
     """
 
@@ -148,7 +148,7 @@ class CableDynamics:
         """Longest time step that the effects' memories follow [s], (n,)"""
 
     def start(self, time: Array, motor_angle: Array, motor_velocity: Array) -> None:
-        """Begin anew: effects forget all. Arrays are (n, 1), (n, 10), (n, 10)."""
+        """Begin anew: reset the effects' memories. Arrays are (n, 1), (n, 10), (n, 10)."""
         moment = self.moment(time, motor_angle, motor_velocity, 0.0)
         self._memory = effects.begin(self._effects, moment)
         self.longest_step = effects.longest_step(self._effects, moment, len(time))
@@ -182,7 +182,7 @@ class CableDynamics:
     def act(
         self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array
     ) -> Moment:
-        """Let the effects act on the next time step, and write what they changed into the batch."""
+        """Let the effects act on the next time step, and write their changes into the batch."""
         moment = self.moment(time, motor_angle, motor_velocity, dt)
         effects.act(self._effects, moment, self._memory)
         self.wind(moment.slack, moment.winch_angle, motor_angle)
@@ -196,7 +196,7 @@ class CableDynamics:
         return moment
 
     def _rub(self, moment: Moment) -> None:
-        """Let the hinges rub as this moment has them."""
+        """Set the hinges' friction to this moment's."""
         reference, impedance, inverse_inertia = self._soft
         friction, v = moment.joint_friction, self._joint_v
         soft = softness(friction, inverse_inertia[:, v], moment.transition_velocity)
@@ -205,8 +205,8 @@ class CableDynamics:
         impedance[:, v, :2] = soft[1][..., None]
 
     def jaw_at_rest(self, wound: Array) -> Array:
-        """Where the jaw stands [rad], (n, 1): as near to its zero as its friction holds it against its
-        cable, wound by motor and joints by so much [rad], (n, 1).
+        """Angle of the jaw at rest [rad], (n, 1): as near to zero as its friction holds it against its
+        cable, which motor and joints wind [rad], (n, 1).
         """
         radius = self.arm.pulley_radius[-1]
         stretch = self.slack[:, -2:] + self._jaw_friction / (radius * self.stiffness[:, -2:])
@@ -214,12 +214,12 @@ class CableDynamics:
         return wound - np.clip(wound, np.minimum(low, high), np.maximum(low, high))
 
     def wind(self, slack: Array, winch_angle: Array, motor_angle: Array) -> None:
-        """Shift the strands' rest lengths by what the winches wind and the model does not know."""
+        """Shift the strands' rest lengths by what the winches wind outside the model."""
         wound = winch_angle - motor_angle if self._motors else winch_angle
         self._rest[:, :, 1] = slack - _SIGN * np.repeat(self._reach * wound, 2, axis=1)
 
     def horn_torque(self, moment: Moment) -> Array:
-        """Torque that cables and effects ask of each motor's horn, without its gearbox [N m], (n, 10)."""
+        """Torque of cables and effects on each motor's horn, without gearbox friction [N m], (n, 10)."""
         return moment.horn_torque
 
 

@@ -22,7 +22,7 @@ class History:
             self._sensors = batch.bind("sensordata")
 
     def fill(self) -> None:
-        """Let every delayed sensor have always read the present instant."""
+        """Fill the history of every delayed sensor with its present reading."""
         if not self._slots:
             return
         delay = self._delay.copy()

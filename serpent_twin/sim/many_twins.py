@@ -1,7 +1,7 @@
 """Simulate many twins whose motors move exactly as logged.
 
 The motors' angles wind the strands, whatever pulls: an error of the twin is not hidden by a
-controller, nor made by a servo's lag. Many designs and many stretches of logs step side by side.
+controller, nor caused by a servo's lag. Many twin models and many stretches of logs step side by side.
 """
 
 import os
@@ -22,14 +22,14 @@ from serpent_twin.sim.twin_model import TwinModel
 TIMESTEP = 0.005
 """[s]; a step of 1 ms moves the markers by about 0.1 mm, and by about 1 ms in time at most (tests)."""
 _SWEEPS = 20
-_SOFT = 7e3  # [N/m]; strands up to here bear twice the usual time step
+_SOFT = 7e3  # [N/m]; strands up to this stiffness are stable at twice the usual time step
 
 
 @dataclass(frozen=True)
 class Past:
     """What happened before each of B stretches, at K rows, for effects that remember.
 
-    Motor angles and markers were measured then, so nothing is simulated: effects feel the measured
+    Motor angles and markers were measured then, so nothing is simulated: effects are given the measured
     pose, from row to row.
     """
 
@@ -69,7 +69,7 @@ class Stretches:
 
 @dataclass(frozen=True)
 class Response:
-    """What D designs did in B stretches of R rows."""
+    """Responses of D twin models in B stretches of R rows."""
 
     marker: Array
     """[m], (D, B, R, 9, 3)"""
@@ -92,7 +92,7 @@ def impose(
     nthread: int = 0,
     hastened: bool = False,
 ) -> Response:
-    """Drive designs, whose models are `alike`, by measured motor angles."""
+    """Simulate twin models that are `alike` in prescribed motion, by measured motor angles."""
     models = [design.spec(motors=False).compile() for design in designs]
     if hastened:
         for model in models:
@@ -108,14 +108,14 @@ def impose(
 
 
 def hasten(model: mujoco.MjModel) -> None:
-    """Let a few sweeps of the projected Gauss-Seidel solver find a model's friction: markers are off by
-    about 0.1 mm.
+    """Solve a model's friction by a few sweeps of projected Gauss-Seidel: markers are off by about
+    0.1 mm.
     """
     model.opt.solver, model.opt.iterations = mujoco.mjtSolver.mjSOL_PGS, _SWEEPS
 
 
 def alike(designs: Sequence[TwinModel]) -> list[list[int]]:
-    """Which designs, by index, can step side by side: models of one structure, effects of like memory."""
+    """Groups of twin models, by index, that can step side by side: one structure, effects of like memory."""
     of_kinds: dict[frozenset[type], tuple[object, ...]] = {}
     groups: dict[tuple[object, ...], list[int]] = {}
     for n, design in enumerate(designs):
@@ -128,14 +128,14 @@ def alike(designs: Sequence[TwinModel]) -> list[list[int]]:
 
 
 def remember(design: TwinModel) -> bool:
-    """Whether an effect of a design remembers more than a segment."""
+    """Whether an effect of a twin model has a memory longer than a segment."""
     return any(effect.remembers for effect in design.active)
 
 
 def longest_step(designs: Sequence[TwinModel]) -> float:
     """A time step [s] for rough answers: the softer the stiffest strand, the longer, up to twice the usual.
 
-    Markers are off by 0.14 mm, all designs' alike; a derivative is at a cosine of 0.95 … 0.99 to that of
+    Markers are off by 0.14 mm in all twin models alike; a derivative has a cosine of 0.95 … 0.99 to that of
     steps of 1 ms, as it is on stiffer strands with the usual step.
     """
     stiffest = max(
@@ -153,7 +153,7 @@ def substeps(stretches: Stretches, timestep: float) -> NDArray[np.intp]:
 
 
 class _Run:
-    """Runs of all designs (D) in all stretches (B), D slow, B fast, from row to row."""
+    """Runs of all twin models (D) in all stretches (B), D slow, B fast, from row to row."""
 
     def __init__(
         self,
@@ -186,7 +186,7 @@ class _Run:
         return Motors(*(self._rows(x[:, row]) for x in (s.time, s.motor_angle, s.motor_velocity)))
 
     def restart(self, row: int) -> None:
-        """Put the joints where the markers saw them; effects with a long memory keep it."""
+        """Put the joints at the pose measured by the markers; effects with a long memory keep it."""
         s = self.s
         if row == 0 and s.past:
             self._remember(s.past)
@@ -195,7 +195,7 @@ class _Run:
         self.arms.place(self._motors(row), *joint, anew=row == 0 and not s.past)
 
     def _remember(self, past: Past) -> None:
-        """Let effects feel the measured poses before the stretches."""
+        """Give effects the measured poses before the stretches."""
         for k in range(past.time.shape[1]):
             motors = Motors(
                 *(self._rows(x[:, k]) for x in (past.time, past.motor_angle, past.motor_velocity))
@@ -207,7 +207,7 @@ class _Run:
         self.arms.move(self._motors(row), int(self.substeps[row - 1]))
 
     def read(self, row: int) -> None:
-        """Note what sensors say of the present instant."""
+        """Store the sensors' readings of the present instant."""
         now = self.arms.read()
         for noted, value in (
             (self.marker, now.marker),
@@ -219,7 +219,7 @@ class _Run:
             noted[:, row] = value
 
     def response(self) -> Response:
-        """All that was noted, by design."""
+        """All stored readings, by twin model."""
         bad = np.asarray(self.arms.unstable.reshape(self.D, self.B).any(axis=1))
 
         def by_design(noted: Array) -> Array:

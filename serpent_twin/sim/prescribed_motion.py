@@ -26,7 +26,7 @@ STANDING = 0.05
 
 @dataclass(frozen=True)
 class Motors:
-    """What is measured of the motors of n arms in one row."""
+    """Measured angles and velocities of the motors of n arms in one row."""
 
     time: Array
     """Since each session began [s], (n,)"""
@@ -36,7 +36,7 @@ class Motors:
     """[rad/s], (n, 10)"""
 
     def towards(self, other: "Motors", share: Array) -> "Motors":
-        """A share of the way to another row, (n, 1)."""
+        """A row interpolated by a share of the way to another one, (n, 1)."""
         time = self.time + share[:, 0] * (other.time - self.time)
         angle = self.angle + share * (other.angle - self.angle)
         return Motors(time, angle, self.velocity + share * (other.velocity - self.velocity))
@@ -44,7 +44,7 @@ class Motors:
 
 @dataclass(frozen=True)
 class Sensed:
-    """What n arms would be seen to do at one instant."""
+    """Sensor readings of n arms at one instant."""
 
     marker: Array
     """[m], (n, 9, 3)"""
@@ -59,7 +59,7 @@ class Sensed:
 
 
 class DrivenArms:
-    """Arms that step side by side, each of its own design, all with effects of the same kinds.
+    """Arms that step side by side, each of its own twin model, all with effects of the same kinds.
 
     The motors' angles wind the strands, whatever pulls. `place` comes first, then `move` and `read`.
     """
@@ -85,7 +85,7 @@ class DrivenArms:
 
     @property
     def prior_runtime(self) -> Array | float:
-        """How long each arm's earlier sessions ran in all [s], (n,)."""
+        """Total time of each arm's earlier sessions [s], (n,)."""
         return np.ravel(self._cables.prior_runtime)
 
     @prior_runtime.setter
@@ -94,7 +94,7 @@ class DrivenArms:
 
     @property
     def unstable(self) -> NDArray[np.bool_]:
-        """Whose simulation gave up, of bool, (n,)."""
+        """Which simulations became unstable, of bool, (n,)."""
         return self._batch.warning[..., 1].any(axis=-1)
 
     def place(
@@ -104,7 +104,7 @@ class DrivenArms:
         joint_velocity: Array | float = 0.0,
         anew: bool = True,
     ) -> None:
-        """Put the joints at angles [rad], (n, 9), and velocities [rad/s]; `anew`, effects forget all."""
+        """Put the joints at angles [rad], (n, 9), and velocities [rad/s]; `anew` resets effects."""
         self._hold(motors, joint_angle)
         self._qvel[:, self._joint_v] = joint_velocity
         if anew:
@@ -114,10 +114,10 @@ class DrivenArms:
         self._history.fill()
 
     def feel(self, motors: Motors, joint_angle: Array, anew: bool = False) -> None:
-        """Let effects that remember feel a measured pose [rad], (n, 9), at rest; nothing is simulated.
+        """Give effects with memory a measured pose [rad], (n, 9), at rest; nothing is simulated.
 
-        Between the pose before and this one they feel an even motion, each arm in time steps that its laws
-        bear, however many its neighbours take.
+        Between the pose before and this one they are given an even motion, each arm in time steps that are
+        stable for its laws, however many its neighbours take.
         """
         if anew:
             self._hold(motors, joint_angle)
@@ -134,7 +134,7 @@ class DrivenArms:
             self._cables.act(now.time[:, None], now.angle, now.velocity, dt)
 
     def _hold(self, motors: Motors, joint_angle: Array) -> None:
-        """Put joints and the jaw somewhere, at rest."""
+        """Put joints and the jaw at given angles, at rest."""
         self._motors = motors
         self._qpos[...], self._qvel[...] = 0.0, 0.0
         self._qpos[:, self._joint_q] = joint_angle
@@ -153,7 +153,7 @@ class DrivenArms:
         path = _Path(before.angle, to.angle, before.velocity, substeps * dt, self._lag)
         began = before.time[:, None]
         for k in range(substeps):
-            angle, velocity = path.at(k * dt)  # MuJoCo's springs pull as at the step's beginning
+            angle, velocity = path.at(k * dt)  # MuJoCo's springs pull as at the step's start
             if self._cables.acting:
                 self._cables.act(began + k * dt, angle, velocity, dt)
             else:
@@ -164,11 +164,11 @@ class DrivenArms:
         self._batch.forward()
 
     def variation(self) -> Variation:
-        """The arms as what differs between the first and each further one: it can be set anew at any time."""
+        """The differences between the first arm and each further one, which can be set anew at any time."""
         return Variation(self._batch, self._models)
 
     def nudge(self, joint_angle: Array) -> None:
-        """Move the joints to angles [rad], (n, 9), as they are; velocities and memories stay."""
+        """Move the joints to angles [rad], (n, 9); velocities and memories stay."""
         self._qpos[:, self._joint_q] = joint_angle
         self._batch.forward()
 
@@ -176,7 +176,7 @@ class DrivenArms:
         self._cables.wind(self._cables.slack, motors.angle, motors.angle)
 
     def read(self) -> Sensed:
-        """What sensors say of the present instant."""
+        """The sensors' readings of the present instant."""
         motors = self._motors
         moment = self._cables.act(motors.time[:, None], motors.angle, motors.velocity, 0.0)
         loss = moment.gear_friction * np.tanh(motors.velocity / (STANDING / 3))
@@ -203,7 +203,7 @@ class _Path:
 
 
 def taken_up(before: Array, old: Array, new: Array, t: Array, lag: float) -> tuple[Array, Array]:
-    """Angles [rad] and velocities [rad/s] a time t [s] after motors at angles `before` were told to turn at
+    """Angles [rad] and velocities [rad/s] a time t [s] after motors at angles `before` were given
     new velocities in place of old ones, with a lag of first order [s]; shapes broadcast.
 
     x(t) = x₀ + v t + (v₀ − v) τ (1 − exp(−t/τ)).

@@ -31,8 +31,8 @@ class Twin:
     """`nsim` runs of one arm, stepped side by side; every array below has their rows in front.
 
     A run starts straight and hanging, at rest, all angles zero. Readings are of the present
-    instant. All of the state lies in MuJoCo's state rows, the servos' goals, and what the effects
-    remember.
+    instant. All of the state lies in MuJoCo's state rows, the servos' goals, and the effects'
+    memories.
     """
 
     def __init__(
@@ -43,8 +43,8 @@ class Twin:
         model: mujoco.MjModel | None = None,
         prior_runtime: float = 0.0,
     ) -> None:
-        """`model` is taken in place of what the design's spec compiles to; `prior_runtime` is how
-        long the arm has run in earlier sessions [s], for effects that wear it.
+        """`model` replaces the compiled spec of the twin model; `prior_runtime` is how long the arm has
+        run in earlier sessions [s], for effects of wear.
         """
         self.model = model or design.spec().compile()
         self.design, self.arm = design, design.arm
@@ -73,11 +73,11 @@ class Twin:
 
     @property
     def runtime(self) -> float:
-        """How long the arm has run in all, earlier sessions included [s]."""
+        """Total time that the arm has run, earlier sessions included [s]."""
         return self.prior_runtime + self._ran
 
     def anew(self) -> "Twin":
-        """One run of the same arm, straight, at rest and strung anew; what has worn stays worn."""
+        """One run of the same arm, straight, at rest and re-strung; wear is kept."""
         return Twin(self.design, model=self.model, prior_runtime=self.runtime)
 
     @property
@@ -146,7 +146,7 @@ class Twin:
         ahead = self._held_to(velocity, np.array([duration]))
         torque = self._step(control) if self.mechanism.acting else self._roll(control)
         self._goal, self._pace = (each[:, 0] for each in ahead)
-        # what is read now belongs to now, not to a step ago
+        # readings are of the present instant, not of a step ago
         self._ctrl[:, 0::2], self._ctrl[:, 1::2] = self._goal, self._pace
         self._look()
         self._refuse_divergence()
@@ -161,12 +161,12 @@ class Twin:
         return taken_up(goal, old, new, elapsed[:, None], self.design.parameters.servo_lag)
 
     def _roll(self, control: Array) -> Array:
-        """All substeps at once: nothing acts in Python."""
+        """Take all substeps at once: no effect acts in Python."""
         record = self.batch.rollout(control.shape[1], control, record=("actuator_force",))
         return record["actuator_force"]
 
     def _step(self, control: Array) -> Array:
-        """Substep by substep, effects acting before each."""
+        """Step substep by substep, effects acting before each."""
         torque = np.empty((*control.shape[:2], N_MOTORS))
         for k in range(control.shape[1]):
             self._ctrl[...] = control[:, k]
@@ -180,7 +180,7 @@ class Twin:
         self.mechanism.act(time, self.motor_angle, self.motor_velocity, dt)
 
     def _look(self) -> None:
-        """Bring sensors and tensions up to the present instant."""
+        """Update sensors and tensions to the present instant."""
         if self.mechanism.acting:
             self._act(0.0)
         self.batch.forward()
@@ -203,7 +203,7 @@ class Twin:
 
 @dataclass(frozen=True)
 class Replay:
-    """What the twin did while measured motor angles drove it; T rows, as the log's."""
+    """Response of the twin to measured motor angles; T rows, as the log's."""
 
     joint_angle: Array
     """[rad], (T, 9)"""
@@ -221,9 +221,9 @@ def replay_motors(
     design: TwinModel = NOMINAL_TWIN,
     prior_runtime: float = 0.0,
 ) -> Replay:
-    """Drive a design by measured motor angles [rad], (T, 10), at rising times [s], (T,).
+    """Simulate a twin model whose motors follow measured angles [rad], (T, 10), at rising times [s], (T,).
 
-    `prior_runtime` is how long the arm's sessions before ran in all [s], for effects that wear it.
+    `prior_runtime` is the total time of the arm's earlier sessions [s], for effects of wear.
 
     The run starts where stiff cables would put the joints, and settles for two seconds. A gap in
     time is bridged as one long, even motion.

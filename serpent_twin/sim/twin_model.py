@@ -42,7 +42,7 @@ E = TypeVar("E", bound=Effect)
 
 @dataclass(frozen=True)
 class TwinModel:
-    """One arm as its twin is built; the nominal one unless told."""
+    """The twin model of one arm; the nominal one by default."""
 
     parameters: Parameters = NOMINAL
     """Of all parts of a kind"""
@@ -72,7 +72,7 @@ class TwinModel:
         return spec
 
     def effect_of(self, kind: type[E]) -> E:
-        """The arm's effect of one kind, as it would be were there none if there is none."""
+        """The arm's effect of one kind; where there is none, the effect at zero."""
         return next((each for each in self.effects if type(each) is kind), kind())
 
     def with_effect(self, effect: Effect) -> "TwinModel":
@@ -90,7 +90,7 @@ class TwinModel:
         return f"<!-- {note}. -->\n{self.spec().to_xml()}"
 
     def fingerprint(self) -> str:
-        """SHA-256 of all that the arm's physics depends on."""
+        """SHA-256 of everything that the arm's physics depends on."""
         lag = self.parameters.servo_lag
         told = [effects.to_dict(effect) for effect in self.active]
         said = json.dumps(told + [{"servo_lag": lag}] * (lag > 0))
@@ -102,7 +102,7 @@ NOMINAL_TWIN = TwinModel()
 
 
 class Origin(stored.OpenForm, frozen=True):
-    """Which logs made a twin, by what `trace` says of them."""
+    """The logs that a twin was fitted to, as `trace` states them."""
 
     input_sha256: dict[str, str] = field(default_factory=dict)
     """Of each session's file, by its name"""
@@ -127,14 +127,14 @@ class TwinFile(stored.Form, frozen=True):
 
     @property
     def design(self) -> TwinModel:
-        """The design that it stores."""
+        """The twin model that it stores."""
         return TwinModel(
             self.parameters, self.tolerances, tuple(map(effects.restored, self.effects))
         )
 
 
 def to_dict(design: TwinModel) -> dict[str, Any]:
-    """A design as twin.json stores it; the arm's own numbers are the project's and not stored."""
+    """A twin model as twin.json stores it; the nominal arm's numbers are constants and not stored."""
     return {
         "kind": KIND,
         "schema_version": VERSION,
@@ -145,12 +145,12 @@ def to_dict(design: TwinModel) -> dict[str, Any]:
 
 
 def from_dict(values: Mapping[str, Any], where: str = "the twin") -> TwinModel:
-    """A design out of what twin.json holds; raises a `SerpentError` that names the key at fault."""
+    """The twin model in a twin.json; raises a `SerpentError` that names the key at fault."""
     return _taken(stored.take(values, dict[str, Any], where, _ADVICE), where).design
 
 
 def write(path: Path, design: TwinModel, about: Mapping[str, Any]) -> None:
-    """Write twin.json, and beside it twin.xml; `about` says where the design comes from."""
+    """Write twin.json, and beside it twin.xml; `about` states the origin of the twin model."""
     files.write_whole(path, json.dumps(to_dict(design) | dict(about), indent=1) + "\n")
     files.write_whole(path.with_suffix(".xml"), design.xml())
 
@@ -161,7 +161,7 @@ def read(path: Path) -> TwinModel:
 
 
 def simulated_by(metadata: Mapping[str, Any]) -> TwinModel | None:
-    """The design that a log was simulated from, by its metadata; None where they do not hold it."""
+    """The twin model that a log was simulated from, by its metadata; None where they lack it."""
     config, twin = metadata.get("config"), metadata.get("twin")
     config, twin = ({} if not isinstance(each, dict) else each for each in (config, twin))
     bare = {name: to_dict(NOMINAL_TWIN)[name] for name in ("kind", "tolerances", "effects")}
@@ -185,7 +185,7 @@ def _taken(values: dict[str, Any], where: str) -> TwinFile:
 
 
 def _of_now(values: dict[str, Any]) -> dict[str, Any]:
-    """A file without a version, with the keys that it is too old to have."""
+    """A file without a version, with the keys added since."""
     groups = [name for name, value in values.items() if isinstance(value, dict)]
     values = {n: dict(v) if n in groups else v for n, v in values.items()}
     for added in _LATER:

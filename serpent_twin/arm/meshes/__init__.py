@@ -45,7 +45,7 @@ class Part:
 
 def parts(arm: Arm) -> list[Part]:
     """All parts of the robot, the base first, then motors, links and jaw."""
-    from serpent_twin.arm.meshes.base import base_parts, motor_parts  # which are made of ours
+    from serpent_twin.arm.meshes.base import base_parts, motor_parts  # it imports this module
 
     links = [part for link in range(N_JOINTS) for part in _link_parts(arm, link)]
     return [*base_parts(arm), *motor_parts(arm), *links, *_jaw_parts(arm)]

@@ -20,14 +20,14 @@ from serpent_twin.sim.prescribed_motion import STANDING
 
 _FRICTIONS = (0.0015, 0.004, 0.01)  # [N m] of each hinge, tried with
 _DAMPINGS = (0.001, 0.004, 0.015)  # [N m s/rad]
-_MOVES = 0.02  # share of rows in which a motor must turn to tell of its cable and gear
-_ROWS = 600  # rows enough to find where markers sit
+_MOVES = 0.02  # share of rows in which a motor must turn for its cable and gear to be identified
+_ROWS = 600  # rows used to find the marker offsets
 _TRIED = 4  # segments to find the hinges' friction
 
 
 @dataclass(frozen=True)
 class ArmRig:
-    """The arm of `arm.py`, driven by its motors' angles, seen by cameras and motor loads."""
+    """The arm of `serpent_twin.arm`, driven by its motors' angles, measured by cameras and motor loads."""
 
     name: str = "arm"
     about: str = "the cable-driven serpentine arm"
@@ -68,7 +68,7 @@ class ArmRig:
 
 
 def moving(velocity: Array) -> Array:
-    """Which motors turn often enough to tell of their cables and gears, of bool, (10,)."""
+    """Which motors turn often enough for their cables and gears to be identified, of bool, (10,)."""
     return (np.abs(velocity) > 2 * STANDING).mean(axis=0) > _MOVES
 
 
@@ -81,7 +81,7 @@ def _unseen(velocity: Array, known: Mapping[str, Candidate]) -> dict[str, str]:
 
 
 def _with_friction(case: ArmCase, training: Sequence[Session]) -> ArmCase:
-    """The case starting from the friction and damping, of those tried, that fit a few segments best."""
+    """The case that starts from the best of the friction and damping values tried on a few segments."""
     pieces = case.pieces(training)
     some = case.take(pieces, range(0, len(pieces), max(1, len(pieces) // _TRIED)))
     tried = [(f, d) for f in _FRICTIONS for d in _DAMPINGS]

@@ -1,7 +1,7 @@
 """Identify each cable's law from loads and markers, before anything is simulated.
 
 Markers give the joint angles, and with the motor angles each loop's stretch; the load of a moving
-motor, less its gear friction, gives the torque that the stretch makes. A cable's law lies open.
+motor, less its gear friction, gives the torque that the stretch makes. Both together give a cable's law.
 """
 
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ _TYPICAL = np.array([4.0, 4.0, 0.6, 0.6, 0.0, 0.05])  # N/mm, N/mm, mm, mm, 1, N
 _LOW = np.array([0.2, 0.2, -1.5, -1.5, -0.05, 0.0])
 _HIGH = np.array([60.0, 60.0, 5.0, 5.0, 0.05, 0.5])
 _SPREAD = (0.25, 0.1)  # [log] of cables' stiffnesses in one arm, of a cable's two strands
-_LOAD_NOISE = 0.005  # of the stall torque; sets how the data weigh against the prior
+_LOAD_NOISE = 0.005  # of the stall torque; weights the data against the prior
 _FEWEST = 50
 _HELD = 0.1  # share of its load that the gripper's cable must explain to pull at a held jaw
-_WORTH = 4.0  # so many rows of a load, whose errors hang together, weigh as one
+_WORTH = 4.0  # so many rows of a load, whose errors are correlated, count as one
 
 
 @dataclass(frozen=True)
@@ -50,14 +50,14 @@ def cable_laws(
 ) -> list[CableLaw | None]:
     """The law of every cable, from rows (N, 9), (N, 10), (N, 10), (N, 10).
 
-    None where a motor hardly moved, and for the gripper's unless its motor feels the arm move: then the
-    jaw is held, and its zero is in the slacks. Stiffnesses that data tell little of lean on the others'
-    median.
+    None where a motor hardly moved, and for the gripper's unless its motor's load follows the arm's
+    motion: then the jaw is held, and its zero is in the slacks. Stiffnesses that the data hardly
+    determine are drawn to the others' median by a prior.
     """
     wound = np.cumsum(joint_angle, axis=-1)
     wound = np.concatenate([wound, wound[:, -1:]], axis=-1)
     typical, found = _TYPICAL, []
-    for _ in range(2):  # the second time with what the first found of the arm as a whole
+    for _ in range(2):  # the second time with priors from the first
         found = [
             _fit(wound[:, j], motor_angle[:, j], motor_velocity[:, j], load[:, j], j, typical, arm)
             for j in range(N_MOTORS)

@@ -58,7 +58,7 @@ class ArmCase:
 
     @property
     def quantities(self) -> Sequence[Quantity]:
-        """What each of them stands for."""
+        """The physical quantity of each coordinate."""
         return quantities(self.vector)
 
     def pieces(self, sessions: Sequence[Session]) -> Pieces:
@@ -91,7 +91,7 @@ class ArmCase:
 
     @property
     def noise(self) -> Array:
-        """What divides each number of a row, (37,): three coordinates a marker [m], then the loads [1]."""
+        """Noise of each number of a row, (37,): three coordinates a marker [m], then the loads [1]."""
         return np.r_[np.repeat(self.marker_noise, 3), self.load_noise]
 
     def _weigh(self, marker: Array, load: Array, pieces: Pieces) -> Array:
@@ -107,7 +107,7 @@ class ArmCase:
     def respond(
         self, points: Sequence[ParameterVector], pieces: Pieces, timestep: float = TIMESTEP
     ) -> Response:
-        """What the twins at these points do in the segments."""
+        """Responses of the twins at these parameter vectors in the segments."""
         designs = [self.vector.design(point) for point in points]
         with self.clock:
             restart = np.zeros(pieces.time.shape[1], bool)
@@ -126,7 +126,7 @@ class ArmCase:
             return impose(designs, s, timestep)
 
     def jacobian(self, point: ParameterVector, pieces: Pieces) -> Array:
-        """How gear friction and marker places move the residual, (10 + 27, S, T · 37)."""
+        """Derivatives of the residual by gear friction and marker places, (10 + 27, S, T · 37)."""
         friction = self.vector.design(point)
         gear = friction.parameters.gear_friction * np.exp(friction.tolerances.gear_friction)
         gear = gear / friction.arm.servo.stall_torque
@@ -157,7 +157,7 @@ class ArmCase:
         )
 
     def compare(self, point: ParameterVector | None, pieces: Pieces) -> Comparison:
-        """Measured beside predicted, with what the residual may depend on."""
+        """Measured beside predicted, with the quantities on which the residual may depend."""
         did = self.respond([point], pieces) if point else self._nominal(pieces)
         anchor, rotation = link_frames(did.joint_angle[0])
         axis = np.stack([rotation[..., i, :, :] @ joint_axis(i) for i in range(N_JOINTS)], axis=-2)
@@ -189,7 +189,7 @@ class ArmCase:
         pieces: Pieces,
         rng: np.random.Generator,
     ) -> float:
-        """Mean marker error [mm] of twins drawn as a fit is uncertain, from starts drawn as cameras are."""
+        """Mean marker error [mm] of twins drawn from the fit's covariance, from starts with camera noise."""
         noise = camera_noise(pieces)
         truth, errors = self.respond([fit], pieces).marker[0], []
         for point in drawn:
@@ -207,7 +207,7 @@ class ArmCase:
         return 1e3 * float(np.mean(errors))
 
     def write(self, point: ParameterVector, path: Path, about: Mapping[str, Any]) -> None:
-        """Write twin.json and twin.xml; the loads' noise is what the case's last twin left of them."""
+        """Write twin.json and twin.xml; the loads' noise is the residual of the case's last twin."""
         found = self.vector.design(point)
         parameters = replace(found.parameters, load_noise=float(np.median(self.load_noise)))
         twin_model.write(path, replace(found, parameters=parameters), about)

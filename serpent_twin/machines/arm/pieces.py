@@ -74,7 +74,7 @@ class Pieces:
 
     @property
     def moving(self) -> NDArray[np.bool_]:
-        """Whether a load says anything: its motor turns, so that gear friction has one sign, (S, T, 10)."""
+        """Whether a load is used: its motor turns, so that gear friction has one sign, (S, T, 10)."""
         return np.abs(self.motor_velocity) > 2 * STANDING
 
 

@@ -81,7 +81,7 @@ def quantities(of: Vector) -> tuple[Quantity, ...]:
 
 
 def _si(design: TwinModel) -> dict[str, Array]:
-    """The numbers of each block; of hinges, first what they have in common."""
+    """The numbers of each block; of hinges, the common part first."""
     p, t = design.parameters, design.tolerances
 
     def hinges(common: float, each: Sequence[float]) -> Array:

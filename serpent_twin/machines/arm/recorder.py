@@ -1,7 +1,7 @@
 """Identify the controller, servos and sensors from the logs that they made.
 
-Nothing of it is fitted; but logs that the twin makes are like the arm's only if its controller pulls as hard,
-its servos obey as late and its sensors scatter as much.
+None of it is fitted; but the twin's logs are like the arm's only if controller gain, servo lag and sensor
+noise agree.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ def recorded_by(
 
 
 def controller_gain(sessions: Sequence[Session]) -> float | None:
-    """Gain of the published P controller [1/s]; None if the commands were not its."""
+    """Gain of the published P controller [1/s]; None if the commands are not from that controller."""
     asked = np.concatenate(
         [joint_p_control(s.joint_target, s.motor_position, 1.0)[:, :N_JOINTS] for s in sessions]
     )

@@ -26,12 +26,12 @@ _TRUST = 2.0  # prior widths are so many standard errors of the cable laws, whic
 _STIFFNESS, _SLACK, _WINCH = 0.02, 0.02, 0.1  # [log], [mm], [%] at least
 _APART = 0.3  # [log] hinges differ
 _TRANSITION = 0.02  # [rad/s]
-_UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable that no log shows
+_UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable not in any log
 
 
 @dataclass(frozen=True)
 class Vector:
-    """The fit's coordinates, and the design that lies at any point of them."""
+    """The fit's coordinates, and the twin model of any parameter vector."""
 
     start: TwinModel
     """The design at all coordinates zero"""
@@ -42,7 +42,7 @@ class Vector:
 
     @cached_property
     def blocks(self) -> dict[str, slice]:
-        """Where each kind of parameter lies."""
+        """The indices of each kind of parameter."""
         sizes = {
             "stiffness": 2 * N_MOTORS,
             "slack": 2 * N_MOTORS,
@@ -57,7 +57,7 @@ class Vector:
         return {k: slice(e - n, e) for (k, n), e in zip(sizes.items(), ends, strict=True)}
 
     def design(self, point: ParameterVector) -> TwinModel:
-        """The arm at a point."""
+        """The twin model of a parameter vector."""
         x = {name: point.declared[where] for name, where in self.blocks.items()}
         t = self.start.tolerances
         tolerances = replace(
@@ -162,7 +162,7 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
 
 
 def _of_joints(what: str, unit: str, together: float, step: float) -> list[Declared]:
-    """What all hinges have in common, and by how much each differs."""
+    """The common part of all hinges, and the deviation of each."""
     return [Declared(f"{what} of all joints", unit, together, step)] + [
         Declared(f"{what} of joint {i}", unit, _APART, step) for i in range(1, N_JOINTS + 1)
     ]

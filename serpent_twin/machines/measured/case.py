@@ -52,22 +52,22 @@ class Machine(Protocol):
 
     @property
     def first(self) -> Mapping[str, Any]:
-        """What the logs said at first sight, from where `declared` counts."""
+        """First guesses from the logs; `declared` counts from them."""
         ...
 
     @property
     def drives(self) -> Mapping[str, str]:
-        """What people call each angle that drives the machine, by its column."""
+        """Display name of each angle that drives the machine, by its column."""
         ...
 
     @property
     def markers(self) -> tuple[str, ...]:
-        """What people call what is seen of the pose."""
+        """Display names of the measured parts of the pose."""
         ...
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """What people call the hinges whose angles are the first outputs; nothing where none is seen."""
+        """Display names of the hinges whose angles are the first outputs; empty where none is measured."""
         ...
 
     @property
@@ -102,7 +102,7 @@ class Machine(Protocol):
 
     @property
     def block(self) -> float:
-        """Seconds that are judged as one: longer than errors hang together."""
+        """Seconds that are judged as one: longer than the correlation time of errors."""
         ...
 
     @property
@@ -204,7 +204,7 @@ class RunCase:
         return error.reshape(*error.shape[:2], -1).astype(np.float32)
 
     def jacobian(self, point: ParameterVector, pieces: Runs) -> Array:
-        """No parameter goes without a simulation."""
+        """Empty: every parameter needs a simulation."""
         return np.zeros((0, len(pieces), pieces.measured[0].size))
 
     def reweighted(self, point: ParameterVector, pieces: Runs) -> "RunCase":
@@ -260,7 +260,7 @@ class RunCase:
         pieces: Runs,
         rng: np.random.Generator,
     ) -> float:
-        """Mean error of twins drawn as a fit is uncertain."""
+        """Mean error of twins drawn from the fit's covariance."""
         of = self.machine
         size = of.outputs[0].measure.dimension
         seen = slice(0, len(of.markers) * size)

@@ -56,7 +56,7 @@ class HingeMoment(Instant):
 
 
 class AngleMoment(HingeMoment):
-    """Of a machine whose drive is where it is logged, whatever torque that takes."""
+    """Of a machine whose drive follows its logged angle, whatever torque that takes."""
 
     given = HingeMoment.given | {"drive_torque"}
 
@@ -109,7 +109,7 @@ class Turns:
         )
 
     def start(self, moment: HingeMoment) -> None:
-        """Begin: effects forget all, delayed sensors have always read the present."""
+        """Begin: reset the effects' memories, and fill delayed sensors with the present reading."""
         self._memory = effects.begin(self._effects, moment)
         self.batch.forward()
         History(self.batch).fill()
@@ -123,7 +123,7 @@ class Turns:
         return self.sensors[:, 0].copy()
 
     def act(self, moment: HingeMoment) -> HingeMoment:
-        """Let the effects act on the next time step, and the hinge rub as they have it."""
+        """Let the effects act on the next time step, and set the hinge's friction from them."""
         effects.act(self._effects, moment, self._memory)
         self._friction[:, [self.dof]] = moment.gear_friction
         return moment

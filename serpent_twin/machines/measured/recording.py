@@ -1,7 +1,7 @@
 """Read a measured log of another machine.
 
 One run is one Parquet file of float columns in SI units, `time` among them; its metadata, JSON under
-the key `measured`, say how it was driven. The file's name says nothing to the reader.
+the key `measured`, state how it was driven. The file's name carries no information.
 """
 
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ class Recording:
 
     @property
     def name(self) -> str:
-        """File name without its ending, unless it is told."""
+        """File name without its ending, unless one is given."""
         return self.label or (self.path.stem if self.path else "run")
 
     @property

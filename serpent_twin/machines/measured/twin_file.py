@@ -21,7 +21,7 @@ Number = Annotated[float, stored.within(-1e6, 1e6)]
 
 
 class Coordinate(stored.Form, frozen=True):
-    """Where the twin lies along one parameter of the fit."""
+    """The twin's coordinate along one parameter of the fit."""
 
     value: Number
     unit: str
@@ -54,7 +54,7 @@ class MachineTwin(stored.Form, frozen=True):
         return tuple(map(effects.restored, self.effects))
 
     def along(self, wanted: Sequence[str], where: str) -> Array:
-        """Where it lies along these parameters, which must be all; errors begin with `where`."""
+        """Its coordinates along these parameters, which must be all; errors begin with `where`."""
         if lacking := [name for name in wanted if name not in self.declared]:
             raise SerpentError(f"{where} lacks {stored.names(lacking)}. {_ADVICE}")
         if strange := [name for name in self.declared if name not in wanted]:
@@ -65,7 +65,7 @@ class MachineTwin(stored.Form, frozen=True):
 
     @property
     def point(self) -> ParameterVector:
-        """Where it lies in the fit's coordinates."""
+        """Its parameter vector."""
         there = {
             effects.name_of(each): np.array([getattr(each, n) for n in effects.ranges(type(each))])
             for each in self.several

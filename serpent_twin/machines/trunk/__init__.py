@@ -2,7 +2,7 @@
 
 The logs are of Stanford ASL's trunk: servos' goals in, three disks' positions and the servos' angles out.
 No mass, pulley radius or stiffness is published, and the logs hold no force: only the ratio of the trunk's
-weight to its cables' stiffness shows, and masses are told in the trunk's own.
+weight to its cables' stiffness shows, and masses are in units of the trunk's own.
 """
 
 import os
@@ -64,7 +64,7 @@ _CANDIDATES = ("command_delay", "servo_sag", "link_compression", "cable_stiffeni
                "gear_backlash", "mocap_latency")  # fmt: skip
 _CHANGES = ("payload", "joint_elasticity", "link_compression", "cable_stiffening", "hinge_friction",
             "gear_backlash", "servo_sag")  # fmt: skip
-_REZEROED = ("zero",)  # of motors: tensioning the cables anew moves it
+_REZEROED = ("zero",)  # of motors: re-tensioning the cables moves it
 _WEIGHTS = Range("trunk weights", 0.0, 2.0, 0.1)
 _STIFFENS = Range("1/m", 0.0, 1.5e3, 100.0)  # the cables' springs are short
 _AT = Range("m", 0.0, 0.15, 0.05, fitted=False)
@@ -72,11 +72,11 @@ _PLACES = (
     0.0,
     0.05,
     0.1,
-)  # [m] beyond the middle of the last piece: nothing says where a load hangs
+)  # [m] beyond the middle of the last piece: where a load hangs is not documented
 
 
 def _sized(names: Sequence[str]) -> dict[str, Candidate]:
-    """Candidates, masses in the trunk's own."""
+    """Candidates, with masses in units of the trunk's own."""
     sized = {"payload": {"mass": _WEIGHTS, "place": _AT}, "cable_stiffening": {"rate": _STIFFENS}}
     found = {name: candidate(name, **sized.get(name, {})) for name in names}
     if "payload" in found:
@@ -87,7 +87,7 @@ def _sized(names: Sequence[str]) -> dict[str, Candidate]:
 
 @dataclass(frozen=True)
 class Trunk:
-    """Servos that stand at once where they are told."""
+    """A trunk whose servos stand at their goals at once."""
 
     start: Shape
     """At all coordinates zero"""
@@ -119,7 +119,7 @@ class Trunk:
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """What the coordinates stand for."""
+        """The physical quantity of each coordinate."""
         return quantities(self.start, self.kinds)
 
     @property
@@ -175,7 +175,7 @@ class TrunkRig:
 
 
 def _changed(twin: Path) -> Trunk:
-    """The trunk that a trace found, to which something may have been done."""
+    """The trunk that a trace found, which may have been changed since."""
     told = read_twin(twin, "trunk")
     start = restored(told.first, f"{twin}: first")
     x = told.along([each.name for each in declared(tuple(KINDS))], f"{twin}: declared")

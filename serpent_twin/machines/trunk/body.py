@@ -27,7 +27,7 @@ def spec(shape: Shape, effects: Sequence[Effect]) -> mujoco.MjSpec:
     """A hose as a chain of springy universal joints; twelve cables through channels in three disks.
 
     No force is known: all are in the unit in which a cable has the stiffness below. Effects give masses in
-    the trunk's own, which its weight multiplies.
+    units of the trunk's own, which its weight multiplies.
     """
     model = mujoco.MjSpec()
     model.option.gravity, model.option.timestep = [0, -9.81, 0], TIME_STEP

@@ -38,12 +38,12 @@ class TrunkMoment(Instant):
     """What winds the cables [rad]"""
 
     def tell(self, goal: Array) -> None:
-        """Tell the servos another goal, where they stand unless a later effect lets them give way [rad]."""
+        """Give the servos another goal [rad], reached at once unless a later effect makes them yield."""
         object.__setattr__(self, "goal", goal)
         self.stand(goal)
 
     def stand(self, angle: Array) -> None:
-        """Let the servos, and what winds the cables, stand there [rad]."""
+        """Set the angles of the servos, and of what winds the cables [rad]."""
         self.motor_angle, self.winch_angle = angle.copy(), angle.copy()
 
 
@@ -108,7 +108,7 @@ class Trunks:
 
 
 def _refuse_memories(several: Sequence[Sequence[Effect]]) -> None:
-    """Refuse what each window of a log would begin anew."""
+    """Refuse effects whose memory each window of a log would reset."""
     for effect in (each for there in several for each in there):
         if effect.remembers:
             raise SerpentError(

@@ -73,8 +73,8 @@ are the logs' x and z."""
 
 
 def turned(run: Recording) -> Recording:
-    """With the servos' angles linear between the rows in which they are new: a bus is read slower than rows
-    come.
+    """The servos' angles, interpolated linearly between new readings: the bus is read less often than rows
+    are logged.
     """
     angles, time = _columns(run, ANGLES), run.columns["time"]
     new = np.r_[True, (np.diff(angles, axis=0) != 0).any(axis=1)]
@@ -92,7 +92,7 @@ def declared(kinds: Sequence[str]) -> tuple[Declared, ...]:
 
 
 def quantities(start: Shape, kinds: Sequence[str]) -> tuple[Quantity, ...]:
-    """What the coordinates of these kinds stand for, from a start."""
+    """The physical quantities of these kinds' coordinates, from a start."""
     found: list[Quantity] = []
     for name in kinds:
         kind = KINDS[name]
