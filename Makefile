@@ -34,6 +34,7 @@ lint: setup  ## ruff, the layers of imports, pyright
 bench: setup  ## Speed and memory, as ratios against bare MuJoCo
 	$(BIN)/python -m benchmarks.collect_speed
 	$(BIN)/python -m benchmarks.trace_speed
+	$(BIN)/python -m benchmarks.whole_trace
 	$(BIN)/python -m benchmarks.sweep_speed
 	$(BIN)/python -m benchmarks.estimate_speed
 

@@ -79,7 +79,7 @@ IGNORED = {
     name: [({}, set())]
     for name in (
         "CloseTheLoop", "CollectSpeed", "Confusion", "Demo", "EstimateSpeed", "FaultMatrix", "Fuzz",
-        "Measured", "SimToReal", "SweepSpeed", "TraceSpeed",
+        "Measured", "SimToReal", "SweepSpeed", "TraceSpeed", "WholeTrace",
     )
 }  # fmt: skip
 """What each config ignores, by what is given beside it: all else is used in that mode"""
