@@ -106,11 +106,6 @@ def status_packet(id: int, error: int, params: bytes = b"") -> bytes:
     return instruction_packet(id, Instruction.STATUS, bytes([error]) + params)
 
 
-def fast_status_packet(blocks: Sequence[tuple[int, int, bytes]], servos: int, size: int) -> bytes:
-    """One answer of many servos to a fast read: `fast_status_parts` in a row."""
-    return b"".join(fast_status_parts(blocks, servos, size))
-
-
 def fast_status_parts(
     blocks: Sequence[tuple[int, int, bytes]], servos: int, size: int
 ) -> list[bytes]:
