@@ -57,7 +57,8 @@ def _tries(feature: Feature, x: Array, y: Array) -> Iterator[tuple[float, int, S
     grid = np.unique(np.quantile(x, np.linspace(0.03, 0.97, _GRID)))
     yield _step(feature, x, y, grid)
     yield _ramp(feature, x, y, grid)
-    yield _window(feature, x, y, grid)
+    if len(grid) > 1:  # else nearly all rows have one value
+        yield _window(feature, x, y, grid)
     fit = _fit(np.stack([np.clip((x - g), 0, None) for g in grid[::6]] + [x], axis=1), y)
     yield _left(fit, y), 9, Shape("curve", _where_large(feature, x, fit), (), 0, _half(fit))
     if feature.unit == "rad" and feature.kind == "angle":
@@ -125,7 +126,7 @@ def _where_large(feature: Feature, x: Array, fit: Array) -> str:
     """The range in which a curve is beyond half its greatest value."""
     large = np.abs(fit) > 0.5 * np.max(np.abs(fit))
     low, high = np.quantile(x[large], [0.02, 0.98])
-    inside = (x > low) & (x < high)
+    inside = (x >= low) & (x <= high)
     if np.mean(inside) > 0.6 or np.mean(large[inside]) < 0.8:
         return "along a curve"
     return f"most {between(low, high, feature.unit)}"
