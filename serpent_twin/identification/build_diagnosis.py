@@ -35,7 +35,7 @@ FOLLOWS = 0.25
 """Share of what is above the noise that must follow something, for an error that is only suspect"""
 LOAD_BEYOND = 1.15
 """Times the loads' noise"""
-_DRAWS = 4  # of twins that the data do not tell apart
+_DRAWS = 4  # of twins that the data cannot distinguish
 
 
 def build_diagnosis(tracer: Tracer, search: Search, arm: str, files: Sequence[str]) -> Diagnosis:
@@ -73,7 +73,7 @@ def build_diagnosis(tracer: Tracer, search: Search, arm: str, files: Sequence[st
 def _named(
     case: Case, search: Search, before: Errors, after: Errors, rng: np.random.Generator
 ) -> tuple[Named, ...]:
-    """The effects found; one that is alone has brought all that was gained."""
+    """The effects found; the whole gain belongs to an effect that is alone."""
     accepted = {each.accepted: each for each in search.rounds if each.accepted}
     alone = len(search.final.point.effects) == 1
     named = []
@@ -94,7 +94,7 @@ def _named(
 
 
 def estimates(case: Case, fit: Fit, name: str) -> dict[str, Estimate]:
-    """Parameters of an effect with the intervals of a fit, within what they can be."""
+    """Parameters of an effect with the intervals of a fit, clipped to their ranges."""
     out = {}
     for k, (parameter, allowed) in enumerate(case.candidates[name].ranges.items()):
         value = float(fit.point.effects[name][k])
@@ -173,7 +173,7 @@ def _cautions(case: Case, search: Search) -> tuple[str, ...]:
 
 
 def _unstable(case: Case, search: Search, training: Any) -> list[str]:
-    """What the simulation could not tell, in sentences."""
+    """What could not be computed because the simulation was unstable, in sentences."""
     final = search.final
     some = case.take(training, final.used)
     held = unstable(case, final.point, final.free, some, final.jacobian)
@@ -198,7 +198,7 @@ def _calibration(case: Case, fit: Fit) -> dict[str, Calibrated]:
 
 
 def _calibrated(case: Case, fit: Fit, of: Quantity, k: int) -> Calibrated:
-    """A coordinate, and the quantity that it and perhaps others make, with the errors that they share."""
+    """A coordinate, and the quantity that it and perhaps others make up, with their joint standard error."""
     value, half = float(fit.point.declared[k]), NORMAL_95 * _error(fit, (k,))
     change, off = float(fit.point.declared[list(of.of)].sum()), NORMAL_95 * _error(fit, of.of)
     low, high = sorted((of.after(change - off), of.after(change + off)))

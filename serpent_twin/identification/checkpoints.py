@@ -23,7 +23,7 @@ _AGAIN = "Delete it, and the same command makes it anew."
 
 
 class Checkpoints:
-    """Finished stages of one trace, each a file in a folder, with what it took."""
+    """Finished stages of one trace, each a file in a folder, with its cost."""
 
     def __init__(self, folder: Path, clock: Stopwatch) -> None:
         self._folder, self._clock = folder, clock
@@ -63,7 +63,7 @@ class Checkpoints:
         return made, {"took": np.array(took)}
 
     def _read(self, path: Path) -> stored.Arrays:
-        """The arrays of a stage; what it took is added up once."""
+        """The arrays of a stage; its cost is counted once."""
         arrays = stored.read_arrays(path, _AGAIN)
         took = {"took": arrays.pop("took", np.zeros(0))}
         stored.require_arrays(took, {"took": Numbers((2,), low=0.0)}, str(path), _AGAIN)
@@ -85,7 +85,7 @@ class _Score(stored.Form, frozen=True):
 
 
 class _Fit(stored.Form, frozen=True):
-    """What a fit's file says beside its arrays, see `Fit`."""
+    """What a fit's file holds beside its arrays, see `Fit`."""
 
     effects: dict[str, tuple[Number, ...]]
     moved: tuple[Index, ...]

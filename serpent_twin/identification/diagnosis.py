@@ -30,11 +30,11 @@ class Estimate:
 
     @property
     def fitted(self) -> bool:
-        """Whether the logs told it; else it was given."""
+        """Whether it was fitted to the logs; else it was given."""
         return bool(isfinite(self.low) and isfinite(self.high) and self.low < self.high)
 
     def __str__(self) -> str:
-        """As a sentence holds it."""
+        """The estimate as text for a sentence."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         ends = f"[{self.low:.3g} … {self.high:.3g}]" if self.fitted else "[given]"
         return f"{self.value:.3g}{unit} {ends}".replace("-", "−")
@@ -56,7 +56,7 @@ class Calibrated:
     """Where it ended"""
 
     def numbers(self) -> dict[str, Any]:
-        """As diagnosis.json has it: the coordinate, then the quantity by keys that end with its unit."""
+        """Entries of diagnosis.json: the coordinate, then the quantity by keys that end with its unit."""
         unit = key(self.value.unit)
         told = {"nominal": self.nominal, "start": self.start, "value": self.value.value}
         told |= {"low": self.value.low, "high": self.value.high}
@@ -89,7 +89,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Tried:
-    """A candidate and what became of it."""
+    """A candidate and its verdict."""
 
     name: str
     error: float
@@ -192,13 +192,13 @@ class Diagnosis:
 
     @property
     def blind(self) -> bool:
-        """Whether the logs show no candidate at all."""
+        """Whether the logs cannot show any candidate."""
         return bool(self.candidates) and all(each.verdict in UNTESTED for each in self.candidates)
 
     @property
     def doubt(self) -> str:
-        """What is to be said of an error that is too large for a twin that lacks nothing and is still not
-        called unexplained, for it follows nothing; else nothing.
+        """A sentence on an error that is too large for a twin that lacks nothing, yet not called
+        unexplained because it depends on nothing; else empty.
         """
         left, expected = self.error["corrected"], self.error.get("expected", float("nan"))
         if self.unexplained.is_ or not left > SUSPECT * expected:

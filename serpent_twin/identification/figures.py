@@ -39,12 +39,12 @@ _HEAT_S = 4.0  # a cell of the heat map
 
 
 def stages(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """What is set side by side: a corrected twin only where something was added to the calibrated."""
+    """The twins compared; a corrected one only where an effect was added to the calibrated one."""
     return STAGES if diagnosis.effects else STAGES[:2]
 
 
 def spaced(name: str) -> str:
-    """An effect's name as a person reads it."""
+    """An effect's name with spaces."""
     return name.replace("_", " ")
 
 
@@ -93,7 +93,7 @@ def _bars(axes: "Axes", error: Mapping[str, float], names: Sequence[str], unit: 
 
 
 def _levels(axes: "Axes", error: Mapping[str, float]) -> dict[str, Any]:
-    """The noise floor and what a twin that lacks nothing leaves: handles by what they are."""
+    """The noise floor and the error expected of a twin that lacks nothing: handles by label."""
     handles = {}
     if np.isfinite(noise := error.get("noise_floor", np.nan)):
         band = axes.axvspan(0, noise, color=INK, alpha=0.16, lw=0, zorder=3)
@@ -184,13 +184,13 @@ def _gains(axes: "Axes", order: Sequence[Tried], unit: str) -> None:
         )
     axes.set_xlabel(f"gain on held-out segments [{unit}]")
     axes.margins(x=0.08)
-    axes.locator_params(axis="x", nbins=4)  # so that long numbers find their place
+    axes.locator_params(axis="x", nbins=4)  # so that long numbers have room
     axes.tick_params(axis="y", length=0)
     _clean(axes, "x")
 
 
 def by_feature(twins: Mapping[str, Twin], name: str) -> Figure | None:
-    """What the first twin's residual follows most, markers and loads, and the others' over the same."""
+    """The residuals of all twins over the features that the first twin's follow most, markers and loads."""
     first = next(iter(twins))
     told = _leading(twins[first][1])
     if not told:
@@ -218,7 +218,7 @@ def by_feature(twins: Mapping[str, Twin], name: str) -> Figure | None:
 
 
 def _leading(findings: Findings) -> list[Dependence]:
-    """The greatest dependence of the markers and that of the loads, as far as there are any."""
+    """The greatest dependence of the markers and that of the loads, where there are any."""
     of = {d.kind == "load": d for d in reversed(findings.depends_on)}
     return [of[loads] for loads in (False, True) if loads in of]
 
@@ -240,7 +240,7 @@ def _span(values: Sequence[Array], tail: float) -> tuple[float, float]:
 
 
 def place_and_time(twins: Mapping[str, Twin]) -> Figure:
-    """Which joint or marker is off, and when, with all twins on one scale."""
+    """The error of each joint or marker over time, with all twins on one scale."""
     drawing, panels = _sheet(9, 0.8 + 2.2 * len(twins), columns=1, rows=len(twins))
     shown = [marker_curve(comparison, found.place) for comparison, found in twins.values()]
     names, _, label = shown[0]

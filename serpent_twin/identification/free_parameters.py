@@ -17,7 +17,7 @@ _SMALLER = (0.1, 0.01)
 
 @dataclass(frozen=True)
 class FreeParameters:
-    """What a fit may change: declared parameters by index, effects' parameters by name and index."""
+    """The free parameters of a fit: declared ones by index, effects' ones by name and index."""
 
     declared: tuple[int, ...]
     effects: tuple[tuple[str, int], ...]
@@ -51,7 +51,7 @@ def moved(
 
 
 def between(before: ParameterVector, after: ParameterVector, free: FreeParameters) -> Array:
-    """The step that was really taken, bounds considered."""
+    """The step that was taken within the bounds."""
     declared = (after.declared - before.declared)[list(free.declared)]
     return np.r_[declared, [after.effects[n][k] - before.effects[n][k] for n, k in free.effects]]
 
@@ -62,7 +62,7 @@ def jacobian(
     """The residual, (S, n), and its derivative by every free parameter, (len(free), S, n).
 
     It is 0, so that a fit holds the parameter, where every step of it makes the simulation unstable:
-    `unstable` names those. Raises a `SerpentError` where the point itself does.
+    `unstable` names those. Raises a `SerpentError` where the parameter vector itself does.
     """
     residual = case.residual([point], pieces)[0]
     if not np.isfinite(residual).all():
@@ -83,7 +83,7 @@ def jacobian(
 def unstable(
     case: Case[Any], point: ParameterVector, free: FreeParameters, pieces: Any, found: Array
 ) -> list[str]:
-    """Parameters by which a Jacobian, `found` at a point, is 0 because the simulation gave up."""
+    """Parameters by which a Jacobian, `found` at a point, is 0 because simulations were unstable."""
     zero = [n for n in _simulated(case, free) if not found[n].any()]
     names = [case.quantities[k].name for k in free.declared]
     names += [f"{name}'s {list(case.candidates[name].ranges)[k]}" for name, k in free.effects]
@@ -92,7 +92,7 @@ def unstable(
 
 
 def _simulated(case: Case[Any], free: FreeParameters) -> list[int]:
-    """Which of the free parameters ask for a simulation."""
+    """Which of the free parameters need a simulation."""
     declared = [n for n, k in enumerate(free.declared) if case.declared[k].simulated]
     return [*declared, *range(len(free.declared), len(free))]
 
@@ -122,8 +122,8 @@ def steadied(
     changes: Array,
     after: Callable[[int, float], ParameterVector],
 ) -> Array:
-    """Changes of the residual from a base, (k, S, n); one at which the simulation gave up is found again from
-    smaller ones, in proportion. `after` is the point after a share of a change; NaN where none is stable.
+    """Changes of the residual from a base, (k, S, n); one whose simulation is unstable is found again from
+    smaller steps, in proportion. `after` is the vector after a share of a change; NaN where none is stable.
     """
     for share in _SMALLER:
         failed = [k for k, change in enumerate(changes) if not np.isfinite(change).all()]

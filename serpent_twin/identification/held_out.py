@@ -15,7 +15,7 @@ _DRAWS = 10_000
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of one twin on held-out segments, (S,), in the units in which the rig tells them."""
+    """Errors of one twin on held-out segments, (S,), in the rig's units."""
 
     marker_by_segment: Array
     """Mean marker distance; NaN without markers"""
@@ -34,7 +34,7 @@ class Errors:
 
 
 def gave_up(before: Errors, after: Errors) -> bool:
-    """Whether a twin shows no error where another does: its simulation became unstable."""
+    """Whether a twin has no error where another has one: its simulation became unstable."""
     each = ((before.marker, after.marker), (before.load, after.load))
     return any(np.isfinite(a) and not np.isfinite(b) for a, b in each)
 
@@ -77,7 +77,7 @@ class Gain:
         return float(self.by_segment.mean())
 
     def __str__(self) -> str:
-        """As a sentence holds it."""
+        """The gain as text for a sentence."""
         return f"{better(self.relative)} on held-out logs"
 
 
@@ -88,8 +88,8 @@ def better(share: float) -> str:
 
 
 def _chance(gains: Array, rng: np.random.Generator) -> float:
-    """Probability that the mean gain is not above zero: by bootstrap, and no less than Student's t says,
-    for a few segments resampled look surer than they are.
+    """Probability that the mean gain is not above zero: the greater of bootstrap and Student's t, as a
+    bootstrap over few segments underestimates the uncertainty.
     """
     n = len(gains)
     if n < 2:
@@ -101,7 +101,7 @@ def _chance(gains: Array, rng: np.random.Generator) -> float:
 
 
 def gain(before: Errors, after: Errors, rng: np.random.Generator, among: int = 1) -> Gain:
-    """Paired gain of `after` over `before`, `after` being one of so many that were tried."""
+    """Paired gain of `after` over `before`, where `after` is the best of so many that were tried."""
     parts = [
         (a - b) / np.nanmean(a)
         for a, b in (

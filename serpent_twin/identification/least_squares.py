@@ -1,8 +1,8 @@
 """Fit parameters to the logs by least squares, with standard errors.
 
-Gauss-Newton with priors on some of the segments; all perturbed twins of one derivative step side by
-side. A residual's numbers hang together, in time and from marker to marker, so the data weigh as the
-fewer independent numbers they are worth.
+Gauss-Newton with priors, on some of the segments; all perturbed twins of one derivative step side by
+side. A residual's numbers are correlated in time and between markers, so the data are weighted by their
+effective sample size.
 """
 
 from collections.abc import Callable, Sequence
@@ -61,7 +61,7 @@ class Fit:
     """What the residual was divided by, (channels,)"""
 
     def interval(self, name: str, index: int) -> tuple[float, float, float]:
-        """An effect's parameter with its 95 % interval, for scatter and for what is simplified."""
+        """An effect's parameter with its 95 % interval, from scatter and from model error."""
         at = len(self.free.declared) + self.free.effects.index((name, index))
         value = float(self.point.effects[name][index])
         half = NORMAL_95 * float(np.hypot(self.error[at], SIMPLIFIED * value))
@@ -69,10 +69,10 @@ class Fit:
 
 
 def variance_inflation(residual: Array, channels: int) -> float:
-    """How many numbers of a residual, (S, T · channels), weigh as one independent number.
+    """Numbers of a residual, (S, T · channels), per independent number.
 
-    In time: 1 + 2 Σ ρ_k, the autocorrelations to the first that is not positive (Geyer). From channel
-    to channel: how unevenly the covariance's eigenvalues share the variance, C tr(Σ²) / tr(Σ)².
+    In time: 1 + 2 Σ ρ_k, the autocorrelations to the first that is not positive (Geyer). Between
+    channels: how unevenly the covariance's eigenvalues share the variance, C tr(Σ²) / tr(Σ)².
     """
     rows = residual.reshape(len(residual), -1, channels).astype(float)
     rows = rows - rows.mean(axis=1, keepdims=True)
@@ -106,11 +106,11 @@ def fit(
 ) -> Fit:
     """Fit to at most so many segments, spread evenly, with at most so many derivatives.
 
-    A derivative serves several steps, bettered after each by Broyden's rank-one update. A fit that is
-    `known` lends its segments, and its derivative by the declared parameters, so that only the
-    effects' are simulated. One that is `carried` over from other weights, and maybe fewer segments, lends
-    its derivative to the first steps, and none is simulated where it has one. The fit has settled when a
-    derivative leads nowhere; with no steps it is the derivative at the start.
+    A derivative serves several steps, with Broyden's rank-one update after each. From a fit that is
+    `known`, the segments and the derivative by the declared parameters are taken, so that only the
+    effects' are simulated. From one that is `carried` over from other weights, and maybe fewer segments,
+    the derivative is taken for the first steps instead of a simulation. The fit has converged when a new
+    derivative gives no better step; with no steps it is the derivative at the start.
     """
     used = known.used if known else _spread(len(pieces), most, carried.used if carried else ())
     problem = _Problem(case, case.take(pieces, used), free, known)
@@ -167,7 +167,7 @@ def _spread(segments: int, most: int, used: Sequence[int] = ()) -> tuple[int, ..
 
 @dataclass(frozen=True)
 class _At:
-    """A point with what it leaves."""
+    """A parameter vector with its residual."""
 
     point: ParameterVector
     residual: Array
@@ -175,7 +175,7 @@ class _At:
 
 
 class _Problem:
-    """What a fit betters: a case's residual on some segments, and the priors."""
+    """The objective of a fit: a case's residual on some segments, and the priors."""
 
     def __init__(self, case: Case[Any], some: Any, free: FreeParameters, known: Fit | None) -> None:
         self.case, self.some, self.free, self.known = case, some, free, known
@@ -186,7 +186,7 @@ class _Problem:
         self.variance_inflation = 1.0
 
     def begin(self, start: ParameterVector) -> tuple[_At, Array]:
-        """The start and the derivative there; from here on the data weigh as what they are worth."""
+        """The start and the derivative there; from here on the data have their effective weight."""
         residual, jacobian = self._jacobian(start)
         self.variance_inflation = (
             self.known.variance_inflation
@@ -198,7 +198,7 @@ class _Problem:
     def carry(
         self, start: ParameterVector, carried: Fit, used: tuple[int, ...]
     ) -> tuple[_At, Array]:
-        """The same with the derivative of a fit to other weights, where it has one of a segment."""
+        """The same with the derivative of a fit to other weights, for the segments that it has."""
         residual = self.case.residual([start], self.some)[0]
         self.variance_inflation = variance_inflation(residual, self.case.channels)
         shape = (len(self.free), *residual.shape)
@@ -216,7 +216,7 @@ class _Problem:
         return self._jacobian(point)[1]
 
     def step(self, at: _At, jacobian: Array) -> _At | None:
-        """Gauss-Newton's step, or with Levenberg's damping if that leads nowhere, or nothing."""
+        """Gauss-Newton's step, or with Levenberg's damping if that gives no improvement, or nothing."""
         flat = jacobian.reshape(len(self.free), -1)
         normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
         pull = -(flat @ at.residual.ravel()) / self.variance_inflation - self.prior * self._lean(
@@ -240,7 +240,7 @@ class _Problem:
         return residual, np.concatenate([by_declared, by_effects])
 
     def _lean(self, point: ParameterVector) -> Array:
-        """Where the moves stand against their priors; effects have none to lean on."""
+        """The free parameters in units of their priors; effects have no prior."""
         declared = point.declared[list(self.free.declared)]
         return np.r_[declared, np.zeros(len(self.free.effects))]
 
@@ -251,7 +251,7 @@ class _Problem:
 
 
 def _bettered(jacobian: Array, change: Array, step: Array, each: float) -> Array:
-    """The derivative that explains the change along the step; else as it was (Broyden 1965)."""
+    """The derivative that explains the change along the step, otherwise unchanged (Broyden 1965)."""
     flat = jacobian.reshape(len(jacobian), -1)
     metric = (flat**2).sum(axis=1) / each
     length = float(step @ (metric * step))
@@ -263,11 +263,11 @@ def _bettered(jacobian: Array, change: Array, step: Array, each: float) -> Array
 
 
 def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tuple[Array, Array]:
-    """Standard errors and correlations of the moves.
+    """Standard errors and correlations of the free parameters.
 
-    The greater of two: what the numbers' scatter and the priors leave, and what segments disagree by,
-    each taken as one independent draw (Liang and Zeger 1986). For no twin is exact, and what it does
-    wrong within a segment hangs together.
+    The greater of two: from scatter and priors, and from the disagreement of segments, each taken as
+    one independent draw (Liang and Zeger 1986), because no twin is exact, and its errors within a
+    segment are correlated.
     """
     flat = jacobian.reshape(len(jacobian), -1)
     covariance = np.linalg.inv(flat @ flat.T / each + np.diag(prior))
@@ -284,14 +284,14 @@ def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tupl
 
 
 def drawn(case: Case[Any], found: Fit, rng: np.random.Generator, n: int) -> list[ParameterVector]:
-    """Twins that the data do not tell from the fitted one."""
+    """Twins that the data cannot distinguish from the fitted one."""
     half = np.linalg.cholesky(found.correlation + 1e-9 * np.eye(len(found.error)))
     steps = (half @ rng.standard_normal((len(found.error), n))).T * found.error
     return [moved(case, found.point, found.free, step) for step in steps]
 
 
 def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[str]:
-    """What the data cannot tell apart, or tell nothing of, in sentences."""
+    """Parameters that the data cannot distinguish, or do not identify, in sentences."""
     names = [case.quantities[k].name for k in found.free.declared]
     names += [f"{name}'s {list(case.candidates[name].ranges)[k]}" for name, k in found.free.effects]
     told = []

@@ -22,9 +22,9 @@ def page(
 ) -> Report:
     """The report: what was missing, how that was found, and what is left.
 
-    `known` tells of the machine's candidates. `prior` holds the width within which each calibrated
-    parameter was expected, in its unit; without it, a parameter's way from its start is told in
-    standard errors.
+    `known` describes the machine's candidates. `prior` holds the prior width of each calibrated
+    parameter, in its unit; without it, a parameter's change from its start is given in standard
+    errors.
     """
     drawn = _residual_figures(diagnosis)
     sections = (
@@ -41,14 +41,14 @@ def page(
 
 
 def _given(diagnosis: Diagnosis, facts: Mapping[str, str]) -> str:
-    """The logs and the sessions that judge, for the title."""
+    """The logs and the held-out sessions, for the title."""
     names = [name.removesuffix(".parquet") for name in diagnosis.held_out]
     told = [facts.get("logs", ""), f"judged by {_listed(names)}" if names else ""]
     return f" ({', '.join(filter(None, told))})" if any(told) else ""
 
 
 def lead(diagnosis: Diagnosis) -> str:
-    """What was missing, what it brings and what is left, in a few sentences."""
+    """What was missing, the gain of adding it, and what is left, in a few sentences."""
     return " ".join(
         part for part in (_found(diagnosis), _course(diagnosis), _rest(diagnosis)) if part
     )
@@ -164,7 +164,7 @@ def _missing(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> Section | 
 
 
 def _about(effect: Named, known: Mapping[str, Candidate], verdicts: Mapping[str, str]) -> str:
-    """What an effect is, in which logs it shows, and what became of what looks like it."""
+    """What an effect is, in which logs it shows, and the verdicts on effects that it can be confused with."""
     candidate = known[effect.name]
     alike = [
         f"{figures.spaced(n)} ({verdicts[n]})" if n in verdicts else figures.spaced(n)
@@ -202,7 +202,7 @@ def _left(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
 
 
 def _verdict(diagnosis: Diagnosis, told: Mapping[str, str]) -> str:
-    """Whether what is left is explained; what the descriptions say is not said again."""
+    """Whether what is left is explained, without repeating the descriptions."""
     rest = diagnosis.unexplained
     if not rest.is_:
         error, clean = (diagnosis.error.get(n, np.nan) for n in ("corrected", "expected"))

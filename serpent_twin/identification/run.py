@@ -70,13 +70,13 @@ def trace(config: Trace) -> dict[str, Any]:
 
 
 def planned(config: Trace) -> tuple[machines.Machine, Sequence[Any], Sequence[Any]]:
-    """The machine, the sessions to fit to and those that judge, of a config that can be traced."""
+    """The machine, the training sessions and the held-out ones, of a config that can be traced."""
     rig = machines.find(config.rig)
     return rig, *_split(config, rig.read(config.logs)[: config.sessions or None])
 
 
 def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]]:
-    """The sessions that are fitted to, and those that judge."""
+    """The sessions that are fitted to, and the held-out ones."""
     if config.judge:
         judging = [s for s in sessions if s.path and s.path.match(config.judge)]
         if not judging or len(judging) == len(sessions):
@@ -181,7 +181,7 @@ def _write(
 
 
 def _write_twins(config: Trace, search: Search, arm: str, settings: Mapping[str, Any]) -> None:
-    """Write the calibrated twin, and those that the logs do not tell from the corrected one."""
+    """Write the calibrated twin, and those that the logs cannot distinguish from the corrected one."""
     folder, rng = config.out / "twins", np.random.default_rng([config.seed, 11])
     folder.mkdir(exist_ok=True)
     about = {"arm": arm, "provenance": dict(settings) | provenance()}
@@ -191,7 +191,7 @@ def _write_twins(config: Trace, search: Search, arm: str, settings: Mapping[str,
 
 
 def _finite(numbers: Any) -> Any:
-    """The same with nothing in place of what is not a number, which JSON does not know."""
+    """The same with null in place of NaN, which JSON lacks."""
     if isinstance(numbers, Mapping):
         return {key: _finite(value) for key, value in numbers.items()}
     if isinstance(numbers, list | tuple):

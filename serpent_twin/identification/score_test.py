@@ -25,7 +25,7 @@ _WEAK = 0.03
 
 @dataclass(frozen=True)
 class Score:
-    """What one candidate would remove at the calibrated optimum, to first order."""
+    """The share that one candidate would remove at the calibrated optimum, to first order."""
 
     name: str
     share: float
@@ -39,7 +39,7 @@ class Score:
 
 
 def scores(case: Case[Any], pieces: Any, base: Fit, candidates: Sequence[Candidate]) -> list[Score]:
-    """The score tests of candidates: one simulation a variant, side by side; the Jacobian is the base's."""
+    """The score tests of candidates: one simulation per variant, side by side, with the base's Jacobian."""
     some = case.take(pieces, base.used)
     residual = case.residual([base.point], some)[0]
     tried = [[base.point.having(c.name, values) for values in _columns(c)] for c in candidates]
@@ -81,7 +81,7 @@ def _score(
 def _weaker_point(
     base: Fit, candidate: Candidate, points: Sequence[ParameterVector], k: int, share: float
 ) -> ParameterVector:
-    """Of several points, number k with a share of the candidate's strengths."""
+    """Parameter vector number k with a share of the candidate's strengths."""
     values = points[k].effects[candidate.name]
     return base.point.having(candidate.name, _weaker(candidate, values, share))
 
@@ -106,7 +106,7 @@ def _columns(candidate: Candidate) -> list[Array]:
 
 
 def strengths(candidate: Candidate) -> list[int]:
-    """Which parameters say how strong it is: those of both signs, else the first."""
+    """The parameters that are its strength: those of both signs, else the first."""
     ranges = enumerate(candidate.ranges.values())
     return [k for k, r in ranges if r.fitted and r.low < 0] or [0]
 
@@ -131,7 +131,7 @@ def _projected(base: Fit, case: Case[Any], residual: Array, change: Array) -> tu
 
 
 def _scaled(candidate: Candidate, values: Array, size: float) -> Array | None:
-    """Values with their strengths times a size; None where that points out of the range."""
+    """Values with their strengths times a size; None where that leaves the range."""
     out = values.copy()
     ranges = list(candidate.ranges.values())
     for k in strengths(candidate):
@@ -151,7 +151,7 @@ def at_bound(candidate: Candidate, values: Array) -> list[str]:
 
 
 def too_strong(candidate: Candidate, values: Array) -> list[str]:
-    """Names of strengths that run to the end of their range: it stands for something else."""
+    """Names of strengths that run to the end of their range, a sign that the effect stands for another."""
     strong = [list(candidate.ranges)[k] for k in strengths(candidate)]
     return [name for name in at_bound(candidate, values) if name in strong]
 
@@ -159,7 +159,7 @@ def too_strong(candidate: Candidate, values: Array) -> list[str]:
 def worth_fitting(
     scores: Sequence[Score], candidates: Mapping[str, Candidate], most: int = 3
 ) -> list[str]:
-    """Names of candidates to fit fully: the best few, and what the best can be confused with."""
+    """Names of candidates to fit fully: the best few, and those that the best can be confused with."""
     ranked = sorted(scores, key=lambda s: -s.share)
     least = max(_WORTH_A_FIT, _BESIDE_THE_BEST * ranked[0].share) if ranked else 0.0
     best = [s.name for s in ranked if s.share > least and s.excitation > EXCITED][:most]

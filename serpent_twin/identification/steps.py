@@ -2,8 +2,8 @@
 
 (1) Calibrate the declared parameters on training logs. (2) Look at what is left on held-out logs.
 (3) Screen all candidates by a score test; fit the best few fully, with what they can be confused with.
-(4) Accept the best only if its gain on held-out logs is beyond chance and worth its parameters;
-repeat with it included. (5) What is left beyond what a twin that lacks nothing leaves is unexplained.
+(4) Accept the best only if its gain on held-out logs is significant and justifies its parameters;
+repeat with it included. (5) An error above that of a twin that lacks nothing is unexplained.
 """
 
 from collections.abc import Mapping, Sequence
@@ -70,7 +70,7 @@ class Round:
 
 @dataclass(frozen=True)
 class Search:
-    """All rounds and the twin that they lead to."""
+    """All rounds and the resulting twin."""
 
     case: Case[Any]
     """With its last weights"""
@@ -96,7 +96,7 @@ class Tracer:
         self.final: ParameterVector | None = None
 
     def search(self) -> Search:
-        """Calibrate, then add effects one by one while they are worth it."""
+        """Calibrate, then add effects one by one while their gain is significant."""
         start = ParameterVector(np.zeros(len(self.case.declared)))
         opening, calibrated = self._calibrate(start)
         base, rounds = calibrated, []
@@ -118,7 +118,7 @@ class Tracer:
         return Search(self.case, calibrated, final, tuple(rounds))
 
     def _judged_again(self, done: Round, polished: Fit) -> Round:
-        """A round whose accepted candidate has been polished, and may not stand that."""
+        """A round after its accepted candidate was fitted again, which may reverse the acceptance."""
         after = self.errors(polished.point)
         if gave_up(done.errors, after):
             trial = Trial(
@@ -132,12 +132,12 @@ class Tracer:
         return replace(done, trials={**done.trials, done.accepted: trial}, accepted=stands)
 
     def errors(self, point: ParameterVector) -> Errors:
-        """Held-out errors of a point."""
+        """Held-out errors of a parameter vector."""
         return errors(self.case.compare(point, self.held_out))
 
     def _calibrate(self, start: ParameterVector) -> tuple[Fit, Fit]:
-        """Fit the declared parameters, weights renewed in between; returns the opening, a fit that has
-        not moved yet, and the calibrated twin.
+        """Fit the declared parameters, updating weights in between; returns the opening, a fit without
+        any step, and the calibrated twin.
         """
         self.case = self.case.reweighted(start, self.training)
         free = free_parameters(self.case, ())
@@ -190,20 +190,20 @@ class Tracer:
         )
 
     def _polish(self, found: Fit, name: str) -> Fit:
-        """Fit an accepted effect with everything else, anew, with the weights that it brings."""
+        """Fit an accepted effect again with everything else, with updated weights."""
         self.case = self.case.reweighted(found.point, self.training)
         free = free_parameters(self.case, list(found.point.effects))
         return self._fit(name, found.point, free, 2, carried=found)
 
     def _sharpened(self, found: Fit) -> Fit:
-        """The last fit, on more segments: what is reported of the accepted effects."""
+        """The last fit, on more segments, from which the accepted effects are reported."""
         if not found.point.effects:
             return found
         self.case = self.case.reweighted(found.point, self.training)
         return self._fit("last", found.point, found.free, 0, carried=found, last=True)
 
     def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
-        """Try all candidates; those that calibration may have swallowed also from the opening."""
+        """Try all candidates; those that calibration may have absorbed also from the opening."""
         names = [
             n
             for n in self.case.candidates
@@ -226,7 +226,7 @@ class Tracer:
         stage: str,
         most: int | None = None,
     ) -> dict[str, Trial]:
-        """Score tests of candidates on top of a fit, and full fits of those that are worth it."""
+        """Score tests of candidates on top of a fit, and full fits of the selected ones."""
         found = self._scores(f"scores_{stage}", case, begun, names)
         trials = {name: Trial(s, None, None, before.marker) for name, s in found.items()}
         chosen = worth_fitting(list(found.values()), case.candidates)[:most]
@@ -257,7 +257,7 @@ class Tracer:
         return {each.name: each for each in self.notes.scores(stage, test)}
 
     def _without_proxies(self, final: Fit, rounds: Sequence[Round]) -> Fit:
-        """Drop what was accepted early and is no longer worth it beside what came later."""
+        """Drop effects that were accepted early and gain nothing beside those accepted later."""
         names = list(final.point.effects)
         for name in names[:-1]:
             rest = {n: v for n, v in final.point.effects.items() if n != name}
@@ -288,7 +288,7 @@ class Tracer:
 
 
 def _better(one: Trial, other: Trial) -> Trial:
-    """The trial that gains more, with the score of the one."""
+    """The trial that gains more, with the first one's score."""
     gains = [t.gain.relative if t.gain else -np.inf for t in (one, other)]
     return replace(one if gains[0] >= gains[1] else other, score=one.score)
 
@@ -322,7 +322,7 @@ def why_not(name: str, trial: Trial, candidate: Candidate) -> str:
 
 
 def _best(trials: dict[str, Trial], candidates: Mapping[str, Candidate]) -> str:
-    """The candidate with the greatest gain, if it is worth it, beyond chance and within its range."""
+    """The candidate with the greatest gain, if that is large enough, significant and within its range."""
     good = {
         name: trial.gain.relative
         for name, trial in trials.items()

@@ -27,7 +27,7 @@ MOST_ROWS = 15  # of the calibrated parameters: the others hardly moved
 
 
 def errors(diagnosis: Diagnosis) -> Table:
-    """Held-out errors of each twin, markers and loads, beside what no twin can better."""
+    """Held-out errors of each twin, markers and loads, beside the least that any twin can reach."""
     names = [*stages(diagnosis), "noise_floor", "expected"]
     said = {"noise_floor": "noise alone", "expected": "a twin that lacks nothing"}
     marker, load = (
@@ -43,7 +43,7 @@ def errors(diagnosis: Diagnosis) -> Table:
 
 
 def _cell(name: str, error: Mapping[str, float]) -> str:
-    """An error; nothing if it is not there, – for a noise that is unknown."""
+    """An error; empty if there is none, – for a noise that is unknown."""
     unknown = name == "noise_floor" and name in error and not np.isfinite(error[name])
     return "–" if unknown else _fixed(error.get(name))
 
@@ -88,7 +88,7 @@ def parameters(effects: Sequence[Named], unit: str = "mm", load: str = "% of sta
 def calibration(found: Mapping[str, Calibrated], prior: Mapping[str, float]) -> Table:
     """The declared parameters that moved most from their start.
 
-    In units of the prior where one is told for each, else in standard errors.
+    In units of the prior where each has one, else in standard errors.
     """
     told = bool(found) and all(name in prior for name in found)
     scale = {name: prior[name] if told else _error(c.coordinate) for name, c in found.items()}
@@ -119,7 +119,7 @@ def calibration(found: Mapping[str, Calibrated], prior: Mapping[str, float]) -> 
 
 
 def _course(of: Calibrated, declared: bool) -> tuple[str, ...]:
-    """Name, nominal value if it is asked for, start, value, interval and unit."""
+    """Name, nominal value if requested, start, value, interval and unit."""
     value, digits = of.value, _decimals(of.value)
     before = (of.nominal, of.start) if declared else (of.start,)
     numbers = [f"{v:.{digits}f}" if isfinite(v) else "" for v in (*before, value.value)]
@@ -129,7 +129,7 @@ def _course(of: Calibrated, declared: bool) -> tuple[str, ...]:
 
 
 def _decimals(e: Estimate) -> int:
-    """So many that the interval's half width has two digits that count."""
+    """Decimals that give the interval's half width two significant digits."""
     half = (e.high - e.low) / 2
     return int(np.clip(1 - np.floor(np.log10(half)), 0, 6)) if e.fitted else 3
 
@@ -139,7 +139,7 @@ def _error(e: Estimate) -> float:
 
 
 def interval(e: Estimate) -> str:
-    """Ends of the interval; nothing where the value was not fitted."""
+    """Ends of the interval; empty where the value was not fitted."""
     return f"{_short(e.low)} … {_short(e.high)}" if e.fitted else ""
 
 

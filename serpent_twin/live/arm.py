@@ -43,7 +43,7 @@ def is_known(drive: Drive, readout: Readout) -> bool | None:
 
 
 def note(drive: Drive, readout: Readout) -> str:
-    """Which arm is simulated, and what that says of the errors."""
+    """Which arm is simulated, and what that means for the errors."""
     name, same = readout.name, is_known(drive, readout)
     arm, trained = f"The simulated arm is {_called(drive)}", _trained_on(readout)
     if drive.own:

@@ -1,7 +1,7 @@
 """Draw a live estimate in rerun.
 
-Markers and links where the readout believes them, ellipsoids that hold 95 % of what it expects, measured
-markers beside. This runs in a process of its own.
+Estimated markers and links, ellipsoids that hold 95 % of the estimated distribution, and measured markers.
+This runs in a process of its own.
 """
 
 import os
@@ -48,7 +48,7 @@ _LOOKS = {
 def draw(rows: Connection, page: Page) -> None:
     """Draw samples as they come until there are no more: the main function of the process.
 
-    It says what is wrong, or nothing, when it is ready and when it ends.
+    It sends an error text, or an empty one, when it is ready and when it ends.
     """
     for number in STOPPING:  # the loop ends first, then this
         signal.signal(number, signal.SIG_IGN)
@@ -64,7 +64,7 @@ def draw(rows: Connection, page: Page) -> None:
     said = drawing.end()
     try:
         rows.send(said)
-    except OSError:  # nobody is left to hear it
+    except OSError:  # the receiver is gone
         return
 
 
@@ -124,7 +124,7 @@ class Drawing:
             self._curve(writer, f"{LOADS}/motor{j + 1}", 100 * load[:, j])
 
     def end(self) -> str:
-        """Make the recording whole; says what is wrong with it, or nothing."""
+        """Finish the recording; returns an error text, or an empty one."""
         said = ""
         try:
             self._stream.flush()
@@ -142,7 +142,7 @@ class Drawing:
         return said
 
     def _begin(self) -> None:
-        """What does not change."""
+        """Draw what does not change."""
         writer, fixed = Writer(self._stream, np.zeros(0)), {"static": True}
         looks = {"measured": (MEASURED, 0.0050), "estimated": (ESTIMATED, 0.0048)}
         for kind, (colour, radius) in looks.items():
@@ -193,7 +193,7 @@ class Drawing:
 
 
 def ellipsoids(covariance: Array, share: float = 0.95) -> tuple[Array, Rotation]:
-    """Half axes [m], (N, 3), and how they are turned, of ellipsoids that hold a share of normal errors of
+    """Half axes [m], (N, 3), and rotations of ellipsoids that hold a share of normal errors of
     these covariances [m²], (N, 3, 3).
     """
     variance, axes = np.linalg.eigh(covariance)
@@ -202,7 +202,7 @@ def ellipsoids(covariance: Array, share: float = 0.95) -> tuple[Array, Rotation]
 
 
 def open_viewer(patience: float = 20.0) -> None:
-    """Have rerun's viewer listen, if none does yet."""
+    """Start rerun's viewer, if none listens yet."""
     if _listens():
         return
     command = [sys.executable, "-m", "rerun", "--port", str(PORT), "--hide-welcome-screen"]

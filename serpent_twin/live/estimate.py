@@ -89,12 +89,12 @@ class Estimate(Checked):
 
     @property
     def prior_runtime_s(self) -> float:
-        """How long the arm ran before [s]."""
+        """Time that the arm ran before [s]."""
         return 3600.0 * self.prior_runtime_h
 
 
 def estimate(config: Estimate) -> dict[str, Any]:
-    """Drive, estimate and log; returns what results.json holds, which a run that is stopped has, too."""
+    """Drive, estimate and log; returns what results.json holds, also of a run that is stopped."""
     plan = planned(config)
     if plan.note:
         print(plan.note)
@@ -164,7 +164,7 @@ def planned(config: Estimate) -> Plan:
 
 
 def settings(plan: Plan) -> dict[str, Any]:
-    """What was asked for, and the hashes of the files that it was asked of."""
+    """The options of the run, and the hashes of its input files."""
     config = plan.config
     files = ("readout.json", "learned.npz")
     return collect.settings(plan.drive) | {

@@ -16,7 +16,7 @@ Rows = NDArray[np.intp]
 
 
 class Course:
-    """What became of a session, as far as its figures need it, row by row."""
+    """Rows of a session, as far as its figures need them."""
 
     def __init__(self, rows: int) -> None:
         self.rows = 0
@@ -25,13 +25,13 @@ class Course:
         self.missed: int | None = None
 
     def see(self, row: Row) -> None:
-        """Remember a logged row."""
+        """Store a logged row."""
         k, self.rows = self.rows, self.rows + 1
         self.time[k], self.latency_ms[k] = row["time"], row[LATENCY]
         self.measured[k] = row["marker"]
 
     def end(self, account: Mapping[str, Any]) -> None:
-        """Remember how the loop fared, in real time."""
+        """Store the timing of the loop, in real time."""
         self.missed = account["loop"]["missed_deadlines"]
 
 
@@ -54,7 +54,7 @@ def figures(course: Course, follower: Follower, period: float) -> dict[str, Any]
 
 
 def told(found: dict[str, Any]) -> str:
-    """The figures that matter, as lines to read."""
+    """The main figures as lines of text."""
     lines = [
         f"{found['rows_estimated']} of {found['rows']} rows estimated at {found['rate_hz']:g} Hz."
     ]
@@ -80,7 +80,7 @@ def told(found: dict[str, Any]) -> str:
 
 
 def _against(measured: Array, follower: Follower, where: Rows) -> dict[str, float | None]:
-    """Against the markers that cameras saw beside."""
+    """Errors against the markers that cameras measured meanwhile."""
     belief = follower.belief(where)
     error = distances(belief.marker, measured[where])
     seen = np.isfinite(error)

@@ -25,13 +25,13 @@ time from the reading to its estimate [ms], in which the command is sent, too. N
 
 
 class Follower:
-    """A readout that follows one session, and keeps all that it said: one row a step, NaN where nothing."""
+    """A readout that follows one session, and keeps all its estimates: one row a step, NaN where none."""
 
     def __init__(
         self, readout: Readout, rows: int, learns: bool = False, prior_runtime: float = 0.0
     ) -> None:
-        """`learns`: what `learn` is told of the markers corrects later estimates. `prior_runtime` is how long
-        the arm ran before this session [s], for effects that wear the readout's twin.
+        """`learns`: markers given to `learn` correct later estimates. `prior_runtime` is how long the arm
+        ran before this session [s], for effects of wear in the readout's twin.
         """
         self._name, self._states_covariance = (
             readout.name,
@@ -48,7 +48,7 @@ class Follower:
         self.update_ms = np.full(rows, np.nan)
 
     def columns(self, step: Step) -> dict[str, float]:
-        """The log's columns of a step; what the cameras see now is not used."""
+        """The log's columns of a step; the present markers are not used."""
         belief = self._update(step.time, step.state, step.before)
         latency, k = 1e3 * (time.perf_counter() - step.read_at), self.rows
         self.rows += 1
@@ -64,11 +64,11 @@ class Follower:
             self._online.correct(marker)
 
     def weighed(self) -> dict[str, dict[str, float | str]]:
-        """What the loads have told of the arm's parameters, if the readout asks them."""
+        """Parameters of the arm identified from the loads, if the readout does so."""
         return self._weighing.weighed() if self._weighing else {}
 
     def belief(self, where: NDArray[np.intp]) -> Belief:
-        """What was said in these rows."""
+        """The estimates of these rows."""
         return Belief(self.marker[where], self.covariance[where])
 
     def _update(self, now: float, state: MotorState, before: Array) -> Belief | None:
@@ -81,7 +81,7 @@ class Follower:
         return belief
 
     def _warm_up(self, readout: Readout) -> None:
-        """Let the readout load all that it needs before a motor turns, and see that it answers in numbers."""
+        """Let the readout load all that it needs before a motor turns, and check that it gives numbers."""
         live, still = readout.live(), np.zeros(N_MOTORS)
         for k in range(readout.window + 1):
             now = Reading(k / (readout.rate_hz or 4.0), still, still, still, still)

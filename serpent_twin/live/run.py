@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a config comes to."""
+    """Readout, arm and bus of a config."""
 
     config: "Estimate"
     """The config"""
@@ -61,7 +61,7 @@ def run(plan: Plan, follower: Follower, course: Course) -> None:
 
         beside = Beside(COLUMNS, follower.columns, about, see, course.end)
         if plan.config.backend == "real":
-            from serpent_twin.recording import real  # not before its port is known to be meant
+            from serpent_twin.recording import real  # not before its port is checked
 
             real.record_all(plan.drive, [1], beside)
         else:

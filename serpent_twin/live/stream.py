@@ -67,7 +67,7 @@ class Stream:
         self._rows: queue.SimpleQueue[Sample | None] = queue.SimpleQueue()
 
     def see(self, row: Row, covariance: Array) -> None:
-        """Have a logged row drawn, with the covariance of its estimate [m²], (9, 3, 3); returns at once."""
+        """Queue a logged row, with the covariance of its estimate [m²], (9, 3, 3); returns at once."""
         if not self._gone:
             estimated = np.array([row[name] for name in MARKERS]).reshape(N_JOINTS, 3)
             sample = Sample(
@@ -114,7 +114,7 @@ class Stream:
         self._gone = True
 
     def _answer(self, patience: float | None) -> str:
-        """What the process says next, nothing if all is well."""
+        """The next text from the process, empty if all is well."""
         try:
             if self._pipe.poll(patience):
                 return self._pipe.recv()

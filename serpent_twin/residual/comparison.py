@@ -19,8 +19,8 @@ Array = NDArray[np.floating[Any]]
 class Comparison:
     """Segments of logs beside the twin's prediction: S segments of T rows, M markers, N motors, J joints.
 
-    Markers and loads are what the rig measures of the machine's pose and forces: `marker` and `load` say
-    what that is, if not the arm's.
+    Markers and loads are the rig's measurements of the machine's pose and forces: `marker` and `load`
+    name the quantities, if not the arm's.
 
     A rig leaves out (None) what it does not measure or compute.
     """
@@ -181,7 +181,7 @@ def join(comparisons: Sequence[Comparison]) -> Comparison:
 
 
 def _name(comparison: Comparison, field: str, word: str, array: Array | None) -> None:
-    """Number what has no names; refuse names that do not fit."""
+    """Give numbers to items without names; refuse names that do not fit."""
     if array is None:
         return
     names = getattr(comparison, field) or tuple(f"{word} {i + 1}" for i in range(array.shape[2]))

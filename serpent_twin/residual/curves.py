@@ -96,7 +96,7 @@ def _along(dependence: Dependence, values: Array) -> Array:
 
 
 def marker_curve(comparison: Comparison, found: Place | None) -> tuple[tuple[str, ...], Array, str]:
-    """Names, error (S, T, K) and unit of what is drawn over time: rotations at joints, or markers."""
+    """Names, error (S, T, K) and unit of the curves over time: rotations at joints, or markers."""
     if found is not None:
         return comparison.joint_names, np.degrees(known(found.rotation)), "extra rotation, rms [°]"
     distance = np.nan_to_num(comparison.marker.scale * comparison.distance)

@@ -13,15 +13,15 @@ from serpent_twin.residual.shape import Shape, shape_of
 from serpent_twin.residual.spectrum import autocorrelation_rows
 from serpent_twin.residual.targets import Targets, load_targets, marker_targets
 
-LEAST_SHARE = 0.02  # of a residual's variance that is worth a sentence
+LEAST_SHARE = 0.02  # of a residual's variance that is reported in a sentence
 PREFERENCE = {"markers": 0.6, "joint": 1.0, "size": 0.4, "load": 1.0}
 """A single joint says more than all markers; an error's size says less than its course."""
-ALIKE = 0.85  # of the best feature's share: not told apart from it
+ALIKE = 0.85  # of the best feature's share: not distinguished from it
 
 
 @dataclass(frozen=True, eq=False)
 class Dependence:
-    """What a part of the residual follows."""
+    """The feature on which a part of the residual depends."""
 
     target: str
     """The part of the residual: the markers, the rotation at a joint, a motor's load"""
@@ -58,12 +58,12 @@ def depends_on(
     noise: Noise | None = None,
     found: Place | None = None,
 ) -> list[Dependence]:
-    """What the marker and load residuals follow, the greatest share first; empty if nothing.
+    """Features on which marker and load residuals depend, the greatest share first; empty if none.
 
     Each feature predicts segments it was not fitted to. Chance is the best of all features for
-    residuals whose segments have been exchanged and turned round; what it gives once in 20 times, for
-    markers and loads together, is refused. After the best feature, the next is sought in what it
-    leaves.
+    residuals whose segments have been exchanged and reversed; a share that it reaches once in 20
+    times, for markers and loads together, is refused. After the best feature, the next is sought in
+    what it leaves.
     """
     noise = noise or measurement_noise(comparison)
     found = found or place(comparison, noise.marker)
@@ -107,7 +107,7 @@ def _best(
     gain = bank.gain(values) @ targets.member.T / rows
     random = bank.gain(surrogates(values, permutations, rng))
     random = random.reshape(len(bank.features), permutations, -1) @ targets.member.T / rows
-    # Targets are compared by how far they stand out of their own chance.
+    # Targets are compared by their ratio to their own chance level.
     chance = random.max(axis=0)
     middle, spread = chance.mean(axis=0), chance.std(axis=0) + 1e-12
     score, by_chance = (gain - middle) / spread, ((chance - middle) / spread).max(axis=1)
@@ -121,7 +121,7 @@ def _best(
 
 
 def _courses(targets: Targets) -> Targets:
-    """The targets without sizes, whose zero has moved once an explanation is taken off."""
+    """The targets without sizes, whose zero moves once an explanation is subtracted."""
     size = np.array([kind == "size" for kind in targets.kinds])
     return replace(targets, member=targets.member & ~size[:, None])
 

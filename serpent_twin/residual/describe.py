@@ -32,7 +32,7 @@ _HINTS = {
 
 
 def describe(findings: Findings) -> str:
-    """What is left, on what it depends and where to look, in a few plain sentences."""
+    """Describe what is left, on what it depends and where to look, in a few plain sentences."""
     parts = [_size(findings)]
     told: list[str] = []
     for what, change, of_loads in (
@@ -100,13 +100,13 @@ def _dependences(pairs: list[tuple[Dependence, Where]]) -> list[str]:
 
 
 def hint(dependence: Dependence) -> str:
-    """What an engineer may look for."""
+    """What to look for on the machine."""
     kind = dependence.feature.kind
     return _HINTS.get(f"{kind} {dependence.shape.kind}", _HINTS[kind])
 
 
 def _changes(change: Change | None, what: str) -> list[str]:
-    """Sentences on a jump or drift, and on a swing."""
+    """Sentences on a jump or drift, and on an oscillation."""
     if change is None:
         return []
     sentences = []
@@ -146,7 +146,7 @@ def _sentence_case(text: str) -> str:
 
 
 def _unknown(findings: Findings) -> str:
-    """What is above the noise and follows nothing: at least where it is."""
+    """Describe an error above the noise that depends on nothing: at least where it is."""
     unit = findings.noise.of_marker.unit
     constant = np.linalg.norm(findings.marker.mean_residual_mm, axis=-1)
     if np.mean(constant) > 0.7 * np.fmin(findings.above_noise_mm, findings.marker.mean_mm):

@@ -22,7 +22,7 @@ class Drift:
 
     @property
     def seen(self) -> bool:
-        """Whether the trend of any channel is beyond chance."""
+        """Whether the trend of any channel is significant."""
         return bool((np.abs(self.per_minute) > self.interval).any())
 
     @property
@@ -78,7 +78,7 @@ def jump(
 ) -> Jump | None:
     """The greatest change of the mean of values (S, T, C) at one time, if beyond chance (1 %).
 
-    Chance is what is found after blocks of rows have been shuffled within their session.
+    The chance level is found by shuffling blocks of rows within their session.
     """
     rows = known(values)
     length = _block_rows(rows)

@@ -1,8 +1,8 @@
 """List the features on which the error could depend.
 
 A feature is a quantity of each row and a few functions of it (its basis), in which dependence is
-sought linearly. Only what the twin predicts or the motors report is used, never a measured load or
-marker: its noise is in the residual too and would pass for dependence.
+sought linearly. Only quantities that the twin predicts or the motors report are used, never a measured
+load or marker: its noise is in the residual too and would look like dependence.
 """
 
 from collections.abc import Callable, Iterator
@@ -72,7 +72,7 @@ def _feature(
 
 
 def _motors(c: Comparison) -> Iterator[Feature]:
-    """Angle, and what repeats with each turn."""
+    """Angle, and functions with the period of a turn."""
     if c.motor_angle is None:
         return
     for j, name in enumerate(c.motor_names):
@@ -148,7 +148,7 @@ def _time(c: Comparison) -> Iterator[Feature]:
 
 
 def _places(c: Comparison) -> Iterator[Feature]:
-    """Where the outermost marker is."""
+    """Position of the outermost marker."""
     if c.marker_predicted is None or not c.has_markers:
         return
     tip = c.marker_predicted[:, :, -1]

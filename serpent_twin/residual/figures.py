@@ -22,7 +22,7 @@ COLOURS = ("#a3a7ad", "#3d7ea6", "#d1603d", "#588157", "#7d5ba6", "#c9a227")
 INK, SOFT, LINE = "#1d2129", "#5c6470", "#e4e6e9"
 GAP_S = 20.0  # drawn between sessions
 _FAR_APART = 8.0  # times
-_ABREAST, _UPRIGHT = 60, 30  # letters of all sessions' names, and names, that find their place
+_ABREAST, _UPRIGHT = 60, 30  # letters of all sessions' names, and names, for which there is room
 
 
 def figures(
@@ -146,7 +146,7 @@ def _by_motor(
 
 
 def _dependence(comparison: Comparison, findings: Findings) -> Figure:
-    """The residual over what it follows most, markers and loads."""
+    """The residual over the feature that it follows most, markers and loads."""
     of = {d.kind == "load": d for d in reversed(findings.depends_on)}
     told = [of[load] for load in (False, True) if load in of]
     drawing, panels = _sheet(4.8 * len(told) + (2 if len(told) == 1 else 0), 3.9, columns=len(told))
@@ -171,7 +171,7 @@ def _dependence(comparison: Comparison, findings: Findings) -> Figure:
 
 
 def _heat(comparison: Comparison, findings: Findings) -> Figure:
-    """Which joint or marker is off, and when."""
+    """The error of each joint or marker over time."""
     drawing, axes = _sheet(9, 3.7)
     names, values, label = marker_curve(comparison, findings.place)
     rows = min(max(1, round(4 / comparison.period)), values.shape[1])
@@ -241,7 +241,7 @@ def _one_after_another(comparison: Comparison) -> tuple[Array, dict[str, float]]
 
 
 def _label(axes: "Axes", at: np.ndarray, names: Sequence[str], word: str) -> None:
-    """Numbers where names are the word and a number, else the names aslant."""
+    """Label with numbers where names are a word and a number, else with slanted names."""
     if all(name.startswith(f"{word} ") for name in names):
         axes.set_xticks(at, [name.removeprefix(f"{word} ") for name in names])
         axes.set_xlabel(word)
@@ -250,7 +250,7 @@ def _label(axes: "Axes", at: np.ndarray, names: Sequence[str], word: str) -> Non
 
 
 def _smooth(values: Array, width: int) -> Array:
-    """Mean of rows (S, T) over a centred window, what is unknown left out."""
+    """Mean of rows (S, T) over a centred window, without NaN."""
     known, kernel = np.isfinite(values), np.ones(min(width, values.shape[1]))
     count = np.stack([np.convolve(row, kernel, "same") for row in known])
     total = np.stack([np.convolve(row, kernel, "same") for row in np.nan_to_num(values)])

@@ -38,7 +38,7 @@ class Change:
 
     @property
     def steady(self) -> str:
-        """drift, jump or nothing: whichever takes away more, if it is beyond chance."""
+        """drift, jump or empty: whichever explains more, if it is significant."""
         of_drift = self.drift.share if self.drift.seen else 0.0
         of_jump = self.jump.share if self.jump else 0.0
         if max(of_drift, of_jump) < WORTH_SAYING:
@@ -47,7 +47,7 @@ class Change:
 
     @property
     def swings(self) -> bool:
-        """Whether a swing is worth a sentence."""
+        """Whether an oscillation is large enough to report."""
         return self.line is not None and self.line.share >= WORTH_SAYING
 
 
@@ -74,8 +74,8 @@ class Findings:
 
     @property
     def above_noise_mm(self) -> float:
-        """What a mean distance of nought would have to grow by, in quadrature, to reach the error; NaN where
-        the noise is unknown.
+        """Part of the mean error above the noise floor, in quadrature; NaN where the noise is
+        unknown.
         """
         mean, floor = self.marker.mean_mm, self.noise.floor_mm
         return float(np.sqrt(np.maximum(0.0, mean**2 - floor**2)))
@@ -116,7 +116,7 @@ class Findings:
 
 
 def analyse(comparison: Comparison, rng: np.random.Generator, permutations: int = 199) -> Findings:
-    """Everything about the error of a comparison."""
+    """Analyse the error of a comparison."""
     noise = measurement_noise(comparison)
     found = place(comparison, noise.marker)
     depends = depends_on(comparison, rng, permutations, noise=noise, found=found)

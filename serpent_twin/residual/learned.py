@@ -1,7 +1,6 @@
 """Learn a correction of the marker error from motor readings, without physics: the last resort.
 
-Kept apart from the effects: it names no cause. It is on only where it helps on logs that it was not
-fitted to.
+Kept apart from the effects: it names no cause. It is on only where it reduces the error on held-out logs.
 """
 
 import json
@@ -112,7 +111,7 @@ def load(path: Path) -> Learned:
 
 
 class About(stored.Form, frozen=True):
-    """What the file says of a correction, see `Learned`."""
+    """What the file holds of a correction, see `Learned`."""
 
     version: Literal[1]
     lags: Annotated[tuple[Annotated[int, within(0, 10_000)], ...], many(1, 100)]
@@ -148,7 +147,7 @@ def learn(
     rng: np.random.Generator,
     options: Options = Options(),
 ) -> Learned:
-    """Fit to the training comparison, then switch on only if held-out segments gain beyond chance."""
+    """Fit to the training comparison, then switch on only if the gain on held-out segments is significant."""
     size, dimension = training.marker_residual[0, 0].size, training.marker.dimension
     best: tuple[float, dict[str, Array]] = (np.inf, {})
     for tried in _candidates(training, rng, options):
@@ -162,7 +161,7 @@ def learn(
 
 
 def _judged(learned: Learned, held_out: Comparison, rng: np.random.Generator) -> Learned:
-    """With its gain on held-out segments; off where the interval holds nought."""
+    """The correction with its gain on held-out segments; off where the interval holds zero."""
     before = marker_size(held_out)
     after = marker_size(learned.corrected(held_out))
     gain = before.by_segment_mm - after.by_segment_mm
@@ -252,7 +251,7 @@ def _scales(
 def _inputs(readings: Array, lags: tuple[int, ...], arrays: dict[str, Array]) -> Array:
     """Scaled readings of several rows and waves of the present one, (S, T, P).
 
-    Before a segment's first row its readings are taken to be those of the first.
+    Before a segment's first row, readings equal those of the first.
     """
     scaled = (readings - arrays["mean"]) / arrays["scale"]
     rows = np.arange(scaled.shape[1])

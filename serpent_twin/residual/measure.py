@@ -30,7 +30,7 @@ class Measure:
 
     @property
     def field(self) -> str:
-        """Its name as a JSON key holds it."""
+        """Its name in a JSON key."""
         return self.one.replace(" ", "_")
 
     @property
@@ -40,7 +40,7 @@ class Measure:
 
     @property
     def along(self) -> tuple[str, ...]:
-        """What each coordinate adds to its name."""
+        """The suffix of each coordinate's name."""
         return tuple(f" along {axis}" for axis in self.axes) or ("",)
 
     @property

@@ -6,7 +6,7 @@ roughness of the motion. Then the fourth difference of the residual holds the no
 a part that regression on the predicted motion's fourth differences removes, and a part in proportion
 to their square; the noise is what is left when the motion's roughness goes to zero. Where joint axes
 are known, it is also sought in what no small rotation of a joint could make. Noise that a filter has
-smoothed is underestimated; an error that jumps at random rows is taken for noise. Noise is unknown, NaN,
+smoothed is underestimated; an error that jumps at random rows counts as noise. Noise is unknown, NaN,
 where too few rows are measured, and where the error leaves nothing that could be noise.
 """
 
@@ -100,7 +100,7 @@ def measurement_noise(comparison: Comparison) -> Noise:
 
     jitter = of_markers = each(markers)
     if comparison.has_markers and comparison.joint_anchor is not None:
-        # Both ways take what is left of the twin's error for noise, so the lesser is nearer.
+        # Both ways count what is left of the twin's error as noise, so the lesser is nearer.
         beside = each(_beside_joints(comparison))
         of_markers = np.where(beside > 0, np.fmin(of_markers, beside), of_markers)
     of_loads, measures = each(loads[..., None]), (comparison.marker, comparison.load)
@@ -119,7 +119,7 @@ def _from_row_to_row(values: Array) -> Array:
 def noise_std(values: Array, roughness: Array, motion: Array, bins: int = 10) -> float:
     """Noise [of values] in equally noisy coordinates (S, T, K); NaN if it is unknown.
 
-    Roughness of the motion (S, T − 4); fourth differences of what may cause error, (S, T − 4, P).
+    Roughness of the motion (S, T − 4); fourth differences of possible causes of error, (S, T − 4, P).
     """
     difference = _unexplained(np.diff(values, ORDER, axis=1), motion)
     edges = np.quantile(roughness, np.linspace(0, 1, bins + 1)[1:-1])

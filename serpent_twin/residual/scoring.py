@@ -11,7 +11,7 @@ from serpent_twin.residual.features import Feature
 FOLDS = 8
 FEWEST_BLOCKS = 6
 RIDGE = 0.01  # of the standardised bases' own squares
-_AT_ONCE = 1200  # channels scored in one go, which bounds memory
+_AT_ONCE = 1200  # channels scored at once, which bounds memory
 
 
 def in_blocks(values: Array) -> Array:
@@ -60,7 +60,7 @@ class Bank:
         return groups
 
     def gain(self, values: Array) -> Array:
-        """Squared error that each feature takes away from channels (B, T, C) left out, (F, C)."""
+        """Squared error that each feature explains of left-out channels (B, T, C), (F, C)."""
         values = values.astype(np.float32)
         total = np.zeros((len(self.features), values.shape[2]))
         for first in range(0, values.shape[2], _AT_ONCE):
@@ -81,10 +81,10 @@ class Bank:
 
 
 def surrogates(values: Array, count: int, rng: np.random.Generator) -> Array:
-    """Channels (B, T, C) with blocks exchanged and their rows turned round, (B, T, count × C).
+    """Channels (B, T, C) with blocks exchanged and their rows reversed, (B, T, count × C).
 
-    They keep the residual's memory within a block and the ties between channels, and lose any tie
-    to a feature.
+    They keep the residual's correlation within a block and between channels, and lose any correlation
+    with a feature.
     """
     B, T, C = values.shape
     out = np.empty((B, T, count, C), np.float32)

@@ -39,7 +39,7 @@ def shape_of(feature: Feature, error: Array, effective_rows: float) -> Shape:
     good = np.isfinite(x) & np.isfinite(y)
     x, y = x[good], y[good] - y[good].mean()
     total = float(np.sum(y**2)) or 1.0
-    # A parameter more must pay as in the Bayesian information criterion.
+    # A further parameter is penalised as in the Bayesian information criterion.
     price = np.log(max(effective_rows, 8)) / max(effective_rows, 8)
     found = [
         (np.log(max(left / total, 1e-6)) + p * price, s) for left, p, s in _tries(feature, x, y)
@@ -86,7 +86,7 @@ def _straight(feature: Feature, x: Array, y: Array) -> tuple[float, int, Shape]:
 def _step(feature: Feature, x: Array, y: Array, grid: Array) -> tuple[float, int, Shape]:
     fits = [_fit((x > g)[:, None].astype(float), y) for g in grid]
     best = int(np.argmin([_left(fit, y) for fit in fits]))
-    # Measured from the fuller side, a threshold leaves the error where fewer rows are.
+    # Measured from the side with more rows, a threshold leaves the error where fewer rows are.
     side = "above" if np.mean(x > grid[best]) <= 0.5 or feature.unit == "s" else "below"
     side = "after" if feature.unit == "s" else side
     text = f"{side} {quantity(grid[best], feature.unit)}"

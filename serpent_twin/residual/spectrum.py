@@ -26,7 +26,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Line:
-    """A swing that keeps its phase over a segment."""
+    """An oscillation that keeps its phase over a segment."""
 
     frequency_hz: float
     """Its frequency, below half the row rate"""
@@ -48,7 +48,7 @@ def spectrum(values: Array, period: float) -> Spectrum:
 
 
 def known(values: Array) -> Array:
-    """Values (S, T, C) without their mean over all rows; what is unknown becomes zero."""
+    """Values (S, T, C) without their mean over all rows; NaN becomes zero."""
     finite = np.isfinite(values)
     count = np.maximum(finite.sum(axis=(0, 1)), 1)
     mean = np.where(finite, values, 0.0).sum(axis=(0, 1)) / count
@@ -69,10 +69,10 @@ def autocorrelation_rows(values: Array) -> float:
 def line(
     values: Array, period: float, rng: np.random.Generator, permutations: int = 199
 ) -> Line | None:
-    """The most coherent swing in values (S, T, C), if chance makes none so coherent in 100.
+    """The most coherent oscillation in values (S, T, C), if chance exceeds it less than once in 100.
 
-    Each segment is cut into eight blocks; a swing adds up over them in phase. Chance is what is
-    found after the blocks have been given random signs, over all frequencies alike.
+    Each segment is cut into eight blocks; an oscillation adds up over them in phase. The chance level
+    is found by giving the blocks random signs, over all frequencies alike.
     """
     block = _blocks(known(values))
     S, B = block.shape[:2]
@@ -118,7 +118,7 @@ def _blocks(values: Array, blocks: int = 8) -> Array:
 
 
 def _wave(block: Array, index: int, padded: int) -> np.ndarray:
-    """Fourier transform of a block (S, L, C) at its place among its fellows, (S, F, C)."""
+    """Fourier transform of a block (S, L, C) at its time in the segment, (S, F, C)."""
     S, L, C = block.shape
     rows = np.zeros((S, padded, C))
     rows[:, index * L : (index + 1) * L] = block

@@ -34,8 +34,8 @@ class Targets:
 def marker_targets(c: Comparison, noise: Noise, found: Place | None) -> Targets:
     """All markers together, then each joint's rotation, then the size of each joint's error.
 
-    A joint's rotation is counted in mm: by how far it moves the markers. Without joint geometry the
-    single markers stand for the joints.
+    A joint's rotation is measured in mm, by how far it moves the markers. Without joint geometry the
+    single markers replace the joints.
     """
     scale, K = c.marker.scale, c.marker.dimension
     residual = scale * known(c.marker_residual.reshape(*c.time.shape, -1))

@@ -14,7 +14,7 @@ VISIBLE = 0.35  # of the greatest part: it is named
 
 @dataclass(frozen=True, eq=False)
 class Where:
-    """The part of the marker residual that goes with something, by marker and joint."""
+    """The part of the marker residual that follows a feature, by marker and joint."""
 
     marker_mm: Array
     """Root mean square of each marker's part [mm], (M,)"""
