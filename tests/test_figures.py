@@ -1,7 +1,7 @@
 """Are figures legible whatever they show: labels apart, lines apart, logarithmic axes with numbers?"""
 
 import itertools
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -137,7 +137,8 @@ def test_figures_of_a_residual_are_legible(sessions, off):
 
 def lasting(one, sessions):
     """A comparison twice as long, of so many sessions."""
-    arrays = {n: np.concatenate([v, v]) for n, v in vars(one).items() if isinstance(v, np.ndarray)}
+    values = {each.name: getattr(one, each.name) for each in fields(one)}
+    arrays = {n: np.concatenate([v, v]) for n, v in values.items() if isinstance(v, np.ndarray)}
     count = 2 * len(one)
     called = tuple(f"session_{1 + k * sessions // count:02d}.parquet" for k in range(count))
     return replace(one, session=called, **arrays)
