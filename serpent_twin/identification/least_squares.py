@@ -240,7 +240,7 @@ class _Problem:
         return residual, np.concatenate([by_declared, by_effects])
 
     def _lean(self, point: ParameterVector) -> Array:
-        """The free parameters in units of their priors; effects have no prior."""
+        """Deviations of the free parameters from their prior means; 0 for effects, which have no prior."""
         declared = point.declared[list(self.free.declared)]
         return np.r_[declared, np.zeros(len(self.free.effects))]
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """Readout, arm and bus of a config."""
+    """A config with its readout and its drive, checked."""
 
     config: "Estimate"
     """The config"""

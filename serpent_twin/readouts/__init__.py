@@ -83,7 +83,7 @@ class Readout(ABC):
         rng: np.random.Generator,
         progress: Progress = lambda done, most, loss: None,
     ) -> None:
-        """Learn from the training windows; the validation windows steer, they are not learned from."""
+        """Learn from the training windows; validation windows serve early stopping and model selection."""
         self._require_size(train.x)
         self._require_size(validate.x)
         self.learned, self.history, self.rate_hz = {}, [], train.rate_hz
@@ -99,23 +99,23 @@ class Readout(ABC):
             raise SerpentError(
                 f"the readout {self.name} has not been fitted; call fit or load first."
             )
-        with np.errstate(invalid="ignore", over="ignore"):  # whoever uses the markers looks at them
+        with np.errstate(invalid="ignore", over="ignore"):  # callers check the markers
             return self._estimate(np.asarray(x, float), start).reshape(len(x), N_JOINTS, 3)
 
     def follow(self, session: SessionWindows) -> Belief:
-        """Markers of all windows of a session, and how sure that is."""
+        """Markers of all windows of a session, with their covariance."""
         marker = self.predict(session.x, session.start)
         return Belief(marker, np.broadcast_to(self.covariance, (len(marker), N_JOINTS, 3, 3)))
 
     @property
     def own_twin(self) -> "TwinModel | None":
-        """The design of the arm that it simulates, if it does."""
+        """The twin model of the arm that it simulates, if it does."""
         return None
 
     def live(self, prior_runtime: float = 0.0) -> Live:
-        """An estimator of this readout for one session, which no marker starts.
+        """An estimator of this readout for one session, started without markers.
 
-        `prior_runtime` is how long the arm ran before [s]; a readout without a twin needs no such number.
+        `prior_runtime` is how long the arm ran before [s]; a readout without a twin ignores it.
         """
         return LiveWindows(self)
 
@@ -136,7 +136,7 @@ class Readout(ABC):
         """Marker positions [m], (N, 27) or (N, 9, 3)."""
 
     def wanted(self) -> Wanted:
-        """What `learned` holds once it is fitted with these settings."""
+        """The arrays of `learned` after a fit with these settings."""
         return {}
 
     def config(self) -> dict[str, Any]:
@@ -145,7 +145,7 @@ class Readout(ABC):
         return {f.name: mine[f.name] for f in fields(self) if f.init}
 
     def save(self, folder: Path) -> None:
-        """Write `readout.json` and `learned.npz` into the folder; the JSON last, it makes it whole."""
+        """Write `learned.npz` and then `readout.json`, which completes the readout, into the folder."""
         folder.mkdir(parents=True, exist_ok=True)
         arrays: dict[str, Any] = self.learned
         np.savez(folder / LEARNED, allow_pickle=False, **arrays)
@@ -182,7 +182,7 @@ class Readout(ABC):
 
 
 def part(learned: Mapping[str, Array], prefix: str) -> dict[str, Array]:
-    """What is named `prefix.…`, under the rest of its name."""
+    """The arrays named `prefix.…`, under the rest of their names."""
     return {
         name.removeprefix(f"{prefix}."): value
         for name, value in learned.items()
@@ -192,7 +192,7 @@ def part(learned: Mapping[str, Array], prefix: str) -> dict[str, Array]:
 
 @functools.cache
 def available() -> dict[str, type[Readout]]:
-    """All readouts by name that logs alone can train; others are made of a trained one."""
+    """All readouts by name that are trained on logs alone; others are made from a trained one."""
     return {name: kind for name, kind in _kinds().items() if _makes_itself(kind)}
 
 
@@ -236,7 +236,7 @@ def find(name: str) -> type[Readout]:
 
 
 def kind_of(name: str) -> type[Readout]:
-    """The readout of a saved name, also if it is made of a trained one."""
+    """The readout of a saved name, also if it is made from a trained one."""
     return _kinds().get(name) or find(name)
 
 

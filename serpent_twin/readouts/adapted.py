@@ -45,7 +45,7 @@ SHARP = 5.0
 
 @dataclass
 class Adapted(Readout):
-    """Ours: a trained readout, left as it is, and a ridge on what it misses in windows of another arm.
+    """Ours: a trained readout, unchanged, and a ridge on its residual in windows of another arm.
 
     Cross-validation over contiguous blocks of these windows chooses the penalty, by the mean marker
     distance; the offset alone is among its choices. Without a gain beyond its standard error over the
@@ -83,11 +83,11 @@ class Adapted(Readout):
 
     @property
     def own_twin(self) -> "TwinModel | None":
-        """That of the readout that is corrected, if it has one."""
+        """The twin model of the corrected readout, if it has one."""
         return self.trained.own_twin
 
     def wanted(self) -> Wanted:
-        """What the base has learned, and the correction with what it scales features by."""
+        """The arrays of the base, and the correction with the scales of its features."""
         count = self._feature_count
         base = inside("base", self._untrained().wanted()) | {
             "base_covariance": covariances(N_JOINTS, unknown=True),
@@ -104,7 +104,7 @@ class Adapted(Readout):
         }
 
     def _untrained(self) -> Readout:
-        """The readout that is corrected, without what it has learned."""
+        """The corrected readout, untrained."""
         with naming("config.base"):
             kind = kind_of(self.base)
         return configured(kind, self.settings, ("config", "settings"))
@@ -115,7 +115,7 @@ class Adapted(Readout):
         return STATE + (self.window - 1) * (STATE + N_JOINTS + COMMAND) + 27
 
     def follow(self, session: SessionWindows) -> Belief:
-        """Markers of all windows of a session, and how sure that is."""
+        """Markers of all windows of a session, with their covariance."""
         return self.corrected(self.trained.follow(session), session.x)
 
     def live(self, prior_runtime: float = 0.0) -> "LiveAdapted":
@@ -123,7 +123,7 @@ class Adapted(Readout):
         return LiveAdapted(self, prior_runtime)
 
     def corrected(self, belief: Belief, x: Array) -> Belief:
-        """What the base believes of windows x, (N, 27H − 9), corrected."""
+        """The base's estimate of windows x, (N, 27H − 9), corrected."""
         root = root_of(belief.covariance)
         spread = root @ self.learned["spread"] @ np.swapaxes(root, -1, -2)
         return Belief(belief.marker + self._correction(x), spread)
@@ -158,7 +158,7 @@ class Adapted(Readout):
         }
 
     def _choose(self, folds: "Folds", progress: Progress) -> tuple[float, float]:
-        """Penalties of slopes and offset that leave least, none if that is not beyond chance."""
+        """Penalties of slopes and offset with the least error, none if the gain is not significant."""
         choices = [(p, FREE) for p in (*self.penalties, HELD)] + [(HELD, HELD)]
         distance = []
         for done, choice in enumerate(choices, 1):
@@ -196,8 +196,8 @@ class Adapted(Readout):
     def _features(self, x: Array) -> Array:
         """The newest row, the changes from row to row, their directions, commands, stiff cables' pose.
 
-        The window itself and that pose, and where each motor was going; but told by changes, so that a
-        penalty does not weigh most on what differs between rows.
+        The window itself and that pose, and the direction of each motor, expressed by changes, so that a
+        penalty does not act most on the differences between rows.
         """
         changes = self._changes(x)
         direction = np.tanh(changes[..., :N_JOINTS] / self.learned["turn"])
@@ -220,7 +220,7 @@ class Adapted(Readout):
 
 
 def least_windows(window: int) -> int:
-    """How many windows of H rows it takes to learn from."""
+    """The least number of windows of H rows to learn from."""
     return BLOCKS * window
 
 
@@ -241,8 +241,8 @@ class LiveAdapted:
 
 
 class Folds:
-    """Ridges from x (N, C), a one last, to y (N, 27): each block is judged by the windows that are not within
-    `gap` of it.
+    """Ridges from x (N, C), a one last, to y (N, 27): each block is predicted from the windows that are not
+    within `gap` of it.
     """
 
     def __init__(self, x: Array, y: Array, count: int, gap: int) -> None:
@@ -252,20 +252,20 @@ class Folds:
             self.folds.append((judge, len(learn), normal_equations(x[learn], y[learn])))
 
     def left(self, penalty: tuple[float, float]) -> Array:
-        """What is left of y in each block; penalties of slopes and offset per window."""
+        """The residual of y in each block, for penalties of slopes and offset per window."""
         left, each = np.empty_like(self.y), self._each(penalty)
         for judge, rows, equations in self.folds:
             left[judge] = self.y[judge] - self.x[judge] @ solve(equations, each * rows)
         return left
 
     def distance(self, penalty: tuple[float, float]) -> Array:
-        """Mean distance of the markers seen in each block that shows some [m]."""
+        """Mean distance of the measured markers in each block that has some [m]."""
         left = distances(self.left(penalty).reshape(-1, N_JOINTS, 3), np.zeros(3))
         blocks = [left[judge] for judge, _, _ in self.folds]
         return np.array([np.nanmean(block) for block in blocks if np.isfinite(block).any()])
 
     def weight(self, penalty: tuple[float, float]) -> Array:
-        """Weights, (C, 27), that all windows tell."""
+        """Weights, (C, 27), fitted to all windows."""
         return solve(normal_equations(self.x, self.y), self._each(penalty) * len(self.x))
 
     def _each(self, penalty: tuple[float, float]) -> Array:
@@ -274,7 +274,7 @@ class Folds:
 
 
 def _blocks(rows: int, count: int, gap: int) -> Iterator[tuple[slice, NDArray[np.intp]]]:
-    """Rows that judge, and those that may teach."""
+    """Rows of each block, and the rows to fit to for it."""
     edges = np.linspace(0, rows, count + 1).astype(int)
     for first, end in itertools.pairwise(edges.tolist()):
         near = slice(max(0, first - gap), end + gap)

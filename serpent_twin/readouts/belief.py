@@ -23,7 +23,7 @@ class Belief:
 
     @property
     def spread(self) -> Array:
-        """Root mean square of the error to expect of each marker [m], (N, 9)."""
+        """Root mean square of the expected error of each marker [m], (N, 9)."""
         return np.sqrt(np.trace(self.covariance, axis1=-2, axis2=-1))
 
     def distance2(self, measured: Array) -> Array:
@@ -32,12 +32,12 @@ class Belief:
         return (np.swapaxes(off, -1, -2) @ np.linalg.solve(self.covariance, off))[..., 0, 0]
 
     def coverage(self, measured: Array, share: float = 0.95) -> float:
-        """Share of the markers seen that lie within their ellipsoids of that share."""
+        """Share of the measured markers that lie within their ellipsoids of that share."""
         far = self.distance2(measured)
         return float((far[np.isfinite(far)] <= chi2.ppf(share, 3)).mean())
 
     def scale_to(self, measured: Array, share: float = 0.95) -> Array:
-        """By what each marker's covariance must grow for its ellipsoids of that share to hold it, (9,)."""
+        """Factor of each marker's covariance with which its ellipsoids of that share hold it, (9,)."""
         far = self.distance2(measured)
         return np.nanquantile(far, share, axis=0) / chi2.ppf(share, 3)
 
@@ -77,14 +77,14 @@ def covariance_of(error: Array) -> Array:
 
 
 def growth(errors: float, share: float = 0.95) -> float:
-    """By what a covariance that so few independent errors showed must grow, for its ellipsoids of that share
-    to hold the next one (Hotelling).
+    """Factor of a covariance estimated from few independent errors with which its ellipsoids of that share
+    hold the next one (Hotelling).
     """
     n = max(errors, 4.0)
     return float(3 * n / (n - 2) * f.ppf(share, 3, n - 2) / chi2.ppf(share, 3))
 
 
 def root_of(covariance: Array) -> Array:
-    """L of L Lᵀ = covariance, (..., 3, 3); 1 where that is not known."""
+    """L of L Lᵀ = covariance, (..., 3, 3); the identity where that is not known."""
     unknown = ~np.isfinite(covariance).all(axis=(-2, -1), keepdims=True)
     return np.linalg.cholesky(np.where(unknown, np.eye(3), covariance))

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 class Decoder(ResidualMlp):
     """Ours: a ridge and a network correct the joint angles, forward kinematics makes the markers.
 
-    The markers' places in the links are learned, too, and nine small vectors for what no joint
-    angle explains.
+    The markers' places in the links are learned, too, and nine small vectors for the part that no
+    joint angle explains.
     """
 
     name: ClassVar[str] = "decoder"

@@ -26,7 +26,7 @@ class Ensemble(Readout):
     """Passes of each member; by default its own"""
 
     def wanted(self) -> Wanted:
-        """What each member has learned, under its number."""
+        """The arrays of each member, under its number."""
         wanted: Wanted = {}
         for k, member in enumerate(self._untrained()):
             wanted |= inside(str(k), member.wanted())

@@ -20,8 +20,8 @@ _Scatter = Annotated[float, within(0.0, 1.0, "rad")]
 class FilteredObserver(Observer):
     """Ours: the observer as an ensemble Kalman filter of the joint angles, corrected by the loads.
 
-    Its members' joints are scattered before each correction, by as much as the validation sessions like best:
-    none at all makes it the observer. Source: Evensen, J. Geophys. Res. 99 (1994) 10143, with perturbed
+    Its members' joints are scattered before each correction, by the amount with the least validation error:
+    with none it is the observer. Source: Evensen, J. Geophys. Res. 99 (1994) 10143, with perturbed
     observations (Burgers, Mon. Weather Rev. 126 (1998) 1719).
     """
 
@@ -77,7 +77,7 @@ class LiveFilter(LiveObserver):
         self._noise: Any = observer.learned["load"]
 
     def step(self, now: Reading) -> None:
-        """Let the members go to this reading, and correct their joints by its loads."""
+        """Simulate the members to this reading, and correct their joints by its loads."""
         super().step(now)
         turning = np.abs(now.velocity) > TURNING
         turning[-1] = False  # the gripper's cable pulls at the jaw

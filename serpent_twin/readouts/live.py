@@ -21,7 +21,7 @@ GAP = 1.5
 
 @dataclass(frozen=True)
 class Reading:
-    """What the bus says in one control step."""
+    """The bus's readings in one control step."""
 
     time: float
     """[s]"""
@@ -46,14 +46,14 @@ class Live(Protocol):
     """An estimator that follows an arm, reading by reading."""
 
     def update(self, now: Reading) -> Belief | None:
-        """The markers now, a belief of one row; None while it has not seen enough."""
+        """The markers now, a belief of one row; None until there are enough readings."""
         ...
 
 
 class RecentWindow:
     """The window that ends at the newest reading.
 
-    A gap in time begins it anew, if it is known how often rows come.
+    A gap in time begins it anew, if the period of the rows is known.
     """
 
     def __init__(self, window: int, rate_hz: float | None = None) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Published(Regression):
-    """A network trained by the published schedule, which may run long: it has no end of its own."""
+    """A network trained by the published schedule, which sets no number of epochs and may run long."""
 
     steps: Rounds = 5000
     """Batches at which training ends if the rate has not become tiny before"""

@@ -32,9 +32,9 @@ TURNING = 2 * STANDING
 class Observer(Readout):
     """Ours: the twin, driven by the motors' angles from the session's first row on; no markers.
 
-    Training finds how sure it is: the joint angles' error over the validation sessions, seen through the
-    arm's pose, and what the markers show beside. While loads disagree with the twin's more than they did
-    then, the stated spread grows as they do.
+    Training estimates its covariance: the joint angles' error over the validation sessions, propagated
+    through the arm's pose, and the markers' residual error. While loads differ from the twin's more than
+    they did then, the stated spread grows in proportion.
     """
 
     name: ClassVar[str] = "observer"
@@ -63,7 +63,7 @@ class Observer(Readout):
         }
 
     def follow(self, session: SessionWindows) -> Belief:
-        """Markers of all windows of a session, and how sure that is."""
+        """Markers of all windows of a session, with their covariance."""
         if not self.learned:
             raise SerpentError(
                 f"the readout {self.name} has not been fitted; call fit or load first."
@@ -75,10 +75,10 @@ class Observer(Readout):
         return LiveObserver(self, prior_runtime)
 
     def require_rate(self, rate_hz: float) -> None:
-        """Take rows of any rate: the twin goes from each to the next, however long that takes."""
+        """Accept rows of any rate: the twin is simulated from each to the next, however long that takes."""
 
     def with_twin(self, arm: twin_model.TwinModel) -> "Observer":
-        """The same observer with another twin; how sure it is stays what training found with its own."""
+        """The same observer with another twin; its covariance stays that of training with its own."""
         other = replace(self, twin=twin_model.to_dict(arm))
         for each in fields(self):
             if not each.init:
@@ -96,7 +96,7 @@ class Observer(Readout):
         return self.arm
 
     def _run(self, session: SessionWindows) -> Iterator[tuple[Sensed, Belief]]:
-        """What the twin senses and says in the session's windows."""
+        """Readings and estimates of the twin in the session's windows."""
         live, first = self.live(session.bus.prior_runtime), len(session.bus.time) - len(session)
         for k, now in enumerate(readings(session.bus)):
             belief = live.update(now)
@@ -127,7 +127,7 @@ class Observer(Readout):
             "load": np.sqrt(np.nanmean(np.vstack([load, few]) ** 2, axis=0)),
             "covariance": covariance_of(error),
         }
-        # Errors need not be normal: each marker's ellipsoids are made to hold it as often as they say.
+        # Errors need not be normal: each marker's ellipsoids are scaled to hold it as often as stated.
         scale = Belief(np.zeros_like(error), self.seen_from(at)).scale_to(error)
         self.learned["scale"] = scale[:, None, None]
 
@@ -194,7 +194,7 @@ class LiveObserver:
         return self.belief(now)
 
     def step(self, now: Reading) -> None:
-        """Let the twin go to this reading; the first one lets it hang there as stiff cables would."""
+        """Simulate the twin to this reading; at the first one, it starts at the pose of stiff cables."""
         position, velocity = (np.tile(x, (self._count, 1)) for x in (now.position, now.velocity))
         to = Motors(np.full(self._count, now.time), position, velocity)
         interval = now.time - self._time
@@ -217,12 +217,12 @@ class LiveObserver:
 
     @property
     def sensed(self) -> Sensed:
-        """What the members sense in the mean, as one."""
+        """The mean of the members' readings, as one."""
         each = vars(self.members).items()
         return Sensed(**{name: value.mean(axis=0, keepdims=True) for name, value in each})
 
     def belief(self, now: Reading) -> Belief:
-        """What the twin says of the markers, less sure the more loads differ from its own."""
+        """The twin's estimate of the markers; its covariance grows as loads differ from the twin's."""
         sensed = self.sensed
         error = (now.load - sensed.load[0]) / self._observer.learned["load"]
         turning = np.abs(now.velocity) > TURNING

@@ -33,7 +33,7 @@ class Memory:
 
 @dataclass(frozen=True)
 class Step:
-    """What measured markers are compared with."""
+    """An estimate with which measured markers are compared."""
 
     believed: Belief
     """The estimator's own, of one row"""
@@ -44,11 +44,11 @@ class Step:
 
 
 class Online:
-    """An estimator, and a linear correction that measured markers teach whenever there are some.
+    """An estimator, and a linear correction that is fitted to measured markers whenever there are some.
 
     Recursive least squares in information form: what is kept are exponentially weighted sums of products,
     and a ridge that does not fade. So the weights are at any time those of the batch problem, rounding does
-    not pile up, and an arm that stands still lets them fall back to zero, to the estimator as it is.
+    not accumulate, and while the arm stands still they return to zero, to the estimator alone.
     """
 
     def __init__(self, live: Live, memory: Memory | None = None) -> None:
@@ -62,7 +62,7 @@ class Online:
         self._open: Step | None = None
 
     def update(self, now: Reading) -> Belief | None:
-        """The markers now, corrected; None while the estimator has not seen enough."""
+        """The markers now, corrected; None until the estimator has enough readings."""
         believed, interval = self._live.update(now), now.time - self._time
         self._time, self._open = now.time, None
         if believed is None:
@@ -79,7 +79,7 @@ class Online:
     def correct(self, marker: Array) -> None:
         """Learn from the markers measured with the last reading [m], (9, 3), NaN where lost; once.
 
-        What is lost keeps its weights.
+        A lost marker keeps its weights.
         """
         step, self._open = self._open, None
         if step is None:
@@ -103,7 +103,7 @@ class Online:
             self.weight[k] = dposv(regular, self._right[k])[1]
 
     def _spread(self, believed: Belief) -> Array:
-        """Covariance in units of the estimator's own, (9, 3, 3), of what was left out of sample."""
+        """Covariance of the out-of-sample residual, in units of the estimator's own, (9, 3, 3)."""
         known = np.isfinite(believed.covariance[0]).all(axis=(-2, -1))
         trust = np.where(known, self._memory.trust, 0.0)[:, None, None]
         count = self._count[:, None, None] + trust

@@ -51,7 +51,7 @@ class Residual(Readout):
             progress(done, len(self.ridges), self.history[-1].validation_loss)
 
     def _consider(self, weight: Array, validate: Windows, ridge: float) -> None:
-        """Keep the weights if the validation sessions like them better than all before."""
+        """Keep the weights if their validation error is the least so far."""
         error = with_one(pose_features(validate.x)) @ weight - self._target(validate)
         loss = float(np.nanmean(error**2))
         if all(loss < other.validation_loss for other in self.history):

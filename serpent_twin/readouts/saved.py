@@ -47,7 +47,7 @@ class Epoch:
 
 
 class About(stored.Form, frozen=True):
-    """What readout.json holds."""
+    """The content of readout.json."""
 
     format_version: Literal[1]
     name: Annotated[str, many(1, 100)]

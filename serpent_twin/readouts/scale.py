@@ -35,8 +35,8 @@ def scale_of(values: Array) -> Scale:
 def spread_of(values: Array, common: bool = False) -> Scale:
     """The scale in which the values (N, C) have mean 0 and standard deviation 1.
 
-    `common` gives all columns the root mean square of their deviations, which keeps a millimetre
-    of one marker worth a millimetre of another.
+    `common` gives all columns the root mean square of their deviations, so that a millimetre has
+    the same weight in all markers.
     """
     deviation = np.nanstd(values, axis=0)
     if common:

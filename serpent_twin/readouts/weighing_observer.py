@@ -37,12 +37,12 @@ _Caution = Annotated[float, within(1e-6, 1e9)]
 
 @dataclass
 class WeighingObserver(Observer):
-    """Ours: the observer that weighs: the loads say how heavy the payload is, the twin holds as much.
+    """Ours: the observer that identifies the payload's mass from the loads, and adds it to the twin.
 
     An extended Kalman filter of parameters of the twin: next to it run twins that differ a little in one
-    parameter each, and show what that does to loads and pose. Loads are believed as far as validation
-    sessions bear it; of an arm that does not change it knows a little less than the observer, for all it has
-    to follow is noise. Source: Anderson and Moore, Optimal Filtering (1979), chapter 8, with secants for
+    parameter each, which give the derivatives of loads and pose. Validation sessions select the inflation of
+    the loads' noise; of an arm that does not change its error is a little larger than the observer's, because
+    it follows noise. Source: Anderson and Moore, Optimal Filtering (1979), chapter 8, with secants for
     derivatives.
     """
 
@@ -106,18 +106,18 @@ class Followed:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """How far it may go from what the twin has, in typical values."""
+        """Its greatest change from the twin's value, in typical values."""
         low, high = self.within.low - self.value, self.within.high - self.value
         return max(-FURTHEST, low / self.typical), min(FURTHEST, high / self.typical)
 
     def added(self, arm: TwinModel, more: float) -> TwinModel:
-        """The arm with so much more of it."""
+        """The arm with the parameter increased."""
         held = arm.effect_of(self.kind)
         return arm.with_effect(replace(held, **{self.name: getattr(held, self.name) + more}))
 
 
 def followed(arm: TwinModel, unknown: Sequence[str]) -> list[Followed]:
-    """The fitted parameters of those effects, with what an arm has of them."""
+    """The fitted parameters of those effects, with an arm's values of them."""
     found = []
     for kind in map(effects.by_name, unknown):
         held = arm.effect_of(kind)
@@ -130,12 +130,12 @@ def followed(arm: TwinModel, unknown: Sequence[str]) -> list[Followed]:
 
 
 class LiveWeighing(LiveObserver):
-    """The twin of one session with what it follows, and its neighbours in each parameter."""
+    """The twin of one session with the parameters it follows, and its neighbours in each parameter."""
 
     def __init__(self, observer: WeighingObserver, prior_runtime: float) -> None:
         self.followed = followed(observer.arm, observer.unknown)
         base = observer.arm
-        for each in self.followed:  # there must be some of it, for all to be built alike
+        for each in self.followed:  # above zero, so that all models have one structure
             base = each.added(base, 1e-6 * each.typical)
         further = [each.added(base, NEAR * each.typical) for each in self.followed]
         super().__init__(observer, prior_runtime, [base, *further])
@@ -154,7 +154,7 @@ class LiveWeighing(LiveObserver):
         self._noise: Array = observer.learned["noise"] ** 2
 
     def step(self, now: Reading) -> None:
-        """Let the twins go to this reading, and learn from its loads what they hold."""
+        """Simulate the twins to this reading, and update the parameters from its loads."""
         super().step(now)
         self.covariance = self.covariance + WALK**2 * self._interval * np.eye(len(self.amount))
         turning = np.abs(now.velocity) > TURNING
@@ -172,7 +172,7 @@ class LiveWeighing(LiveObserver):
         self._variation.set(self.amount / NEAR + np.vstack([0 * before, np.eye(len(before))]))
 
     def weighed(self) -> dict[str, dict[str, float | str]]:
-        """What loads have told so far: each parameter's value, standard deviation and unit, JSON-ready."""
+        """The parameters identified so far: each one's value, standard deviation and unit, JSON-ready."""
         spread = np.sqrt(np.diag(self.covariance))
         return {
             f"{effects.name_of(each.kind)}.{each.name}": {
@@ -185,14 +185,14 @@ class LiveWeighing(LiveObserver):
 
     @property
     def sensed(self) -> Sensed:
-        """What the twin senses, with what this reading's loads have told it."""
+        """The twin's readings, after the update from this reading's loads."""
         each = vars(self.members).items()
         return Sensed(
             **{n: (v[0] + np.tensordot(self._news / NEAR, v[1:] - v[0], 1))[None] for n, v in each}
         )
 
     def belief(self, now: Reading) -> Belief:
-        """What the twin says of the markers, less sure the less is known of what it holds."""
+        """The twin's estimate of the markers, with a covariance that includes that of the parameters."""
         marker = self.members.marker
         known, moved = super().belief(now), (marker[1:] - marker[0]) / NEAR
         unknown = np.einsum("kmi,kl,lmj->mij", moved, self.covariance, moved)

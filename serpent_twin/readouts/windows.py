@@ -30,7 +30,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Bus:
-    """What the bus said of all ten motors, row by row."""
+    """The bus's readings of all ten motors, row by row."""
 
     time: Array
     """[s], (T,)"""
@@ -198,14 +198,14 @@ def _cut_session(session: Session, window: int, drop: int, arm: Arm) -> SessionW
 
 
 def source_of(session: Session) -> Source:
-    """What identifies a log, and the arm that it is of."""
+    """The identity of a log, and of its arm."""
     config, arm = session.metadata.get("config"), str(session.metadata.get("arm", ""))
     model = config.get("model_sha256", "") if isinstance(config, dict) else ""
     return Source(session.name, arm, readings_hash(session), str(model))
 
 
 def bus_of(session: Session) -> Bus:
-    """What a session logged of the bus."""
+    """The bus's readings in a session."""
     return Bus(
         session.time,
         session.motor_position,

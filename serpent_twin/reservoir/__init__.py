@@ -1,8 +1,8 @@
 """Measure how well a body computes: memory, products of inputs, separation and consistency.
 
 `memory` and `capacities` measure which functions of past inputs its states hold, `expand` which of them a
-task needs, `beyond_taps` what the body adds to its last commands. `state_rank` counts what it tells apart;
-`channel_consistency`, `consistency_spectrum` and `contraction_rate` say whether it repeats itself;
+task needs, `beyond_taps` what the body adds to its last commands. `state_rank` counts the inputs that it
+separates; `channel_consistency`, `consistency_spectrum` and `contraction_rate` measure its repeatability;
 `narma10` is the common benchmark. Arrays in, arrays out; a delay counts rows. States (T, N) and inputs
 (T, m) may be S series of runs side by side, (S, T, N) and (S, T, m): each has its own washout, no delay
 reaches from one into another, and their rows count together.

@@ -64,14 +64,14 @@ def chance_cut(rows: int, rank: int) -> float:
     """Capacity below which a target counts as not held: 2 χ²_isf(1e-4, r) / T.
 
     T times the capacity of a target that the states do not hold follows χ²(r) if the target's square is
-    independent of theirs; twice the quantile (Dambre et al. 2012) leaves room where it is not. With one or
+    independent of theirs; twice the quantile (Dambre et al. 2012) allows for where it is not. With one or
     two channels, a few products that share factors with a strong one may still pass, just above the cut.
     """
     return float(2 * chi2.isf(1e-4, rank) / rows)
 
 
 def fine_cut(rows: int, rank: int, coarsest: float = COARSEST) -> float:
-    """The chance threshold; raises SerpentError when it is above the coarsest that is wanted."""
+    """The chance threshold; raises SerpentError when it is above the coarsest allowed."""
     cut = chance_cut(rows, rank)
     if cut > coarsest:
         needed = int(np.ceil(rows * cut / coarsest))

@@ -1,7 +1,7 @@
 """Find the products of past inputs that make up a series.
 
-The same expansion that measures what a body holds, of what is to be estimated: coordinates of markers,
-or a benchmark's target. Side by side they say which capacities the task needs.
+The expansion that measures a body's capacities, applied to the target: coordinates of markers, or a
+benchmark's target. Comparing both shows which capacities the task needs.
 """
 
 from collections.abc import Sequence

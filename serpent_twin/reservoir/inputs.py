@@ -1,6 +1,6 @@
 """Check that inputs can measure capacities: uniform, independent in time and of each other.
 
-Capacities are shares of orthonormal targets only if they are. What a test would find by chance is
+Capacities are shares of orthonormal targets only if they are. The distribution under chance is
 known: √T times the mean of a normalised product is nearly standard normal.
 """
 
@@ -19,7 +19,7 @@ FALSE_ALARM = 1e-6
 
 
 def chance(tests: int) -> float:
-    """What the greatest of so many standard normal numbers stays below, but for a false alarm."""
+    """Upper bound of the greatest of so many standard normal numbers, but for a false alarm."""
     return float(norm.isf(FALSE_ALARM / (2 * tests)))
 
 

@@ -2,7 +2,8 @@
 
 Kernel rank: directions in which its last states differ under different input streams. Generalisation
 rank: the same under streams that are alike in their last rows (Legenstein and Maass 2007, "Edge of chaos
-and prediction of computational performance for neural circuit models"). High and low is good.
+and prediction of computational performance for neural circuit models"). The first should be high, the
+second low.
 """
 
 import numpy as np
@@ -13,7 +14,7 @@ from serpent_twin.reservoir.inputs import as_rows
 
 STREAMS_PER_CHANNEL = 5
 """Input streams that a rank needs for each channel of the states"""
-_SURE = 4.3  # √(2 ln 10⁴): noise makes a direction more once in 10⁴ measurements
+_SURE = 4.3  # √(2 ln 10⁴): noise adds a direction once in 10⁴ measurements
 
 
 def streams(

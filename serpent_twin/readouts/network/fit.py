@@ -15,7 +15,7 @@ from serpent_twin.readouts import Epoch, Progress
 
 @dataclass(frozen=True)
 class Samples:
-    """What the network sees and should say, float32."""
+    """Inputs and targets of the network, float32."""
 
     x: Tensor
     """Inputs, (N, ...)"""
@@ -33,8 +33,8 @@ def squared_error(net: nn.Module, data: Samples) -> Tensor:
 def distance(net: nn.Module, data: Samples, rounding: float = 0.05) -> Tensor:
     """Mean Euclidean distance of markers over what is known, in the common scale of their coordinates.
 
-    This is what is scored, and large errors pull less than squared. `rounding` takes the tip off
-    the cone, so that the gradient is defined at 0.
+    This is the scored error, and large errors weigh less than squared ones. `rounding` smooths the
+    tip of the cone, so that the gradient is defined at 0.
     """
     error = ((net(data.x) - data.y) * data.known).unflatten(1, (-1, 3))
     rounded = (error.square().sum(dim=2) + rounding**2).sqrt() - rounding
@@ -149,7 +149,7 @@ def _pass(
 
 
 class _Rate:
-    """An optimizer and what becomes of its learning rate."""
+    """An optimizer and the schedule of its learning rate."""
 
     optimizer: torch.optim.Optimizer
     spent = False

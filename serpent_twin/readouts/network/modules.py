@@ -75,7 +75,7 @@ def markers(q: Tensor, place: Tensor, arm: Arm = ARM) -> Tensor:
 
 
 class Chain(nn.Module):
-    """A network's corrections of joint angles, then forward kinematics, then what is still lacking."""
+    """A network's corrections of joint angles, then forward kinematics, then a correction of markers."""
 
     def __init__(self, network: Mlp, joint_half: Array, marker_half: Array) -> None:
         super().__init__()

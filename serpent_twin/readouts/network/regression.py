@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Regression(Readout):
-    """A network from scaled features of a window to scaled markers, or to what a base pose lacks."""
+    """A network from scaled features of a window to scaled markers, or to the residual of a base pose."""
 
     def wanted(self) -> Wanted:
         """Scales of features and markers, then the network's weights."""
@@ -45,14 +45,14 @@ class Regression(Readout):
 
     @abstractmethod
     def _forward(self, inputs: Array) -> Array:
-        """What the trained network answers, (N, 27), by numpy."""
+        """Output of the trained network, (N, 27), by numpy."""
 
     @abstractmethod
     def _schedule(self, windows: int) -> "Plateau | OneCycle":
-        """How it is trained on that many windows."""
+        """The training schedule for that many windows."""
 
     def _features(self, x: Array) -> Array:
-        """What is scaled, then shown to the network, (N, C)."""
+        """Features, scaled and then given to the network, (N, C)."""
         return x
 
     def _base(self, x: Array) -> Array:
@@ -60,12 +60,12 @@ class Regression(Readout):
         return np.zeros((len(x), 27))
 
     def _prepare(self, train: Windows, validate: Windows, rng: np.random.Generator) -> None:
-        """Learn what comes before the network; here the scales."""
+        """Fit what comes before the network; here the scales."""
         self._remember("x", scale_of(self._features(train.x)))
         self._remember("y", scale_of(self._target(train)))
 
     def _inputs(self, x: Array) -> Array:
-        """What the network takes for windows x, (N, ...)."""
+        """Inputs of the network for windows x, (N, ...)."""
         return self._recall("x").down(self._features(x))
 
     def _learn(

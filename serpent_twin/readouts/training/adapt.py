@@ -33,7 +33,7 @@ _AGAIN = "Delete it, and the same command with --adapt makes it anew."
 
 @dataclass(frozen=True)
 class Adaptation:
-    """Logs of an arm: its first windows correct readouts trained elsewhere, its test sessions judge them."""
+    """Logs of an arm: its first windows correct readouts trained elsewhere, its test sessions score them."""
 
     logs: Path
     """Folder with the arm's session logs"""
@@ -48,12 +48,12 @@ class Adaptation:
 
     @cached_property
     def learn(self) -> Windows:
-        """All windows that may be learned from."""
+        """All windows for training."""
         return cut([*self.sessions.train, *self.sessions.validate], self.window, self.drop)
 
     @cached_property
     def test(self) -> Windows:
-        """The windows that judge."""
+        """The test windows."""
         return cut(self.sessions.test, self.window, self.drop)
 
     def settings(self) -> dict[str, Any]:
@@ -62,7 +62,7 @@ class Adaptation:
         return {"drop": self.drop, "sessions": self.sessions.names(), "input_sha256": inputs}
 
     def refuse(self, trained_on: Split) -> None:
-        """Say in a sentence what cannot be done, before anything is trained."""
+        """Refuse in a sentence what cannot be done, before anything is trained."""
         rates = [{session.rate_hz for session in of.all()} for of in (trained_on, self.sessions)]
         if max(set.union(*rates)) > SAME_RATE * min(set.union(*rates)):
             told = [" and ".join(f"{rate:g}" for rate in sorted(of)) for of in rates]
@@ -89,7 +89,7 @@ def read(
     validate: Sequence[str] = (),
     test: Sequence[str] = (),
 ) -> Adaptation:
-    """The adaptation that the command line asks for."""
+    """The adaptation that the options request."""
     sessions = split(read_folder(logs), validate, test)
     return Adaptation(logs, sessions, parse_counts(windows), window, drop)
 
@@ -108,7 +108,7 @@ def _ordered(counts: set[str]) -> tuple[str, ...]:
 def adapt(plan: Adaptation, names: Sequence[str], out: Path) -> dict[str, Any]:
     """Adapt the readouts in out/models, keep them in out/adapted/N/NAME; returns all scores on the arm.
 
-    What an interrupted or an earlier run adapted is kept, and scored with the rest.
+    Readouts that an interrupted or an earlier run adapted are kept, and scored with the rest.
     """
     folder = out / FOLDER
     with claimed(folder, SETTINGS, plan.settings()):
@@ -130,7 +130,7 @@ def adapt(plan: Adaptation, names: Sequence[str], out: Path) -> dict[str, Any]:
 
 
 def earlier(out: Path) -> dict[str, Any] | None:
-    """What an earlier run adapted in this folder: it stays in the report."""
+    """Readouts that an earlier run adapted in this folder: they stay in the report."""
     path = out / FOLDER / SCORES
     if not path.exists():
         return None
@@ -179,7 +179,7 @@ def _scored(plan: Adaptation, base: Readout, count: str, folder: Path) -> dict[s
 
 
 def _train(base: Readout, few: Windows, test: Windows, folder: Path) -> None:
-    """Learn the correction and save it, the cost last: what was interrupted is done again."""
+    """Learn the correction and save it, the cost last: an interrupted one is done again."""
     adapted = Adapted.of(base)
     began = time.perf_counter()
     adapted.fit(few, few, np.random.default_rng(0))

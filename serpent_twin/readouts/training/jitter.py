@@ -1,8 +1,8 @@
 """Vary simulated commands so that a readout tolerates small differences of the arm's servos.
 
-A simulated motor misses its command by little and always in the same way, so that a readout may lean on
-small differences between commands and angles which on the arm are its servos' own. Commands that are jittered
-by as much as the arm's motors miss them say nothing that angles do not say better.
+A simulated motor misses its command by little and always in the same way, so that a readout may depend on
+small differences between commands and angles, which differ on the arm's servos. Commands with a jitter as
+large as the error of the arm's motors hold no information beyond that in the angles.
 """
 
 from dataclasses import replace
@@ -16,8 +16,8 @@ from serpent_twin.readouts.windows import COMMAND, STATE, Windows
 
 
 def command_error(windows: Windows) -> float:
-    """Root mean square of what motors 1 … 9 miss their commands by [rad/s], over the newest step of windows
-    of two rows or more.
+    """Root mean square velocity error of motors 1 … 9 against their commands [rad/s], over the newest step
+    of windows of two rows or more.
     """
     if windows.window < 2 or windows.rate_hz is None:
         raise SerpentError(
@@ -29,7 +29,7 @@ def command_error(windows: Windows) -> float:
 
 
 def jittered(windows: Windows, size: float, rng: np.random.Generator) -> Windows:
-    """The same windows, all commands off by normal errors of a size [rad/s]; 0 leaves them as they are."""
+    """The same windows with normal errors of a standard deviation [rad/s] on all commands; 0 adds none."""
     if not size:
         return windows
     commands = COMMAND * (windows.window - 1)

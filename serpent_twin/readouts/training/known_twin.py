@@ -31,11 +31,11 @@ class KnownTwin:
 
     @property
     def settled(self) -> bool:
-        """Whether a trace of the logs could tell no more: the twin was given, or is not the nominal one."""
+        """Whether a trace of the logs is unnecessary: the twin was given, or is not the nominal one."""
         return self.path is not None or self.design not in (None, NOMINAL_TWIN)
 
     def readouts(self) -> list[str]:
-        """Names of the readouts that are trained unless others are asked for."""
+        """Names of the readouts that are trained by default."""
         best = [BEST] if self.design else []
         return [name for name in available() if self.path or not has_twin(name) or name in best]
 
@@ -65,7 +65,7 @@ def has_twin(name: str) -> bool:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names as a sentence holds them."""
+    """Names as text for a sentence."""
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
@@ -93,7 +93,7 @@ def _different(sessions: Sequence[Session]) -> list[Mapping[str, Any]]:
 
 
 def _fitted(origin: twin_model.Origin) -> set[str]:
-    """Hashes of the logs that a twin.json says it was fitted to: all but the last ones, or those named."""
+    """Hashes of the logs that a twin.json was fitted to: all but the last ones, or those named."""
     inputs, judging = origin.input_sha256, origin.held_out
     if isinstance(judging, int):
         judging = list(inputs)[max(0, len(inputs) - judging) :]

@@ -65,7 +65,7 @@ def _lead(scores: Mapping[str, Any]) -> str:
 
 
 def _alike(readouts: Mapping[str, Mapping[str, Any]]) -> str:
-    """Which readouts do not differ from the best beyond chance."""
+    """Readouts that do not differ significantly from the best."""
     against = {n: r["against_best"] for n, r in readouts.items() if "against_best" in r}
     alike = [
         n for n, a in against.items() if a["difference_interval_95_mm"] and not a["beyond_chance"]
@@ -78,7 +78,7 @@ def _alike(readouts: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _against_peer(readouts: Mapping[str, Mapping[str, Any]]) -> str:
-    """How many times the error of a peer the best one's is; of a peer that was cut short, that it was."""
+    """Ratio of a peer's error to the best readout's; of a peer that was cut short, only that fact."""
     name = best_of(readouts)
     if PEER not in readouts or name == PEER:
         return ""

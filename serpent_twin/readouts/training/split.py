@@ -13,7 +13,7 @@ from serpent_twin.sessions import Session, refuse_repeated
 
 @dataclass(frozen=True)
 class Split:
-    """Sessions by what they are for."""
+    """Sessions for training, validation and test."""
 
     train: list[Session]
     """To learn from"""
@@ -23,7 +23,7 @@ class Split:
     """To score on"""
 
     def windows(self, window: int, drop: int) -> tuple[Windows, Windows, Windows]:
-        """Windows of H rows to learn from, to steer by, to score on."""
+        """Windows of H rows for training, validation and test."""
         return (
             cut(self.train, window, drop),
             cut(self.validate, window, drop),
@@ -31,7 +31,7 @@ class Split:
         )
 
     def names(self) -> dict[str, list[str]]:
-        """Names of the sessions by what they are for."""
+        """Names of the sessions of each set."""
         parts = {"train": self.train, "validate": self.validate, "test": self.test}
         return {part: [session.name for session in of] for part, of in parts.items()}
 
@@ -41,7 +41,7 @@ class Split:
 
 
 def refuse_unseen(train: Windows, validate: Windows, test: Windows) -> None:
-    """Refuse windows of which some show a marker never: nothing can be learned of it, or scored."""
+    """Refuse windows in which a marker is never measured: it can be neither learned nor scored."""
     for part, windows in (("train", train), ("validate", validate), ("test", test)):
         seen = np.isfinite(windows.marker).all(axis=2).any(axis=0)
         enough = seen.any() if part == "test" else seen.all()
@@ -57,7 +57,7 @@ def refuse_unseen(train: Windows, validate: Windows, test: Windows) -> None:
 def split(
     sessions: Sequence[Session], validate: Sequence[str] = (), test: Sequence[str] = ()
 ) -> Split:
-    """Sessions to train, validate and test: the last tests, one or two before it validate.
+    """Sessions for training, validation and test: the last is for test, one or two before it for validation.
 
     Sessions that repeat each other are refused.
     """

@@ -27,7 +27,7 @@ def cut_short(result: Mapping[str, Any]) -> int | None:
 
 
 def score_table(readouts: Scores) -> Table:
-    """The mean errors of scores.json with what they are worth, the least marked."""
+    """The mean errors of scores.json with their intervals, the least marked."""
     against = [key for key in AGAINST if any(f"against_{key}" in r for r in readouts.values())]
     header = ("readout", "mean ± std [mm]", "95 % interval [mm]", "in 95 % regions [%]")
     rows = tuple(
@@ -39,7 +39,7 @@ def score_table(readouts: Scores) -> Table:
 
 
 def detail_table(readouts: Scores) -> Table:
-    """How errors spread, and what training and one estimate cost."""
+    """The spread of errors, and the cost of training and of one estimate."""
     header = (
         "readout",
         "std of steps [mm]",

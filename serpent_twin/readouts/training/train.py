@@ -51,7 +51,7 @@ def _without_networks(config: "Train") -> str:
 def _none_with(setting: str, config: "Train", what: str) -> str:
     """Why something is ignored by readouts none of which has a setting; nothing if one has it.
 
-    A run that goes on with a folder gives what the folder's run was given.
+    A run that continues in a folder takes the options of the folder's run.
     """
     trained = {*config.readout, *(SWEPT if config.windows else ())}
     wanted = [n for n, kind in available().items() if setting in {f.name for f in fields(kind)}]
@@ -110,7 +110,7 @@ class Train(Checked):
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What a config comes to, checked."""
+    """A config with its sessions, readouts and windows, checked."""
 
     config: Train
     """The config, its command jitter known"""
@@ -125,7 +125,7 @@ class Plan:
 
 
 def train(config: Train) -> dict[str, Any]:
-    """Train and score what the config asks for; returns what scores.json holds."""
+    """Train and score the readouts of a config; returns what scores.json holds."""
     return carried_out(planned(config))
 
 
@@ -142,7 +142,7 @@ def carried_out(plan: Plan) -> dict[str, Any]:
 
 
 def planned(config: Train) -> Plan:
-    """What a config comes to; what cannot be done is refused before a folder is claimed."""
+    """The plan of a config; what cannot be done is refused before a folder is locked."""
     for name in config.readout:
         find(name)
     adaptation = _adaptation(config)
@@ -169,7 +169,7 @@ def _adaptation(config: Train) -> adapting.Adaptation | None:
 
 
 def _servo_error(plan: adapting.Adaptation | None, out: Path) -> float:
-    """What the arm's servos miss their commands by [rad/s]; without an arm, as an earlier run had it."""
+    """Velocity error of the arm's servos [rad/s]; without an arm, that of an earlier run."""
     if plan is None:
         where = str(out / SETTINGS)
         return stored.take(prior_settings(out, SETTINGS), _Kept, where).command_jitter_rad_s
@@ -177,13 +177,13 @@ def _servo_error(plan: adapting.Adaptation | None, out: Path) -> float:
 
 
 class _Kept(stored.OpenForm, frozen=True):
-    """What a run that goes on keeps of its settings."""
+    """The settings that a continued run keeps."""
 
     command_jitter_rad_s: Annotated[float, stored.within(0.0, 100.0, "rad/s")] = 0.0
 
 
 def _trained_before(config: Train) -> list[tuple[str, int]]:
-    """Readouts and windows that an earlier run left whole in the folder: they stay in the report."""
+    """Readouts and windows that an earlier run completed in the folder: they stay in the report."""
     kept = {config.window: config.out / "models"}
     kept |= {int(p.name): p for p in (config.out / "windows").glob("[0-9]*")}
     return [

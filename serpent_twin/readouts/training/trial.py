@@ -28,7 +28,7 @@ COST = "cost.json"
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What came out of a trial."""
+    """The result of a trial."""
 
     scores: Scores
     """Marker distances over the test sessions"""
@@ -49,7 +49,7 @@ class Result:
 
     @property
     def certain(self) -> dict[str, Any]:
-        """How certain the mean and the readout are, JSON-ready; None where that is not known."""
+        """Uncertainty of the mean and of the readout, JSON-ready; None where that is not known."""
         interval, time = (
             uncertainty(self.steps).interval,
             self.steps.correlation_steps * self.period,
@@ -124,7 +124,7 @@ class Trial:
     ) -> None:
         """Fit and save, the cost last: a trial that was interrupted is not `stored`.
 
-        Of the test windows only their logs' names and hashes are kept.
+        Of the test windows, only their logs' names and hashes are kept.
         """
         readout = self.untrained()
         rng = np.random.default_rng([self.seed, self.window, zlib.crc32(self.name.encode())])
@@ -148,14 +148,14 @@ class Cost(Form, frozen=True):
 
 
 def training_time(folder: Path) -> float:
-    """What the training of the readout in a folder took [s]."""
+    """Training time of the readout in a folder [s]."""
     return read_json(folder / COST, Cost, "Delete it, and the same command trains anew.").train_s
 
 
 def summaries(results: Mapping[str, Result]) -> dict[str, dict[str, Any]]:
     """All figures by readout, and whether each differs from the best and from a peer beyond chance.
 
-    A peer whose training was cut short is none.
+    A peer whose training was cut short does not count.
     """
     found = {name: result.summary() for name, result in results.items()}
     steps = {name: result.steps for name, result in results.items()}

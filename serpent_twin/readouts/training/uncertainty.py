@@ -32,7 +32,7 @@ LEVEL, DRAWS, SEED = 0.05, 1000, 0
 
 @dataclass(frozen=True, eq=False)
 class Steps:
-    """Errors of the markers seen, summed up step by step, of test sessions one after the other."""
+    """Errors of the measured markers, summed step by step, of test sessions one after the other."""
 
     total: Array
     """Sum over the markers seen in each step [mm], (N,)"""
@@ -42,7 +42,7 @@ class Steps:
     """Steps of each session, N together"""
 
     def less(self, other: "Steps") -> "Steps":
-        """What these errors are larger by than others of the same markers."""
+        """These errors minus others of the same markers."""
         return Steps(self.total - other.total, self.count, self.lengths)
 
     @cached_property
@@ -85,7 +85,7 @@ class Uncertainty:
 
     @property
     def probability(self) -> float:
-        """Of a mean so far from 0, on either side, by chance."""
+        """Two-sided p-value of the mean being 0."""
         if np.isnan(self.error):
             return 1.0
         return float(2 * student.sf(abs(self.mean) / max(self.error, 1e-12), self.freedom))
@@ -168,6 +168,6 @@ def holm(probabilities: Sequence[float]) -> list[float]:
 
 
 def _autocovariance(values: Array, lags: int) -> Array:
-    """Sums of products with what is so many rows later, (lags,)."""
+    """Sums of products with values so many rows later, (lags,)."""
     spectrum = np.fft.rfft(values, 2 * lags)
     return np.fft.irfft(spectrum * spectrum.conj())[:lags]

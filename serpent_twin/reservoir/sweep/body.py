@@ -18,7 +18,7 @@ STREAMS = STREAMS_PER_CHANNEL * channels.COUNT
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """What one arm did: B stretches of K command periods, replicas of the first n, and streams."""
+    """Response of one arm: B stretches of K command periods, replicas of the first n, and streams."""
 
     inputs: Array
     """Of the stretches, on [−1, 1], (B, K, 9)"""
@@ -65,7 +65,7 @@ def simulate(point: GridPoint, measuring: Measuring) -> Runs:
 
 
 def _mover(point: GridPoint) -> Callable[[Array], Motion]:
-    """What moves a point's arm along inputs on [−1, 1]."""
+    """The simulation of a grid point's arm along inputs on [−1, 1]."""
     if point.stiffness is None:
         return lambda u: rigid.move(point.amplitude * u)
     return lambda u: drive.drive(point.design, point.amplitude * u, point.rate)

@@ -25,6 +25,6 @@ def read(motion: Motion, load_noise: float, rng: np.random.Generator) -> Array:
 
 
 def floor(load_noise: float) -> Array:
-    """Standard deviation of what the sensors add to each channel, (20,)."""
+    """Standard deviation of the sensor noise of each channel, (20,)."""
     rounding = np.array([xl430.POSITION_UNIT, xl430.LOAD_UNIT]) / np.sqrt(12)
     return np.repeat(np.hypot(rounding, [0.0, load_noise]), N_MOTORS)

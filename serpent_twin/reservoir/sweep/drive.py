@@ -3,8 +3,8 @@
 Nine inputs, uniform on [−1, 1] and new in every command period, set the nine joints' targets. The motors go
 from the coupled angles of one set of targets to those of the next, each at its constant velocity within a
 share of the period, and hold; the arm is read at the end of the hold. So the motors' angles hold the present
-inputs alone, and all that is remembered, the body remembers. Inputs that set velocities would not do: angles
-would be sums over all past inputs, memory without a body, and would wander out of range.
+inputs alone, and all memory is the body's. Inputs that set velocities are unsuitable: angles would be sums
+over all past inputs, memory without a body, and would drift out of range.
 """
 
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ LONGER = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What B stretches of K command periods did, read at the end of each hold."""
+    """Response in B stretches of K command periods, read at the end of each hold."""
 
     motor_angle: Array
     """[rad], (B, K, 10)"""
@@ -66,13 +66,13 @@ def check(rate: float, amplitude: float) -> None:
 
 
 def drive(design: TwinModel, targets: Array, rate: float) -> Motion:
-    """What a design does along joint targets [rad], (B, K + 1, 9), at a rate [Hz].
+    """Response of a twin model to joint targets [rad], (B, K + 1, 9), at a rate [Hz].
 
     A stretch begins at rest at its first targets. Raises SerpentError when the simulation gives up.
     """
     timestep = steady_timestep(design.parameters.strand_stiffness, TIMESTEP, LONGEST)
     stretches = stretches_of(targets, rate)
-    # The quicker solver moves the ends of holds by less than the time step does.
+    # The faster solver changes the ends of holds by less than the time step does.
     did = impose([design], stretches, LONGER * timestep, nthread=1, hastened=True)
     if did.unstable.any():
         raise SerpentError(

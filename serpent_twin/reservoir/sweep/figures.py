@@ -67,7 +67,7 @@ class Layout:
 
 
 def layout(rows: Sequence[Row]) -> Layout:
-    """Against what is varied most, the stiffness if nothing is; a panel for each set of the other values."""
+    """The axis that is varied most, the stiffness if none is; a panel for each set of the other values."""
     varied = {name: sorted({getattr(row, name) for row in rows}) for name in AXES}
     along = max(varied, key=lambda name: len(varied[name]))
     others = [name for name in AXES if name != along and len(varied[name]) > 1]
@@ -80,7 +80,7 @@ def layout(rows: Sequence[Row]) -> Layout:
 
 
 def sheet(of: Layout, label: str, along: bool = True) -> tuple["Drawing", list["Axes"]]:
-    """A drawing with its panels, whose x axis is what the sweep varies unless told otherwise."""
+    """A drawing with its panels, whose x axis is what the sweep varies by default."""
     from matplotlib.figure import Figure as Drawing
 
     drawing = Drawing(figsize=(2 + 2.7 * len(of.panels), 3.9), layout="constrained")
@@ -179,7 +179,7 @@ def memory(rows: Sequence[Row]) -> Figure:
 def pose_error(
     rows: Sequence[Row], mark: Callable[[Layout, list["Axes"], str, str], None] | None = None
 ) -> Figure:
-    """Pose error of every readout; `mark` adds to a readout's panels what else is known of it."""
+    """Pose error of every readout; `mark` adds further data to a readout's panels."""
     of = layout(rows)
     drawing, panels = sheet(of, "mean marker distance [mm]")
     for name, style in looks(readouts(rows)).items():
@@ -195,7 +195,7 @@ def pose_error(
 
 
 def shades(count: int) -> Array:
-    """So many colours from dark to light, of what has an order."""
+    """So many colours from dark to light, for ordered values."""
     import matplotlib
 
     return matplotlib.colormaps[SHADES](np.linspace(0.05, 0.9, count))

@@ -37,7 +37,7 @@ def measure(runs: Runs, point: GridPoint, measuring: Measuring) -> dict[str, Any
 
 
 def _noiseless(runs: Runs) -> Array:
-    """What the body itself does, were it seen without noise: joint angles and loads, (B, K, 19)."""
+    """The body's response without sensor noise: joint angles and loads, (B, K, 19)."""
     return np.concatenate([runs.motion.joint_angle, runs.motion.load], axis=-1)
 
 
@@ -47,7 +47,7 @@ def _search(measuring: Measuring) -> tuple[int, tuple[int, ...], int, float]:
 
 
 def _held(x: Array, u: Array, measuring: Measuring, markers: Expansion) -> dict[str, Any]:
-    """What can be read from channels x (B, K, N) of inputs u (B, K, 9), and of the markers."""
+    """Capacities of channels x (B, K, N) for inputs u (B, K, 9), and for the markers."""
     delay, (_, _, washout, coarsest) = measuring.memory_delay, _search(measuring)
     memory = reservoir.memory(x, u, delay, washout, coarsest)
     ipc = reservoir.capacities(x, u, *_search(measuring))
@@ -106,7 +106,7 @@ def _by_degree(totals: Array) -> dict[str, float]:
 
 
 def _repeated(runs: Runs, of: slice, washout: int) -> dict[str, Any]:
-    """Whether a replica's channels say the same."""
+    """Consistency of the channels between replicas."""
     n = len(runs.replica_read)
     pair = np.stack([runs.read[:n, washout:, of], runs.replica_read[:, washout:, of]])
     replicas = pair.reshape(2, -1, pair.shape[-1])
@@ -133,7 +133,7 @@ def _contraction(runs: Runs, period: float) -> float:
         np.concatenate([motion.joint_angle[:n], motion.load[:n]], axis=-1)
         for motion in (runs.motion, runs.replica)
     ]
-    # Every stretch's channels count as channels of their own, side by side.
+    # The channels of each stretch count as separate channels.
     replicas = np.stack([np.concatenate(list(each), axis=-1) for each in both])
     try:
         return reservoir.contraction_rate(reservoir.distance(replicas), period, _SETTLED)

@@ -40,7 +40,7 @@ class Outcome:
 
 @dataclass
 class _Parts:
-    """Parts of a point, each with what it took or why it failed."""
+    """Parts of a grid point, each with its time or why it failed."""
 
     found: dict[str, Any] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
@@ -56,7 +56,7 @@ class _Parts:
 
 
 def measured(point: GridPoint, measuring: Measuring) -> Outcome:
-    """Measure a point; what cannot be measured, such as an unstable twin, is said in its file."""
+    """Measure a grid point; what cannot be measured, such as an unstable twin, is stated in its file."""
     with _quietly():
         parts = _parts(point, measuring)
     content = {
@@ -92,7 +92,7 @@ def _about() -> dict[str, Any]:
 
 @contextmanager
 def _quietly() -> Iterator[None]:
-    """Let MuJoCo not warn of what the point's file says: a sweep's terminal shows its progress."""
+    """Suppress MuJoCo's warnings of what the point's file states: the terminal shows a sweep's progress."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)
     try:

@@ -44,7 +44,7 @@ def page(name: str, rows: Sequence[Row], facts: Mapping[str, str]) -> Report:
 
 
 def lead(rows: Sequence[Row]) -> str:
-    """Where each measure is best, in a sentence or two."""
+    """Describe where each measure is best, in a sentence or two."""
     told = []
     groups = _groups(rows)
     for name in readouts(rows):
@@ -87,7 +87,7 @@ def failed_table(rows: Sequence[Row]) -> Table:
 
 
 def facts(table: Mapping[str, Any]) -> dict[str, str]:
-    """Where the points come from."""
+    """The origin of the points."""
     origin = table["provenance"]
     told = {name: str(value) for name, value in origin["measuring"].items() if value is not None}
     told["commit"] = str(origin["git_commit"])

@@ -107,7 +107,7 @@ def _without_networks(measuring: "Measuring") -> str:
 
 @dataclass(frozen=True)
 class Measuring:
-    """How points are measured, all of a folder alike."""
+    """Settings of the measurement, the same for all points of a folder."""
 
     delays: Annotated[tuple[Annotated[int, within(0, 1000)], ...], _OF_BODY] = (8, 3, 1)
     """Greatest delay of the products of inputs of each total degree from 1, in command periods."""
@@ -145,7 +145,7 @@ class Measuring:
         return -(-steps // self.stretches)
 
     def check(self, steps: int) -> None:
-        """Raise SerpentError on settings that measure nothing."""
+        """Raise SerpentError on settings with which nothing is measured."""
         for name in self.readouts:
             find(name)
         if self.body:

@@ -1,7 +1,7 @@
 """Simulate the arm on cables that neither stretch nor slacken.
 
 The control of a sweep: joints follow the motors exactly, loads are the weight of the present pose, so
-nothing is remembered, and what is combined is what the arm's shape combines.
+there is no memory, and products of inputs come from the arm's geometry alone.
 """
 
 from dataclasses import replace
@@ -19,7 +19,7 @@ from serpent_twin.sim.twin_model import TwinModel
 
 
 def move(targets: Array) -> Motion:
-    """What the arm does along joint targets [rad], (B, K + 1, 9), at any rate: it rests in each hold."""
+    """Response to joint targets [rad], (B, K + 1, 9), at any rate: the arm rests in each hold."""
     joint = targets[:, 1:]
     load = loads(joint.reshape(-1, joint.shape[-1])).reshape(*joint.shape[:-1], -1)
     return Motion(coupled(joint), load, joint, markers(joint))
@@ -28,8 +28,8 @@ def move(targets: Array) -> Motion:
 def loads(joint_angle: Array) -> Array:
     """Loads [1], (T, 10), that hold the arm at rest at joint angles [rad], (T, 9), by inverse dynamics.
 
-    Cable j pulls at joints 1 … j alike, the gripper's at all and the jaw: so motor j carries what joint j
-    asks beyond what joint j + 1 asks.
+    Cable j pulls at joints 1 … j alike, the gripper's at all and the jaw: so motor j carries the torque of
+    joint j minus that of joint j + 1.
     """
     free = replace(NOMINAL, strand_stiffness=0.0, joint_friction=0.0)
     model = TwinModel(free).spec(motors=False).compile()

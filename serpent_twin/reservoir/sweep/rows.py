@@ -12,7 +12,7 @@ from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One point: what motor angles and loads together hold, and how well they tell the pose."""
+    """One grid point: capacities of motor angles and loads together, and the pose error from them."""
 
     stiffness: float
     """[N/m], infinite on rigid cables"""
@@ -74,7 +74,7 @@ class Row:
         return float(self.capacity[1::2].sum())
 
     def numbers(self) -> dict[str, Any]:
-        """As results.json has it."""
+        """Entries of results.json."""
         return {
             "stiffness_n_m": self.stiffness if np.isfinite(self.stiffness) else None,
             "slack_m": self.slack,
@@ -99,7 +99,7 @@ class Row:
 
 
 def row_of(point: GridPoint, content: Mapping[str, Any], measuring: Measuring) -> Row:
-    """What a point's file holds."""
+    """The row of a grid point's file."""
     body = content["body"]
     both = body["channels"]["both"] if body else None
     degrees, delays = len(measuring.delays), measuring.memory_delay + 1
@@ -166,7 +166,7 @@ def steady_readouts(rows: Sequence[Row]) -> list[str]:
 
 
 def error_of(readout: str) -> Callable[[Row], float]:
-    """What takes a readout's error [mm] from a row."""
+    """The function that takes a readout's error [mm] from a row."""
     return lambda row: row.pose_mm.get(readout, float("nan"))
 
 

@@ -172,7 +172,7 @@ def _bar(total: int, done: int) -> tqdm:
 
 
 def _keep(config: Sweep, point: GridPoint, outcome: Outcome) -> None:
-    """Write a point's files, its own last: it makes it done."""
+    """Write a point's files, its own last, as that marks it done."""
     own = versions()
     if outcome.versions != own:
         raise SerpentError(
@@ -185,7 +185,7 @@ def _keep(config: Sweep, point: GridPoint, outcome: Outcome) -> None:
 
 
 def _gather(config: Sweep, points: Sequence[GridPoint]) -> dict[str, Any]:
-    """Write table.json of the asked points that are there; returns what it holds."""
+    """Write table.json of the requested points that are measured; returns what it holds."""
     paths = [path for path in (_path(config, point) for point in points) if path.exists()]
     table = {
         "points": [{"file": path.name} | _read(path) for path in paths],
