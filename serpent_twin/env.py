@@ -24,9 +24,9 @@ TOP_SPEED = VELOCITY_LIMIT * VELOCITY_UNIT
 
 
 class BusPhysics(control.Physics):
-    """Whatever hangs on a motor bus, as dm_control's physics; `open_bus` makes a fresh bus a reset.
+    """The arm on a motor bus as dm_control's physics; `open_bus` makes a new bus at each reset.
 
-    A reset lets go of the old bus, which switches the torque off, and connects anew: the twin
+    A reset closes the old bus, which switches the torque off, and connects anew: the twin
     starts straight and at rest, a real arm stays where it is.
     """
 
@@ -80,7 +80,7 @@ class BusPhysics(control.Physics):
         return self._period
 
     def close(self) -> None:
-        """Switch the torque off and let go of the bus."""
+        """Switch the torque off and close the bus."""
         if self._bus is not None:
             self._bus.close()
         self._bus = None
@@ -89,8 +89,8 @@ class BusPhysics(control.Physics):
 class FollowTargets(control.Task):
     """Bring the joints to random targets, as the paper's protocol draws them.
 
-    The reward is minus the mean distance between the targets and the joint angles that the motor
-    angles tell [rad]: it needs nothing but the bus, so it is the same on hardware.
+    The reward is minus the mean distance between the targets and the joint angles from the motor
+    angles [rad]: it needs nothing but the bus, so it is the same on hardware.
     """
 
     def __init__(self, rng: np.random.Generator, steps: int = 100, arm: Arm | None = None) -> None:
@@ -165,7 +165,7 @@ def make(
     steps: Steps = 100,
     seed: Seed = 0,
 ) -> control.Environment:
-    """An environment over a bus, the simulated one unless told: `env.make().step(action)`."""
+    """An environment over a bus, by default the simulated one: `env.make().step(action)`."""
     check_arguments(make, rate_hz=rate_hz, steps=steps, seed=seed)
     physics = BusPhysics(open_bus, 1 / rate_hz)
     return control.Environment(physics, FollowTargets(np.random.default_rng(seed), steps))

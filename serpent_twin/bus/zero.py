@@ -65,7 +65,7 @@ def set_zero(config: Zero) -> ArmSetup:
     simulated = is_pseudo_terminal(setup.port)
     write_turns(turns, LastSeen(position, np.zeros_like(position), simulated))
     bus = DynamixelBus(setup)
-    bus.connect()  # which marks the motors: from now on it is seen if one loses its power
+    bus.connect()  # marks the motors: from now on a loss of power is detected
     bus.close()
     return setup
 

@@ -18,7 +18,7 @@ class SimulatedMocap:
         self._twin, self._rng, self._noise, self._loss = twin, rng, noise, loss
 
     def read(self) -> MarkerFrame:
-        """Look at the present instant: markers in the base frame, NaN where one is lost."""
+        """Return the markers at the present instant in the base frame, NaN where one is lost."""
         truth = self._twin.markers[0]
         seen = truth + self._noise * self._rng.standard_normal(truth.shape)
         seen[self._rng.random(len(seen)) < self._loss] = np.nan

@@ -17,15 +17,15 @@ from serpent_twin.hardware.base_frame import IDENTITY, Rigid
 from serpent_twin.hardware.natnet import packets as natnet
 
 TICK_HZ = 10_000_000  # Windows' performance counter, which Motive's stamps count
-FORGOTTEN = 5.0  # s without a word after which a client gets no more frames
+FORGOTTEN = 5.0  # s without a message after which a client gets no more frames
 NAMES = tuple(f"Marker {n}" for n in range(1, N_JOINTS + 1))
 
 
 class SimulatedCameras:
     """A NatNet server (unicast, 4.1 or 3.1) of nine labelled markers of the asset `arm`.
 
-    It never blocks and starts no thread: whoever owns the twin calls `poll` when `fileno` is
-    readable and `send` as often as it likes; a frame goes out when one is due. Any NatNet client
+    It never blocks and starts no thread: the owner of the twin calls `poll` when `fileno` is
+    readable and `send` at any rate; a frame is sent when one is due. Any NatNet client
     can connect to the port.
     """
 
@@ -92,7 +92,7 @@ class SimulatedCameras:
                 self._answer(struct.unpack_from("<H", data)[0], address)
 
     def send(self, markers: Array, time: float) -> bool:
-        """Show the markers (9, 3), in the base frame [m], at a time [s]; true if a frame was due."""
+        """Send the markers (9, 3), in the base frame [m], at a time [s]; true if a frame was due."""
         number = math.floor(time * self.rate_hz + 1e-6)
         due = number > self._last
         if due:
@@ -103,7 +103,7 @@ class SimulatedCameras:
         return due
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         self._socket.close()
 
     def __enter__(self) -> Self:

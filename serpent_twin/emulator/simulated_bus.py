@@ -21,7 +21,7 @@ __all__ = ["Protection", "SimulatedBus"]
 class SimulatedBus:
     """A `MotorBus` over run 0 of a twin; time passes only in `wait`, as fast as it computes.
 
-    `read_registers` and `write_goal_velocity` speak in register words; everything else is made of
+    `read_registers` and `write_goal_velocity` use register words; everything else is built on
     them. The same motors on a wire are `python -m serpent_twin.bus.device`.
     """
 
@@ -39,7 +39,7 @@ class SimulatedBus:
 
     @property
     def twin(self) -> Twin:
-        """What the motors drive."""
+        """The twin that the motors drive."""
         return self.motors.twin
 
     @property
@@ -63,7 +63,7 @@ class SimulatedBus:
         self.motors.power(on)
 
     def write_velocity(self, velocity: ArrayLike) -> Array:
-        """Send goal velocities [rad/s], (10,); returns what was really sent, quantised and limited."""
+        """Send goal velocities [rad/s], (10,); returns those sent, quantised and limited."""
         self._require_connection()
         goal = xl430.goal_velocity_words(xl430.checked_velocity(velocity))
         self.write_goal_velocity(goal)

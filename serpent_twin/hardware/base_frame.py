@@ -45,7 +45,7 @@ class Rigid:
         return Rigid(rotation, -rotation @ self.translation, self.residual, self.count)
 
     def save(self, path: Path, notes: Mapping[str, Any] | None = None) -> None:
-        """Write as JSON, with whatever else there is to say of it."""
+        """Write as JSON, with further keys."""
         content = {key: np.asarray(value).tolist() for key, value in asdict(self).items()}
         named = {"rotation": content["rotation"], "translation_m": content["translation"]}
         named |= {"residual_rms_m": content["residual"], "count": content["count"]}
@@ -62,7 +62,7 @@ class Rigid:
 
 
 class FrameFile(stored.OpenForm, frozen=True):
-    """What the file of a frame holds, and whatever else there is to say of it."""
+    """The content of a frame's file, with further keys."""
 
     rotation: Annotated[tuple[_Row, ...], many(3)]
     translation_m: Annotated[tuple[Annotated[float, within(-1000.0, 1000.0, "m")], ...], many(3)]

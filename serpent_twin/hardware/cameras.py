@@ -15,7 +15,7 @@ __all__ = ["MarkerFrame", "Mocap", "NoMocap"]
 
 @dataclass(frozen=True)
 class MarkerFrame:
-    """The markers as the cameras last saw them."""
+    """The cameras' newest markers."""
 
     position: Array
     """Markers in the base frame [m], (9, 3); NaN where one is lost."""
@@ -33,7 +33,7 @@ class Mocap(Protocol):
         ...
 
     def account(self) -> Mapping[str, Any]:
-        """What a log's metadata tell of the cameras at its end."""
+        """The cameras' entries in a log's metadata, at its end."""
         ...
 
     def __enter__(self) -> Self: ...
@@ -48,7 +48,7 @@ class Mocap(Protocol):
 
 
 class NoMocap:
-    """No cameras: every marker is NaN in every row, for logs that `merge` completes or nobody does."""
+    """No cameras: every marker is NaN in every row, for logs that `merge` may complete."""
 
     def read(self) -> MarkerFrame:
         """Return a frame in which every marker is lost."""

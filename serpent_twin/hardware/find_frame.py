@@ -16,9 +16,9 @@ from serpent_twin.hardware.natnet.live import NatNet, NatNetMocap
 from serpent_twin.numerals import counted
 from serpent_twin.stored import within
 
-STILL = 0.002  # m: by how much a still marker's mean may differ between two halves of the look
+STILL = 0.002  # m: by how much a still marker's mean may differ between two halves of the recording
 MOST = 0.003  # m: a marker further from its place is mislabelled, misplaced, or the arm is not straight
-FEWEST = 30  # frames to say that the arm is still
+FEWEST = 30  # frames to decide that the arm is still
 SWING = 0.005  # m: standard deviation that cameras' noise never makes
 SHOWN = 0.5  # share of the frames that must show a marker
 

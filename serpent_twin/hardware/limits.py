@@ -52,7 +52,7 @@ class Limits:
 
 
 class Guard:
-    """Watches readings of one arm against its limits, from the first to the last."""
+    """Checks all readings of one arm against its limits."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits

@@ -139,7 +139,7 @@ def _read_numbers(
     torn: list[arrow_csv.InvalidRow] = []
     try:
         table = arrow_csv.read_csv(
-            io.BytesIO(data.decode(errors="replace").encode()),  # a torn row is told as text
+            io.BytesIO(data.decode(errors="replace").encode()),  # a torn row is reported as text
             arrow_csv.ReadOptions(
                 column_names=[f"{c}" for c in range(width)], skip_rows=skip, use_threads=False
             ),

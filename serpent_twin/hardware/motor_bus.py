@@ -33,7 +33,7 @@ class MotorBus(Protocol):
         ...
 
     def write_velocity(self, velocity: ArrayLike) -> Array:
-        """Send goal velocities [rad/s], (10,); returns what was really sent, quantised and limited."""
+        """Send goal velocities [rad/s], (10,); returns those sent, quantised and limited."""
         ...
 
     def read_state(self) -> MotorState:
@@ -52,7 +52,7 @@ class MotorBus(Protocol):
         ...
 
     def close(self) -> None:
-        """Switch the torque off and let go of the bus; closing twice is harmless."""
+        """Switch the torque off and close the bus; closing twice is harmless."""
         ...
 
     def __enter__(self) -> Self: ...

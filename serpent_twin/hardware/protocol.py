@@ -112,8 +112,8 @@ def fast_status_parts(
     """What each servo sends of a fast read's answer: blocks are (error, id, data) in the order asked.
 
     The header, which the first sends, promises `servos` blocks of `size` data bytes in all. Each servo
-    appends a CRC of the packet up to there, nothing is stuffed, and behind a servo that is silent nothing
-    comes.
+    appends a CRC of the packet up to there, nothing is stuffed, and nothing follows a servo that is
+    silent.
     """
     length = 1 + 4 * servos + size
     packet = HEADER + bytes([BROADCAST]) + length.to_bytes(2, "little")
@@ -160,7 +160,7 @@ class Parser:
         return packets
 
     def give_up(self) -> list[Packet]:
-        """Stop waiting for the end of a packet; returns what its bytes were hiding."""
+        """Stop waiting for the end of a packet; returns the packets within its bytes."""
         if not self.waiting:
             return []
         self.dropped["incomplete"] += 1
@@ -168,7 +168,7 @@ class Parser:
         return self.feed(b"")
 
     def _seek_header(self) -> bool:
-        """Throw away what precedes the next header with a length that can be; False if none is whole."""
+        """Discard what precedes the next header with a possible length; False if none is complete."""
         while True:
             found = self._buffer.find(HEADER)
             self._skip(found if found >= 0 else max(0, len(self._buffer) - len(HEADER) + 1))

@@ -107,13 +107,13 @@ def checked_velocity(velocity: ArrayLike) -> Array:
 
 def goal_velocity_words(velocity: ArrayLike, limit: int = VELOCITY_LIMIT) -> Words:
     """Goal velocities [rad/s] as words, held within the Velocity Limit as a host must:
-    the servo refuses a larger goal, and a sync write gets no answer that would tell.
+    the servo refuses a larger goal, and a sync write gets no answer that would report it.
     """
     return np.clip(words(velocity, VELOCITY_UNIT), -limit, limit)
 
 
 def nearest_turns(raw: Words, last: Words) -> tuple[Words, Words]:
-    """Turns that put raw positions [counts], (n,), next to where they were last seen [counts], (n,).
+    """Turns that put raw positions [counts], (n,), next to the last known ones [counts], (n,).
 
     Returns turns, (n,), and how far each motor moved unseen [counts], (n,), at most half a turn.
     """

@@ -13,7 +13,7 @@ from typing import Any
 from serpent_twin.errors import SerpentError
 from serpent_twin.stored import parse_json
 
-_START = 60.0  # [s] a device needs about two to start, more where many start at once
+_START = 60.0  # [s] a device takes about two to start, more where many start at once
 _ANSWER = 10.0  # [s]
 _ENDED = ""  # instead of a line
 
@@ -40,7 +40,7 @@ class Running:
         self._reader.start()
 
     def wait_until_plugged(self) -> None:
-        """Return when the port is there; raises `SerpentError` with the device's words if it ended."""
+        """Return when the port is there; raises `SerpentError` with the device's message if it ended."""
         self._spoke.wait(_START)
         if not self._plugged:
             self.process.kill()
@@ -78,7 +78,7 @@ class Running:
         raise SerpentError(f"the device ended without saying what it counted: {self._words()}")
 
     def end(self) -> None:
-        """End the process, by force if it does not obey."""
+        """End the process, by force if it does not exit."""
         self.process.terminate()
         try:
             self.process.wait(_ANSWER)

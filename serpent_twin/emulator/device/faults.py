@@ -145,7 +145,7 @@ def _seconds(text: str) -> float | None:
 
 
 class Faults:
-    """Draws what strikes, with its own generator; counts it by name and tells it to `tell`."""
+    """Draws faults with its own generator; counts them by name and passes them to `tell`."""
 
     def __init__(
         self,
@@ -159,7 +159,7 @@ class Faults:
         self._rng, self._tell = rng, tell
 
     def note(self, name: str, motor: int | None) -> None:
-        """Count what happened, and tell it."""
+        """Count a fault, and pass it to `tell`."""
         self.counts[name] += 1
         self._tell(name, motor)
 
@@ -168,7 +168,7 @@ class Faults:
         self._armed.append(fault)
 
     def events(self, strikes: Strikes) -> list[Fault]:
-        """Which faults of the motors happen now; one that is for any motor has got one."""
+        """The motor faults that happen now; one that is for any motor is given one."""
         return [
             self.aimed(fault)
             for fault in self._faults

@@ -7,7 +7,7 @@ from serpent_twin.hardware.protocol import Error
 
 _ITEM_AT = {item.address: item for item in TABLE.values()}
 _DEFINED = frozenset(item.address + n for item in TABLE.values() for n in range(item.size))
-_POINTER = {  # of each byte of Indirect Data, the register that says where it really lies
+_POINTER = {  # of each byte of Indirect Data, the register that holds its true address
     item.address: TABLE[item.name.replace("data", "address")]
     for item in TABLE.values()
     if item.name.startswith("indirect_data")
@@ -38,7 +38,7 @@ class Memory:
                 self[item.name] = item.default
 
     def patch(self, address: int, data: bytes) -> None:
-        """Overwrite bytes as they lie."""
+        """Overwrite bytes in place."""
         self._bytes[address : address + len(data)] = data
 
     def read(self, address: int, length: int) -> tuple[int, bytes]:
@@ -74,8 +74,8 @@ class Memory:
         return Error.NONE, words
 
     def places(self, address: int, length: int) -> list[int]:
-        """Where bytes really lie, those beyond the table's end left out: Indirect Data lies where its
-        Indirect Address says.
+        """True addresses of bytes, without those beyond the table's end: Indirect Data lies at its
+        Indirect Address.
         """
         addresses = range(address, min(address + length, LAST_ADDRESS + 1))
         return [self[_POINTER[a].name] if a in _POINTER else a for a in addresses]

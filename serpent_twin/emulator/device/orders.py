@@ -17,15 +17,15 @@ class Orders:
         sink: TextIO = sys.stdout,
         hint: Callable[[str], str] = str,
     ) -> None:
-        """`hint` makes of the port's name the line that is printed once, after it."""
+        """`hint` makes a line from the port's name, printed once after it."""
         self._hint = hint
         self._fileno = _descriptor(source)
         self._sink = sink
         self._pending = b""
-        self._new = True  # nobody has been told of the port yet
+        self._new = True  # the port has not been printed yet
 
     def fileno(self) -> int:
-        """What to `select` on; negative when nobody can order anything any more."""
+        """The descriptor to `select` on; negative when no further order can come."""
         return self._fileno
 
     def read(self, obey: Callable[[str], str]) -> None:
@@ -44,7 +44,7 @@ class Orders:
                 self._say(obey(line.decode(errors="replace")))
 
     def tell_port(self, terminal: Terminal) -> None:
-        """Say where the device is to be found."""
+        """Print the device's port."""
         if terminal.link is not None:
             self._say(f"link: {terminal.link}")
         self._say(f"port: {terminal.port}")

@@ -31,7 +31,7 @@ class Reply:
 
 @dataclass(frozen=True)
 class Voice:
-    """How a servo answers: registers that the instruction itself may change."""
+    """A servo's registers that set how it answers, which the instruction itself may change."""
 
     id: int
     level: int
@@ -61,7 +61,7 @@ class Access:
 class Responder:
     """The protocol over `Servos`. `listens` says of a servo, from 0, whether it is on the wire.
 
-    A servo that is not on the wire hears nothing and answers nothing. After a silent one the others
+    A servo that is not on the wire neither receives nor answers. After a silent one the others
     answer a group read in their turn; behind a silent one a fast read's packet breaks off.
     """
 
@@ -70,7 +70,7 @@ class Responder:
         self.listens = listens
 
     def answer(self, packet: Packet) -> list[Reply]:
-        """Do what an instruction packet asks; the status packets it brings, in order."""
+        """Execute an instruction packet; returns its status packets, in order."""
         for index in filter(self.listens, range(N_MOTORS)):
             self.servos.hear(index)
         self.servos.refresh()
@@ -187,8 +187,8 @@ class Responder:
 
 
 def accesses(packet: Packet) -> list[Access]:
-    """What a group instruction reads or writes, servo by servo; a part that is cut off is left out, and
-    so is the second read of an id.
+    """Reads or writes of a group instruction, servo by servo, without a part that is cut off and
+    without the second read of an id.
     """
     match packet.instruction:
         case Instruction.SYNC_READ | Instruction.FAST_SYNC_READ:

@@ -28,8 +28,8 @@ OTHER_MODEL = 1030  # XM430-W210
 BROWN_OUT = 55  # [0.1 V] below all that Min Voltage Limit (34) can be
 _RESTART = 0.3  # [s] A: how long a servo is silent when it restarts
 _BYTE_GAP = 0.02  # [s] a pause that ends a packet; the manual's 1.5 ms is shorter than a busy CPU's
-_IDLE = 0.01  # [s] longest time between two looks at the clock
-_MOST_LAG = 0.2  # [s] what a machine that is too slow may fall behind before time is left out
+_IDLE = 0.01  # [s] longest time between two readings of the clock
+_MOST_LAG = 0.2  # [s] greatest lag of a machine that is too slow, before time is skipped
 _BITS = 10  # on the wire for a byte: start, 8, stop
 _SPEEDS = {rate: getattr(termios, f"B{rate}", None) for rate in BAUD_RATES}
 _RATES = {speed: rate for rate, speed in _SPEEDS.items()}
@@ -46,7 +46,7 @@ class Device:
     """Ten servos behind a terminal.
 
     In lockstep (`period` [s]) the motors' time stands still but for one period after each group
-    write of goals, and the bus watchdog with it; else it follows the wall clock. The wire lives by
+    write of goals, and the bus watchdog with it; else it follows the wall clock. The wire follows
     the wall clock in both: late packets, silences, an unplugged port. `paced` lets packets take
     their time at the servos' baud rate, and return delays. `counts` holds what came and went.
     """
@@ -109,7 +109,7 @@ class Device:
         return {**self.counts, "dropped": dropped, "faults": faults}
 
     def obey(self, line: str) -> str:
-        """Let a fault strike once, as a person orders it; returns what to tell them."""
+        """Inject a fault once, as a person orders it; returns the answer to them."""
         try:
             fault = Fault.order(line)
         except SerpentError as error:
@@ -160,7 +160,7 @@ class Device:
         if not packets and now - self._last_byte > _BYTE_GAP:
             packets = self._parser.give_up()
         for packet in packets:
-            if self.terminal.plugged:  # a packet before it may have brought an unplug
+            if self.terminal.plugged:  # an earlier packet may have caused an unplug
                 self._take(packet)
         self._pass_time()  # with packets too: a busy host does not stop the cameras
         if self._orders in ready:
@@ -172,7 +172,7 @@ class Device:
             self.terminal.flush(time.monotonic())
 
     def _patience(self) -> float:
-        """How long nothing needs doing [s]."""
+        """Time until the next task is due [s]."""
         dates = [self.terminal.next_due, self._later[0][0] if self._later else None]
         soonest = min((date for date in dates if date is not None), default=np.inf)
         return float(np.clip(soonest - time.monotonic(), 0.0, self._idle))
@@ -184,7 +184,7 @@ class Device:
         return found + self._parser.feed(data)
 
     def _take(self, packet: Packet) -> None:
-        """Do what an instruction packet asks, and send what it brings."""
+        """Execute an instruction packet, and send its status packets."""
         self.counts["packets"] += 1
         self._speed = self.terminal.speed()
         if self.faults.deafens():
@@ -200,7 +200,7 @@ class Device:
         self._send(replies, packet)
 
     def _cycle(self) -> None:
-        """What a control cycle brings."""
+        """Log a control cycle's goals, advance the motors in lockstep, and inject the cycle's faults."""
         self.counts["cycles"] += 1
         self._transcript.goal()
         if self._period is not None:
@@ -261,7 +261,7 @@ class Device:
         return due
 
     def _advance(self, steps: int) -> None:
-        """Let time pass; an arm that its motors tear apart is strung anew, and all motors trip."""
+        """Let time pass; an arm whose simulation becomes unstable is re-strung, and all motors trip."""
         if steps < 1:
             return
         try:

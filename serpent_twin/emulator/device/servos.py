@@ -91,7 +91,7 @@ class Servos:
         return error
 
     def reg_write(self, index: int, address: int, data: bytes) -> int:
-        """Keep a write until `action`."""
+        """Store a write until `action`."""
         error, words = self.table[index].words(address, data)
         error = error or self._refusal(index, words)
         if not error:
@@ -100,7 +100,7 @@ class Servos:
         return error
 
     def action(self, index: int) -> int:
-        """Do what `reg_write` kept."""
+        """Execute the write that `reg_write` stored."""
         kept = self._registered[index]
         if kept is None:
             return Error.INSTRUCTION
@@ -140,7 +140,7 @@ class Servos:
         return Error.NONE
 
     def hear(self, index: int) -> None:
-        """Note that an instruction packet, to anybody, came by: it feeds the bus watchdog."""
+        """Reset the bus watchdog, as any instruction packet does."""
         self._heard[index] = self.motors.time
 
     def watch(self) -> list[int]:
@@ -172,7 +172,7 @@ class Servos:
             left -= steps
 
     def _refusal(self, index: int, words: Words) -> int:
-        """Why one of the words may not be written now, or `Error.NONE`."""
+        """The error that forbids one of the words now, or `Error.NONE`."""
         reasons = (self._word_refusal(index, item, value) for item, value in words)
         return next((reason for reason in reasons if reason), Error.NONE)
 
@@ -194,7 +194,7 @@ class Servos:
         return Error.NONE
 
     def _limits(self, index: int, item: Item) -> tuple[int, int]:
-        """What may be written: the item's own range, or what other registers allow."""
+        """The range that may be written: the item's own, or the one that other registers allow."""
         table = self.table[index]
         match item.name:
             case "goal_velocity":
@@ -208,7 +208,7 @@ class Servos:
         return item.low, item.high
 
     def _apply(self, index: int, item: Item, value: int) -> None:
-        """Store a word and do what it stands for."""
+        """Store a word and apply its effect."""
         self.table[index][item.name] = value
         match item.name:
             case "torque_enable" if value != self.motors.torque[index]:
@@ -221,7 +221,7 @@ class Servos:
             self._mirror(index)
 
     def _switch(self, index: int, on: bool) -> None:
-        """Torque on or off, with no speed to go at and no place to go to."""
+        """Switch torque on or off, with goal velocity zero and no goal position."""
         table = self.table[index]
         if on and table["operating_mode"] == _POSITION:
             self.motors.lose_turns(index)
@@ -246,7 +246,7 @@ class Servos:
             self.motors.lose_turns(index)
 
     def _mirror(self, index: int) -> None:
-        """Tell the motors what their EEPROM rules."""
+        """Copy the EEPROM settings to the motors."""
         table = self.table[index]
         for name in _MIRRORED:
             getattr(self.motors, name)[index] = table[name]

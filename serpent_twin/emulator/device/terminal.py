@@ -14,7 +14,7 @@ _CHUNK = 65536
 
 
 class Terminal:
-    """A pseudo-terminal, perhaps with a link to it, and what is on its way to whoever opened it.
+    """A pseudo-terminal, optionally with a link to it, and the bytes on their way to its client.
 
     It can be unplugged and plugged in again, as a USB adapter: the link stays, the terminal is another.
     """
@@ -45,14 +45,14 @@ class Terminal:
             _require_free(self.link)
         self._master, self._slave = pty.openpty()
         tty.setraw(self._master)
-        tty.setraw(self._slave)  # kept open: or the end of one client would be the end of the port
+        tty.setraw(self._slave)  # kept open: otherwise the port would close with its first client
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)
         if self.link is not None:
             _point(self.link, self.port)
 
     def unplug(self) -> None:
-        """Let the port vanish with all that was on its way; harmless when it has."""
+        """Remove the port with all pending bytes; harmless when it is gone."""
         if not self.plugged:
             return
         if self.link is not None and os.path.realpath(self.link) == self.port:
@@ -70,7 +70,7 @@ class Terminal:
         """What has arrived."""
         try:
             return os.read(self._master, _CHUNK)
-        except OSError:  # nothing there after all
+        except OSError:  # no bytes after all
             return b""
 
     def send(self, data: bytes, due: float) -> None:

@@ -34,7 +34,7 @@ class Transcript:
             self._write("read", {name: column.tolist() for name, column in words.items()})
 
     def goal(self) -> None:
-        """A group write of goals, after it was obeyed or refused."""
+        """A group write of goals, after it was executed or refused."""
         if self._file:
             in_force = np.where(self._motors.torque, self._motors.goal, 0)
             self._write("goal", {"goal": in_force.tolist()})
@@ -44,7 +44,7 @@ class Transcript:
         self._write("fault", {"name": name, "motor": motor})
 
     def state(self) -> None:
-        """Time has passed; written if it is due."""
+        """The state after some time; written if it is due."""
         if self._file and self._motors.time >= self._next_state:
             self._next_state = self._motors.time + _STATE_EVERY
             velocity = self._motors.registers().present_velocity
@@ -52,7 +52,7 @@ class Transcript:
             self._write("state", {"velocity": velocity.tolist(), "torque": torque.tolist()})
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         if self._file:
             self._file.close()
 

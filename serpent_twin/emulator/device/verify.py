@@ -28,7 +28,7 @@ def read_transcript(path: Path) -> list[Event]:
 
 @dataclass(frozen=True)
 class RowCounts:
-    """How many rows of a session are not what the motors were."""
+    """Numbers of rows of a session that differ from the motors' true state."""
 
     wrong: int
     """The device never was so, or never followed the row's command though nothing was noted"""

@@ -43,9 +43,9 @@ HALT_AFTER = 0.15
 class DynamixelBus:
     """A `MotorBus` over dynamixel-sdk.
 
-    `lockstep` says, once connected, that these are simulated motors whose time only commands move.
-    `recovery` keeps account of what was overcome; `missed` counts the deadlines that had passed when
-    `wait` was called.
+    `lockstep` is true, once connected, for simulated motors whose time only commands advance.
+    `recovery` records the faults that were recovered; `missed` counts the deadlines that had passed
+    when `wait` was called.
     """
 
     def __init__(self, setup: ArmSetup) -> None:
@@ -104,7 +104,7 @@ class DynamixelBus:
         self._waited = self._now()
 
     def write_velocity(self, velocity: ArrayLike) -> Array:
-        """Send goal velocities [rad/s], (10,); returns what was really sent, quantised and limited."""
+        """Send goal velocities [rad/s], (10,); returns those sent, quantised and limited."""
         self._require_connection()
         limit = self.setup.limits.velocity_words
         wanted = xl430.checked_velocity(velocity) * self._direction
@@ -166,7 +166,7 @@ class DynamixelBus:
         return self._now()
 
     def close(self) -> None:
-        """Switch the torque off and let go of the bus; closing twice is harmless."""
+        """Switch the torque off and close the bus; closing twice is harmless."""
         with uninterrupted():
             if not self._connected:
                 return
@@ -199,7 +199,7 @@ class DynamixelBus:
             close_after(error, self)
 
     def _read(self) -> Reading:
-        """A reading that can be believed, however often it takes while the patience lasts."""
+        """A valid reading, with retries until the patience runs out."""
         began, halted, odd = time.monotonic(), False, []
         while True:
             try:
@@ -230,7 +230,7 @@ class DynamixelBus:
         return MotorState.from_registers(found.registers, found.asked, zero, self._direction)
 
     def _halt(self) -> None:
-        if not self.lockstep:  # there, a command would move time
+        if not self.lockstep:  # in lockstep, a command would advance time
             self._goals.stand_still()
 
     def _now(self) -> float:
@@ -245,7 +245,7 @@ class DynamixelBus:
         return np.array_equal(before, self.registers.get_all("realtime_tick"))
 
     def _wait_in_lockstep(self, period: float) -> float:
-        """See that the device's clock went on by a period; the command that moves it may be lost."""
+        """Check that the device's clock advanced by a period; the command that advances it may be lost."""
         if self._reader.last is None:
             self._read()
         for attempt in range(4 * TRIES):

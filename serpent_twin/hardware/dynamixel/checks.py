@@ -30,14 +30,14 @@ class Objection:
 
 
 def of_settings(registers: MotorRegisters, setup: ArmSetup) -> Iterator[Objection]:
-    """What the settings of all motors object to being driven by a setup."""
+    """The objections of all motors' settings to being driven by a setup."""
     words = {name: registers.get_all(name) for name in SETTINGS}
     for motor in registers.motors:
         yield from of_setting(motor, {name: int(w[motor - 1]) for name, w in words.items()}, setup)
 
 
 def of_setting(motor: int, words: Mapping[str, int], setup: ArmSetup) -> Iterator[Objection]:
-    """What the settings of one motor object, for its register words by name."""
+    """The objections of one motor's settings, for its register words by name."""
     for name in ("homing_offset", "drive_mode"):
         stored = getattr(setup, name)
         if stored and stored[motor - 1] != words[name]:
@@ -53,7 +53,7 @@ def of_setting(motor: int, words: Mapping[str, int], setup: ArmSetup) -> Iterato
 
 
 def of_errors(errors: Mapping[int, int], setup: ArmSetup) -> Iterator[Objection]:
-    """What Hardware Error Status (70), by motor, objects to switching the torque on."""
+    """The objections of Hardware Error Status (70), by motor, to switching the torque on."""
     tripped = {motor: bits for motor, bits in errors.items() if bits}
     command = f"python -m serpent_twin.bus.doctor --port {setup.port}"
     command += f" --reboot {' '.join(map(str, tripped))}"

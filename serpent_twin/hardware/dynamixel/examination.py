@@ -62,7 +62,7 @@ class Diagnosis:
 
 
 def examine(setup: ArmSetup, reads: int = 200) -> Diagnosis:
-    """Look at everything on the bus, changing nothing but a Status Return Level of 0."""
+    """Examine everything on the bus, changing nothing but a Status Return Level of 0."""
     diagnosis = Diagnosis(setup.port)
     _latency_timer(diagnosis)
     wire = Wire(setup.port, setup.baud)
@@ -86,7 +86,7 @@ def examine(setup: ArmSetup, reads: int = 200) -> Diagnosis:
 
 @contextmanager
 def _as_finding(into: Diagnosis) -> Iterator[None]:
-    """Enter what a check of the run refuses."""
+    """Add what a check of the run refuses as a finding."""
     try:
         yield
     except PortLostError:
@@ -106,7 +106,7 @@ def _examine_pose(registers: MotorRegisters, setup: ArmSetup, into: Diagnosis) -
 
 
 def _roll_call(registers: MotorRegisters, setup: ArmSetup, into: Diagnosis) -> list[int]:
-    """Who answers, of the motors that should, and who else does."""
+    """Find which of the expected motors answer, and which others."""
     wire = registers.wire
     presences = {motor: registers.presence(motor) for motor in registers.motors}
     for presence in presences.values():
@@ -157,7 +157,7 @@ def _examine_motor(registers: MotorRegisters, motor: int, setup: ArmSetup, into:
 
 
 def _let_answer(registers: MotorRegisters, motor: int, into: Diagnosis) -> None:
-    """Have a motor answer that was told to answer pings alone: a run does, too."""
+    """Make a motor answer that is set to answer pings alone, as a run does."""
     try:
         registers.get(motor, "status_return_level")
     except PortLostError:
@@ -170,7 +170,7 @@ def _let_answer(registers: MotorRegisters, motor: int, into: Diagnosis) -> None:
 
 
 def _doubts(get: dict[str, int]) -> Iterator[tuple[str, str]]:
-    """What is odd with a motor, and what to do, where a run goes on all the same."""
+    """Warnings about a motor that do not stop a run, and what to do."""
     volts = get["present_input_voltage"] / 10
     if not LOW_VOLTAGE <= volts <= HIGH_VOLTAGE:
         yield f"has {volts:.1f} V", "Supply 12 V, thick enough for ten motors (14 A at stall)."

@@ -59,7 +59,7 @@ class Goals:
             self.stand_still()
 
     def stand_still(self) -> None:
-        """Tell the arm to stand still, if it hears; else its watchdog stops it."""
+        """Command the arm to stand still; if that is lost, its watchdog stops it."""
         self.words = np.zeros(N_MOTORS, np.int64)
         with contextlib.suppress(PortLostError):
             self._wire.sync_write(_GOAL, dict.fromkeys(self._registers.ids, 0))
@@ -67,7 +67,7 @@ class Goals:
     def verify(self, always: bool = False) -> None:
         """Read goals back if that is needed, and write those anew that did not arrive.
 
-        A motor that stays silent here is for the next reading to insist on.
+        A motor that stays silent here is left to the next reading.
         """
         if not always and self._now() - self._arrived < UNSURE_AFTER:
             return
@@ -84,7 +84,7 @@ class Goals:
                 self._recovery.note(trouble.kind, trouble)
 
     def compare(self, found: Reading) -> None:
-        """In velocity mode every reading says which velocity a motor follows: mend what differs."""
+        """Compare the goals that motors report in a reading, in velocity mode, and repair what differs."""
         if not (self.driven and self._trust_trajectory) or found.registers.hardware_error.any():
             return
         other = found.registers.velocity_trajectory != self.words
@@ -106,7 +106,7 @@ class Goals:
         self._recovery.note("clock", f"the clock of {self._registers.name(motors)} was set anew")
 
     def _repair(self, motors: np.ndarray) -> bool:
-        """Have motors follow their goals again; returns whether anything was wrong with them."""
+        """Make motors follow their goals again; returns whether anything was wrong with them."""
         wrong = False
         for n in np.flatnonzero(motors):
             motor, goal = int(n) + 1, int(self.words[n])

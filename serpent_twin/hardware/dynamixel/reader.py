@@ -20,7 +20,7 @@ SLACK_IN_LOCKSTEP = 0.0015
 
 
 class TransientError(BusError):
-    """Something that another try may overcome; `kind` is what it is counted as."""
+    """A fault that a retry may overcome; it is counted as `kind`."""
 
     def __init__(self, kind: str, text: str) -> None:
         super().__init__(text)
@@ -36,11 +36,11 @@ class NewClockError(BusError):
 
 
 class Reader:
-    """Reads all motors in one request, and believes what is whole, fresh and possible.
+    """Reads all motors in one request, and accepts readings that are complete, fresh and possible.
 
-    An answer that comes late passes for the answer to the next request; but each motor's Realtime Tick
-    must go on as the host's clock `now` does, whose zero does not matter; exactly so in `lockstep`, where
-    only commands move both.
+    A late answer looks like the answer to the next request; but each motor's Realtime Tick must advance
+    as the host's clock `now` does, whose zero does not matter; exactly so in `lockstep`, where only
+    commands advance both.
     """
 
     def __init__(self, registers: MotorRegisters, now: Callable[[], float]) -> None:
@@ -83,7 +83,7 @@ class Reader:
         return float(np.median(passed)) - (time - self.last.asked) if len(passed) else None
 
     def forget(self) -> None:
-        """Take the next reading as it comes: motors restarted, or their clocks did."""
+        """Accept the next reading unchecked: motors restarted, or their clocks did."""
         self.last = self._suspect = None
 
     def _refuse_silence(self, answered: Iterable[int]) -> None:

@@ -66,7 +66,7 @@ def decode_goals(replies: Mapping[int, Reply], ids: tuple[int, ...]) -> tuple[Wo
 
 
 def tick_error(tick: Words, before: Words, elapsed: float) -> Array:
-    """By how much each motor's clock went on otherwise than the host's `elapsed` [s]; [s], (10,).
+    """Advance of each motor's clock minus the host's `elapsed` [s]; [s], (10,).
 
     Negative: the reading is older than it should be. Clocks that wrap at 32.768 s leave errors within
     ± half of that.
@@ -77,7 +77,7 @@ def tick_error(tick: Words, before: Words, elapsed: float) -> Array:
 
 
 def advance_of(replies: Mapping[int, Reply], ids: tuple[int, ...], before: Reading) -> Array:
-    """By how much the clocks of those motors went on that replied [s], (n,)."""
+    """Advance of the clocks of the motors that replied [s], (n,)."""
     ticks = {motor: _BLOCK.unpack(reply.data)[0] for motor, reply in replies.items()}
     then = dict(zip(ids, before.registers.realtime_tick, strict=True))
     return np.array([(tick - then[motor]) % TICK_WRAP / 1e3 for motor, tick in ticks.items()])

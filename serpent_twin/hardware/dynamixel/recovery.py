@@ -19,7 +19,7 @@ ADVICE = "Check cables and supply with serpent_twin.bus.doctor, then go on."
 
 
 class Recovery:
-    """Mends what can be mended, and keeps the account of it: `counts` by kind, `events` in order."""
+    """Recovers from faults where possible, and records them: `counts` by kind, `events` in order."""
 
     def __init__(
         self,
@@ -34,12 +34,12 @@ class Recovery:
         self._revived: Counter[int] = Counter()
 
     def note(self, kind: str, what: object) -> None:
-        """Enter something that was overcome."""
+        """Record a fault that was recovered."""
         self.counts[kind] += 1
         self.events.append({"time_s": round(self._now(), 3), "kind": kind, "what": str(what)})
 
     def configure_ram(self, motor: int) -> None:
-        """What a motor forgets when it restarts, and what a tripped watchdog locks."""
+        """Write what a motor loses when it restarts, and what a tripped watchdog locks."""
         if self._registers.get(motor, "bus_watchdog") == -1:
             self._registers.put(motor, "bus_watchdog", 0)
         self._registers.ensure(motor, "profile_acceleration", 0)
@@ -52,7 +52,7 @@ class Recovery:
         self._registers.put(motor, "goal_velocity", goal)  # switching on may have cleared it
 
     def regain_port(self, error: PortLostError) -> None:
-        """Take up a port again that was lost with `error`, once it is back."""
+        """Reopen a port that was lost with `error`, once it is back."""
         self.note("port", error)
         self.reopen()
 

@@ -60,7 +60,7 @@ class MotorRegisters:
         for _ in range(TRIES):
             if (found := self.get(motor, name)) == value:
                 break
-            self.wire.drain()  # a late answer to an earlier question reads like one to this
+            self.wire.drain()  # a late answer to an earlier request looks like one to this
         else:
             raise BusError(
                 f"motor {motor} confirmed {value} for {name}, but holds {found}. "
@@ -117,7 +117,7 @@ class MotorRegisters:
         return self.name(int(n) + 1 for n in np.flatnonzero(which))
 
     def presence(self, motor: int) -> Presence:
-        """Ask patiently whether a motor is there, alone, and what it should be."""
+        """Check with retries that a motor is present, alone on its id, and of the right model."""
         answers, garbled = self._ping_patiently(self.ids[motor - 1])
         name = self.name([motor])
         if not answers:

@@ -77,7 +77,7 @@ class ArmSetup:
 
 
 def is_pseudo_terminal(port: str) -> bool:
-    """Whether a port is no serial line but another program."""
+    """Whether a port is another program instead of a serial line."""
     return os.path.realpath(port).startswith(("/dev/pts/", "/dev/ttys"))
 
 
@@ -121,7 +121,7 @@ def setup_to_run(setup: ArmSetup) -> ArmSetup:
 
 
 def zero_again(setup: ArmSetup) -> str:
-    """What to do where the zero is missing, void or uncertain: it must not be set on a bent arm."""
+    """Advice where the zero is missing, void or uncertain: it must not be set on a bent arm."""
     command = f"python -m serpent_twin.bus.zero --port {setup.port}"
     command += f" --setup {setup.path}" if setup.path else ""
     if is_pseudo_terminal(setup.port):
@@ -148,7 +148,7 @@ def keep_before(path: Path) -> None:
     shutil.copy2(path, kept)
 
 
-# In the file, a limit's name carries its unit; angles are degrees, for people.
+# In the file, a limit's name carries its unit; angles are in degrees, for people.
 _SI = {
     "velocity_rad_s": ("velocity", 1.0),
     "joint_angle_deg": ("joint_angle", np.pi / 180),

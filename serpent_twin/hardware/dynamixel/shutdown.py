@@ -24,7 +24,7 @@ class _Closable(Protocol):
 def switch_off(registers: MotorRegisters, patience: float) -> None:
     """Torque off, confirmed by every motor; `BusError` names those that did not confirm it.
 
-    A motor that does not hear it at once is also told to stand still, and a lost port is waited for,
+    A motor that does not confirm at once is also commanded to stand still, and a lost port is waited for,
     `patience` [s] at most.
     """
     left, cause, tries, until = list(registers.motors), "", 0, time.monotonic() + patience
@@ -47,11 +47,11 @@ def switch_off(registers: MotorRegisters, patience: float) -> None:
 
 
 def close_after(error: BaseException, bus: _Closable) -> None:
-    """Close a bus on the way out with `error`, to which what goes wrong now is a note."""
+    """Close a bus after `error`, to which a failure of closing is added as a note."""
     try:
         bus.close()
     except KeyboardInterrupt:
-        pass  # what it asks for is under way, and `error` says more
+        pass  # closing is under way, and `error` says more
     except Exception as second:
         error.add_note(f"Besides, {second}")
 

@@ -1,7 +1,7 @@
 """Keep the turn count of motors that forget it.
 
-A servo that loses power or restarts reads 0 … 4095 again. A spooled cable does not forget, so the host
-keeps the turns, and stores beside the setup where each motor was last seen. Without a file of the setup
+A servo that loses power or restarts reads 0 … 4095 again, while its cable stays wound. So the host
+keeps the turns, and stores each motor's last known position beside the setup. Without a file of the setup
 the motors themselves keep them while they have power. Where they are kept nowhere, they follow from the
 pose: a turn more or less would bend a joint by 360°.
 """
@@ -43,7 +43,7 @@ TURNS_MARK, NO_TURNS = "indirect_data_27", 128
 
 @dataclass(frozen=True)
 class LastSeen:
-    """Where the motors were last seen."""
+    """Last known positions of the motors."""
 
     position: Words
     """Present Position + turns × 4096 [counts], (10,)"""
@@ -122,7 +122,7 @@ class TurnCounter:
         self._mark(motors)
 
     def settle(self) -> None:
-        """Watch a limp arm until it rests, and store where: the power may go off now."""
+        """Wait until a limp arm rests, and store its position: the power may go off now."""
         if not self._path:
             return
         began = moved = time.monotonic()
@@ -162,7 +162,7 @@ class TurnCounter:
         return np.where(self._forgot, 0, told - NO_TURNS)
 
     def _mark(self, motors: Iterable[int]) -> None:
-        """Have motors, numbered from 1, remember that their turns are known."""
+        """Mark motors, numbered from 1, as ones whose turns are known."""
         for motor in map(int, motors):
             turns = int(self.turns[motor - 1])
             if self._path:

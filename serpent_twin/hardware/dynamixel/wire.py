@@ -45,7 +45,7 @@ _Found = list[tuple[int, Reply]]
 
 
 class Wire:
-    """Requests to motors, each sent once; what does not come back whole does not come back.
+    """Requests to motors, each sent once; incomplete answers count as missing.
 
     `counts` holds how many answers were corrupt, missing, or nobody's; `owed`, how many may still come
     after a group read.
@@ -77,7 +77,7 @@ class Wire:
         self._handler = handler
 
     def close(self) -> None:
-        """Let go of the port, whatever state it is in."""
+        """Close the port, whatever state it is in."""
         if self._handler is not None and self._handler.ser is not None:
             with contextlib.suppress(OSError, termios.error):
                 self._handler.closePort()
@@ -114,7 +114,7 @@ class Wire:
         return self._ask(motor, Instruction.REBOOT, b"", 0)
 
     def sync_read(self, motors: Sequence[int], address: int, length: int) -> dict[int, Reply]:
-        """The same block of many motors in one request: whatever answers came back whole, by id."""
+        """The same block of many motors in one request: the complete answers, by id."""
         params = address.to_bytes(2, "little") + length.to_bytes(2, "little") + bytes(motors)
         self._send(BROADCAST, Instruction.SYNC_READ, params)
         asked = set(motors)
@@ -138,7 +138,7 @@ class Wire:
         self._send(BROADCAST, Instruction.SYNC_WRITE, params)
 
     def drain(self, duration: float = DRAIN) -> None:
-        """Listen to late answers for a duration [s] and forget them."""
+        """Receive late answers for a duration [s] and discard them."""
         until = time.monotonic() + duration
         while (left := until - time.monotonic()) > 0:
             self._receive(left)
@@ -176,7 +176,7 @@ class Wire:
     def _collect(
         self, expected: int, stop: Callable[[_Found], bool], longer: float = 0.0
     ) -> _Found:
-        """Answers until `stop` is content with them, or for as long as `expected` bytes may take."""
+        """Answers until `stop` is true of them, or for as long as `expected` bytes may take."""
         wire_time = (self._request + expected) * 10 / self.baud
         until = time.monotonic() + wire_time + self._latency + longer
         found: _Found = []
@@ -184,7 +184,7 @@ class Wire:
             found += _replies(self._receive(left))
             if stop(found):
                 break
-        while self._parser.waiting:  # a broken packet may have promised more than ever came
+        while self._parser.waiting:  # a broken packet's length may exceed what came
             found += _replies(self._parser.give_up())
         self.counts["corrupt"] += self._parser.dropped["crc"] + self._parser.dropped["incomplete"]
         return found

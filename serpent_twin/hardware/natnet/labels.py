@@ -22,7 +22,7 @@ def ids_by_name(models: Sequence[Model]) -> dict[str, Id]:
 
 
 def chosen(labels: Sequence[str], seen: Sequence[Id], names: dict[str, Id]) -> list[Id] | str:
-    """The ids of markers 1 … 9, or what stands against it."""
+    """The ids of markers 1 … 9, or why there are none."""
     listed = ", ".join(f"{model}:{marker}" for model, marker in seen) or "none"
     if not labels:
         models = {model for model, _ in seen}

@@ -25,7 +25,7 @@ __all__ = ["Frame", "NatNet", "NatNetMocap"]
 class NatNetMocap:
     """A `Mocap` on Motive's live stream, NatNet 3.0 and later; a context manager.
 
-    A thread receives; `read` only looks at the newest frame. When none has come for `STALE` seconds, all
+    A thread receives; `read` only returns the newest frame. When none has come for `STALE` seconds, all
     markers are NaN and `stale_reads` counts; the server is asked anew until its stream is back.
     """
 
@@ -66,7 +66,7 @@ class NatNetMocap:
         return MarkerFrame(self.frame.apply(seen), newest.camera_time, age)
 
     def account(self) -> dict[str, Any]:
-        """What a log tells of the stream: reads without a frame, and packets dropped, by reason."""
+        """The stream's entries in a log: reads without a frame, and packets dropped, by reason."""
         dropped = dict(self._stream.dropped) if self._stream else {}
         reads = {"stale_reads": self.stale_reads, "asked_anew": self.asked_anew}
         return reads | {"packets_dropped": {why: n for why, n in dropped.items() if n}}
@@ -78,7 +78,7 @@ class NatNetMocap:
 
     @property
     def labels(self) -> list[str]:
-        """What Motive calls markers 1 … 9; their ids where it gives no names."""
+        """Motive's names of markers 1 … 9; their ids where it gives no names."""
         names = {key: name for name, key in self._names().items() if ":" not in name}
         return [names.get(key, f"{key[0]}:{key[1]}") for key in self._wanted]
 
@@ -126,7 +126,7 @@ class NatNetMocap:
 
 
 def _silence(config: NatNet, stream: Stream, problem: str) -> str:
-    """Why no markers were found in a stream."""
+    """Explain why no markers were found in a stream."""
     if stream.unreadable and not stream.info:
         spoken = ".".join(map(str, stream.unreadable))
         return (

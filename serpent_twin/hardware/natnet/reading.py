@@ -1,7 +1,7 @@
 """Read the packets of a NatNet server; one that is torn, absurd or of another version is refused.
 
 Layouts as in the packet client of OptiTrack's NatNet SDK 4.2, for NatNet 3.0 and later. From 4.1 on,
-each list carries its size in bytes. No count is believed that the packet is too short for.
+each list carries its size in bytes. A count that exceeds the packet's length is refused.
 """
 
 import struct
@@ -25,12 +25,12 @@ _VERSION, _CLOCK = struct.Struct("<4B"), struct.Struct("<QHB4B")  # NatNetTypes.
 
 
 class PacketError(ValueError):
-    """A packet that says nothing that could be used."""
+    """A packet that cannot be used."""
 
 
 @dataclass(frozen=True)
 class ServerInfo:
-    """Who answers a connect."""
+    """The server that answers a connect."""
 
     version: natnet.Version
     """NatNet's, (major, minor)."""

@@ -10,8 +10,8 @@ Motive's Local Interface, answers from its command port, multicast frames from i
 - frames come from the command port or the data port. No capture shows from where unicast ones do, so
   another port of the server is heard while these two are silent, and one of them at a time.
 
-A sender can be forged. So an answer to a connect is believed only until a frame could be read by it: nobody
-changes the version of a stream that is understood.
+A sender can be forged. So an answer to a connect is used only until a frame could be read by it: after that,
+no packet changes the version of the stream.
 """
 
 import contextlib
@@ -35,7 +35,7 @@ from serpent_twin.stored import within
 
 STALE = 0.25  # s without a frame after which no marker counts as seen
 KEPT = 240  # frames of the ring: two seconds at 120 Hz
-ALIVE = 0.5  # s between two words to a unicast server, which forgets clients that are silent
+ALIVE = 0.5  # s between two messages to a unicast server, which drops clients that are silent
 BUFFER = 4 << 20  # bytes asked of the system, so that a flood of other packets displaces no frame
 LARGEST = 1 << 16  # bytes of a datagram
 READABLE = (3, 4)  # major versions of NatNet whose frames say which marker is lost
@@ -103,13 +103,13 @@ class Stream:
         self._thread.start()
 
     def ask(self) -> None:
-        """Ask the server who it is and what its markers are called, as after a silence."""
+        """Ask the server for its version and its markers' names, as after a silence."""
         self._understood = False
         self._send(natnet.message(natnet.CONNECT, b"Ping\0"))
         self._send(natnet.message(natnet.REQUEST_MODEL, b""))
 
     def close(self) -> None:
-        """Stop receiving and take leave of the server; closing twice is harmless."""
+        """Stop receiving and disconnect from the server; closing twice is harmless."""
         if not self._closing:
             self._closing = True
             self._thread.join()

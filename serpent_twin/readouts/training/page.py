@@ -78,7 +78,7 @@ def _alike(readouts: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _against_peer(readouts: Mapping[str, Mapping[str, Any]]) -> str:
-    """Ratio of a peer's error to the best readout's; of a peer that was cut short, only that fact."""
+    """Ratio of the best readout's error to a peer's; of a peer that was cut short, only that fact."""
     name = best_of(readouts)
     if PEER not in readouts or name == PEER:
         return ""
