@@ -78,7 +78,7 @@ def _name(main: Callable[..., Any]) -> str:
 
 
 def _numbers(argv: Sequence[str]) -> ConstructorRegistry:
-    """How numbers are read from a command line: what is none is refused in our words, not in Python's."""
+    """Parse numbers of a command line, with this package's error messages instead of Python's."""
     registry = ConstructorRegistry()
 
     @registry.primitive_rule
@@ -108,7 +108,7 @@ def _numbers(argv: Sequence[str]) -> ConstructorRegistry:
 
 
 def _flag(word: str, argv: Sequence[str]) -> str:
-    """The option of a command line that a word is given to."""
+    """The option of a command line to which a word belongs."""
     flag = "it"
     for each in argv:
         if each.startswith("--"):

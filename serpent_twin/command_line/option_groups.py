@@ -41,7 +41,7 @@ class _Option:
 
 
 def about(main: Callable[..., Any]) -> str:
-    """What `--help` says of a command, a line a paragraph."""
+    """The `--help` text of a command, a line a paragraph."""
     text = inspect.getdoc(_config_of(main) or main) or ""
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
 

@@ -115,7 +115,7 @@ class Option:
 
     @property
     def hindrance(self) -> str:
-        """Why the run ignores it, to follow the flag; empty if it does not."""
+        """Why the run ignores it, as text after the flag; empty if it does not."""
         told = (use.hindrance(config) for use, config in self.uses if use.about(self.name))
         return next(filter(None, told), "")
 
@@ -154,7 +154,7 @@ def check_arguments(function: Callable[..., Any], **values: Any) -> None:
 
 @dataclass(frozen=True)
 class _Declared:
-    """What the type of a field says."""
+    """Bounds and uses declared by the type of a field."""
 
     field: Field
     """The field"""

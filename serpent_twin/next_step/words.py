@@ -22,12 +22,12 @@ def say(step: Words | None, note: str = "") -> None:
 
 
 def line(step: Words) -> str:
-    """What `say` prints."""
+    """The line that `say` prints."""
     return f"next: {typed(step)}"
 
 
 def typed(step: Words) -> str:
-    """A step as a shell takes it."""
+    """A step as typed in a shell."""
     return shlex.join(["python", "-m", *step])
 
 
@@ -47,7 +47,7 @@ def named_after(beside: Path, of: Path, usual: str, wanted: str) -> Path:
 
 
 def flags(chosen: Any, usual: Any) -> Words:
-    """What was chosen otherwise than usual, as options."""
+    """The options that differ from their defaults."""
     words: Words = []
     for field in fields(chosen):
         value, flag = getattr(chosen, field.name), f"--{field.name.replace('_', '-')}"

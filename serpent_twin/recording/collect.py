@@ -109,7 +109,7 @@ def session_path(config: Collect, session: int) -> Path:
 
 
 def metadata(config: Collect, session: int) -> dict[str, Any]:
-    """What a session's file says about itself."""
+    """The metadata of a session's file."""
     said = settings(config)
     return (
         {
@@ -127,7 +127,7 @@ def metadata(config: Collect, session: int) -> dict[str, Any]:
 
 
 def settings(config: Collect) -> dict[str, Any]:
-    """What two runs must share to lie in one folder."""
+    """The settings that runs in one folder must share."""
     common = {name: getattr(config, name) for name in ("backend", "steps", "rate_hz", "seed")}
     common["arm"] = config.arm_name
     if config.backend == "real":

@@ -45,7 +45,7 @@ def sealed(
 
 
 def why(error: BaseException) -> str:
-    """What a log says of the error that ended it."""
+    """A log's text about the error that ended it."""
     by_hand = isinstance(error, KeyboardInterrupt)
     return "stopped by hand" if by_hand else str(error) or type(error).__name__
 

@@ -37,7 +37,7 @@ Further = Callable[[Step], Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Beside:
-    """What else is done with a session while it is recorded."""
+    """Further processing of a session while it is recorded."""
 
     columns: tuple[str, ...] = ()
     """Names of further columns"""

@@ -29,7 +29,7 @@ class Watch:
         self._time = 0.0
 
     def see(self, time: float, marker: Array) -> None:
-        """Take in a row at a time [s] with markers (9, 3), NaN where lost."""
+        """Add a row at a time [s] with markers (9, 3), NaN where lost."""
         lost = ~np.isfinite(marker).all(axis=-1)
         newly = lost & np.isnan(self._since)
         self._since = np.where(lost, np.where(newly, time, self._since), np.nan)
@@ -38,7 +38,7 @@ class Watch:
         self._rows_lacking_some += bool(lost.any())
 
     def state(self) -> str:
-        """What the progress bar says of markers that are lost now; nothing if that is for a moment."""
+        """The progress bar's text about markers that are lost now; empty for short losses."""
         lost = self._time - self._since >= SILENT
         if np.isfinite(self._since).all():
             return f", markers lost since {self._since.max():.1f} s"
@@ -47,7 +47,7 @@ class Watch:
         return ""
 
     def account(self) -> dict[str, Any]:
-        """What the log's metadata tell: rows, and since when [s] each marker is lost to the end."""
+        """Entries of the log's metadata: rows, and since when [s] each marker is lost to the end."""
         since = [None if np.isnan(t) else float(t) for t in self._since]
         return {
             "rows_without_any": self._rows_without_any,

@@ -67,7 +67,7 @@ def arm_of(config: Collect) -> ArmSetup:
 
 
 def settings_of_arm(config: Collect) -> dict[str, Any]:
-    """What makes it the same arm, recorded in the same way."""
+    """Settings that runs of the same arm, recorded in the same way, share."""
     setup = asdict(arm_of(config))
     kept = ("ids", "direction", "zero", "homing_offset", "drive_mode", "limits")
     return {name: setup[name] for name in kept} | {
@@ -80,7 +80,7 @@ def settings_of_arm(config: Collect) -> dict[str, Any]:
 def record_session(
     config: Collect, setup: ArmSetup, session: int, show: Show, beside: Beside = NOTHING
 ) -> None:
-    """Record one session; however it ends, its rows are sealed, and why it ended is said in them."""
+    """Record one session; however it ends, its rows are sealed, and its metadata state why it ended."""
     path = session_path(config, session)
     rng = np.random.default_rng(
         np.random.SeedSequence(config.seed, spawn_key=(session,)).spawn(3)[0]

@@ -48,7 +48,7 @@ def bench(
 
 
 def simulate_session(config: Collect, session: int, tick: Callable[[int], None]) -> Path:
-    """Record one session of the twin; `tick` is told the number of rows logged so far."""
+    """Record one session of the twin; `tick` is given the number of rows logged so far."""
     bus, cameras, targets = bench(config, session)
     gain = config.simulated().design.parameters.controller_gain
     path = session_path(config, session)

@@ -17,8 +17,8 @@ _SIDES = {"+": "plus", "−": "minus"}
 
 
 def blueprint(title: str, plots: Mapping[Plot, int] | None = None) -> rrb.Blueprint:
-    """The arm large with its colours below it, plots beside it, each with its share of the height: those
-    of a session unless told.
+    """The arm large with its colours below it, plots beside it, each with its share of the height: by
+    default those of a session.
     """
     eye = rrb.EyeControls3D(
         position=(0.12, 0.46, 0.62), look_target=(0.135, 0.01, 0.0), eye_up=(-1, 0, 0)
@@ -46,7 +46,7 @@ def blueprint(title: str, plots: Mapping[Plot, int] | None = None) -> rrb.Bluepr
 
 
 def key(looks: Mapping[str, str]) -> rr.TextDocument:
-    """What each colour is, as a table."""
+    """The meaning of each colour, as a table."""
     rows = [f"| {colour} | {what} |" for colour, what in looks.items()]
     table = "\n".join(["| colour | what it shows |", "| --- | --- |", *rows])
     return rr.TextDocument(table, media_type="text/markdown")

@@ -16,7 +16,7 @@ PATIENCE = 5.0
 def cluster(address: str) -> Iterator[Pool]:
     """The workers of a scheduler at tcp://HOST:PORT; more may join, and some leave, at any time.
 
-    The scheduler itself tries a job again whose worker died, three times if not told otherwise. Raises
+    The scheduler itself retries a job whose worker died, three times by default. Raises
     SerpentError when no scheduler answers there, or has no worker.
     """
     try:

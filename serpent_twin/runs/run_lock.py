@@ -22,7 +22,7 @@ def claimed(folder: Path, name: str, settings: dict[str, Any]) -> Iterator[None]
     """Hold `folder` for a run with these settings, which are stored there as `name`.
 
     A folder that another process holds, that holds a run with other settings, or something else, is
-    refused and left as it is. A run that left nothing but its settings claims nothing: one with other
+    refused and left as it is. A run that left nothing but its settings holds no lock: one with other
     settings takes its place. One that fails before it has written anything leaves the folder as it was.
     """
     with _locked(folder) as made:
@@ -106,7 +106,7 @@ def _refuse_foreign(folder: Path, name: str) -> None:
 def _leave(folder: Path, name: str, made: list[Path]) -> None:
     """Remove what a run that wrote nothing left: empty folders, its settings, and folders that it made."""
     inside = sorted((path for path in folder.rglob("*") if path.is_dir()), reverse=True)
-    with suppress(OSError):  # what cannot be removed claims nothing, either
+    with suppress(OSError):  # what cannot be removed holds no lock, either
         for path in inside:
             path.rmdir()
         (folder / name).unlink()

@@ -67,7 +67,7 @@ class _Desk(Generic[Job, Result]):
         return bool(self._running)
 
     def _room(self) -> bool:
-        """Workers that break take others' jobs along, so a job that lost one is tried again alone."""
+        """Whether a slot is free. A broken worker loses all jobs; a job that broke one is retried alone."""
         suspect = any(self._deaths[job] for job in [self._waiting[0], *self._running.values()])
         return len(self._running) < (1 if suspect else self._pool.slots())
 

@@ -17,10 +17,10 @@ from serpent_twin.sessions.session import Session
 TURN = 2 * np.pi
 COUNT = TURN / 4096  # XL430-W250 manual: resolution of the present position
 LATE = 1.5  # control periods from which a step counts as a missed deadline
-REACH = 1.5  # travel of the servo's top speed in a step that is believed, with its overshoot
+REACH = 1.5  # greatest travel in a step, in units of that at the servo's top speed, with overshoot
 STUCK_SECONDS = 2.0  # a commanded motor that stands still for this long is stuck
 STUCK_COMMAND = 0.2  # rad: the travel asked for meanwhile
-REBOOTS = 5  # jumps of a motor in one session that are told one by one
+REBOOTS = 5  # jumps of a motor in one session that are reported one by one
 FARTHEST_MARKER = 1.0  # m: nearly twice the arm's length
 
 _KNOWN: WeakKeyDictionary[Session, tuple[Finding, ...]] = WeakKeyDictionary()
@@ -62,7 +62,7 @@ def refuse_damaged(sessions: list[Session]) -> None:
 def lost_turns(session: Session) -> Mask:
     """Where a motor angle changed by more than the servo can turn since the row before, (T, 10).
 
-    A reboot adds or drops whole turns. Half a turn tells these best from travel, also where the
+    A reboot adds or drops whole turns. Half a turn separates these best from travel, also where the
     motor runs against the jump. A step long enough to travel further, as a reboot makes it, is
     measured against the travel that was commanded; a motor that stood still lost nothing.
     """
@@ -159,7 +159,7 @@ def _far(session: Session) -> Iterator[Finding]:
 
 
 def _of_markers(session: Session, motors_sound: bool = True) -> list[Finding]:
-    """What is wrong with the markers; where the motors say what the pose should be, they must be sound."""
+    """What is wrong with the markers; where the pose comes from the motors, these must be free of errors."""
     found = markers.check(session, motors_sound)
     odd = any(finding.level == "error" for finding in found)
     return found if odd else [*_far(session), *found]

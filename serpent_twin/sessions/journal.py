@@ -46,7 +46,7 @@ class Journal:
         self._batch = batch_over(self._vector, self._checksum, schema)
         self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         self._size = 0
-        fcntl.flock(self._file, fcntl.LOCK_EX)  # tells `recover` that the recorder is alive
+        fcntl.flock(self._file, fcntl.LOCK_EX)  # shows `recover` that the recorder is alive
         try:
             self._write(schema.serialize())
         except OSError:

@@ -31,7 +31,7 @@ _ADVICE = "Copy it again from where it was recorded, or leave it out."
 RATE_TOLERANCE = 0.05  # a clock that runs further off than this belongs to another rate
 
 _log = logging.getLogger(__name__)
-_TOLD: set[Path] = set()  # folders of which it was told what is not read
+_TOLD: set[Path] = set()  # folders whose unread files were reported
 
 
 def session_files(folder: Path) -> list[Path]:
@@ -51,7 +51,7 @@ def unread(folder: Path) -> list[Path]:
 
 
 def say_unread(folder: Path, tell: Callable[[str], object] = _log.warning) -> None:
-    """Tell once which Parquet files of a folder are not read."""
+    """Report once which Parquet files of a folder are not read."""
     if (found := unread(folder)) and folder.absolute() not in _TOLD:
         _TOLD.add(folder.absolute())
         names = listing([path.name for path in found])
@@ -120,7 +120,7 @@ def write_session(path: Path | str, session: Session) -> Path:
 
 
 class Metadata(stored.OpenForm, frozen=True):
-    """What every log says of itself; further keys are the recorder's."""
+    """Metadata of every log; further keys are the recorder's."""
 
     schema_version: Literal[1]
     backend: str

@@ -113,7 +113,7 @@ class Session:
 
     @property
     def prior_runtime(self) -> float:
-        """How long the arm ran before [s]: as the log says, else sessions of a run are of one length."""
+        """How long the arm ran before [s]: from the log, else as if a run's sessions were of one length."""
         if "prior_runtime_s" in self.metadata:
             return float(self.metadata["prior_runtime_s"])
         number = int(self.metadata.get("session", 1))
@@ -121,7 +121,7 @@ class Session:
 
 
 def rate_of(metadata: Mapping[str, Any], where: str) -> float:
-    """Control steps per second that a log's metadata tell, or a `SerpentError` that names `where`."""
+    """Control steps per second in a log's metadata, or a `SerpentError` that names `where`."""
     rate: Any = metadata.get("rate_hz")
     is_number = isinstance(rate, int | float | np.number) and not isinstance(rate, bool)
     if not is_number or not FEWEST_HZ <= rate <= MOST_HZ:

@@ -53,7 +53,7 @@ class JournalContent:
     bytes_dropped: int
 
     def write(self, path: Path, status: Mapping[str, Any]) -> Path:
-        """Write the rows as a session log whose metadata also tell its status."""
+        """Write the rows as a session log whose metadata include its status."""
         columns = dict(zip(self.columns, self.rows.T, strict=True))
         metadata = self.metadata | dict(status)
         return write_session(path, session_from_columns(path, metadata, columns))

@@ -68,7 +68,7 @@ def naming(where: str) -> Iterator[None]:
 
 
 def require_kind(values: Mapping[str, Any], kind: str, where: str, advice: str = "") -> None:
-    """Refuse what says of itself that it is something else, before its other keys are looked at."""
+    """Refuse a file that states another kind, before its other keys are checked."""
     if (told := values.get("kind", kind)) != kind:
         raise SerpentError(
             f'{where}: kind is {found(told)}; it must be "{kind}". {advice}'.rstrip()
@@ -155,7 +155,7 @@ def _alternative(node: Any, value: Any) -> Any:
 
 
 def _tag_field(node: Any) -> str:
-    """The key that tells the alternatives of a union apart, if it has one."""
+    """The key that distinguishes the alternatives of a union, if it has one."""
     types = node.types if isinstance(node, inspect.UnionType) else ()
     return next((tag for n in types if (tag := getattr(n, "tag_field", None))), "")
 

@@ -38,7 +38,7 @@ def contents(path: Path, most: int = MOST, advice: str = "") -> bytes:
 
 
 def reason(error: OSError) -> str:
-    """Why the system refuses, in its words, such as `permission denied`."""
+    """The system's reason for refusing, such as `permission denied`."""
     return os.strerror(error.errno).lower() if error.errno else "the system refuses it"
 
 

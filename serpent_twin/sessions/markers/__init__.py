@@ -2,7 +2,7 @@
 
 Nine joint angles explain 27 coordinates, so 18 a row are left that only the arm's geometry sets. What no
 pose explains is measured twice: row by row (`rows`), and as the places on the links on which all rows agree
-(`together`). Joint 1's own turn cannot be seen from the base: the frame's turn about it is told by motor 1.
+(`together`). Joint 1's own turn is not visible from the base: motor 1 gives the frame's turn about it.
 """
 
 from collections.abc import Iterator

@@ -9,8 +9,8 @@ from serpent_twin.sessions.markers import suspects
 from serpent_twin.sessions.markers.posed import CLOSE, posed
 
 POSSIBLE = 5e-3  # m rms of rows once a fault is undone
-BRIDGED = 3  # rows between two of a kind that are told with them
-ALL = 0.8  # share of the rows that is told as all
+BRIDGED = 3  # rows between two of a kind that are reported with them
+ALL = 0.8  # share of the rows that is reported as all
 HALVED = 0.5  # of what poses miss a row by: so much less, and the row has the fault, too
 STILL = 0.2  # of the motion that a marker should have
 

@@ -24,7 +24,7 @@ GLUED = "Put it back where it belongs, or label it anew."
 AXES = "xyz"
 ROWS = 16  # rows on which each suspect is tried
 UNITS = {1e3: "millimetres", 1e2: "centimetres", 1 / 0.0254: "inches", 1e-3: "kilometres"}
-ODD_SCALE, ODD_TURN, ODD_SHIFT = 0.015, np.radians(6), 6e-3  # what is told of a frame: 1, rad, m
+ODD_SCALE, ODD_TURN, ODD_SHIFT = 0.015, np.radians(6), 6e-3  # reported from here on: 1, rad, m
 ALIKE, SPARE = 1.5, 5e-4  # a simpler fault may leave so many times the least, + m
 
 Undo = Callable[[Array], Array]
@@ -101,7 +101,7 @@ def _undone(best: Fit, mirror: Array) -> Undo:
 
 
 def _as_motor_1(best: Fit, start: Array) -> Fit:
-    """The fit with the turn about joint 1, which no marker shows, that motor 1 tells."""
+    """The fit with the turn about joint 1, which no marker shows, from motor 1."""
     bend = float(np.mean(best.joint[:, 0] - start[:, 0]))
     c, s = np.cos(-bend), np.sin(-bend)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

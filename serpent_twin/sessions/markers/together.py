@@ -13,7 +13,7 @@ from serpent_twin.sessions.markers.rows import BRIDGED, STILL, spread
 MISPLACED = 8e-3  # m: assembly is good to 4 along each axis, an arm with soft links seems 3.4 off
 DOUBTED = 2.5e-3  # m: markers misplaced by less are of no odd frame
 SCATTER = 4e-3  # m rms of a coordinate that no places on links explain; cameras: tenths
-HALVED = 0.5  # an odd frame is believed if it leaves this share of the markers' offsets
+HALVED = 0.5  # an odd frame is accepted if it leaves this share of the markers' offsets
 TURNED = np.radians(10)  # of joint 1 against motor 1, in the mean; arms without fault: up to 4.4°
 STRANGE = 0.2  # correlation of joints with motors; arms: 0.55 and more, another session: 0
 MOVING, ENOUGH = np.radians(2), 40  # rad of a motor and rows, to say that markers follow it
@@ -87,7 +87,7 @@ def _still(marker: Array, start: Array, looked: np.ndarray) -> Iterator[Finding]
 
 
 def _followed(joint: Array, start: Array) -> Iterator[Finding]:
-    """Whether joint 1 is where motor 1 has it, and the joints go as the motors do."""
+    """Whether joint 1 agrees with motor 1, and the joints move as the motors do."""
     turned = float(np.mean(joint[:, 0] - start[:, 0]))
     if abs(turned) > TURNED:
         yield Finding(

@@ -48,7 +48,7 @@ def refine(
     distances, far ones weighted down (Huber), on a film smoothed over a moment. Standard errors are
     a jackknife's over blocks of rows, because neighbouring residuals are alike, and a share for the
     prediction's error that may look like a delay, also like one that grows over the session. The
-    drift is held at 0 ± `DRIFT_STD`, as quartz clocks are: a short session alone tells less of it.
+    drift has the prior 0 ± `DRIFT_STD` of quartz clocks: a short session alone determines it less.
     """
     smooth, velocity = _smoothed(film)
     centre = float(time.mean())
@@ -92,7 +92,7 @@ def _linearised(
     smooth: Array,
     velocity: Array,
 ) -> tuple[Array, Array]:
-    """Residuals in the base frame [m], (K, 9, 3), and their slopes, (K, 9, 3, 8).
+    """Residuals in the base frame [m], (K, 9, 3), and their Jacobian, (K, 9, 3, 8).
 
     The unknowns: shift of the clock at log time `centre`, drift, small rotation, translation.
     """

@@ -13,7 +13,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import Rigid, fit_rigid
 from serpent_twin.sessions.merge.film import Film, bridged
 
-SHOWN = 0.2  # share of the rows that a column must show to say who it is
+SHOWN = 0.2  # share of the rows that a column must show to be identified
 GATE = 0.08  # m: a predicted marker is never further off; neighbours are 65 mm apart
 CLEARER = 0.7  # the nearest marker is nearer than this share of the second nearest
 PAUSE = 0.1  # s: after a longer gap, a column may show another marker
@@ -120,7 +120,7 @@ class Piece:
 def track(
     film: Film, expected: Array, owner: Mapping[int, int], trusted: bool
 ) -> tuple[Film, list[dict[int, int]]]:
-    """A film of markers 1 … 9 put together from all columns, and who gave each marker its frames.
+    """A film of markers 1 … 9 put together from all columns, and the source of each marker's frames.
 
     `expected` (T, 9, 3) is the prediction in the cameras' frame, NaN outside of the session;
     `owner` maps columns to markers, for good if trusted. Where labels break off or swap, stretches

@@ -92,7 +92,7 @@ def _refuse_labels(
     owner: dict[int, int],
     names: Sequence[str],
 ) -> None:
-    """Raise if one of the places fits once the columns' names are not believed."""
+    """Raise if one of the places fits once the columns' names are ignored."""
     again = [_place(time, marker, film, place.clock, {}) for place in places] if owner else []
     best = max(again, key=lambda place: place.explained, default=None)
     if best is None or best.explained < CERTAIN:

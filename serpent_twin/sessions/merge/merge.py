@@ -33,7 +33,7 @@ from serpent_twin.stored import many, within
 
 BASE_FIT = 0.010  # m rms: markers glued to the base are measured better than this
 _Place = Annotated[tuple[Annotated[float, within(-100.0, 100.0, "m")], ...], many(3)]
-OF_CAMERAS = ("camera_time", "marker_age")  # columns that speak of the live markers
+OF_CAMERAS = ("camera_time", "marker_age")  # columns about the live markers
 
 HEADING = (
     f"{'session':<12} {'offset, s':>12} {'± ms':>6} {'drift, ppm':>11} {'± ppm':>6} "
