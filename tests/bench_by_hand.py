@@ -1,4 +1,4 @@
-"""What does the bench arm do, worked out by hand? Cases and closed forms that its tests share."""
+"""Compute cases and closed forms of the bench arm by hand, for its tests."""
 
 import numpy as np
 

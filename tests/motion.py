@@ -1,4 +1,4 @@
-"""How does an arm move that a test watches?"""
+"""Move an arm for a test."""
 
 import numpy as np
 

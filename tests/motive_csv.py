@@ -1,4 +1,4 @@
-"""How do Motive's versions write the same markers?"""
+"""Write the same markers as Motive's versions do."""
 
 from dataclasses import dataclass
 

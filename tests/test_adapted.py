@@ -1,4 +1,4 @@
-"""Does a correction from few windows of another arm help, and never harm?"""
+"""Test that a correction from few windows of another arm helps, and never harms."""
 
 from dataclasses import fields, replace
 

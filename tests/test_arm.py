@@ -1,4 +1,4 @@
-"""Do the arm's numbers and kinematics agree with ARM.md and with MuJoCo?"""
+"""Test the arm's numbers and kinematics against ARM.md and MuJoCo."""
 
 import mujoco
 import numpy as np

@@ -1,4 +1,4 @@
-"""Is the bench arm sound physics: energy, equilibrium, sticking, convergence? Are its logs sound?"""
+"""Test the bench arm's physics (energy, equilibrium, sticking, convergence) and its logs."""
 
 import json
 from dataclasses import fields, replace

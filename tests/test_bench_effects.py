@@ -1,4 +1,4 @@
-"""Is each effect that a bench arm may hide the law that it claims to be?"""
+"""Test each effect of a bench arm against its law."""
 
 import numpy as np
 import pytest

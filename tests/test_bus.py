@@ -1,4 +1,4 @@
-"""Does a bus keep the MotorBus contract, and the simulated motors the XL430's manners?"""
+"""Test the MotorBus contract of a bus, and the simulated motors' behaviour as XL430."""
 
 import numpy as np
 import pytest

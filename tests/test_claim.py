@@ -1,4 +1,4 @@
-"""Does a folder belong to one run at a time, and is a file written whole or not at all?"""
+"""Test that a folder belongs to one run at a time, and that a file is written whole or not at all."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""Does a run that has written nothing claim nothing, however it ends and whoever runs beside it?"""
+"""Test that a run that has written nothing holds no lock, however it ends."""
 
 import json
 import os

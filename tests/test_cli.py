@@ -1,4 +1,4 @@
-"""Do commands tell a person what went wrong, and exit as a shell expects?"""
+"""Test the commands' error messages and exit statuses."""
 
 import os
 import subprocess

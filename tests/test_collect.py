@@ -1,4 +1,4 @@
-"""Does a collected run lose nothing, mix nothing, and come out the same again?"""
+"""Test that a collected run loses nothing, mixes nothing, and is reproducible."""
 
 import fcntl
 import json

@@ -1,4 +1,4 @@
-"""Does a run say that markers are lost, while they are, in its log, and at its end?"""
+"""Test that a run reports lost markers while they are lost, in its log, and at its end."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Is a session of the real arm, here a device on a pseudo-terminal, whole, honest and safe to stop?"""
+"""Test that a session of the real arm, here a device on a pseudo-terminal, is whole and safe to stop."""
 
 import signal
 import subprocess

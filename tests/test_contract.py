@@ -1,4 +1,4 @@
-"""Do the simulated bus and the Dynamixel bus, on the device, keep one contract word for word?"""
+"""Test that the simulated bus and the Dynamixel bus, on the device, keep the same contract."""
 
 from contextlib import contextmanager
 from dataclasses import fields

@@ -1,4 +1,4 @@
-"""Do targets and controller follow the published protocol?"""
+"""Test targets and controller against the published protocol."""
 
 import numpy as np
 import pytest

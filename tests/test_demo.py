@@ -1,4 +1,4 @@
-"""Does the demo of the README do what it says?"""
+"""Test that the demo of the README does what it says."""
 
 import json
 import os

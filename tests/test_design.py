@@ -1,4 +1,4 @@
-"""Is a design stored whole, and is what is none refused in words?"""
+"""Test that a twin model is stored whole, and that anything else is refused in words."""
 
 import json
 from dataclasses import replace

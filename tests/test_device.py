@@ -1,4 +1,4 @@
-"""Do the servos on the pseudo-terminal answer as the manual says, for the vendor's own SDK?"""
+"""Test the servos on the pseudo-terminal against the manual, with the vendor's own SDK."""
 
 import importlib.util
 import time

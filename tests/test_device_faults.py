@@ -1,4 +1,4 @@
-"""Do faults strike as they are asked to, and does the device outlive whatever comes?"""
+"""Test that faults strike as requested, and that the device survives them."""
 
 import io
 import time

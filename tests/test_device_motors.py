@@ -1,4 +1,4 @@
-"""Do the motors behind the servos run, stop and trip as the manual says?"""
+"""Test that the motors behind the servos run, stop and trip as in the manual."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""Is the device what its options say, and are impossible ones refused?"""
+"""Test the device's options, and that impossible ones are refused."""
 
 import json
 from itertools import pairwise

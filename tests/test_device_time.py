@@ -1,4 +1,4 @@
-"""Does the device keep time, and end when it should?"""
+"""Test that the device keeps time, and ends when it should."""
 
 import io
 import json

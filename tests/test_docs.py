@@ -1,4 +1,4 @@
-"""Do README and docs link to what exists, and name commands that take their options?"""
+"""Test that README and docs link to existing files, and name commands that take their options."""
 
 import functools
 import re

@@ -1,4 +1,4 @@
-"""Does the doctor see what is wrong with a bus, and touch nothing?"""
+"""Test that the doctor finds what is wrong with a bus, and changes nothing."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""Does the doctor object exactly where a run refuses, in whatever state the motors are?"""
+"""Test that the doctor objects exactly where a run refuses, in any state of the motors."""
 
 import json
 from collections.abc import Callable

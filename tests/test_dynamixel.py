@@ -1,4 +1,4 @@
-"""Does the Dynamixel bus believe only what is so, mend what can be mended, and always let go?"""
+"""Test that the Dynamixel bus checks readings, recovers from faults, and always switches off."""
 
 import os
 import time

@@ -1,4 +1,4 @@
-"""Does the torque go off on every way out, and is the first error told?"""
+"""Test that the torque goes off on every exit, and that the first error is reported."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Is each effect the physics that it says?"""
+"""Test each effect against its physical law."""
 
 from dataclasses import replace
 

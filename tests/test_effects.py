@@ -1,4 +1,4 @@
-"""Do effects of the arm act in their order, come back from files, and stay stable at its control period?"""
+"""Test the order of the arm's effects, their files, and their stability at its control period."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Does the environment keep dm_env's contract over a bus?"""
+"""Test dm_env's contract of the environment over a bus."""
 
 import numpy as np
 from absl.testing import absltest

@@ -1,4 +1,4 @@
-"""Are figures legible whatever they show: labels apart, lines apart, logarithmic axes with numbers?"""
+"""Test that figures are legible: labels apart, lines apart, logarithmic axes with numbers."""
 
 import itertools
 from dataclasses import fields, replace

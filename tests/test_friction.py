@@ -1,4 +1,4 @@
-"""Do hinges creep below their transition velocity, and slide above it with Coulomb's friction?"""
+"""Test that hinges creep below their transition velocity, and slide above it with Coulomb's friction."""
 
 from dataclasses import replace
 

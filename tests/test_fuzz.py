@@ -1,4 +1,4 @@
-"""Is whatever is damaged read or refused, and nothing else?"""
+"""Test that damaged input is read or refused, and nothing else."""
 
 import numpy as np
 import pytest

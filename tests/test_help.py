@@ -1,4 +1,4 @@
-"""Does help find every command, every machine and every option, in groups that a newcomer can read?"""
+"""Test that help lists every command, machine and option, in readable groups."""
 
 import importlib
 import re

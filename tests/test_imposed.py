@@ -1,4 +1,4 @@
-"""Do imposed motors move an arm as motors do, in every stretch, at every step?"""
+"""Test that prescribed motion moves an arm as motors do, in every stretch, at every step."""
 
 from dataclasses import replace
 

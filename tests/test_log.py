@@ -1,4 +1,4 @@
-"""Does a session log hold what was written, and is a file that cannot be used refused?"""
+"""Test that a session log holds what was written, and that an unusable file is refused."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Is damage in a session named, and by the commands too?"""
+"""Test that damage in a session is named, also by the commands."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""Does a journal lose no row, whatever happens to its file or its writer?"""
+"""Test that a journal loses no row, whatever happens to its file or its writer."""
 
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""Are the drawn parts whole, where the arm's numbers put them, and without effect on the physics?"""
+"""Test that the drawn parts are whole, in their places, and without effect on the physics."""
 
 from itertools import pairwise
 

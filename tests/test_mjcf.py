@@ -1,4 +1,4 @@
-"""Are the committed models the ones that the code builds, and do they stand alone?"""
+"""Test that the committed models are those that the code builds, and need no other file."""
 
 import mujoco
 import numpy as np

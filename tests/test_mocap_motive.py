@@ -1,4 +1,4 @@
-"""Are Motive's files read as they are meant?"""
+"""Test that Motive's files are read correctly."""
 
 import csv
 from pathlib import Path

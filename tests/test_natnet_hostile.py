@@ -1,4 +1,4 @@
-"""Do the markers go on, whatever else is sent to the port?"""
+"""Test that markers arrive, whatever else is sent to the port."""
 
 import socket
 import subprocess

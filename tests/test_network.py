@@ -1,4 +1,4 @@
-"""Are the networks what they say, in torch and in numpy, and trained as they say?"""
+"""Test the networks in torch and in numpy, and their training."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Does each command end with a step that can be typed there and then?"""
+"""Test that each command ends with a step that can be typed as it stands."""
 
 import os
 import shlex

@@ -1,4 +1,4 @@
-"""Does every way of running honour an effect, or refuse it in words?"""
+"""Test that every way of running uses an effect, or refuses it in words."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Do measured markers keep an estimate right, exactly as a batch fit would?"""
+"""Test that measured markers correct an estimate exactly as a batch fit would."""
 
 import itertools
 

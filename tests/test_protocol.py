@@ -1,4 +1,4 @@
-"""Does the packet layer agree with the manual's examples and the vendor's SDK, whatever comes?"""
+"""Test the packet layer against the manual's examples and the vendor's SDK."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Do the readouts keep their contract and find what is known to be there?"""
+"""Test the readouts' contract, and that they find known relations."""
 
 import json
 from dataclasses import fields, replace

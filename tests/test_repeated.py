@@ -1,4 +1,4 @@
-"""Are logs refused of which one repeats another, whatever was done to the copy?"""
+"""Test that logs are refused of which one repeats another, however the copy was changed."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""Does a report say what it is given, in HTML and in Markdown?"""
+"""Test that a report holds what it is given, in HTML and in Markdown."""
 
 from matplotlib.figure import Figure as Drawing
 

@@ -1,4 +1,4 @@
-"""Do the reservoir measures find what is known of delay lines, filters, networks and NARMA10?"""
+"""Test the reservoir measures on delay lines, filters, networks and NARMA10."""
 
 from collections import Counter
 

@@ -1,4 +1,4 @@
-"""Is a residual told from noise and put right, and nothing found where nothing was put in?"""
+"""Test that a residual is separated from noise, and that nothing is found where nothing was put in."""
 
 import io
 import json

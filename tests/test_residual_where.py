@@ -1,4 +1,4 @@
-"""Is what was put into a made-up residual found again: on what it depends, and where?"""
+"""Test that the dependence and place put into a made-up residual are found."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Is whatever is damaged in a file of ours refused in one sentence that names the file and the key?"""
+"""Test that damage in a stored file is refused in one sentence that names the file and the key."""
 
 import copy
 import json

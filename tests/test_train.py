@@ -1,4 +1,4 @@
-"""Does training keep sessions apart, go on where it stopped, and report what it measured?"""
+"""Test that training keeps sessions apart, continues where it stopped, and reports its measurements."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Is the twin's physics that of ten servos, twenty strands that only pull, and nine hinges?"""
+"""Test the twin's physics: ten servos, twenty strands that only pull, nine hinges."""
 
 from dataclasses import replace
 

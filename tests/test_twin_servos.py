@@ -1,4 +1,4 @@
-"""Do the twin's servos turn as told, as strongly and as late as theirs do?"""
+"""Test direction, strength and lag of the twin's servos."""
 
 from dataclasses import replace
 

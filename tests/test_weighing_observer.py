@@ -1,4 +1,4 @@
-"""Do loads say what the gripper holds, also once it holds something else?"""
+"""Test that the payload is identified from the loads, also after it changes."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Do the windows hold what was published, and does a spoilt session stay out of them?"""
+"""Test that windows hold what was published, and that a damaged session is left out."""
 
 from dataclasses import replace
 from itertools import product
