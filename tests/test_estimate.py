@@ -1,4 +1,4 @@
-"""Do live estimates say what the readout says of the log, and only what the motor bus tells?"""
+"""Test that live estimates equal the readout's on the log, and use the motor bus alone."""
 
 import json
 import subprocess

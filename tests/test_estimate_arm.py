@@ -1,4 +1,4 @@
-"""Is the arm that a live estimate simulates the one that its readout knows, and is it said if it is not?"""
+"""Test that a live estimate simulates the arm that its readout was trained on, or says otherwise."""
 
 import json
 import subprocess

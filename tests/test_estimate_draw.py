@@ -1,4 +1,4 @@
-"""Does the live recording show what the log says, and does drawing never stop the arm?"""
+"""Test that the live recording shows what the log holds, and that drawing never stops the arm."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Is every effect, in every machine that may have it, absent at zero, seen otherwise, stored and stable?"""
+"""Test every effect in every machine that may have it: absent at zero, else visible, stored and stable."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace

@@ -1,4 +1,4 @@
-"""Does the measured machines' experiment split, score and say what is missing?"""
+"""Test the measured machines' experiment: its splits, scores and messages about missing files."""
 
 import json
 from dataclasses import replace

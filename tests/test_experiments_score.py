@@ -1,4 +1,4 @@
-"""Do the experiments on the trace plan each trial once, and count rightly what was named?"""
+"""Test that the experiments on the trace plan each trial once, and count correctly."""
 
 import json
 

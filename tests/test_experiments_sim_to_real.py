@@ -1,4 +1,4 @@
-"""Does the comparison of routes keep windows apart, and make the conditions that it names?"""
+"""Test that the comparison of routes keeps windows apart, and makes the conditions that it names."""
 
 from dataclasses import replace
 

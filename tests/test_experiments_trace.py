@@ -1,4 +1,4 @@
-"""Do the experiments on the trace inject what they say, go on where they stopped, and show it?"""
+"""Test that the experiments on the trace inject what they say, and continue where they stopped."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Would the fault matrix notice a row that is wrong, old, lost, or commanded otherwise?"""
+"""Test that the fault matrix detects a row that is wrong, old, lost, or commanded otherwise."""
 
 import json
 from dataclasses import asdict, replace

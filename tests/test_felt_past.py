@@ -1,4 +1,4 @@
-"""Do effects that remember feel a measured past by their own laws, however far apart its rows lie?"""
+"""Test that effects with memory follow a measured past by their own laws, at any distance of its rows."""
 
 import numpy as np
 import pytest

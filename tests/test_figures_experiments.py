@@ -1,4 +1,4 @@
-"""Are the experiments' figures legible, and do their titles name what was given?"""
+"""Test that the experiments' figures are legible, and that their titles name what was given."""
 
 from dataclasses import replace
 

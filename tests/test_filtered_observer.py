@@ -1,4 +1,4 @@
-"""Do loads correct a twin that is wrong, and leave one alone that is right?"""
+"""Test that loads correct a twin that is wrong, and do not change one that is right."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What a change of structure must leave as it is: sessions of the simulated bus, and arms that logs drive.
+"""Compare sessions of the simulated bus, and arms in prescribed motion, with recorded results.
 
 `python tests/test_frozen.py` records tests/frozen/*.npz anew, after a change of physics that is meant.
 """

@@ -1,4 +1,4 @@
-"""Are simulated commands off by as much as an arm's servos miss theirs, and nothing else?"""
+"""Test that simulated commands have the error of an arm's servos, and no other change."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Is the best readout trained unasked where it can be, and does the report say what its score rests on?"""
+"""Test that the best readout is trained by default where possible, and that the report states its basis."""
 
 from dataclasses import replace
 from pathlib import Path

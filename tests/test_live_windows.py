@@ -1,4 +1,4 @@
-"""Does a readout of windows wait for a whole window, and begin anew after a gap?"""
+"""Test that a readout of windows waits for a whole window, and begins anew after a gap."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Are faults of scale, frame, order and places of the markers refused by name, by every command alike?"""
+"""Test that faults of scale, frame, order and places of the markers are refused by every command."""
 
 import re
 import subprocess

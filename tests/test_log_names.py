@@ -1,4 +1,4 @@
-"""Is it told which files of a folder are not read, and what to name where a folder is given?"""
+"""Test that unread files of a folder are reported, and what to name where a folder is given."""
 
 import logging
 import shutil

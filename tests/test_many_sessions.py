@@ -1,4 +1,4 @@
-"""Does a device without a setup last, session after session, and are its positions always true?"""
+"""Test that a device without a setup lasts for many sessions, with correct positions."""
 
 from dataclasses import replace
 from functools import partial

@@ -1,4 +1,4 @@
-"""Is what does not agree with the motors refused, and said why?"""
+"""Test that markers that do not agree with the motors are refused, with the reason."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Is a rigid motion found where there is one, and an open one refused?"""
+"""Test that a rigid motion is found where there is one, and an undetermined one is refused."""
 
 import numpy as np
 import pytest

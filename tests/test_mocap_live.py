@@ -1,4 +1,4 @@
-"""Does a NatNet client see what a NatNet server streams, and never something old or wrong?"""
+"""Test that a NatNet client reads what a NatNet server streams, and never an old or wrong frame."""
 
 import socket
 import subprocess

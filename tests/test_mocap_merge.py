@@ -1,4 +1,4 @@
-"""Do a take's markers end in the log's rows where they belong?"""
+"""Test that a take's markers are merged into the rows of the log where they belong."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Is the base frame taken from an arm that is straight and still, and from no other?"""
+"""Test that the base frame is taken from an arm that is straight and still, and from no other."""
 
 import warnings
 

@@ -1,4 +1,4 @@
-"""Are NatNet's packets read as another program reads them, and is every other packet refused?"""
+"""Test NatNet's packets against another program's reading, and that every other packet is refused."""
 
 import struct
 

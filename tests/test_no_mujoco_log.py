@@ -1,4 +1,4 @@
-"""Does MuJoCo leave no MUJOCO_LOG.TXT where a user works, whatever makes it warn?"""
+"""Test that MuJoCo leaves no MUJOCO_LOG.TXT where a user works, whatever makes it warn."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Is a noise that too few rows tell said to be unknown, and not to be nothing?"""
+"""Test that noise that too few rows determine is reported as unknown, not as zero."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Is an estimate or a rate that is no number refused in a sentence, wherever it comes from?"""
+"""Test that an estimate or a rate that is not finite is refused in a sentence."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Does a text say one session and not one sessions, wherever something is counted?"""
+"""Test that texts count with the right number: one session, two sessions."""
 
 import ast
 import re

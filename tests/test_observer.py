@@ -1,4 +1,4 @@
-"""Does the twin, driven by the motors' angles alone, know where the arm is, and how well it knows?"""
+"""Test the pose and the covariance of a twin driven by the motors' angles alone."""
 
 from dataclasses import replace
 

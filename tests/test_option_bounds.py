@@ -1,4 +1,4 @@
-"""Is every number of every command refused, in one sentence that names it, where it makes no sense?"""
+"""Test that every number of every command is refused out of its bounds, in one sentence that names it."""
 
 import subprocess
 import sys

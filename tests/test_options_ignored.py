@@ -1,4 +1,4 @@
-"""Is every option that a run would ignore refused, and every other one taken?"""
+"""Test that every option that a run would ignore is refused, and every other one is accepted."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Is the package light to import, and are its public names there when they are asked for?"""
+"""Test that the package imports quickly, and that its public names exist."""
 
 import subprocess
 import sys

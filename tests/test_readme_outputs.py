@@ -1,4 +1,4 @@
-"""Does git ignore whatever the commands of README and docs write?"""
+"""Test that git ignores whatever the commands of README and docs write."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""Can the commands of README and docs be typed one after the other, as they stand, in one folder?"""
+"""Test that the commands of README and docs can be typed in order, as they stand, in one folder."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""Is a saved readout taken only whole: every setting and every array, of the shape that its settings say?"""
+"""Test that a saved readout is loaded only if every setting and array is there, in the right shape."""
 
 import json
 import zipfile

@@ -1,4 +1,4 @@
-"""Does the twin learn from logs what controller, servos and sensors made them?"""
+"""Test that controller, servos and sensors are identified from logs that they made."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Does the recording hold what the log, the twin and the readout say?"""
+"""Test that the recording holds what the log, the twin and the readout hold."""
 
 import dataclasses
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Is a recording that cannot be written refused in one sentence, before it is computed, with nothing left?"""
+"""Test that a recording that cannot be written is refused before it is computed, with nothing left."""
 
 import os
 import resource

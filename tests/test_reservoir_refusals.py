@@ -1,4 +1,4 @@
-"""Which states and inputs do the reservoir measures refuse, and do they say where and why?"""
+"""Test which states and inputs the reservoir measures refuse, and their messages."""
 
 import numpy as np
 import pytest

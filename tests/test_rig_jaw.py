@@ -1,4 +1,4 @@
-"""Does the jaw's rig find again the cables and friction that logs were made with?"""
+"""Test that the jaw's rig finds the cables and friction that logs were made with."""
 
 from itertools import product
 

@@ -1,4 +1,4 @@
-"""Do the numbers of a calibration table stand for what the twin is built of?"""
+"""Test that the numbers of a calibration table are those that the twin is built from."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Does the soft trunk hang, bend, come late and give way as statics and its servos' laws say?"""
+"""Test the soft trunk against statics and its servos' laws: hanging, bending, lag and sag."""
 
 import json
 

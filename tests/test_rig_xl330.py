@@ -1,4 +1,4 @@
-"""Does the servo's rig find again the friction that logs were made with, and refuse what it cannot read?"""
+"""Test that the servo's rig finds the friction that logs were made with, and refuses unreadable logs."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Do the scores of readouts say how certain they are, in which units, and whose training was cut short?"""
+"""Test that the scores of readouts state their uncertainty, units, and whose training was cut short."""
 
 import json
 import re

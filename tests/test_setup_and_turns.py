@@ -1,4 +1,4 @@
-"""Do setup, zero and turn counts survive files, restarts and other programs?"""
+"""Test that setup, zero and turn counts survive files, restarts and other programs."""
 
 import json
 import time

@@ -1,4 +1,4 @@
-"""Does the stiffness sweep run end to end, and do its answers say what the numbers say?"""
+"""Test that the stiffness sweep runs end to end, and that its answers agree with its numbers."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Does a sweep measure each point once, the same wherever it runs, and is it measured rightly?"""
+"""Test that a sweep measures each grid point once, correctly, and the same wherever it runs."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""Does a sweep end with a report that says what was measured, whatever was varied?"""
+"""Test that a sweep ends with a report of what was measured, whatever was varied."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Are points measured though workers die, here and on a cluster, and are workers gone afterwards?"""
+"""Test that points are measured though workers die, here and on a cluster, and that workers end."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Does the report of a trace say what the trace found, whatever it found?"""
+"""Test that the report of a trace states what the trace found, whatever it found."""
 
 from dataclasses import replace
 from functools import cache

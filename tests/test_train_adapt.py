@@ -1,4 +1,4 @@
-"""Are readouts from simulation carried over to an arm by its training sessions alone?"""
+"""Test that readouts from simulation are adapted to an arm by its training sessions alone."""
 
 import json
 from dataclasses import replace

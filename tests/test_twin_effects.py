@@ -1,4 +1,4 @@
-"""Do effects act on a twin that motors drive, alone as in a batch, by their own laws?"""
+"""Test that effects act on a twin that motors drive, alone as in a batch, by their own laws."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Is the arm of a twin.json the same arm in a collected run, on the bus, and behind a port?"""
+"""Test that the arm of a twin.json is the same in a collected run, on the bus, and behind a port."""
 
 import os
 import shutil

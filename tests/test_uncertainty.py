@@ -1,4 +1,4 @@
-"""Do intervals hold the true mean as often as they say, and differ readouts that do not as seldom?"""
+"""Test the coverage of intervals, and the false-positive rate of differences between readouts."""
 
 import numpy as np
 import pytest

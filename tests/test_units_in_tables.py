@@ -1,4 +1,4 @@
-"""Do tables that the commands and experiments print carry units, and no ratio to what was cut short?"""
+"""Test that tables of commands and experiments carry units, and no ratio to a peer that was cut short."""
 
 import re
 import subprocess
