@@ -1,4 +1,4 @@
-"""Does the Dynamixel bus know that its motors got their goals, without asking more than it must?"""
+"""Test that the Dynamixel bus verifies its motors' goals, with no more requests than needed."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Does a replay say what its readout knows of the session, and does its first screen explain itself?"""
+"""Test that a replay states its readout's relation to the session, and explains its first screen."""
 
 import json
 from dataclasses import replace

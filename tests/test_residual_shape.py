@@ -1,4 +1,4 @@
-"""Which shape has an error's dependence on a quantity?"""
+"""Test the shape of an error's dependence on a quantity."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Is what makes the simulation unstable tried with smaller steps, and named where none is stable?"""
+"""Test that unstable simulations are tried with smaller steps, and named where none is stable."""
 
 from dataclasses import dataclass, replace
 
