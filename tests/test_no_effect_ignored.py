@@ -101,7 +101,7 @@ def test_a_live_estimate_wears_the_readouts_twin(monkeypatch):
     """An observer that is told of an hour believes what one of half as stiff strands does, in time steps of
     one length: softer strands would take longer ones.
     """
-    monkeypatch.setattr("serpent_twin.readouts.observer.longest_step", lambda _: TIMESTEP)
+    monkeypatch.setattr("serpent_twin.readouts.observer.coarse_step", lambda _: TIMESTEP)
     observer = find("observer")(4, twin=twin_model.to_dict(WORN))
     observer.learned = {"servo_lag": 0.0, "joint": np.zeros((9, 9)), "load": np.ones(10),
                         "rest": np.tile(np.eye(3), (9, 1, 1)), "scale": 1.0}  # fmt: skip

@@ -17,7 +17,7 @@ from serpent_twin.readouts.live import Reading, readings
 from serpent_twin.readouts.saved import Wanted, covariances, divisors, numbers
 from serpent_twin.readouts.windows import SessionWindows, Start, Windows
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.many_twins import longest_step
+from serpent_twin.sim.many_twins import TIMESTEP, coarse_step
 from serpent_twin.sim.prescribed_motion import STANDING, DrivenArms, Motors, Sensed, servo_lag
 
 SETTLE = 2.0
@@ -179,7 +179,10 @@ class LiveObserver:
     ) -> None:
         members = members or (observer.arm,)
         models = {id(arm): arm.spec(motors=False).compile() for arm in members}
-        self._timestep = longest_step(list(members))
+        coarse = coarse_step(list(members))
+        self._timestep = (
+            coarse if coarse >= 2 * TIMESTEP else TIMESTEP
+        )  # else off by more than 0.15 mm
         for model in models.values():
             model.opt.timestep = self._timestep
         lag = float(observer.learned["servo_lag"])

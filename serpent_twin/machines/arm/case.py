@@ -22,8 +22,8 @@ from serpent_twin.sim.many_twins import (
     Response,
     Stretches,
     alike,
+    coarse_step,
     impose,
-    longest_step,
     remember,
 )
 from serpent_twin.sim.prescribed_motion import STANDING
@@ -79,7 +79,7 @@ class ArmCase:
         """Measured minus predicted over noise, (points, S, T · 37): markers, then loads."""
         at_once = max(1, int(_AT_ONCE / (pieces.time.size * self.channels)))
         designs = [self.vector.design(point) for point in points]
-        timestep = longest_step(designs) if rough else TIMESTEP
+        timestep = coarse_step(designs) if rough else TIMESTEP
         out = np.empty((len(points), len(pieces), pieces.time.shape[1] * self.channels), np.float32)
         for group in alike(designs):
             for n in range(0, len(group), at_once):
