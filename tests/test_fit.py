@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from serpent_twin.effects import Range
+from serpent_twin.identification.acceptance import Trial, why_not
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors, gain
-from serpent_twin.identification.least_squares import fit, indistinguishable, variance_inflation
+from serpent_twin.identification.least_squares import fit, variance_inflation
 from serpent_twin.identification.score_test import full_fit, scores, worth_fitting
-from serpent_twin.identification.steps import Trial, why_not
+from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.machines.machine import Candidate, Declared, ParameterVector, Quantity, Stopwatch
 
 SEGMENTS, NUMBERS = 12, 300

@@ -9,6 +9,7 @@ from test_fit import GUST, SEGMENTS, START, LinearCase, case, every
 from test_trace_page import diagnosis
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.identification.acceptance import Round, Search, Trial
 from serpent_twin.identification.build_diagnosis import _unstable, _verdict
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.diagnosis import UNSTABLE, Tried
@@ -16,7 +17,6 @@ from serpent_twin.identification.free_parameters import free_parameters, jacobia
 from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.score_test import full_fit, scores
-from serpent_twin.identification.steps import Round, Search, Trial
 from serpent_twin.machines.machine import Stopwatch
 
 

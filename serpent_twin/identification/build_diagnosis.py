@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from serpent_twin.identification.acceptance import Round, Search, seen, why_not
 from serpent_twin.identification.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
@@ -20,9 +21,10 @@ from serpent_twin.identification.diagnosis import (
 )
 from serpent_twin.identification.free_parameters import unstable
 from serpent_twin.identification.held_out import Errors, errors, gain
-from serpent_twin.identification.least_squares import NORMAL_95, Fit, drawn, indistinguishable
+from serpent_twin.identification.least_squares import NORMAL_95, Fit
 from serpent_twin.identification.score_test import at_bound
-from serpent_twin.identification.steps import Round, Search, Tracer, seen, why_not
+from serpent_twin.identification.steps import Tracer
+from serpent_twin.identification.uncertainty import drawn, indistinguishable
 from serpent_twin.machines.machine import Case as AnyCase
 from serpent_twin.machines.machine import Quantity
 from serpent_twin.residual import Findings, analyse, describe

@@ -32,7 +32,6 @@ SIMPLIFIED = 0.01
 """Relative standard error of an effect's strength for what the twin's laws simplify, which no scatter of
 residuals shows (a type B uncertainty: JCGM 100, 4.3); independent arms of other laws were off by as much."""
 _STEPS = 10
-_LISTED = 6
 OnProgress = Callable[[str], None]
 
 
@@ -281,30 +280,3 @@ def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tupl
     between = np.sqrt(segments / (segments - 1) * (apart**2).sum(axis=1))
     few = float(student.ppf(0.975, segments - 1)) / NORMAL_95
     return np.maximum(error, np.minimum(few * between, prior**-0.5)), correlation
-
-
-def drawn(case: Case[Any], found: Fit, rng: np.random.Generator, n: int) -> list[ParameterVector]:
-    """Twins that the data cannot distinguish from the fitted one."""
-    half = np.linalg.cholesky(found.correlation + 1e-9 * np.eye(len(found.error)))
-    steps = (half @ rng.standard_normal((len(found.error), n))).T * found.error
-    return [moved(case, found.point, found.free, step) for step in steps]
-
-
-def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[str]:
-    """Parameters that the data cannot distinguish, or do not identify, in sentences."""
-    names = [case.quantities[k].name for k in found.free.declared]
-    names += [f"{name}'s {list(case.candidates[name].ranges)[k]}" for name, k in found.free.effects]
-    told = []
-    for a, b in zip(*np.where(np.triu(np.abs(found.correlation), 1) > above), strict=True):
-        if names[a].endswith("all joints"):  # the single joints' deviations are from it
-            continue
-        told.append(f"{names[a]} and {names[b]} cannot be told apart.")
-    prior = np.array([case.declared[k].prior for k in found.free.declared])
-    blind = np.flatnonzero(found.error[: len(prior)] > 0.9 * prior)
-    if blind.size:
-        named = ", ".join(names[n] for n in blind[:_LISTED])
-        more = f" and {blind.size - _LISTED} more parameters" if blind.size > _LISTED else ""
-        told.append(
-            f"The logs do not tell {named}{more}: they say nothing of it, or each segment another value."
-        )
-    return told

@@ -16,12 +16,13 @@ from serpent_twin import machines
 from serpent_twin.command_line.option_groups import Group
 from serpent_twin.command_line.options import ABSENT, Checked, Seed, when
 from serpent_twin.errors import SerpentError
+from serpent_twin.identification.acceptance import Search
 from serpent_twin.identification.build_diagnosis import build_diagnosis
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.diagnosis import Diagnosis
-from serpent_twin.identification.least_squares import drawn
 from serpent_twin.identification.page import page
-from serpent_twin.identification.steps import Search, Tracer
+from serpent_twin.identification.steps import Tracer
+from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.machine import Log
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import write

@@ -6,77 +6,36 @@
 repeat with it included. (5) An error above that of a twin that lacks nothing is unexplained.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from serpent_twin.identification.acceptance import (
+    Round,
+    Search,
+    Trial,
+    best_trial,
+    better_trial,
+    weakness,
+)
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
-from serpent_twin.identification.held_out import Errors, Gain, errors, gain, gave_up
+from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
 from serpent_twin.identification.least_squares import Fit, OnProgress, fit
 from serpent_twin.identification.score_test import (
-    EXCITED,
     Score,
     full_fit,
     scores,
-    strengths,
-    too_strong,
     worth_fitting,
 )
-from serpent_twin.machines.machine import Candidate, Case, ParameterVector
+from serpent_twin.machines.machine import Case, ParameterVector
 from serpent_twin.numerals import counted
 
-WORTH_IT = 0.04
-"""Relative gain on held-out logs, markers and loads weighing alike, that an effect must bring"""
-CHANCE = 0.01
-"""Most probability of chance of an accepted effect"""
-SURE = 3.0
-"""Standard errors by which an accepted strength is not zero"""
 _MOST_EFFECTS = 6
 _PLAIN = 0.3
 """Relative gain of a candidate so plain that none need be sought that calibration had swallowed"""
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One candidate in one round."""
-
-    score: Score
-    fit: Fit | None
-    """None if it was not worth a full fit"""
-    gain: Gain | None
-    error: float
-    """Held-out, with it if it was fitted, else without"""
-
-
-@dataclass(frozen=True)
-class Round:
-    """All candidates on top of what was accepted before."""
-
-    base: Fit
-    errors: Errors
-    """Of the base, held out"""
-    trials: dict[str, Trial]
-    accepted: str
-    """Name of the candidate that was accepted, or nothing"""
-
-    @property
-    def fitted(self) -> int:
-        """How many candidates were fitted fully, so that the best was chosen among them."""
-        return sum(trial.fit is not None for trial in self.trials.values())
-
-
-@dataclass(frozen=True)
-class Search:
-    """All rounds and the resulting twin."""
-
-    case: Case[Any]
-    """With its last weights"""
-    calibrated: Fit
-    final: Fit
-    rounds: tuple[Round, ...]
 
 
 class Tracer:
@@ -128,7 +87,7 @@ class Tracer:
         better = gain(done.errors, after, np.random.default_rng([self.seed, 5]), done.fitted)
         before = done.trials[done.accepted]
         trial = replace(before, fit=polished, gain=better, error=after.marker)
-        stands = _best({done.accepted: trial}, self.case.candidates)
+        stands = best_trial({done.accepted: trial}, self.case.candidates)
         return replace(done, trials={**done.trials, done.accepted: trial}, accepted=stands)
 
     def errors(self, point: ParameterVector) -> Errors:
@@ -214,8 +173,8 @@ class Tracer:
         plain = any(trial.gain and trial.gain.relative > _PLAIN for trial in trials.values())
         if opening and not plain:
             again = self._trials(names, self._opening_case, opening, before, f"{number}_start", 2)
-            trials = {name: _better(trials[name], again[name]) for name in names}
-        return Round(base, before, trials, _best(trials, self.case.candidates))
+            trials = {name: better_trial(trials[name], again[name]) for name in names}
+        return Round(base, before, trials, best_trial(trials, self.case.candidates))
 
     def _trials(
         self,
@@ -281,56 +240,7 @@ class Tracer:
             if gave_up(beside, without):
                 continue
             lost = gain(without, beside, rng)
-            if _weakness(lost):
+            if weakness(lost):
                 self.on_progress(f"{name} is not worth it beside the others")
                 final = less
         return final
-
-
-def _better(one: Trial, other: Trial) -> Trial:
-    """The trial that gains more, with the first one's score."""
-    gains = [t.gain.relative if t.gain else -np.inf for t in (one, other)]
-    return replace(one if gains[0] >= gains[1] else other, score=one.score)
-
-
-def _weakness(found: Gain) -> str:
-    """Why a gain does not count, or nothing."""
-    if found.relative <= WORTH_IT:
-        return ": not worth its parameters"
-    return ", which may be chance" if found.probability_of_chance >= CHANCE else ""
-
-
-def significant(found: Fit, name: str, candidate: Candidate) -> bool:
-    """Whether a strength of an effect differs from zero by more than chance."""
-    strong = strengths(candidate)
-    ours = [(n, k) for n, (e, k) in enumerate(found.free.effects) if e == name and k in strong]
-    error = found.error[len(found.free.declared) :]
-    return any(abs(found.point.effects[name][k]) > SURE * error[n] for n, k in ours)
-
-
-def why_not(name: str, trial: Trial, candidate: Candidate) -> str:
-    """Why a candidate is not accepted, or nothing."""
-    if not trial.fit or not trial.gain:
-        return f"to first order it would remove {100 * trial.score.share:.1f} % of the residual"
-    if ends := too_strong(candidate, trial.fit.point.effects[name]):
-        return f"{trial.gain}; its {', '.join(ends)} runs to the end of the range"
-    if weakness := _weakness(trial.gain):
-        return f"{trial.gain}{weakness}"
-    return (
-        "" if significant(trial.fit, name, candidate) else f"{trial.gain}; its strength may be zero"
-    )
-
-
-def _best(trials: dict[str, Trial], candidates: Mapping[str, Candidate]) -> str:
-    """The candidate with the greatest gain, if that is large enough, significant and within its range."""
-    good = {
-        name: trial.gain.relative
-        for name, trial in trials.items()
-        if trial.gain and not why_not(name, trial, candidates[name])
-    }
-    return max(good, key=lambda name: good[name]) if good else ""
-
-
-def seen(trial: Trial) -> bool:
-    """Whether the logs would show this candidate at all."""
-    return trial.score.excitation > EXCITED

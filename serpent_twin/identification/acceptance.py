@@ -1,0 +1,108 @@
+"""Accept an effect only if its gain on held-out logs is significant and justifies its parameters."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.identification.held_out import Errors, Gain
+from serpent_twin.identification.least_squares import Fit
+from serpent_twin.identification.score_test import EXCITED, Score, strengths, too_strong
+from serpent_twin.machines.machine import Candidate, Case
+
+WORTH_IT = 0.04
+"""Relative gain on held-out logs, markers and loads weighing alike, that an effect must bring"""
+CHANCE = 0.01
+"""Most probability of chance of an accepted effect"""
+SURE = 3.0
+"""Standard errors by which an accepted strength is not zero"""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One candidate in one round."""
+
+    score: Score
+    fit: Fit | None
+    """None if it was not worth a full fit"""
+    gain: Gain | None
+    error: float
+    """Held-out, with it if it was fitted, else without"""
+
+
+@dataclass(frozen=True)
+class Round:
+    """All candidates on top of what was accepted before."""
+
+    base: Fit
+    errors: Errors
+    """Of the base, held out"""
+    trials: dict[str, Trial]
+    accepted: str
+    """Name of the candidate that was accepted, or nothing"""
+
+    @property
+    def fitted(self) -> int:
+        """How many candidates were fitted fully, so that the best was chosen among them."""
+        return sum(trial.fit is not None for trial in self.trials.values())
+
+
+@dataclass(frozen=True)
+class Search:
+    """All rounds and the resulting twin."""
+
+    case: Case[Any]
+    """With its last weights"""
+    calibrated: Fit
+    final: Fit
+    rounds: tuple[Round, ...]
+
+
+def better_trial(one: Trial, other: Trial) -> Trial:
+    """The trial that gains more, with the first one's score."""
+    gains = [t.gain.relative if t.gain else -np.inf for t in (one, other)]
+    return replace(one if gains[0] >= gains[1] else other, score=one.score)
+
+
+def weakness(found: Gain) -> str:
+    """Why a gain does not count, or nothing."""
+    if found.relative <= WORTH_IT:
+        return ": not worth its parameters"
+    return ", which may be chance" if found.probability_of_chance >= CHANCE else ""
+
+
+def significant(found: Fit, name: str, candidate: Candidate) -> bool:
+    """Whether a strength of an effect differs from zero by more than chance."""
+    strong = strengths(candidate)
+    ours = [(n, k) for n, (e, k) in enumerate(found.free.effects) if e == name and k in strong]
+    error = found.error[len(found.free.declared) :]
+    return any(abs(found.point.effects[name][k]) > SURE * error[n] for n, k in ours)
+
+
+def why_not(name: str, trial: Trial, candidate: Candidate) -> str:
+    """Why a candidate is not accepted, or nothing."""
+    if not trial.fit or not trial.gain:
+        return f"to first order it would remove {100 * trial.score.share:.1f} % of the residual"
+    if ends := too_strong(candidate, trial.fit.point.effects[name]):
+        return f"{trial.gain}; its {', '.join(ends)} runs to the end of the range"
+    if too_weak := weakness(trial.gain):
+        return f"{trial.gain}{too_weak}"
+    return (
+        "" if significant(trial.fit, name, candidate) else f"{trial.gain}; its strength may be zero"
+    )
+
+
+def best_trial(trials: dict[str, Trial], candidates: Mapping[str, Candidate]) -> str:
+    """The candidate with the greatest gain, if that is large enough, significant and within its range."""
+    good = {
+        name: trial.gain.relative
+        for name, trial in trials.items()
+        if trial.gain and not why_not(name, trial, candidates[name])
+    }
+    return max(good, key=lambda name: good[name]) if good else ""
+
+
+def seen(trial: Trial) -> bool:
+    """Whether the logs would show this candidate at all."""
+    return trial.score.excitation > EXCITED

@@ -1,0 +1,38 @@
+"""What a fit leaves uncertain: twins within its uncertainty, and parameters that the logs cannot separate."""
+
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.identification.free_parameters import moved
+from serpent_twin.identification.least_squares import Fit
+from serpent_twin.machines.machine import Case, ParameterVector
+
+_LISTED = 6
+
+
+def drawn(case: Case[Any], found: Fit, rng: np.random.Generator, n: int) -> list[ParameterVector]:
+    """Twins that the data cannot distinguish from the fitted one."""
+    half = np.linalg.cholesky(found.correlation + 1e-9 * np.eye(len(found.error)))
+    steps = (half @ rng.standard_normal((len(found.error), n))).T * found.error
+    return [moved(case, found.point, found.free, step) for step in steps]
+
+
+def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[str]:
+    """Parameters that the data cannot distinguish, or do not identify, in sentences."""
+    names = [case.quantities[k].name for k in found.free.declared]
+    names += [f"{name}'s {list(case.candidates[name].ranges)[k]}" for name, k in found.free.effects]
+    told = []
+    for a, b in zip(*np.where(np.triu(np.abs(found.correlation), 1) > above), strict=True):
+        if names[a].endswith("all joints"):  # the single joints' deviations are from it
+            continue
+        told.append(f"{names[a]} and {names[b]} cannot be told apart.")
+    prior = np.array([case.declared[k].prior for k in found.free.declared])
+    blind = np.flatnonzero(found.error[: len(prior)] > 0.9 * prior)
+    if blind.size:
+        named = ", ".join(names[n] for n in blind[:_LISTED])
+        more = f" and {blind.size - _LISTED} more parameters" if blind.size > _LISTED else ""
+        told.append(
+            f"The logs do not tell {named}{more}: they say nothing of it, or each segment another value."
+        )
+    return told
