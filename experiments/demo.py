@@ -16,7 +16,7 @@ from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts.training.train import Train, planned
+from serpent_twin.training.train import Train, planned
 
 DATA = Path(os.path.relpath(Path(__file__).parent.parent / "data" / "arm_a"))
 

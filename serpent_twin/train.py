@@ -2,7 +2,7 @@
 
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
-from serpent_twin.readouts.training.train import Train, carried_out, planned, train
+from serpent_twin.training.train import Train, carried_out, planned, train
 
 __all__ = ["Train", "train"]
 

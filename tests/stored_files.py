@@ -25,12 +25,12 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.score_test import Score
 from serpent_twin.machines.machine import ParameterVector, Stopwatch
 from serpent_twin.machines.xl330 import MACHINE as SERVO
-from serpent_twin.readouts.training import adapt
-from serpent_twin.readouts.training.trial import COST, training_time
 from serpent_twin.reservoir.sweep import run as sweep
 from serpent_twin.residual import learned
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
+from serpent_twin.training import adapt
+from serpent_twin.training.trial import COST, training_time
 
 Steps = tuple[str | int, ...]
 

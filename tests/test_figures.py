@@ -13,10 +13,10 @@ from serpent_twin import effects
 from serpent_twin.identification import figures as of_trace
 from serpent_twin.identification.diagnosis import ACCEPTED, NOT_EXCITED, REJECTED, Tried
 from serpent_twin.readouts import available
-from serpent_twin.readouts.training import figures as of_readouts
 from serpent_twin.reporting.plot_style import COLD, WARM, round_numbers, styles
 from serpent_twin.residual import analyse
 from serpent_twin.residual.figures import figures as of_residual
+from serpent_twin.training import figures as of_readouts
 
 READOUTS = [*available(), "one_more", "and_another"]
 RANGES = [(2, 100), (4.1, 4.9), (3, 20), (1e-6, 1e7)]

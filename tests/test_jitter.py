@@ -7,8 +7,8 @@ import pytest
 from test_readout import make_session
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts.training.jitter import command_error, jittered
 from serpent_twin.readouts.windows import cut
+from serpent_twin.training.jitter import command_error, jittered
 
 
 def test_a_servo_that_misses_its_commands_is_measured():

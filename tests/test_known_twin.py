@@ -9,14 +9,14 @@ from trainings import run, write
 
 from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts.training.known_twin import known_twin
-from serpent_twin.readouts.training.split import split
-from serpent_twin.readouts.training.train import Train, planned
 from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
+from serpent_twin.training.known_twin import known_twin
+from serpent_twin.training.split import split
+from serpent_twin.training.train import Train, planned
 
 HEAVY = NOMINAL_TWIN.with_effect(Payload(mass=0.04))
 TWO = ("linear", "observer")

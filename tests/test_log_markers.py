@@ -16,9 +16,9 @@ from serpent_twin.arm.geometry import joint_from_motor, link_frames
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.run import Trace, trace
-from serpent_twin.readouts.training.train import Train, train
 from serpent_twin.sessions import examine, read_session, refuse_damaged, write_session
 from serpent_twin.sessions.merge import Merge, merge
+from serpent_twin.training.train import Train, train
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "data" / "arm_a"

@@ -16,13 +16,13 @@ from serpent_twin import next_step
 from serpent_twin.effects.payload import Payload
 from serpent_twin.emulator.device import running
 from serpent_twin.identification.run import Trace, planned
-from serpent_twin.readouts.training.train import Train
-from serpent_twin.readouts.training.train import planned as trained
 from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.reservoir.sweep.run import Sweep
 from serpent_twin.sessions import read_folder, read_session, write_session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
+from serpent_twin.training.train import Train
+from serpent_twin.training.train import planned as trained
 
 QUICK = "--readout linear mlp observer"
 

@@ -19,8 +19,8 @@ from serpent_twin.live.follower import Follower
 from serpent_twin.readouts import Readout, find
 from serpent_twin.readouts.linear import Linear
 from serpent_twin.readouts.residual_mlp import ResidualMlp
-from serpent_twin.readouts.training.train import Train, train
-from serpent_twin.readouts.training.trial import judged
+from serpent_twin.training.train import Train, train
+from serpent_twin.training.trial import judged
 
 
 @pytest.fixture

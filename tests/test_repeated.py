@@ -22,7 +22,7 @@ from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
 from serpent_twin.machines.measured import Recording
-from serpent_twin.readouts.training.train import Train, train
+from serpent_twin.training.train import Train, train
 
 LOGS = Path(__file__).resolve().parents[1] / "data" / "arm_a"
 

@@ -9,8 +9,8 @@ from trainings import run, write_five
 
 from serpent_twin import readouts, replay
 from serpent_twin.arm.mjcf import STRANDS
-from serpent_twin.readouts.training.train import Train
 from serpent_twin.sessions import read_session, write_session
+from serpent_twin.training.train import Train
 
 SETS = {1: "training", 3: "training", 4: "validation", 5: "test"}
 

@@ -14,17 +14,17 @@ from serpent_twin import sessions
 from serpent_twin.readouts import find, load
 from serpent_twin.readouts.adapted import Adapted
 from serpent_twin.readouts.score import distances
-from serpent_twin.readouts.training.page import page
-from serpent_twin.readouts.training.tables import (
+from serpent_twin.readouts.windows import cut
+from serpent_twin.reporting.report import text_table
+from serpent_twin.training.page import page
+from serpent_twin.training.tables import (
     adapt_table,
     detail_table,
     marker_table,
     score_table,
 )
-from serpent_twin.readouts.training.train import Train
-from serpent_twin.readouts.training.uncertainty import METHOD, steps_of, uncertainty
-from serpent_twin.readouts.windows import cut
-from serpent_twin.reporting.report import text_table
+from serpent_twin.training.train import Train
+from serpent_twin.training.uncertainty import METHOD, steps_of, uncertainty
 
 NAMES = ("analytical", "linear", "residual", "mlp", "lstm")
 

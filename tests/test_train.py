@@ -15,8 +15,8 @@ from trainings import numbers, run, write, write_five
 from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
 from serpent_twin.readouts import load
-from serpent_twin.readouts.training.train import Train, parse_windows
 from serpent_twin.sim import twin_model
+from serpent_twin.training.train import Train, parse_windows
 
 QUICK = ("analytical", "linear", "residual")
 REAL = Path(__file__).resolve().parents[1] / "data" / "arm_a"

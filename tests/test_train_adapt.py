@@ -14,11 +14,11 @@ from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
 from serpent_twin.readouts import load
 from serpent_twin.readouts.score import score
-from serpent_twin.readouts.training.jitter import command_error
-from serpent_twin.readouts.training.split import split
-from serpent_twin.readouts.training.train import Train
 from serpent_twin.readouts.windows import cut
 from serpent_twin.sessions import read_folder
+from serpent_twin.training.jitter import command_error
+from serpent_twin.training.split import split
+from serpent_twin.training.train import Train
 
 
 @pytest.fixture(scope="module")

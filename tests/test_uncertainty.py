@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom, ttest_1samp
 
-from serpent_twin.readouts.training.uncertainty import (
+from serpent_twin.training.uncertainty import (
     SESSIONS,
     Steps,
     differences,

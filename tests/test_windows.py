@@ -10,7 +10,7 @@ from test_readout import make_session, make_windows
 from serpent_twin.errors import SerpentError
 from serpent_twin.readouts import find, load
 from serpent_twin.readouts import windows as win
-from serpent_twin.readouts.training.split import split
+from serpent_twin.training.split import split
 
 
 @pytest.mark.parametrize("window", [1, 2, 4, 7])

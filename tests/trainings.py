@@ -6,8 +6,8 @@ from pathlib import Path
 from test_readout import make_session
 
 from serpent_twin import sessions
-from serpent_twin.readouts.training.train import Train, train
 from serpent_twin.sessions import write_session
+from serpent_twin.training.train import Train, train
 
 
 def write(folder: Path, session: sessions.Session) -> None:

@@ -23,10 +23,10 @@ from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import GIVEN, Checked, Seed, when
 from serpent_twin.numerals import counted
-from serpent_twin.readouts.training.train import Train, train
 from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.runs.provenance import git_commit, provenance
 from serpent_twin.stored import read_json_lines, within
+from serpent_twin.training.train import Train, train
 
 PAPER_MM = {"analytical": 39.5, "no_load": 5.1, "linear": 7.2, "mlp": 4.3, "lstm": 4.4}
 PAPER_STD_MM = {"analytical": 23.9, "no_load": 4.3, "linear": 7.0, "mlp": 3.6, "lstm": 3.6}

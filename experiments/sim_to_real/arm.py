@@ -29,13 +29,13 @@ from serpent_twin.numerals import counted
 from serpent_twin.readouts import Readout, find
 from serpent_twin.readouts.adapted import Adapted
 from serpent_twin.readouts.score import score
-from serpent_twin.readouts.training.jitter import command_error
-from serpent_twin.readouts.training.split import split
-from serpent_twin.readouts.training.trial import latency_ms
 from serpent_twin.readouts.windows import Windows
 from serpent_twin.runs.files import write_whole
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
+from serpent_twin.training.jitter import command_error
+from serpent_twin.training.split import split
+from serpent_twin.training.trial import latency_ms
 
 READOUTS = ("residual", "residual_mlp")
 """Compared on every route"""

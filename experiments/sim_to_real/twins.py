@@ -10,13 +10,13 @@ import numpy as np
 from serpent_twin import machines, stored
 from serpent_twin.identification.run import Trace, trace_sessions
 from serpent_twin.readouts import Readout, load
-from serpent_twin.readouts.training.jitter import jittered
-from serpent_twin.readouts.training.split import Split
 from serpent_twin.readouts.windows import Windows, cut
 from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
+from serpent_twin.training.jitter import jittered
+from serpent_twin.training.split import Split
 
 NOMINAL, CALIBRATED, CORRECTED, RANDOMISED = "nominal", "calibrated", "corrected", "randomised"
 STAGES = (NOMINAL, CALIBRATED, CORRECTED, RANDOMISED)

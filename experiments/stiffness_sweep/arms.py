@@ -17,12 +17,12 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.readouts import Readout
 from serpent_twin.readouts.score import score
-from serpent_twin.readouts.training.split import split
-from serpent_twin.readouts.training.trial import Trial
 from serpent_twin.reservoir.sweep import channels, pose
 from serpent_twin.reservoir.sweep.point import DROP, WINDOW, GridPoint
 from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
+from serpent_twin.training.split import split
+from serpent_twin.training.trial import Trial
 
 HOLDS = 8
 """Greatest delay of the memory of logs, in holds of one target"""

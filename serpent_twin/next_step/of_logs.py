@@ -15,8 +15,8 @@ from serpent_twin.runs.provenance import file_hash
 if TYPE_CHECKING:  # each command imports this module, which imports the others where it asks them
     from serpent_twin.identification import Trace
     from serpent_twin.live.estimate import Estimate
-    from serpent_twin.readouts.training.train import Plan
     from serpent_twin.reservoir.sweep.run import Sweep
+    from serpent_twin.training.train import Plan
 
 ALIKE = 1.05
 """Times the least error, up to which a readout is as good as the best"""
@@ -24,7 +24,7 @@ ALIKE = 1.05
 
 def after_logs(folder: Path, beside: Path) -> Words | None:
     """After session logs were written or looked at: train on them; on too few, replay one."""
-    from serpent_twin.readouts.training.train import Train, planned
+    from serpent_twin.training.train import Train, planned
 
     files = sessions.session_files(folder)
     if not files:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.readouts.training.figures import looks
 from serpent_twin.reporting.plot_style import label_logarithmic, styles
 from serpent_twin.reporting.report import Figure
 from serpent_twin.reservoir.sweep.rows import Row, error_of, readouts
 from serpent_twin.residual.figures import INK, LINE, SOFT
+from serpent_twin.training.figures import looks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

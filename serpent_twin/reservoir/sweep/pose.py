@@ -12,14 +12,14 @@ from serpent_twin.arm.control import random_targets
 from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.readouts.score import score
-from serpent_twin.readouts.training.split import split
-from serpent_twin.readouts.training.trial import Trial
 from serpent_twin.readouts.windows import Windows
 from serpent_twin.recording.loop import record
 from serpent_twin.reservoir.sweep.drive import steady_timestep
 from serpent_twin.reservoir.sweep.point import DROP, WINDOW, GridPoint, Measuring
 from serpent_twin.sessions import FIELDS, SCHEMA_VERSION, Session
 from serpent_twin.sim.twin import Twin
+from serpent_twin.training.split import split
+from serpent_twin.training.trial import Trial
 
 PUBLISHED_RATE = 4.0
 """[Hz] P. At another rate the whole protocol goes faster or slower: velocities in proportion."""

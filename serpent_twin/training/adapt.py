@@ -17,13 +17,13 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.readouts import Readout, load
 from serpent_twin.readouts.adapted import Adapted, least_windows
-from serpent_twin.readouts.training.split import Split, split
-from serpent_twin.readouts.training.trial import COST, judged, training_time
 from serpent_twin.readouts.windows import Windows, cut
 from serpent_twin.runs.files import write_whole
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import read_folder, refuse_repeated
+from serpent_twin.training.split import Split, split
+from serpent_twin.training.trial import COST, judged, training_time
 
 FOLDER, SETTINGS, SCORES = "adapted", "adapt.json", "scores.json"
 NONE, ALL = "0", "all"

@@ -9,9 +9,11 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.numerals import counted
 from serpent_twin.readouts.score import step_means
-from serpent_twin.readouts.training import figures
-from serpent_twin.readouts.training.known_twin import listed
-from serpent_twin.readouts.training.tables import (
+from serpent_twin.readouts.windows import Windows
+from serpent_twin.reporting.report import Figure, Report, Section, Table
+from serpent_twin.training import figures
+from serpent_twin.training.known_twin import listed
+from serpent_twin.training.tables import (
     PEER,
     adapt_table,
     best_of,
@@ -21,9 +23,7 @@ from serpent_twin.readouts.training.tables import (
     marker_table,
     score_table,
 )
-from serpent_twin.readouts.training.uncertainty import METHOD
-from serpent_twin.readouts.windows import Windows
-from serpent_twin.reporting.report import Figure, Report, Section, Table
+from serpent_twin.training.uncertainty import METHOD
 
 
 def page(scores: Mapping[str, Any], error_mm: Mapping[str, Array], test: Windows) -> Report:

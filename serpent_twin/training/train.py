@@ -15,14 +15,6 @@ from serpent_twin.command_line.option_groups import Group
 from serpent_twin.command_line.options import GIVEN, Checked, Seed, Use, when
 from serpent_twin.errors import SerpentError
 from serpent_twin.readouts import available, find
-from serpent_twin.readouts.training import adapt as adapting
-from serpent_twin.readouts.training.jitter import command_error, jittered
-from serpent_twin.readouts.training.known_twin import KnownTwin, known_twin
-from serpent_twin.readouts.training.page import page
-from serpent_twin.readouts.training.split import Split, refuse_unseen, split
-from serpent_twin.readouts.training.tables import adapt_table, detail_table, score_table
-from serpent_twin.readouts.training.trial import COST, Result, Trial, summaries
-from serpent_twin.readouts.training.uncertainty import METHOD
 from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.files import write_whole
 from serpent_twin.runs.provenance import file_hash, provenance
@@ -30,6 +22,14 @@ from serpent_twin.runs.run_lock import claimed, prior_settings
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
 from serpent_twin.stored import within
+from serpent_twin.training import adapt as adapting
+from serpent_twin.training.jitter import command_error, jittered
+from serpent_twin.training.known_twin import KnownTwin, known_twin
+from serpent_twin.training.page import page
+from serpent_twin.training.split import Split, refuse_unseen, split
+from serpent_twin.training.tables import adapt_table, detail_table, score_table
+from serpent_twin.training.trial import COST, Result, Trial, summaries
+from serpent_twin.training.uncertainty import METHOD
 
 SETTINGS = "train.json"
 JITTER = "command_jitter_rad_s"

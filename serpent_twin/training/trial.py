@@ -17,11 +17,11 @@ from serpent_twin.readouts import Progress, Readout, find, load
 from serpent_twin.readouts.belief import joined, require_finite
 from serpent_twin.readouts.live import readings
 from serpent_twin.readouts.score import Scores, distances, score
-from serpent_twin.readouts.training.tables import PEER, best_of, cut_short
-from serpent_twin.readouts.training.uncertainty import Steps, differences, steps_of, uncertainty
 from serpent_twin.readouts.windows import Windows
 from serpent_twin.runs.files import write_whole
 from serpent_twin.stored import Form, read_json, same_in_json, within
+from serpent_twin.training.tables import PEER, best_of, cut_short
+from serpent_twin.training.uncertainty import Steps, differences, steps_of, uncertainty
 
 COST = "cost.json"
 

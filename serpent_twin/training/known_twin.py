@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from serpent_twin.readouts import available
-from serpent_twin.readouts.training.split import Split
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
+from serpent_twin.training.split import Split
 
 BEST = "observer"
 """The readout with a twin that is trained unasked wherever the twin is known"""
