@@ -19,9 +19,9 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.effects.cable_friction import CableFriction
-from serpent_twin.readouts import Readout, find
-from serpent_twin.readouts.live import Live, readings
-from serpent_twin.readouts.online import Online
+from serpent_twin.estimators import Estimator, Live, find
+from serpent_twin.estimators.bus_reading import readings
+from serpent_twin.estimators.online import Online
 from serpent_twin.readouts.windows import SessionWindows, Windows, cut
 from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.reporting.report import Table, text_table
@@ -78,15 +78,15 @@ def _row(name: str, taken: np.ndarray, limit: float) -> tuple[str, ...]:
     return (name, f"{middle:.3f}", f"{late:.3f}", f"{limit:g}", f"{middle / limit:.2f}")
 
 
-def _observer(arm: TwinModel, train: Windows) -> Readout:
+def _observer(arm: TwinModel, train: Windows) -> Estimator:
     return _fitted("observer", train, {"twin": twin_model.to_dict(arm)})
 
 
-def _fitted(name: str, train: Windows, settings: Mapping[str, object] | None = None) -> Readout:
+def _fitted(name: str, train: Windows, settings: Mapping[str, object] | None = None) -> Estimator:
     """Trained so briefly that it only costs what it always costs."""
-    known = find(name).__dataclass_fields__
-    made = find(name)(4, **({"epochs": 1} if "epochs" in known else {}), **(settings or {}))
-    made.fit(train, train, np.random.default_rng(0))
+    quick = {"epochs": 1} if find(name).trained.takes("epochs") else {}
+    made = find(name)(4, **quick, **(settings or {}))
+    made.trained.fit(train, train, np.random.default_rng(0))
     return made
 
 

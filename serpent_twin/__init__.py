@@ -7,9 +7,9 @@ if TYPE_CHECKING:
     from serpent_twin.arm.geometry import ARM, Arm
     from serpent_twin.emulator.simulated_bus import SimulatedBus
     from serpent_twin.errors import SerpentError
+    from serpent_twin.estimators import load as load_readout
     from serpent_twin.hardware.dynamixel import DynamixelBus
     from serpent_twin.hardware.motor_bus import MotorBus
-    from serpent_twin.readouts import load as load_readout
     from serpent_twin.sessions import Session, read_folder, read_session
     from serpent_twin.sim.twin import Twin
     from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
@@ -44,7 +44,7 @@ _WHERE = {
     "SimulatedBus": "emulator.simulated_bus:SimulatedBus",
     "Twin": "sim.twin:Twin",
     "TwinModel": "sim.twin_model:TwinModel",
-    "load_readout": "readouts:load",
+    "load_readout": "estimators:load",
     "read_folder": "sessions:read_folder",
     "read_session": "sessions:read_session",
     "read_twin": "sim.twin_model:read",

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from rerun.chunk import RrdReader
 
-from serpent_twin import __version__, readouts, sessions
+from serpent_twin import __version__, estimators, sessions
 from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators.belief import require_finite
 from serpent_twin.numerals import counted
-from serpent_twin.readouts.belief import require_finite
 from serpent_twin.readouts.membership import told
 from serpent_twin.readouts.windows import cut
 from serpent_twin.reporting import rerun_recording
@@ -47,18 +47,19 @@ def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None)
 
 def estimate(session: sessions.Session, folder: Path) -> Estimate:
     """Markers that the readout saved in `folder` finds in a session."""
-    trained = readouts.load(folder)
-    trained.require_rate(session.rate_hz)
+    estimator = estimators.load(folder)
+    trained = estimator.trained
+    estimator.require_rate(session.rate_hz)
     seen = cut([session], trained.window, drop=0).sessions[0]
     row = np.arange(len(session) - len(seen.x), len(session))
-    belief = trained.follow(seen)
+    belief = estimator.follow(seen)
     require_finite(belief, trained.name, f"in {session.path or session.name}")
     return Estimate(trained.name, row, belief.marker, told(trained, session))
 
 
 def membership(session: sessions.Session, folder: Path) -> str:
     """In which set of the readout saved in `folder` a session is, as a sentence."""
-    return told(readouts.load(folder), session)
+    return told(estimators.load(folder).trained, session)
 
 
 def corrected_twin(path: Path, seen: sessions.Session) -> TwinModel:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from serpent_twin.estimators import find
 from serpent_twin.live.follower import MARKERS, SPREADS
-from serpent_twin.readouts import find
 from serpent_twin.readouts.windows import cut
 from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.sessions import Session, read_folder, read_session
@@ -19,7 +19,7 @@ def train_few(folder: Path, names: Iterable[str]) -> None:
     collect(Collect(folder / "logs", sessions=2, steps=70, workers=1, seed=5))
     train, validate = (cut([s], 4, drop=10) for s in read_folder(folder / "logs"))
     for name in names:
-        trained = find(name)()
+        trained = find(name)().trained
         trained.fit(train, validate, np.random.default_rng(0))
         trained.save(folder / name)
 

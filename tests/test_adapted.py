@@ -11,11 +11,12 @@ from test_readout import QUIET, make_session
 from serpent_twin import sessions
 from serpent_twin.arm import geometry
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts import Readout, available, find, load
-from serpent_twin.readouts.adapted import Adapted, Folds
-from serpent_twin.readouts.belief import Belief, growth
-from serpent_twin.readouts.live import readings
-from serpent_twin.readouts.observer import Observer
+from serpent_twin.estimators import Estimator, available, find, load
+from serpent_twin.estimators.adapted import Adapted, Folds
+from serpent_twin.estimators.belief import Belief
+from serpent_twin.estimators.bus_reading import readings
+from serpent_twin.estimators.observer import Observer
+from serpent_twin.readouts.covariance import growth
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import Windows, cut
 
@@ -48,11 +49,11 @@ def make_windows(numbers: range, window: int = 4, **kwargs: float) -> Windows:
 
 
 @pytest.fixture(scope="module")
-def base() -> Readout:
-    readout = find("residual")()
+def base() -> Estimator:
+    estimator = find("residual")()
     train, validate = make_windows(range(1, 5)), make_windows(range(5, 6))
-    readout.fit(train, validate, np.random.default_rng(0), QUIET)
-    return readout
+    estimator.trained.fit(train, validate, np.random.default_rng(0), QUIET)
+    return estimator
 
 
 @pytest.fixture(scope="module")
@@ -85,15 +86,15 @@ def markers_moved(windows: Windows, by: np.ndarray) -> Windows:
     return Windows(windows.window, moved, windows.rate_hz)
 
 
-def adapt(readout: Readout, windows: Windows) -> Adapted:
+def adapt(readout: Estimator, windows: Windows) -> Adapted:
     adapted = Adapted.of(readout)
     adapted.fit(windows, windows, np.random.default_rng(0), QUIET)
     return adapted
 
 
-def error_mm(readout: Readout, windows: Windows) -> float:
+def error_mm(estimator: Estimator, windows: Windows) -> float:
     session = windows.sessions[0]
-    return score(readout.follow(session).marker, session.marker).mean_mm
+    return score(estimator.follow(session).marker, session.marker).mean_mm
 
 
 def test_more_windows_of_the_arm_lessen_the_error(base, other):
@@ -130,7 +131,7 @@ def test_a_linear_residual_is_found(base, other):
     rng = np.random.default_rng(1)
     slope = rng.normal(0, 1e-2, (99, 27))
     real, test = (
-        markers_moved(w, base.predict(w.x) - w.marker + (w.x @ slope).reshape(-1, 9, 3))
+        markers_moved(w, base.trained.predict(w.x) - w.marker + (w.x @ slope).reshape(-1, 9, 3))
         for w in map(whole, other)
     )
     assert error_mm(base, test) > 3
@@ -180,7 +181,7 @@ def test_the_growth_of_a_covariance_from_few_errors_holds_the_next_one():
 
 def test_a_covariance_that_changes_keeps_its_shape(watched):
     session = make_windows(range(1, 2), rows=120).first(100).sessions[0]
-    before, after = watched.trained.follow(session), watched.follow(session)
+    before, after = watched.corrects.follow(session), watched.follow(session)
     assert np.ptp(before.spread, axis=0).max() > 1e-5
     inner = np.linalg.inv(np.linalg.cholesky(before.covariance))
     factor = inner @ after.covariance @ np.swapaxes(inner, -1, -2)  # one for all rows
@@ -198,9 +199,9 @@ def test_saved_and_loaded_it_is_the_same(which, base, other, watched, tmp_path):
     adapted.save(tmp_path)
     again, session = load(tmp_path, window=4), other[1].sessions[0].some(0, 50)
     same(again.follow(session), adapted.follow(session), 0.0)
-    assert again.rate_hz == adapted.rate_hz == 4.0
-    np.testing.assert_array_equal(again.covariance, adapted.covariance)
-    assert isinstance(again, Adapted) and again.trained.rate_hz == 4.0
+    assert again.trained.rate_hz == adapted.rate_hz == 4.0
+    np.testing.assert_array_equal(again.trained.covariance, adapted.covariance)
+    assert isinstance(again, Adapted) and again.corrects.trained.rate_hz == 4.0
 
 
 @pytest.mark.parametrize("which", ["window", "observer"])
@@ -253,7 +254,7 @@ def test_a_marker_never_seen_stays_where_the_base_puts_it(base, other):
 
 def test_it_is_not_trained_by_name():
     assert "adapted" not in available()
-    assert all(kind.window == 4 for kind in available().values())
+    assert all(kind.trained.window == 4 for kind in available().values())
     assert [f.name for f in fields(Adapted) if f.kw_only] == ["base", "settings"]
     with pytest.raises(SerpentError, match="no readout 'adapted'"):
         find("adapted")

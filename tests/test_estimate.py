@@ -14,10 +14,10 @@ from serpent_twin.arm.geometry import joint_from_motor, markers
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.emulator.device import running
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators import Estimator, load
+from serpent_twin.estimators.belief import Belief
 from serpent_twin.live.estimate import Estimate, estimate
 from serpent_twin.live.follower import LATENCY, Follower
-from serpent_twin.readouts import Readout, load
-from serpent_twin.readouts.belief import Belief
 from serpent_twin.readouts.windows import Windows, cut
 from serpent_twin.recording.collect import Collect, Real, collect
 from serpent_twin.sessions import Session, examine, read_session
@@ -44,14 +44,14 @@ def runs(models, tmp_path_factory):
     return folder, results
 
 
-def followed(trained: Readout, session: Session) -> Belief:
-    return trained.follow(cut([session], trained.window, drop=0).sessions[0])
+def followed(estimator: Estimator, session: Session) -> Belief:
+    return estimator.follow(cut([session], estimator.trained.window, drop=0).sessions[0])
 
 
 @pytest.mark.parametrize("name", ["residual", "observer"])
 def test_live_estimates_are_those_of_the_written_log(name, models, runs):
-    session, trained = logged(runs[0] / name), load(models / name)
-    offline, first = followed(trained, session), trained.window - 1
+    session, estimator = logged(runs[0] / name), load(models / name)
+    offline, first = followed(estimator, session), estimator.trained.window - 1
     live, expected = estimated(session), spread(session)
     np.testing.assert_allclose(live[first:], offline.marker, rtol=0, atol=1e-9)
     np.testing.assert_allclose(expected[first:], offline.spread, rtol=0, atol=1e-9)

@@ -12,9 +12,9 @@ from live_runs import logged
 
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.payload import Payload
+from serpent_twin.estimators import find, load
+from serpent_twin.estimators.adapted import Adapted
 from serpent_twin.live.estimate import Estimate, estimate
-from serpent_twin.readouts import find, load
-from serpent_twin.readouts.adapted import Adapted
 from serpent_twin.readouts.windows import cut
 from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.sessions import read_folder, read_session, readings_hash
@@ -42,12 +42,12 @@ def folder(tmp_path_factory) -> Path:
     made = {"residual": find("residual")(4)}
     made["observer"] = find("observer")(4, twin=twin_model.to_dict(SOFT))
     made["foreign"] = find("observer")(4)
-    for readout in made.values():
-        readout.fit(train, validate, rng)
+    for each in made.values():
+        each.trained.fit(train, validate, rng)
     made["adapted"] = Adapted.of(made["observer"])
-    made["adapted"].fit(train, train, rng)
-    for name, readout in made.items():
-        readout.save(folder / name)
+    made["adapted"].trained.fit(train, train, rng)
+    for name, each in made.items():
+        each.trained.save(folder / name)
     return folder
 
 
@@ -114,7 +114,7 @@ def test_a_readout_knows_the_logs_that_it_was_trained_on(folder):
         for s, use in zip(sessions, ("train", "validate"), strict=True)
     ]
     for name in ("residual", "observer", "adapted"):
-        known = load(folder / name).trained_on
+        known = load(folder / name).trained.trained_on
         found = [
             (k.session, k.arm, k.readings_sha256, k.model_sha256, k.use)
             for k in known

@@ -18,8 +18,8 @@ from experiments.sim_to_real.conditions import (
 from experiments.sim_to_real.twins import after, joined
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.payload import Payload
-from serpent_twin.readouts.belief import Belief
-from serpent_twin.readouts.online import Online
+from serpent_twin.estimators import Belief, Live
+from serpent_twin.estimators.online import Online
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
 ARM = replace(NOMINAL_TWIN, parameters=replace(NOMINAL, marker_noise=0.0, load_noise=0.0))
@@ -85,7 +85,7 @@ def test_a_change_shows_from_its_row_on_and_is_what_it_says(change):
     assert off[:41].max() == 0 < 2.0 < off[50:].mean()
 
 
-class Off:
+class Off(Live):
     """A live estimate that is off by two centimetres in one direction."""
 
     def __init__(self, session):
@@ -99,8 +99,8 @@ class Off:
 
 def test_errors_are_told_before_the_markers_of_their_row_correct_anything():
     session = session_of(ARM, Condition("plain", rows=60), seed=1)
-    alone = np.array(list(followed(Off(session), session, None)))
+    alone = np.array(list(followed(Off(session), session)))
     np.testing.assert_allclose(alone, 20.0)
     online = Online(Off(session))
-    helped = np.array(list(followed(online, session, online.correct)))
+    helped = np.array(list(followed(online, session)))
     assert helped[0] == pytest.approx(20.0) and helped[-1] < 2.0

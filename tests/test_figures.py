@@ -10,9 +10,9 @@ from matplotlib.colors import to_rgb
 from test_trace_page import PAYLOAD, comparison, diagnosis
 
 from serpent_twin import effects
+from serpent_twin.estimators import available
 from serpent_twin.identification import figures as of_trace
 from serpent_twin.identification.diagnosis import ACCEPTED, NOT_EXCITED, REJECTED, Tried
-from serpent_twin.readouts import available
 from serpent_twin.reporting.plot_style import COLD, WARM, round_numbers, styles
 from serpent_twin.residual import analyse
 from serpent_twin.residual.figures import figures as of_residual

@@ -7,7 +7,7 @@ import pytest
 
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.payload import Payload
-from serpent_twin.readouts import find
+from serpent_twin.estimators import find
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import cut
 from serpent_twin.recording.collect import Collect, collect

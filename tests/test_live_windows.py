@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from serpent_twin.estimators.bus_reading import BusReading
+from serpent_twin.estimators.windowed import LiveWindows
 from serpent_twin.readouts import Readout
-from serpent_twin.readouts.live import LiveWindows, Reading
 from serpent_twin.readouts.windows import input_size
 
 
@@ -31,7 +32,7 @@ def test_a_gap_begins_a_window_anew(step, blind):
     live, time, said = LiveWindows(echo), 0.0, []
     for k in range(12):
         time += (step if k == 6 else 1.0) / 10
-        now = Reading(time, np.zeros(10), np.zeros(10), np.zeros(10), np.full(10, float(k)))
+        now = BusReading(time, np.zeros(10), np.zeros(10), np.zeros(10), np.full(10, float(k)))
         said.append(live.update(now))
     seen = [each is not None for each in said]
     assert seen == [False] * 2 + [True] * 4 + [False] * blind + [True] * (6 - blind)
@@ -44,5 +45,5 @@ def test_a_gap_begins_a_window_anew(step, blind):
 def test_without_a_known_rate_there_is_no_gap():
     live = LiveWindows(Echo(window=1 + 1))
     none = np.zeros(10)
-    said = [live.update(Reading(t, none, none, none, none)) for t in (0.0, 1.0, 50.0)]
+    said = [live.update(BusReading(t, none, none, none, none)) for t in (0.0, 1.0, 50.0)]
     assert [each is not None for each in said] == [False, True, True]

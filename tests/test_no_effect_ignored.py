@@ -16,6 +16,8 @@ from serpent_twin.effects import CATALOGUE, Effect, parameter
 from serpent_twin.effects.effect import WINDING
 from serpent_twin.emulator.motors import SimulatedMotors
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators import find
+from serpent_twin.estimators.bus_reading import BusReading
 from serpent_twin.live.estimate import Estimate, estimate
 from serpent_twin.live.follower import Follower
 from serpent_twin.machines import jaw as tool
@@ -23,8 +25,6 @@ from serpent_twin.machines import xl330
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.trunk.motion import Trunks
-from serpent_twin.readouts import find
-from serpent_twin.readouts.live import Reading
 from serpent_twin.readouts.windows import cut
 from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.reporting import rerun_recording
@@ -101,13 +101,13 @@ def test_a_live_estimate_wears_the_readouts_twin(monkeypatch):
     """An observer that is told of an hour believes what one of half as stiff strands does, in time steps of
     one length: softer strands would take longer ones.
     """
-    monkeypatch.setattr("serpent_twin.readouts.observer.coarse_step", lambda _: TIMESTEP)
+    monkeypatch.setattr("serpent_twin.estimators.observer.coarse_step", lambda _: TIMESTEP)
     observer = find("observer")(4, twin=twin_model.to_dict(WORN))
     observer.learned = {"servo_lag": 0.0, "joint": np.zeros((9, 9)), "load": np.ones(10),
                         "rest": np.tile(np.eye(3), (9, 1, 1)), "scale": 1.0}  # fmt: skip
     soft = observer.with_twin(HALF)
     still = np.zeros(10)
-    now = Reading(0.0, np.full(10, 0.4), still, still, still)
+    now = BusReading(0.0, np.full(10, 0.4), still, still, still)
     worn, fresh, half = (
         follower._live.update(now).marker
         for follower in (
@@ -132,7 +132,7 @@ def test_estimate_takes_the_runtime_and_logs_it(folder, tmp_path):
 
 
 def test_a_runtime_that_nothing_uses_is_refused(folder, tmp_path):
-    linear = find("linear")(4)
+    linear = find("linear")(4).trained
     train = cut([read_session(folder / "logs" / "session_01.parquet")], 4, drop=10)
     linear.fit(train, train, np.random.default_rng(0))
     linear.save(tmp_path / "linear")

@@ -14,9 +14,10 @@ from trainings import write, write_five
 
 from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators import WindowEstimator, find
 from serpent_twin.live.estimate import Estimate, estimate
 from serpent_twin.live.follower import Follower
-from serpent_twin.readouts import Readout, find
+from serpent_twin.readouts import Readout
 from serpent_twin.readouts.linear import Linear
 from serpent_twin.readouts.residual_mlp import ResidualMlp
 from serpent_twin.training.train import Train, train
@@ -25,7 +26,7 @@ from serpent_twin.training.trial import judged
 
 @pytest.fixture
 def linear() -> Readout:
-    made = find("linear")(4)
+    made = Linear(4)
     made.fit(make_windows(range(1, 4)), make_windows(range(4, 5)), np.random.default_rng(0))
     return made
 
@@ -40,10 +41,10 @@ def test_a_readout_without_numbers_is_refused_before_a_motor_turns(spoiled, tmp_
     with pytest.raises(
         SerpentError, match="linear gives an estimate that is not a number, of an arm that hangs"
     ):
-        Follower(spoiled, 10)  # fmt: skip
+        Follower(WindowEstimator(spoiled), 10)  # fmt: skip
     spoiled.learned["slope"][3, 4] = np.inf
     with pytest.raises(SerpentError, match="not a number"):
-        Follower(spoiled, 10)
+        Follower(WindowEstimator(spoiled), 10)
 
 
 def test_an_observer_whose_covariances_are_no_numbers_is_refused():
@@ -92,7 +93,7 @@ def test_a_command_says_so_and_exits_1(command, spoiled, tmp_path):
 
 def test_a_score_of_no_number_names_the_readout(spoiled):
     with pytest.raises(SerpentError, match=r"linear gives .* not a number, in session_05"):
-        judged(spoiled, make_windows(range(5, 6)), 0.0)
+        judged(WindowEstimator(spoiled), make_windows(range(5, 6)), 0.0)
 
 
 def test_a_training_that_diverges_is_no_training():

@@ -11,8 +11,8 @@ from serpent_twin.effects.payload import Payload
 from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts import find, load
-from serpent_twin.readouts.live import readings
+from serpent_twin.estimators import find, load
+from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import SessionWindows, cut
 from serpent_twin.recording.collect import Collect, collect
@@ -144,10 +144,8 @@ def test_comes_back_from_its_folder_the_same(sessions, observer, tmp_path):
     np.testing.assert_array_equal(again.follow(test).covariance, observer.follow(test).covariance)
 
 
-def test_refuses_windows_alone_and_rows_out_of_order(sessions, observer):
+def test_refuses_to_follow_untrained_and_rows_out_of_order(sessions, observer):
     test = windows(sessions[2])
-    with pytest.raises(SerpentError, match="use follow or live"):
-        observer.predict(test.x, test.start)
     with pytest.raises(SerpentError, match="call fit or load first"):
         find("observer")(4).follow(test)
     live, rows = observer.live(), list(readings(test.bus))

@@ -8,14 +8,14 @@ from test_adapted import wandering
 from test_readout import QUIET
 
 from serpent_twin.arm import geometry
-from serpent_twin.readouts import Readout, find
-from serpent_twin.readouts.belief import Belief
-from serpent_twin.readouts.live import Reading, readings
-from serpent_twin.readouts.online import FEATURES, Memory, Online, features
+from serpent_twin.estimators import Estimator, Live, find
+from serpent_twin.estimators.belief import Belief
+from serpent_twin.estimators.bus_reading import BusReading, readings
+from serpent_twin.estimators.online import FEATURES, Forgetting, Online, features
 from serpent_twin.readouts.windows import SessionWindows, cut
 
 
-class Fixed:
+class Fixed(Live):
     """An estimator that always says the same markers, or none for its first readings."""
 
     def __init__(self, silent: int = 0, covariance: float = 1e-6) -> None:
@@ -23,7 +23,7 @@ class Fixed:
         self.covariance = np.tile(covariance * np.eye(3), (1, 9, 1, 1))
         self.silent = silent
 
-    def update(self, now: Reading) -> Belief | None:
+    def update(self, now: BusReading) -> Belief | None:
         self.silent -= 1
         return None if self.silent >= 0 else Belief(self.marker, self.covariance)
 
@@ -52,20 +52,24 @@ def off_mm(belief: Belief, marker: np.ndarray) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def base() -> Readout:
-    readout = find("residual")()
+def base() -> Estimator:
+    estimator = find("residual")()
     learn, steer = (cut([wandering(n) for n in of], 4, 10) for of in ((1, 2, 3, 4), (5,)))
-    readout.fit(learn, steer, np.random.default_rng(0), QUIET)
-    return readout
+    estimator.trained.fit(learn, steer, np.random.default_rng(0), QUIET)
+    return estimator
 
 
 def test_weights_are_those_of_the_batch_problem():
     """Least squares by orthogonal factors on weighted rows, the ridge as rows below them."""
-    rng, of, memory = np.random.default_rng(0), session(rows=300), Memory(weights_s=20.0, ridge=0.3)
+    rng, of, forgetting = (
+        np.random.default_rng(0),
+        session(rows=300),
+        Forgetting(weights_s=20.0, ridge=0.3),
+    )
     seen = rng.random((300, 9)) < 0.8
     seen[100:150] = False
     live = Fixed()
-    online = Online(live, memory)
+    online = Online(live, forgetting)
     rows, before = [], live.marker[0]
     for k, now in enumerate(readings(of.bus)):
         online.update(now)
@@ -141,17 +145,17 @@ def test_standing_still_for_long_does_not_wind_up():
         online.correct(geometry.markers(np.zeros(9)) + rng.normal(0, 1e-3, (9, 3)))
     largest = np.abs(online.weight).max()
     for k in range(3000):  # twelve times the memory
-        online.update(Reading(moving[-1].time + 0.25 * (k + 1), *still(moving[-1])))
+        online.update(BusReading(moving[-1].time + 0.25 * (k + 1), *still(moving[-1])))
         online.correct(geometry.markers(np.zeros(9)) + rng.normal(0, 1e-3, (9, 3)))
     assert np.isfinite(online.weight).all()
     assert np.abs(online.weight).max() < largest
     now = moving[0]
-    belief = online.update(Reading(1e5, *still(now)))
+    belief = online.update(BusReading(1e5, *still(now)))
     assert belief is not None
     assert np.abs(belief.marker - Fixed().marker).max() < 2e-3
 
 
-def still(now: Reading) -> tuple[np.ndarray, ...]:
+def still(now: BusReading) -> tuple[np.ndarray, ...]:
     return now.position, np.zeros(10), now.load, np.zeros(10)
 
 

@@ -10,11 +10,12 @@ import torch
 from serpent_twin import sessions
 from serpent_twin.arm import geometry
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators import WindowEstimator
+from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.readouts import Readout, available, find, load
 from serpent_twin.readouts import windows as win
 from serpent_twin.readouts.decoder import joint_angles
 from serpent_twin.readouts.linear import ridge_weights, with_one
-from serpent_twin.readouts.live import readings
 from serpent_twin.readouts.scale import scale_of, spread_of
 from serpent_twin.readouts.score import score
 
@@ -249,14 +250,14 @@ def test_scores_agree_with_hand_arithmetic():
 @pytest.mark.parametrize("name", WINDOWED)
 def test_live_says_row_by_row_what_follow_says_of_a_session(name, data, fitted):
     session = data[2].sessions[0].some(0, 30)
-    whole = fitted[name].follow(session)
-    live = fitted[name].live()
+    estimator = WindowEstimator(fitted[name])
+    whole, live = estimator.follow(session), estimator.live()
     beliefs = [live.update(now) for now in readings(session.bus)]
     assert all(belief is None for belief in beliefs[:3])
     marker = np.concatenate([belief.marker for belief in beliefs[-30:] if belief])
     if name != "analytical":  # which cameras start where there are any
         np.testing.assert_allclose(marker, whole.marker, atol=2e-6)
-    error = fitted[name].follow(data[1].sessions[0]).marker - data[1].marker
+    error = estimator.follow(data[1].sessions[0]).marker - data[1].marker
     np.testing.assert_allclose(
         whole.spread[0] ** 2, (error**2).sum(axis=-1).mean(axis=0), rtol=1e-6, atol=4e-12
     )

@@ -2,29 +2,37 @@
 
 import json
 import zipfile
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts import Readout, available, kind_of, load
+from serpent_twin.estimators import available, kind_of
+from serpent_twin.estimators import load as load_estimator
+from serpent_twin.readouts.trainable import Trainable
+
+
+def load(folder: Path) -> Trainable:
+    return load_estimator(folder).trained
+
 
 SMALL = {"width": 6, "layers": 2}
 MADE = [*available(), "adapted"]
 
 
 def settings(name: str) -> dict:
-    return {k: v for k, v in SMALL.items() if k in {f.name for f in fields(kind_of(name))}}
+    return {k: v for k, v in SMALL.items() if kind_of(name).trained.takes(k)}
 
 
-def made(name: str) -> Readout:
-    """A readout with numbers in place of what it would learn."""
+def made(name: str) -> Trainable:
+    """A readout or estimator with numbers in place of what it would learn."""
     if name == "adapted":
-        readout = kind_of(name)(base="linear", settings=kind_of("linear")().config())
+        readout = kind_of(name).trained(
+            base="linear", settings=kind_of("linear").trained().config()
+        )
     else:
-        readout = kind_of(name)(**settings(name))
+        readout = kind_of(name).trained(**settings(name))
     rng = np.random.default_rng(0)
     for key, wanted in readout.wanted().items():
         values = rng.uniform(0.5, 1.0, wanted.shape)

@@ -11,8 +11,8 @@ from test_readout import make_windows
 from trainings import run, write
 
 from serpent_twin import sessions
-from serpent_twin.readouts import find, load
-from serpent_twin.readouts.adapted import Adapted
+from serpent_twin.estimators import find, load
+from serpent_twin.estimators.adapted import Adapted
 from serpent_twin.readouts.score import distances
 from serpent_twin.readouts.windows import cut
 from serpent_twin.reporting.report import text_table
@@ -152,10 +152,10 @@ def test_what_was_cut_short_knows_it(tmp_path):
     train, validate = make_windows(range(1, 3), rows=60), make_windows(range(3, 4), rows=60)
 
     def stopped(name: str, **settings) -> int | None:
-        readout = find(name)(4, **settings)
+        readout = find(name)(4, **settings).trained
         readout.fit(train, validate, np.random.default_rng(0))
         readout.save(tmp_path / "saved")
-        assert load(tmp_path / "saved").stopped_after == readout.stopped_after
+        assert load(tmp_path / "saved").trained.stopped_after == readout.stopped_after
         return readout.stopped_after
 
     assert stopped("mlp", width=8, steps=4) is None  # its own rule, however short
@@ -172,7 +172,7 @@ def test_what_was_cut_short_knows_it(tmp_path):
 
 
 def load_ensemble(folder: Path, train, validate):
-    made = find("ensemble")(4, members=("residual_mlp",), epochs=2)
+    made = find("ensemble")(4, members=("residual_mlp",), epochs=2).trained
     made.fit(train, validate, np.random.default_rng(0))
     made.save(folder / "ensemble")
     return load(folder / "ensemble")

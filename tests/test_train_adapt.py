@@ -12,7 +12,7 @@ from trainings import numbers, run, write, write_five
 
 from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts import load
+from serpent_twin.estimators import load
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import cut
 from serpent_twin.sessions import read_folder
@@ -100,7 +100,7 @@ def test_the_arms_test_session_teaches_nothing(logs, arm, tmp_path):
     write(other, wandering(15, rows=300, give=5.0))
     for source, out in ((arm, "a"), (other, "b")):
         run(Train(logs, tmp_path / out, ("residual",), adapt=source))
-    one, two = (load(tmp_path / out / "adapted/all/residual").learned for out in "ab")
+    one, two = (load(tmp_path / out / "adapted/all/residual").trained.learned for out in "ab")
     for key in one:
         np.testing.assert_array_equal(one[key], two[key])
 

@@ -12,10 +12,10 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.base_tilt import BaseTilt
 from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators import find, load
+from serpent_twin.estimators.weighing_observer import followed
 from serpent_twin.live.estimate import Estimate, estimate
-from serpent_twin.readouts import find, load
 from serpent_twin.readouts.score import score
-from serpent_twin.readouts.weighing_observer import followed
 from serpent_twin.readouts.windows import cut
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.prescribed_motion import DrivenArms, Motors
@@ -67,7 +67,7 @@ def test_an_arm_that_holds_more_is_followed_and_one_that_does_not_is_left_alone(
 def test_what_is_taken_up_on_the_way_is_weighed_without_markers(weighing):
     session = changing(ARM, 600, 200, Change(more_kg=0.03), seed=5)
     live = weighing.live()
-    error = np.array(list(errors_of(live, session, None)))
+    error = np.array(list(errors_of(live, session)))
     grams = 30 * live.amount[0]
     assert grams == pytest.approx(30, abs=4)
     assert 30 * np.sqrt(live.covariance[0, 0]) < 8
@@ -80,7 +80,7 @@ def test_a_stand_that_leans_is_followed_as_well():
     leaning = ARM.with_effect(BaseTilt(about_y=0.04, about_z=-0.03))
     both = fitted("weighing_observer", unknown=("payload", "base_tilt"))
     live = both.live()
-    list(errors_of(live, session_of(leaning, USUAL, 3), None))
+    list(errors_of(live, session_of(leaning, USUAL, 3)))
     names = [(each.kind.__name__, each.name) for each in live.followed]
     assert names == [("Payload", "mass"), ("BaseTilt", "about_y"), ("BaseTilt", "about_z")]
     assert live.amount * [each.typical for each in live.followed] == pytest.approx(
@@ -93,7 +93,7 @@ def test_nothing_weighs_less_than_nothing(weighing):
     light = replace(TWIN, parameters=TWIN.parameters).with_effect(Payload(mass=0.02))
     other = weighing.with_twin(light)
     live = other.live()
-    list(errors_of(live, session_of(ARM, USUAL, 3), None))
+    list(errors_of(live, session_of(ARM, USUAL, 3)))
     (mass,) = live.followed
     assert mass.value == 0.02 and mass.bounds[0] == pytest.approx(-0.02 / 0.03)
     assert -0.02 / 0.03 <= live.amount[0] < -0.4

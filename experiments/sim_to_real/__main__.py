@@ -27,8 +27,8 @@ from serpent_twin import stored
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed, Workers
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts import load
-from serpent_twin.readouts.online import Online
+from serpent_twin.estimators import load
+from serpent_twin.estimators.online import Online
 from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.files import write_whole
 from serpent_twin.runs.processes import processes
@@ -197,7 +197,7 @@ def _changes(config: SimToReal, name: str, on_progress: Callable[[str], None]) -
         estimators |= {f"{n}, with markers": Online(r.live()) for n, r in readouts.items()}
         found[what] = {"what": text, "at_row": at, "estimators": {}}
         for label, live in estimators.items():
-            error = np.array(list(followed(live, session, getattr(live, "correct", None))))
+            error = np.array(list(followed(live, session)))
             curve = [round(float(each), 4) for each in np.nan_to_num(error)]
             found[what]["estimators"][label] = recovery(error, at) | {"error_mm": curve}
     write_whole(done, json.dumps(found, indent=1) + "\n")

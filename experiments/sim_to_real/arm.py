@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +25,9 @@ from experiments.sim_to_real.twins import (
     trace_arm,
 )
 from serpent_twin import stored
+from serpent_twin.estimators import Estimator, find
+from serpent_twin.estimators.adapted import Adapted
 from serpent_twin.numerals import counted
-from serpent_twin.readouts import Readout, find
-from serpent_twin.readouts.adapted import Adapted
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import Windows
 from serpent_twin.runs.files import write_whole
@@ -94,31 +94,31 @@ class Study:
 
     def train(
         self, place: str, name: str, data: tuple[Windows, Windows], **settings: Any
-    ) -> Readout:
-        """A readout of that name trained on windows, kept under a place."""
+    ) -> Estimator:
+        """An estimator of that name trained on windows, kept under a place."""
         self.on_progress(f"{place}: {name}")
-        if self.size.epochs and any(f.name == "epochs" for f in fields(find(name))):
+        if self.size.epochs and find(name).trained.takes("epochs"):
             settings["epochs"] = self.size.epochs
         return kept(
             self.out / "models" / place / name,
             lambda: find(name)(WINDOW, **settings),
-            lambda readout: readout.fit(*data, self.rng(place, name)),
+            lambda trained: trained.fit(*data, self.rng(place, name)),
         )
 
-    def adapt(self, place: str, base: Readout, count: str) -> Readout:
-        """A trained readout corrected by the arm's first windows."""
+    def adapt(self, place: str, base: Estimator, count: str) -> Estimator:
+        """A trained estimator corrected by the arm's first windows."""
         self.on_progress(f"{place}: {base.name}, {counted(count, 'window')}")
         few = self.real.few(count)
         return kept(
             self.out / "models" / f"{place}_{count}" / base.name,
             lambda: Adapted.of(base),
-            lambda readout: readout.fit(few, few, self.rng(place, base.name, count)),
+            lambda trained: trained.fit(few, few, self.rng(place, base.name, count)),
         )
 
-    def error_mm(self, readout: Readout) -> float:
+    def error_mm(self, estimator: Estimator) -> float:
         """Mean marker distance over the test sessions."""
         test = self.real.test
-        told = [readout.follow(each).marker for each in test.sessions]
+        told = [estimator.follow(each).marker for each in test.sessions]
         return score(np.concatenate(told), test.marker).mean_mm
 
 
@@ -150,7 +150,7 @@ def _routes(study: Study) -> dict[str, Any]:
     zero: dict[str, dict[str, float]] = {name: {} for name in READOUTS}
     curves: dict[str, dict[str, dict[str, float]]] = {name: {} for name in READOUTS}
     cost = {"lstm": latency_ms(lstm, real.test)}
-    stopped = {"lstm": lstm.stopped_after, HEADLINE: own[HEADLINE].stopped_after}
+    stopped = {"lstm": lstm.trained.stopped_after, HEADLINE: own[HEADLINE].trained.stopped_after}
     servo = command_error(real.train)
     for stage in STAGES:
         study.on_progress(f"{stage}: simulating")
@@ -161,7 +161,7 @@ def _routes(study: Study) -> dict[str, Any]:
         for name in READOUTS:
             base = study.train(stage, name, (sim[0], sim[1]))
             if name == HEADLINE:
-                stopped[name] = stopped[name] or base.stopped_after
+                stopped[name] = stopped[name] or base.trained.stopped_after
             zero[name][stage] = study.error_mm(base)
             curves[name][stage] = {"0": zero[name][stage]} | {
                 n: study.error_mm(study.adapt(stage, base, n)) for n in real.counts
@@ -247,7 +247,9 @@ def _observers(study: Study) -> dict[str, Any]:
     found["observer_mm"] = found["observer_by_stage_mm"][CORRECTED]
     found["coverage_95"] = found["coverage"]["0.95"]
     found["filtered_mm"] = {n: study.error_mm(each) for n, each in filtered.items()}
-    found["filter_scatter_rad"] = {n: float(f.learned["scatter"]) for n, f in filtered.items()}
+    found["filter_scatter_rad"] = {
+        n: float(f.trained.learned["scatter"]) for n, f in filtered.items()
+    }
     found["weighing_mm"] = {n: study.error_mm(each) for n, each in weighing.items()}
     found["weighing_latency_ms"] = {n: latency_ms(r, real.test) for n, r in weighing.items()}
     found["hybrid_mm"] = {n: study.error_mm(each) for n, each in hybrid.items()}

@@ -17,9 +17,8 @@ from serpent_twin.effects.payload import Payload
 from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts import Readout
-from serpent_twin.readouts.belief import Belief
-from serpent_twin.readouts.live import Live, readings
+from serpent_twin.estimators import Belief, Estimator, Live
+from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.readouts.score import distances, score
 from serpent_twin.readouts.windows import bus_of, cut
 from serpent_twin.recording.loop import record
@@ -110,25 +109,25 @@ def _session(rows: list[dict[str, Any]], rate_hz: float) -> Session:
 
 def in_conditions(
     arm: TwinModel,
-    readouts: Mapping[str, Readout],
+    estimators: Mapping[str, Estimator],
     seed: int,
     hour: int,
     on_progress: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Errors [mm] and coverage of each readout in each condition; what it refuses, it says."""
+    """Errors [mm] and coverage of each estimator in each condition; what it refuses, it says."""
     found: dict[str, Any] = {}
     for condition in conditions(hour):
         on_progress(f"condition: {condition.name}")
         windows = cut([session_of(arm, condition, seed)], 4, 100)
         test = windows.sessions[0]
         found[condition.name] = {}
-        for name, readout in readouts.items():
+        for name, estimator in estimators.items():
             try:
-                readout.require_rate(condition.rate_hz)
+                estimator.require_rate(condition.rate_hz)
             except SerpentError:
                 found[condition.name][name] = None
                 continue
-            belief = readout.follow(test)
+            belief = estimator.follow(test)
             parts = np.array_split(distances(belief.marker, test.marker).mean(axis=1) * 1e3, 6)
             found[condition.name][name] = {
                 "mean_mm": score(belief.marker, test.marker).mean_mm,
@@ -183,15 +182,12 @@ def _held(arm: TwinModel, change: Change) -> TwinModel:
     return loaded(arm, change.more_kg + 1e-6).with_effect(lean)
 
 
-def followed(
-    live: Live, session: Session, correct: Callable[[Any], None] | None
-) -> Iterator[float]:
+def followed(live: Live, session: Session) -> Iterator[float]:
     """Error of each row [mm], before the row's own markers correct anything; NaN before the first."""
     for now, marker in zip(readings(bus_of(session)), session.marker, strict=True):
         belief: Belief | None = live.update(now)
         yield np.nan if belief is None else float(distances(belief.marker[0], marker).mean() * 1e3)
-        if correct:
-            correct(marker)
+        live.correct(marker)
 
 
 def recovery(error: np.ndarray, at: int, rate_hz: float = 4.0) -> dict[str, float | None]:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from serpent_twin import machines, stored
+from serpent_twin.estimators import Estimator, load
 from serpent_twin.identification.run import Trace, trace_sessions
-from serpent_twin.readouts import Readout, load
+from serpent_twin.readouts.trainable import Trainable
 from serpent_twin.readouts.windows import Windows, cut
 from serpent_twin.recording.collect import Collect, collect
 from serpent_twin.sessions import read_folder
@@ -117,11 +118,13 @@ def joined(*parts: Windows) -> Windows:
     return replace(parts[0], sessions=tuple(each for part in parts for each in part.sessions))
 
 
-def kept(folder: Path, make: Callable[[], Readout], learn: Callable[[Readout], None]) -> Readout:
-    """A readout trained now, or one that an earlier run left whole in its folder."""
+def kept(
+    folder: Path, make: Callable[[], Estimator], learn: Callable[[Trainable], None]
+) -> Estimator:
+    """An estimator trained now, or one that an earlier run left whole in its folder."""
     if (folder / "readout.json").exists():
         return load(folder)
     made = make()
-    learn(made)
-    made.save(folder)
+    learn(made.trained)
+    made.trained.save(folder)
     return made

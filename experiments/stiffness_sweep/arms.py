@@ -14,8 +14,8 @@ from serpent_twin.arm.inverse_kinematics import marker_offsets
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators import Estimator
 from serpent_twin.numerals import counted
-from serpent_twin.readouts import Readout
 from serpent_twin.readouts.score import score
 from serpent_twin.reservoir.sweep import channels, pose
 from serpent_twin.reservoir.sweep.point import DROP, WINDOW, GridPoint
@@ -103,16 +103,16 @@ def noise(sessions: Sequence[Session]) -> float:
 def errors(sessions: Sequence[Session], names: Sequence[str]) -> dict[str, float]:
     """Mean marker distance [mm] of readouts on the last session, trained on the others."""
     test = split(sessions).windows(WINDOW, DROP)[2].sessions[0]
-    estimates = {name: trained(name, sessions).predict(test.x, test.start) for name in names}
+    estimates = {name: trained(name, sessions).follow(test).marker for name in names}
     return {name: score(each, test.marker).mean_mm for name, each in estimates.items()}
 
 
-def trained(name: str, sessions: Sequence[Session]) -> Readout:
-    """A readout that has learned from all sessions but the last."""
+def trained(name: str, sessions: Sequence[Session]) -> Estimator:
+    """An estimator that has learned from all sessions but the last."""
     train, steer, _ = split(sessions).windows(WINDOW, DROP)
-    readout = Trial(name, WINDOW, Path()).untrained()
-    readout.fit(train, steer, np.random.default_rng(0))
-    return readout
+    estimator = Trial(name, WINDOW, Path()).untrained()
+    estimator.trained.fit(train, steer, np.random.default_rng(0))
+    return estimator
 
 
 def refused(sessions: Sequence[Session]) -> str:

@@ -34,7 +34,7 @@ def _tested(
 ) -> dict[str, float]:
     learned = trained(readout, sessions)
     return {
-        name: score(learned.predict(test.x, test.start), test.marker).mean_mm
+        name: score(learned.follow(test).marker, test.marker).mean_mm
         for name, test in tests.items()
     }
 

@@ -4,8 +4,8 @@ from collections import Counter
 from dataclasses import dataclass, replace
 
 from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.estimators import Estimator
 from serpent_twin.numerals import counted
-from serpent_twin.readouts import Readout
 from serpent_twin.recording.collect import Collect
 from serpent_twin.sim.arm_file import ArmFile
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
@@ -13,10 +13,10 @@ from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 @dataclass(frozen=True)
 class Drive(Collect):
-    """What moves: an arm as `collect` has it, or a readout's own twin."""
+    """What moves: an arm as `collect` has it, or an estimator's own twin."""
 
     own: TwinModel | None = None
-    """The readout's own twin, simulated in place of `twin` and `parameters`"""
+    """The estimator's own twin, simulated in place of `twin` and `parameters`"""
     prior_runtime: float = 0.0
     """How long the arm ran before its session 1 [s]"""
 
@@ -25,32 +25,32 @@ class Drive(Collect):
         return ArmFile(self.own) if self.own else super().simulated()
 
 
-def of_readout(drive: Drive, readout: Readout) -> Drive:
-    """The same drive of the readout's own twin, if it has one and no other arm is named."""
+def of_readout(drive: Drive, estimator: Estimator) -> Drive:
+    """The same drive of the estimator's own twin, if it has one and no other arm is named."""
     named = drive.backend == "real" or drive.twin or drive.parameters != NOMINAL
-    return drive if named else replace(drive, own=readout.own_twin)
+    return drive if named else replace(drive, own=estimator.own_twin)
 
 
-def is_known(drive: Drive, readout: Readout) -> bool | None:
-    """Whether the arm is the readout's own twin or, of one without, the arm of its logs; None if that is not
-    known.
+def is_known(drive: Drive, estimator: Estimator) -> bool | None:
+    """Whether the arm is the estimator's own twin or, of one without, the arm of its logs; None if that is
+    not known.
     """
     fingerprint = drive.simulated().fingerprint
-    if readout.own_twin is not None:
-        return readout.own_twin.fingerprint() == fingerprint
-    models = {each.model_sha256 for each in readout.trained_on}
+    if estimator.own_twin is not None:
+        return estimator.own_twin.fingerprint() == fingerprint
+    models = {each.model_sha256 for each in estimator.trained.trained_on}
     return fingerprint in models if models else None
 
 
-def note(drive: Drive, readout: Readout) -> str:
+def note(drive: Drive, estimator: Estimator) -> str:
     """Which arm is simulated, and what that means for the errors."""
-    name, same = readout.name, is_known(drive, readout)
-    arm, trained = f"The simulated arm is {_called(drive)}", _trained_on(readout)
+    name, same = estimator.name, is_known(drive, estimator)
+    arm, trained = f"The simulated arm is {_called(drive)}", _trained_on(estimator)
     if drive.own:
         return f"The simulated arm is {name}'s own twin{trained}; --simulate names another."
     if same is None:
         return f"{arm}. It is not known on which arm's logs {name} was trained."
-    its = f"{name}'s own twin" if readout.own_twin else f"the arm that {name} was trained on"
+    its = f"{name}'s own twin" if estimator.own_twin else f"the arm that {name} was trained on"
     if same:
         return f"{arm}, {its}."
     return f"{arm}, not {its}{trained}: the errors are those of a readout on another arm."
@@ -63,9 +63,9 @@ def _called(drive: Drive) -> str:
     return "the nominal one" if nominal else "that of the given parameters"
 
 
-def _trained_on(readout: Readout) -> str:
+def _trained_on(estimator: Estimator) -> str:
     """How many logs of which arms, in brackets."""
-    logs = {each.readings_sha256: each.arm for each in readout.trained_on}
+    logs = {each.readings_sha256: each.arm for each in estimator.trained.trained_on}
     count = sorted(Counter(logs.values()).items())
     told = [f"{counted(n, 'session')} of {arm or 'an arm without a name'}" for arm, n in count]
     return f" (trained on {' and '.join(told)})" if told else ""

@@ -24,9 +24,9 @@ from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators.belief import Belief
 from serpent_twin.hardware.dynamixel.shutdown import STOPPING
 from serpent_twin.live.stream import Page, Sample
-from serpent_twin.readouts.belief import Belief
 from serpent_twin.readouts.score import distances, step_means
 from serpent_twin.reporting.rerun_layout import KEY, LOADS, TEN, Plot, blueprint, key, loads
 from serpent_twin.reporting.rerun_recording import ESTIMATED, MEASURED, Writer, hue

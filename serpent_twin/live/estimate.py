@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from serpent_twin import readouts
+from serpent_twin import estimators
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.command_line.option_groups import Group
 from serpent_twin.command_line.options import Checked, RateHz, Seed, Steps, Use, when
@@ -14,7 +14,6 @@ from serpent_twin.live.arm import Drive, is_known, note, of_readout
 from serpent_twin.live.figures import Course, figures, told
 from serpent_twin.live.follower import Follower
 from serpent_twin.live.run import Plan, run
-from serpent_twin.readouts.observer import Observer
 from serpent_twin.recording import collect, lost_markers
 from serpent_twin.recording.collect import OF_ARM, REAL, SIMULATED, Real
 from serpent_twin.recording.ending import why
@@ -98,7 +97,7 @@ def estimate(config: Estimate) -> dict[str, Any]:
     plan = planned(config)
     if plan.note:
         print(plan.note)
-    follower = Follower(plan.readout, config.steps, config.learn, config.prior_runtime_s)
+    follower = Follower(plan.estimator, config.steps, config.learn, config.prior_runtime_s)
     course = Course(config.steps)
     said = settings(plan)
     with claimed(config.out, SETTINGS, said):
@@ -122,10 +121,10 @@ def estimate(config: Estimate) -> dict[str, Any]:
 
 
 def planned(config: Estimate) -> Plan:
-    """Readout and arm of a config, checked; nothing is written and nothing moves."""
-    trained = estimator = readouts.load(config.model)
+    """Estimator and arm of a config, checked; nothing is written and nothing moves."""
+    trained = estimator = estimators.load(config.model)
     simulated = config.simulate
-    if config.twin and isinstance(trained, Observer):
+    if config.twin and trained.takes_twin:
         estimator = trained.with_twin(twin_model.read(config.twin))
     elif config.twin:
         if simulated or config.backend == "real":
@@ -168,7 +167,7 @@ def settings(plan: Plan) -> dict[str, Any]:
     config = plan.config
     files = ("readout.json", "learned.npz")
     return collect.settings(plan.drive) | {
-        "readout": plan.readout.name,
+        "readout": plan.estimator.name,
         "readout_sha256": {name: file_hash(config.model / name) for name in files},
         "twin_sha256": config.twin and file_hash(config.twin),
         "simulate_sha256": config.simulate and file_hash(config.simulate),

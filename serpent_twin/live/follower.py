@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
+from serpent_twin.estimators import Estimator
+from serpent_twin.estimators.belief import Belief, require_finite
+from serpent_twin.estimators.bus_reading import BusReading
+from serpent_twin.estimators.estimator import Weighed
+from serpent_twin.estimators.online import Online
 from serpent_twin.hardware.motor_bus import MotorState
-from serpent_twin.readouts import Readout
-from serpent_twin.readouts.belief import Belief, require_finite
-from serpent_twin.readouts.live import Reading
-from serpent_twin.readouts.online import Online
-from serpent_twin.readouts.weighing_observer import LiveWeighing
 from serpent_twin.recording.loop import Step
 
 MARKERS = tuple(f"estimate{i}_{axis}" for i in range(1, N_JOINTS + 1) for axis in "xyz")
@@ -25,23 +25,18 @@ time from the reading to its estimate [ms], in which the command is sent, too. N
 
 
 class Follower:
-    """A readout that follows one session, and keeps all its estimates: one row a step, NaN where none."""
+    """An estimator that follows one session, and keeps all its estimates: one row a step, NaN where none."""
 
     def __init__(
-        self, readout: Readout, rows: int, learns: bool = False, prior_runtime: float = 0.0
+        self, estimator: Estimator, rows: int, learns: bool = False, prior_runtime: float = 0.0
     ) -> None:
         """`learns`: markers given to `learn` correct later estimates. `prior_runtime` is how long the arm
-        ran before this session [s], for effects of wear in the readout's twin.
+        ran before this session [s], for effects of wear in the estimator's twin.
         """
-        self._name, self._states_covariance = (
-            readout.name,
-            bool(np.isfinite(readout.covariance).all()),
-        )
-        self._warm_up(readout)
-        live = readout.live(prior_runtime)
-        self._weighing = live if isinstance(live, LiveWeighing) else None
-        self._online = Online(live) if learns else None
-        self._live = self._online or live
+        self._name, self._states_covariance = estimator.name, estimator.states_covariance
+        self._warm_up(estimator)
+        live = estimator.live(prior_runtime)
+        self._live = Online(live) if learns else live
         self.rows = 0
         self.marker = np.full((rows, N_JOINTS, 3), np.nan)
         self.covariance = np.full((rows, N_JOINTS, 3, 3), np.nan)
@@ -60,19 +55,18 @@ class Follower:
 
     def learn(self, marker: Array) -> None:
         """Take the markers of the step that was estimated last [m], (9, 3), NaN where lost."""
-        if self._online:
-            self._online.correct(marker)
+        self._live.correct(marker)
 
-    def weighed(self) -> dict[str, dict[str, float | str]]:
-        """Parameters of the arm identified from the loads, if the readout does so."""
-        return self._weighing.weighed() if self._weighing else {}
+    def weighed(self) -> Weighed:
+        """Parameters of the arm identified from the loads, if the estimator does so."""
+        return self._live.weighed()
 
     def belief(self, where: NDArray[np.intp]) -> Belief:
         """The estimates of these rows."""
         return Belief(self.marker[where], self.covariance[where])
 
     def _update(self, now: float, state: MotorState, before: Array) -> Belief | None:
-        reading = Reading(now, state.position, state.velocity, state.load, before)
+        reading = BusReading(now, state.position, state.velocity, state.load, before)
         began = time.perf_counter()
         belief = self._live.update(reading)
         if belief is not None:
@@ -80,11 +74,11 @@ class Follower:
             self._require_finite(belief, f"{now:.3g} s after the first row")
         return belief
 
-    def _warm_up(self, readout: Readout) -> None:
-        """Let the readout load all that it needs before a motor turns, and check that it gives numbers."""
-        live, still = readout.live(), np.zeros(N_MOTORS)
-        for k in range(readout.window + 1):
-            now = Reading(k / (readout.rate_hz or 4.0), still, still, still, still)
+    def _warm_up(self, estimator: Estimator) -> None:
+        """Let the estimator load all that it needs before a motor turns, and check that it gives numbers."""
+        live, still = estimator.live(), np.zeros(N_MOTORS)
+        for k in range(estimator.warm_up_rows):
+            now = BusReading(k / (estimator.trained.rate_hz or 4.0), still, still, still, still)
             if (belief := live.update(now)) is not None:
                 self._require_finite(belief, "of an arm that hangs straight")
 

@@ -1,4 +1,4 @@
-"""Run a readout along with the moving arm."""
+"""Run an estimator along with the moving arm."""
 
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
+from serpent_twin.estimators import Estimator
 from serpent_twin.hardware.cameras import NoMocap
 from serpent_twin.live.arm import Drive
 from serpent_twin.live.figures import Course
 from serpent_twin.live.follower import COLUMNS, Follower
 from serpent_twin.live.stream import Page, Stream
-from serpent_twin.readouts import Readout
 from serpent_twin.recording import collect, simulated
 from serpent_twin.recording.ending import sealed, stopped_by_signals
 from serpent_twin.recording.loop import Beside, Row, record
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """A config with its readout and its drive, checked."""
+    """A config with its estimator and its drive, checked."""
 
     config: "Estimate"
     """The config"""
-    readout: Readout
+    estimator: Estimator
     """What estimates"""
     drive: Drive
     """What moves, and where its log goes"""
     note: str = ""
     """Which arm is simulated; empty for the real one"""
     trained_on_it: bool | None = None
-    """Whether the readout was trained on the simulated arm; None if that is not known"""
+    """Whether the estimator was trained on the simulated arm; None if that is not known"""
 
     @property
     def session(self) -> Path:
@@ -44,9 +44,9 @@ class Plan:
 
 
 def run(plan: Plan, follower: Follower, course: Course) -> None:
-    """Drive the arm, let the readout follow it, log both, and show them."""
+    """Drive the arm, let the estimator follow it, log both, and show them."""
     about: dict[str, Any] = {
-        "estimate": {"readout": plan.readout.name, "model": str(plan.config.model)}
+        "estimate": {"readout": plan.estimator.name, "model": str(plan.config.model)}
     }
     if plan.config.prior_runtime_h:
         about["prior_runtime_s"] = plan.config.prior_runtime_s
@@ -95,4 +95,4 @@ def _stream(plan: Plan, stack: ExitStack) -> Stream:
     config, drive = plan.config, plan.drive
     about = f"{drive.arm_name}, backend `{config.backend}`, {config.rate_hz:g} Hz"
     file = plan.session.with_suffix(".rrd") if config.record else None
-    return stack.enter_context(Stream(Page(plan.readout.name, about, file, config.view)))
+    return stack.enter_context(Stream(Page(plan.estimator.name, about, file, config.view)))

@@ -146,7 +146,7 @@ def replay(
     session: Path, beside: Path, model: Path | None = None, twin: Path | None = None
 ) -> Words | None:
     """Replay a session, with readout and twin where these fit it."""
-    from serpent_twin import readouts
+    from serpent_twin import estimators
     from serpent_twin.playback import corrected_twin
     from serpent_twin.readouts.windows import cut
 
@@ -157,9 +157,9 @@ def replay(
 
     def estimated() -> None:
         assert model is not None
-        trained, seen = readouts.load(model), read()
-        trained.require_rate(seen.rate_hz)
-        cut([seen], trained.window, drop=0)
+        estimator, seen = estimators.load(model), read()
+        estimator.require_rate(seen.rate_hz)
+        cut([seen], estimator.trained.window, drop=0)
 
     if not allowed(read):
         return None

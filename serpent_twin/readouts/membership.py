@@ -1,6 +1,6 @@
 """Say to which of a readout's sets of sessions a session belongs, and so what its error there means."""
 
-from serpent_twin.readouts import Readout
+from serpent_twin.readouts.trainable import Trainable
 from serpent_twin.sessions import Session
 from serpent_twin.sessions.repeated import readings_hash
 
@@ -17,7 +17,7 @@ _UNKNOWN = (
 )
 
 
-def told(readout: Readout, session: Session) -> str:
+def told(readout: Trainable, session: Session) -> str:
     """In which set a session is, as a sentence; logs are compared by their motor readings."""
     names = {"session": session.name, "readout": readout.name}
     if not readout.trained_on:

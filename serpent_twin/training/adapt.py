@@ -14,9 +14,9 @@ from tqdm import tqdm
 
 from serpent_twin import stored
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators import Estimator, load
+from serpent_twin.estimators.adapted import Adapted, least_windows
 from serpent_twin.numerals import counted
-from serpent_twin.readouts import Readout, load
-from serpent_twin.readouts.adapted import Adapted, least_windows
 from serpent_twin.readouts.windows import Windows, cut
 from serpent_twin.runs.files import write_whole
 from serpent_twin.runs.provenance import file_hash
@@ -164,26 +164,26 @@ class _Scores(stored.Form, frozen=True):
             raise SerpentError(f"windows has {stored.names(odd)}, which is no number of windows.")
 
 
-def _scored(plan: Adaptation, base: Readout, count: str, folder: Path) -> dict[str, Any]:
+def _scored(plan: Adaptation, base: Estimator, count: str, folder: Path) -> dict[str, Any]:
     """Scores of the readout, adapted to so many windows of the arm."""
-    readout, windows, took = base, 0, 0.0
+    estimator, windows, took = base, 0, 0.0
     if count != NONE:
         few = plan.learn if count == ALL else plan.learn.first(int(count))
         if not (folder / COST).exists():
             _train(base, few, plan.test, folder)
-        readout, windows = load(folder, plan.window), len(few.x)
+        estimator, windows = load(folder, plan.window), len(few.x)
         took = training_time(folder)
-    result = judged(readout, plan.test, took)
+    result = judged(estimator, plan.test, took)
     cost = {"train_s": took, "latency_ms": result.latency_ms, "real_windows": windows}
     return asdict(result.scores) | result.certain | cost
 
 
-def _train(base: Readout, few: Windows, test: Windows, folder: Path) -> None:
+def _train(base: Estimator, few: Windows, test: Windows, folder: Path) -> None:
     """Learn the correction and save it, the cost last: an interrupted one is done again."""
     adapted = Adapted.of(base)
     began = time.perf_counter()
     adapted.fit(few, few, np.random.default_rng(0))
     cost = {"train_s": time.perf_counter() - began}
-    adapted.tested_on = (*base.tested_on, *test.sources("test"))
+    adapted.tested_on = (*base.trained.tested_on, *test.sources("test"))
     adapted.save(folder)
     write_whole(folder / COST, json.dumps(cost) + "\n")

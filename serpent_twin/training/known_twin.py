@@ -1,11 +1,11 @@
 """Choose the twin of readouts that need one, and check whether it is the arm of the logs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from serpent_twin.readouts import available
+from serpent_twin.estimators import available, find
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
@@ -61,7 +61,7 @@ class KnownTwin:
 
 def has_twin(name: str) -> bool:
     """Whether a readout simulates the arm."""
-    return "twin" in {field.name for field in fields(available()[name])}
+    return find(name).trained.takes("twin")
 
 
 def listed(names: Sequence[str]) -> str:

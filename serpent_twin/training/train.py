@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import fill
 from typing import Annotated, Any
@@ -14,7 +14,7 @@ from serpent_twin import stored
 from serpent_twin.command_line.option_groups import Group
 from serpent_twin.command_line.options import GIVEN, Checked, Seed, Use, when
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts import available, find
+from serpent_twin.estimators import available, find
 from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.files import write_whole
 from serpent_twin.runs.provenance import file_hash, provenance
@@ -54,7 +54,7 @@ def _none_with(setting: str, config: "Train", what: str) -> str:
     A run that continues in a folder takes the options of the folder's run.
     """
     trained = {*config.readout, *(SWEPT if config.windows else ())}
-    wanted = [n for n, kind in available().items() if setting in {f.name for f in fields(kind)}]
+    wanted = [n for n, kind in available().items() if kind.trained.takes(setting)]
     if not config.readout or trained.intersection(wanted) or prior_settings(config.out, SETTINGS):
         return ""
     return (

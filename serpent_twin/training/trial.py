@@ -5,7 +5,7 @@ import json
 import time
 import zlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,10 +13,12 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts import Progress, Readout, find, load
-from serpent_twin.readouts.belief import joined, require_finite
-from serpent_twin.readouts.live import readings
+from serpent_twin.estimators import Estimator, find, load
+from serpent_twin.estimators.belief import joined, require_finite
+from serpent_twin.estimators.bus_reading import readings
+from serpent_twin.readouts import Progress
 from serpent_twin.readouts.score import Scores, distances, score
+from serpent_twin.readouts.trainable import Trainable
 from serpent_twin.readouts.windows import Windows
 from serpent_twin.runs.files import write_whole
 from serpent_twin.stored import Form, read_json, same_in_json, within
@@ -38,8 +40,8 @@ class Result:
     """Wall time of the training [s]"""
     latency_ms: float
     """Median time of a one-row estimate [ms]"""
-    readout: Readout
-    """The trained readout"""
+    trained: Trainable
+    """The readout or estimator that was trained"""
     steps: Steps
     """The distances summed up step by step [mm]"""
     period: float
@@ -58,13 +60,13 @@ class Result:
             "mean_interval_95_mm": interval and list(interval),
             "correlation_time_s": time if np.isfinite(time) else None,
             "coverage_95_percent": None if self.coverage is None else 100 * self.coverage,
-            "stopped_after_epochs": self.readout.stopped_after,
+            "stopped_after_epochs": self.trained.stopped_after,
         }
 
     def summary(self) -> dict[str, Any]:
         """All figures, JSON-ready."""
-        seconds = [e.seconds for e in self.readout.history if e.seconds > 0]
-        losses = [e.validation_loss for e in self.readout.history]
+        seconds = [e.seconds for e in self.trained.history if e.seconds > 0]
+        losses = [e.validation_loss for e in self.trained.history]
         costs = {"train_s": self.train_s, "latency_ms": self.latency_ms, "epochs": len(seconds)}
         return (
             asdict(self.scores)
@@ -73,8 +75,8 @@ class Result:
             | {
                 "seconds_per_epoch": float(np.mean(seconds)) if seconds else None,
                 "validation_loss": min(losses, default=None),
-                "about": self.readout.about,
-                "config": self.readout.config(),
+                "about": self.trained.about,
+                "config": self.trained.config(),
             }
         )
 
@@ -96,21 +98,19 @@ class Trial:
     twin: Mapping[str, Any] | None = field(default=None, hash=False)
     """The twin of readouts that have one, as twin.json holds it; by default the nominal one"""
 
-    def untrained(self) -> Readout:
-        """The readout before training."""
+    def untrained(self) -> Estimator:
+        """The estimator before training."""
         kind = find(self.name)
         wanted = {"epochs": self.epochs, "twin": self.twin}
-        known = {f.name for f in fields(kind)}
-        return kind(
-            self.window, **{k: v for k, v in wanted.items() if k in known and v is not None}
-        )
+        given = {k: v for k, v in wanted.items() if v is not None and kind.trained.takes(k)}
+        return kind(self.window, **given)
 
     def stored(self) -> bool:
         """Whether it was trained already; an error if it was with other settings."""
         if not (self.folder / COST).exists():
             return False
-        wanted = same_in_json(self.untrained().config())
-        found = same_in_json(load(self.folder).config())
+        wanted = same_in_json(self.untrained().trained.config())
+        found = same_in_json(load(self.folder).trained.config())
         if differing := [key for key in wanted if wanted[key] != found.get(key)]:
             told = "; ".join(f"{key} was {found.get(key)}, now {wanted[key]}" for key in differing)
             raise SerpentError(
@@ -126,13 +126,13 @@ class Trial:
 
         Of the test windows, only their logs' names and hashes are kept.
         """
-        readout = self.untrained()
+        trained = self.untrained().trained
         rng = np.random.default_rng([self.seed, self.window, zlib.crc32(self.name.encode())])
         began = time.perf_counter()
-        readout.fit(train, validate, rng, progress)
+        trained.fit(train, validate, rng, progress)
         cost = {"train_s": time.perf_counter() - began}
-        readout.tested_on = test.sources("test") if test else ()
-        readout.save(self.folder)
+        trained.tested_on = test.sources("test") if test else ()
+        trained.save(self.folder)
         write_whole(self.folder / COST, json.dumps(cost) + "\n")
 
     def result(self, test: Windows) -> Result:
@@ -168,11 +168,11 @@ def summaries(results: Mapping[str, Result]) -> dict[str, dict[str, Any]]:
     return found
 
 
-def judged(readout: Readout, test: Windows, train_s: float) -> Result:
-    """Scores of a readout that took so long to train."""
-    beliefs = [readout.follow(session) for session in test.sessions]
+def judged(estimator: Estimator, test: Windows, train_s: float) -> Result:
+    """Scores of an estimator that took so long to train."""
+    beliefs = [estimator.follow(session) for session in test.sessions]
     for session, belief in zip(test.sessions, beliefs, strict=True):
-        require_finite(belief, readout.name, f"in {session.name}")
+        require_finite(belief, estimator.name, f"in {session.name}")
     belief = joined(beliefs)
     error = distances(belief.marker, test.marker) * 1e3
     first = test.sessions[0]
@@ -180,17 +180,17 @@ def judged(readout: Readout, test: Windows, train_s: float) -> Result:
         scores=score(belief.marker, test.marker),
         error_mm=error,
         train_s=train_s,
-        latency_ms=latency_ms(readout, test),
-        readout=readout,
+        latency_ms=latency_ms(estimator, test),
+        trained=estimator.trained,
         steps=steps_of(error, [len(session) for session in test.sessions]),
         period=float(np.median(np.diff(first.time))) if len(first) > 1 else np.nan,
         coverage=belief.coverage(test.marker) if np.isfinite(belief.covariance).all() else None,
     )
 
 
-def latency_ms(readout: Readout, windows: Windows, rows: int = 300) -> float:
+def latency_ms(estimator: Estimator, windows: Windows, rows: int = 300) -> float:
     """Median time of an estimate while the arm moves [ms]."""
-    live, taken = readout.live(), []
+    live, taken = estimator.live(), []
     for now in itertools.islice(readings(windows.sessions[0].bus), rows):
         began = time.perf_counter()
         if live.update(now):

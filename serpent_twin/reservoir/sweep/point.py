@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
 from serpent_twin.arm.geometry import N_JOINTS
@@ -10,8 +10,8 @@ from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.command_line.option_groups import Group
 from serpent_twin.command_line.options import GIVEN, RateHz, Use, when
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators import find
 from serpent_twin.numerals import counted
-from serpent_twin.readouts import find
 from serpent_twin.reservoir.basis import fine_cut
 from serpent_twin.reservoir.sweep import channels, drive
 from serpent_twin.reservoir.targets import search
@@ -100,7 +100,7 @@ _OF_BODY, _OF_POSE = when(body=True), when(readouts=GIVEN)
 
 
 def _without_networks(measuring: "Measuring") -> str:
-    if any("epochs" in {each.name for each in fields(find(name))} for name in measuring.readouts):
+    if any(find(name).trained.takes("epochs") for name in measuring.readouts):
         return ""
     return "is for networks, and --readouts names none: leave it out, or add one, such as mlp."
 

@@ -1,7 +1,7 @@
 """Score readouts on the pose of a grid point's arm under the published protocol."""
 
 import zlib
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -65,12 +65,12 @@ def _twin(point: GridPoint, rate: float, prior_runtime: float) -> Twin:
 def _score(
     name: str, point: GridPoint, measuring: Measuring, train: Windows, steer: Windows, test: Windows
 ) -> dict[str, Any]:
-    readout = Trial(name, WINDOW, Path(), point.seed, measuring.epochs).untrained()
-    if any(each.name == "epochs" for each in fields(readout)):
+    estimator = Trial(name, WINDOW, Path(), point.seed, measuring.epochs).untrained()
+    if estimator.trained.takes("epochs"):
         import torch
 
         torch.set_num_threads(1)  # the last digits depend on their number
     rng = np.random.default_rng([point.seed, WINDOW, zlib.crc32(name.encode())])
-    readout.fit(train, steer, rng)
-    estimate = np.concatenate([readout.follow(each).marker for each in test.sessions])
+    estimator.trained.fit(train, steer, rng)
+    estimate = np.concatenate([estimator.follow(each).marker for each in test.sessions])
     return asdict(score(estimate, test.marker))

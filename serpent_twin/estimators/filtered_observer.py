@@ -6,9 +6,9 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.estimators.bus_reading import BusReading
+from serpent_twin.estimators.observer import TURNING, LiveObserver, Observer
 from serpent_twin.readouts import Progress
-from serpent_twin.readouts.live import Reading
-from serpent_twin.readouts.observer import TURNING, LiveObserver, Observer
 from serpent_twin.readouts.saved import Wanted, numbers
 from serpent_twin.readouts.windows import Windows
 from serpent_twin.stored import many, within
@@ -76,7 +76,7 @@ class LiveFilter(LiveObserver):
         self._scatter, self._rng = scatter, np.random.default_rng(0)
         self._noise: Any = observer.learned["load"]
 
-    def step(self, now: Reading) -> None:
+    def step(self, now: BusReading) -> None:
         """Simulate the members to this reading, and correct their joints by its loads."""
         super().step(now)
         turning = np.abs(now.velocity) > TURNING

@@ -11,10 +11,11 @@ from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import Effect, Range, ranges
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators.belief import Belief
+from serpent_twin.estimators.bus_reading import BusReading
+from serpent_twin.estimators.estimator import Weighed
+from serpent_twin.estimators.observer import TURNING, LiveObserver, Observer
 from serpent_twin.readouts import Progress
-from serpent_twin.readouts.belief import Belief
-from serpent_twin.readouts.live import Reading
-from serpent_twin.readouts.observer import TURNING, LiveObserver, Observer
 from serpent_twin.readouts.saved import Wanted, divisors, numbers
 from serpent_twin.readouts.windows import Windows
 from serpent_twin.sim.prescribed_motion import Sensed
@@ -153,7 +154,7 @@ class LiveWeighing(LiveObserver):
         self._news = np.zeros(count)
         self._noise: Array = observer.learned["noise"] ** 2
 
-    def step(self, now: Reading) -> None:
+    def step(self, now: BusReading) -> None:
         """Simulate the twins to this reading, and update the parameters from its loads."""
         super().step(now)
         self.covariance = self.covariance + WALK**2 * self._interval * np.eye(len(self.amount))
@@ -171,7 +172,7 @@ class LiveWeighing(LiveObserver):
         self._news = self.amount - before
         self._variation.set(self.amount / NEAR + np.vstack([0 * before, np.eye(len(before))]))
 
-    def weighed(self) -> dict[str, dict[str, float | str]]:
+    def weighed(self) -> Weighed:
         """The parameters identified so far: each one's value, standard deviation and unit, JSON-ready."""
         spread = np.sqrt(np.diag(self.covariance))
         return {
@@ -191,7 +192,7 @@ class LiveWeighing(LiveObserver):
             **{n: (v[0] + np.tensordot(self._news / NEAR, v[1:] - v[0], 1))[None] for n, v in each}
         )
 
-    def belief(self, now: Reading) -> Belief:
+    def belief(self, now: BusReading) -> Belief:
         """The twin's estimate of the markers, with a covariance that includes that of the parameters."""
         marker = self.members.marker
         known, moved = super().belief(now), (marker[1:] - marker[0]) / NEAR

@@ -13,12 +13,16 @@ from threadpoolctl import threadpool_limits
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators import kind_of
+from serpent_twin.estimators.belief import Belief
+from serpent_twin.estimators.bus_reading import BusReading
+from serpent_twin.estimators.estimator import Estimator, Live, TrainedEstimator
+from serpent_twin.estimators.windowed import RecentWindow
 from serpent_twin.numerals import counted
-from serpent_twin.readouts import Epoch, Progress, Readout, kind_of, part
+from serpent_twin.readouts import Epoch, Progress, part
 from serpent_twin.readouts.analytical import stiff_pose
-from serpent_twin.readouts.belief import Belief, covariance_of, growth, root_of
+from serpent_twin.readouts.covariance import covariance_of, growth, root_of
 from serpent_twin.readouts.linear import Block, normal_equations, solve, with_one
-from serpent_twin.readouts.live import Live, Reading, RecentWindow
 from serpent_twin.readouts.saved import (
     Penalty,
     Wanted,
@@ -30,7 +34,8 @@ from serpent_twin.readouts.saved import (
 )
 from serpent_twin.readouts.scale import Scale, spread_of
 from serpent_twin.readouts.score import distances
-from serpent_twin.readouts.windows import COMMAND, STATE, SessionWindows, Start, Windows
+from serpent_twin.readouts.trainable import Trainable
+from serpent_twin.readouts.windows import COMMAND, STATE, SessionWindows, Windows
 from serpent_twin.stored import many, naming, within
 
 if TYPE_CHECKING:
@@ -44,7 +49,7 @@ SHARP = 5.0
 
 
 @dataclass
-class Adapted(Readout):
+class Adapted(TrainedEstimator):
     """Ours: a trained readout, unchanged, and a ridge on its residual in windows of another arm.
 
     Cross-validation over contiguous blocks of these windows chooses the penalty, by the mean marker
@@ -65,26 +70,27 @@ class Adapted(Readout):
     """Blocks of consecutive windows, each of which judges once"""
 
     @classmethod
-    def of(cls, base: Readout) -> Self:
+    def of(cls, base: Estimator) -> Self:
         """A correction to learn for a trained readout."""
-        adapted = cls(base.window, base=base.name, settings=base.config())
-        adapted.trained = base
+        trained = base.trained
+        adapted = cls(trained.window, base=base.name, settings=trained.config())
+        adapted.corrects = base
         return adapted
 
     @cached_property
-    def trained(self) -> Readout:
-        """The readout that is corrected, as it was trained."""
+    def corrects(self) -> Estimator:
+        """The estimator that is corrected, as it was trained."""
         base = self._untrained()
         base.learned = part(self.learned, "base")
         base.covariance = self.learned["base_covariance"]
         rate = float(self.learned["base_rate_hz"])
         base.rate_hz = rate if np.isfinite(rate) else None
-        return base
+        return kind_of(self.base).following(base)
 
     @property
     def own_twin(self) -> "TwinModel | None":
         """The twin model of the corrected readout, if it has one."""
-        return self.trained.own_twin
+        return self.corrects.own_twin
 
     def wanted(self) -> Wanted:
         """The arrays of the base, and the correction with the scales of its features."""
@@ -103,10 +109,10 @@ class Adapted(Readout):
             "covariance": covariances(N_JOINTS),
         }
 
-    def _untrained(self) -> Readout:
-        """The corrected readout, untrained."""
+    def _untrained(self) -> Trainable:
+        """What the corrected estimator is trained for, untrained."""
         with naming("config.base"):
-            kind = kind_of(self.base)
+            kind = kind_of(self.base).trained
         return configured(kind, self.settings, ("config", "settings"))
 
     @property
@@ -116,7 +122,7 @@ class Adapted(Readout):
 
     def follow(self, session: SessionWindows) -> Belief:
         """Markers of all windows of a session, with their covariance."""
-        return self.corrected(self.trained.follow(session), session.x)
+        return self.corrected(self.corrects.follow(session), session.x)
 
     def live(self, prior_runtime: float = 0.0) -> "LiveAdapted":
         """An estimator for one session of an arm that ran for so long before [s]; no marker starts it."""
@@ -131,7 +137,7 @@ class Adapted(Readout):
     def _learn(
         self, train: Windows, validate: Windows, rng: np.random.Generator, progress: Progress
     ) -> None:
-        base = self.trained
+        base = self.corrects.trained
         self._require(train, base)
         self.trained_on = tuple(dict.fromkeys((*base.trained_on, *train.sources("train"))))
         self.stopped_after = base.stopped_after
@@ -139,7 +145,7 @@ class Adapted(Readout):
             "base_covariance": base.covariance,
             "base_rate_hz": np.array(base.rate_hz or np.nan),
         }
-        told = [base.follow(session) for session in train.sessions]
+        told = [self.corrects.follow(session) for session in train.sessions]
         miss = (train.marker - np.concatenate([each.marker for each in told])).reshape(-1, 27)
         features = self._fit_features(train.x)
         with threadpool_limits(
@@ -170,7 +176,7 @@ class Adapted(Readout):
         beyond_chance = gain.mean() > gain.std(ddof=1) / np.sqrt(len(gain))
         return choices[best if beyond_chance else nothing]
 
-    def _require(self, train: Windows, base: Readout) -> None:
+    def _require(self, train: Windows, base: Trainable) -> None:
         least = self.blocks * self.window
         if len(train.x) < least:
             raise SerpentError(
@@ -215,24 +221,21 @@ class Adapted(Readout):
     def _spread(self, validate: Windows) -> Array:
         return self.learned["covariance"]
 
-    def _estimate(self, x: Array, start: Start | None) -> Array:
-        return self.trained.predict(x, start) + self._correction(x)
-
 
 def least_windows(window: int) -> int:
     """The least number of windows of H rows to learn from."""
     return BLOCKS * window
 
 
-class LiveAdapted:
+class LiveAdapted(Live):
     """An adapted readout in one session, a reading at a time."""
 
     def __init__(self, adapted: Adapted, prior_runtime: float = 0.0) -> None:
         self._adapted = adapted
-        self._base: Live = adapted.trained.live(prior_runtime)
+        self._base: Live = adapted.corrects.live(prior_runtime)
         self._recent = RecentWindow(adapted.window, adapted.rate_hz)
 
-    def update(self, now: Reading) -> Belief | None:
+    def update(self, now: BusReading) -> Belief | None:
         """The markers now; None before H readings."""
         belief, x = self._base.update(now), self._recent.add(now)
         if belief is None or x is None:

@@ -1,9 +1,9 @@
 """Estimate the pose by a twin whose motors move as measured."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -11,11 +11,13 @@ from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
 from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_jacobian
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts import Progress, Readout
-from serpent_twin.readouts.belief import Belief, covariance_of, joined
-from serpent_twin.readouts.live import Reading, readings
+from serpent_twin.estimators.belief import Belief, joined
+from serpent_twin.estimators.bus_reading import BusReading, readings
+from serpent_twin.estimators.estimator import Live, TrainedEstimator
+from serpent_twin.readouts import Progress
+from serpent_twin.readouts.covariance import covariance_of
 from serpent_twin.readouts.saved import Wanted, covariances, divisors, numbers
-from serpent_twin.readouts.windows import SessionWindows, Start, Windows
+from serpent_twin.readouts.windows import SessionWindows, Windows
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import TIMESTEP, coarse_step
 from serpent_twin.sim.prescribed_motion import STANDING, DrivenArms, Motors, Sensed, servo_lag
@@ -29,7 +31,7 @@ TURNING = 2 * STANDING
 
 
 @dataclass
-class Observer(Readout):
+class Observer(TrainedEstimator):
     """Ours: the twin, driven by the motors' angles from the session's first row on; no markers.
 
     Training estimates its covariance: the joint angles' error over the validation sessions, propagated
@@ -77,13 +79,14 @@ class Observer(Readout):
     def require_rate(self, rate_hz: float) -> None:
         """Accept rows of any rate: the twin is simulated from each to the next, however long that takes."""
 
-    def with_twin(self, arm: twin_model.TwinModel) -> "Observer":
+    @property
+    def takes_twin(self) -> bool:
+        """An observer has a twin, which another can replace."""
+        return True
+
+    def with_twin(self, arm: twin_model.TwinModel) -> Self:
         """The same observer with another twin; its covariance stays that of training with its own."""
-        other = replace(self, twin=twin_model.to_dict(arm))
-        for each in fields(self):
-            if not each.init:
-                setattr(other, each.name, getattr(self, each.name))
-        return other
+        return self.with_settings(twin=twin_model.to_dict(arm))
 
     @cached_property
     def arm(self) -> twin_model.TwinModel:
@@ -161,14 +164,8 @@ class Observer(Readout):
     def _spread(self, validate: Windows) -> Array:
         return self.learned["covariance"]
 
-    def _estimate(self, x: Array, start: Start | None) -> Array:
-        raise SerpentError(
-            f"the readout {self.name} follows the motors from a session's first row on, one window says "
-            "too little: use follow or live."
-        )
 
-
-class LiveObserver:
+class LiveObserver(Live):
     """The twin of one session, a row at a time."""
 
     def __init__(
@@ -191,12 +188,12 @@ class LiveObserver:
         self._count, self._observer, self._time = len(members), observer, np.nan
         self._doubt = 1.0  # squared, of the loads' errors over those in training
 
-    def update(self, now: Reading) -> Belief:
+    def update(self, now: BusReading) -> Belief:
         """The markers now."""
         self.step(now)
         return self.belief(now)
 
-    def step(self, now: Reading) -> None:
+    def step(self, now: BusReading) -> None:
         """Simulate the twin to this reading; at the first one, it starts at the pose of stiff cables."""
         position, velocity = (np.tile(x, (self._count, 1)) for x in (now.position, now.velocity))
         to = Motors(np.full(self._count, now.time), position, velocity)
@@ -224,7 +221,7 @@ class LiveObserver:
         each = vars(self.members).items()
         return Sensed(**{name: value.mean(axis=0, keepdims=True) for name, value in each})
 
-    def belief(self, now: Reading) -> Belief:
+    def belief(self, now: BusReading) -> Belief:
         """The twin's estimate of the markers; its covariance grows as loads differ from the twin's."""
         sensed = self.sensed
         error = (now.load - sensed.load[0]) / self._observer.learned["load"]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, f
+from scipy.stats import chi2
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -65,26 +65,3 @@ def require_finite(
                 f"the readout {readout} gives {what} that is not a number, {when}: its weights are damaged, "
                 "or the readings are far from all that it was trained on. Train it again, or leave it out."
             )
-
-
-def covariance_of(error: Array) -> Array:
-    """Mean outer products of marker errors [m], (N, 9, 3), about zero, (9, 3, 3); NaN is left out."""
-    seen = np.asarray(np.isfinite(error).all(axis=-1))
-    known = np.where(seen[..., None], error, 0.0)
-    count = np.maximum(seen.sum(axis=0), 1)
-    found = np.einsum("nki,nkj->kij", known, known) / count[:, None, None]
-    return found + 1e-12 * np.eye(3)  # (1 µm)², so that it can be inverted
-
-
-def growth(errors: float, share: float = 0.95) -> float:
-    """Factor of a covariance estimated from few independent errors with which its ellipsoids of that share
-    hold the next one (Hotelling).
-    """
-    n = max(errors, 4.0)
-    return float(3 * n / (n - 2) * f.ppf(share, 3, n - 2) / chi2.ppf(share, 3))
-
-
-def root_of(covariance: Array) -> Array:
-    """L of L Lᵀ = covariance, (..., 3, 3); the identity where that is not known."""
-    unknown = ~np.isfinite(covariance).all(axis=(-2, -1), keepdims=True)
-    return np.linalg.cholesky(np.where(unknown, np.eye(3), covariance))

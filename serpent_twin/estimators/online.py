@@ -8,8 +8,10 @@ from scipy.linalg.lapack import dposv
 
 from serpent_twin.arm.geometry import N_JOINTS, joint_from_motor
 from serpent_twin.arrays import Array
-from serpent_twin.readouts.belief import Belief, root_of
-from serpent_twin.readouts.live import Live, Reading
+from serpent_twin.estimators.belief import Belief
+from serpent_twin.estimators.bus_reading import BusReading
+from serpent_twin.estimators.estimator import Live, Weighed
+from serpent_twin.readouts.covariance import root_of
 
 ANGLE, LOAD, PLACE, SPEED = 0.2, 0.1, 0.1, 0.08
 """[rad], fraction of the stall torque, [m], [m/s]: units that make features of order 1 under the published
@@ -18,7 +20,7 @@ FEATURES = 1 + 2 * N_JOINTS + 2 * 3 * N_JOINTS
 
 
 @dataclass(frozen=True)
-class Memory:
+class Forgetting:
     """How fast a correction learns and forgets."""
 
     weights_s: float = 60.0
@@ -32,7 +34,7 @@ class Memory:
 
 
 @dataclass(frozen=True)
-class Step:
+class OpenEstimate:
     """An estimate with which measured markers are compared."""
 
     believed: Belief
@@ -43,7 +45,7 @@ class Step:
     """Since the reading before [s]"""
 
 
-class Online:
+class Online(Live):
     """An estimator, and a linear correction that is fitted to measured markers whenever there are some.
 
     Recursive least squares in information form: what is kept are exponentially weighted sums of products,
@@ -51,17 +53,17 @@ class Online:
     not accumulate, and while the arm stands still they return to zero, to the estimator alone.
     """
 
-    def __init__(self, live: Live, memory: Memory | None = None) -> None:
-        self._live, self._memory = live, memory or Memory()
+    def __init__(self, live: Live, forgetting: Forgetting | None = None) -> None:
+        self._live, self._forgetting = live, forgetting or Forgetting()
         self._gram = np.zeros((N_JOINTS, FEATURES, FEATURES))
         self._right = np.zeros((N_JOINTS, FEATURES, 3))
         self.weight = np.zeros((N_JOINTS, FEATURES, 3))
         """From features to what is added to each marker [m]; set by `correct`"""
         self._square, self._count = np.zeros((N_JOINTS, 3, 3)), np.zeros(N_JOINTS)
         self._time, self._marker = np.nan, np.full((N_JOINTS, 3), np.nan)
-        self._open: Step | None = None
+        self._open: OpenEstimate | None = None
 
-    def update(self, now: Reading) -> Belief | None:
+    def update(self, now: BusReading) -> Belief | None:
         """The markers now, corrected; None until the estimator has enough readings."""
         believed, interval = self._live.update(now), now.time - self._time
         self._time, self._open = now.time, None
@@ -71,10 +73,14 @@ class Online:
         speed = np.nan_to_num((believed.marker[0] - self._marker) / interval)
         self._marker = believed.marker[0]
         found = features(now, self._marker, speed)
-        self._open = Step(believed, found, float(np.nan_to_num(interval)))
+        self._open = OpenEstimate(believed, found, float(np.nan_to_num(interval)))
         root = root_of(believed.covariance)
         spread = root @ self._spread(believed) @ np.swapaxes(root, -1, -2)
         return Belief(believed.marker + found @ self.weight, spread)
+
+    def weighed(self) -> Weighed:
+        """The arm's parameters that the estimator identified so far."""
+        return self._live.weighed()
 
     def correct(self, marker: Array) -> None:
         """Learn from the markers measured with the last reading [m], (9, 3), NaN where lost; once.
@@ -90,28 +96,28 @@ class Online:
         self._learn(seen, missed, step)
         root = root_of(step.believed.covariance[0, seen])
         each = np.linalg.solve(root, left[..., None])
-        fade = np.exp(-step.interval / self._memory.spread_s)
+        fade = np.exp(-step.interval / self._forgetting.spread_s)
         self._square[seen] = fade * self._square[seen] + each @ np.swapaxes(each, -1, -2)
         self._count[seen] = fade * self._count[seen] + 1
 
-    def _learn(self, seen: NDArray[np.intp], missed: Array, step: Step) -> None:
-        fade, x = np.exp(-step.interval / self._memory.weights_s), step.features
+    def _learn(self, seen: NDArray[np.intp], missed: Array, step: OpenEstimate) -> None:
+        fade, x = np.exp(-step.interval / self._forgetting.weights_s), step.features
         self._gram[seen] = fade * self._gram[seen] + np.outer(x, x)
         self._right[seen] = fade * self._right[seen] + x[:, None] * missed[:, None]
         for k in seen:
-            regular = self._gram[k] + self._memory.ridge * np.eye(FEATURES)
+            regular = self._gram[k] + self._forgetting.ridge * np.eye(FEATURES)
             self.weight[k] = dposv(regular, self._right[k])[1]
 
     def _spread(self, believed: Belief) -> Array:
         """Covariance of the out-of-sample residual, in units of the estimator's own, (9, 3, 3)."""
         known = np.isfinite(believed.covariance[0]).all(axis=(-2, -1))
-        trust = np.where(known, self._memory.trust, 0.0)[:, None, None]
+        trust = np.where(known, self._forgetting.trust, 0.0)[:, None, None]
         count = self._count[:, None, None] + trust
         total = self._square + trust * np.eye(3)
         return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
 
 
-def features(now: Reading, marker: Array, speed: Array) -> Array:
+def features(now: BusReading, marker: Array, speed: Array) -> Array:
     """1, stiff cables' joint angles, loads, the estimator's markers (9, 3) [m] and their speed, (C,).
 
     With an observer of a twin that differed by 30 g, by 0.5 mm of slack or by its stiffness, in turn: offset

@@ -1,53 +1,41 @@
-"""Run a readout while the arm moves, one control step at a time."""
+"""Let a readout of windows follow a session."""
 
 from collections import deque
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
+from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
-from serpent_twin.readouts.belief import Belief
-from serpent_twin.readouts.windows import Bus
-
-if TYPE_CHECKING:
-    from serpent_twin.readouts import Readout
+from serpent_twin.estimators.belief import Belief
+from serpent_twin.estimators.bus_reading import BusReading
+from serpent_twin.estimators.estimator import Estimator, Live
+from serpent_twin.readouts import Readout
+from serpent_twin.readouts.windows import SessionWindows
 
 GAP = 1.5
 """Periods after which a reading is no neighbour of the one before"""
 
 
-@dataclass(frozen=True)
-class Reading:
-    """The bus's readings in one control step."""
+class WindowEstimator(Estimator):
+    """A readout, given the window that ends at each row; its covariance is that of validation."""
 
-    time: float
-    """[s]"""
-    position: Array
-    """[rad], (10,)"""
-    velocity: Array
-    """[rad/s], (10,)"""
-    load: Array
-    """Fraction of the stall torque, (10,)"""
-    command: Array
-    """What was sent after the reading before [rad/s], (10,); 0 for the first"""
+    def __init__(self, readout: Readout) -> None:
+        self._readout = readout
 
+    @property
+    def trained(self) -> Readout:
+        """The readout."""
+        return self._readout
 
-def readings(bus: Bus) -> Iterator[Reading]:
-    """A session's rows as they came."""
-    before = np.vstack([np.zeros(N_MOTORS), bus.command[:-1]])
-    rows = zip(bus.time, bus.position, bus.velocity, bus.load, before, strict=True)
-    return (Reading(*row) for row in rows)
+    def follow(self, session: SessionWindows) -> Belief:
+        """Markers of all windows of a session, with their covariance."""
+        marker = self._readout.predict(session.x, session.start)
+        covariance = self._readout.covariance
+        return Belief(marker, np.broadcast_to(covariance, (len(marker), N_JOINTS, 3, 3)))
 
-
-class Live(Protocol):
-    """An estimator that follows an arm, reading by reading."""
-
-    def update(self, now: Reading) -> Belief | None:
-        """The markers now, a belief of one row; None until there are enough readings."""
-        ...
+    def live(self, prior_runtime: float = 0.0) -> "LiveWindows":
+        """Follow one session; no marker starts it, and how long the arm ran before is ignored."""
+        return LiveWindows(self._readout)
 
 
 class RecentWindow:
@@ -60,7 +48,7 @@ class RecentWindow:
         self._time, self._gap = np.nan, GAP / rate_hz if rate_hz else np.inf
         self._state, self._command = deque[Array](maxlen=window), deque[Array](maxlen=window - 1)
 
-    def add(self, now: Reading) -> Array | None:
+    def add(self, now: BusReading) -> Array | None:
         """The window now, (1, 27H − 9); None before H readings without a gap."""
         if now.time - self._time > self._gap:
             self._state.clear()
@@ -72,14 +60,14 @@ class RecentWindow:
         return np.concatenate([*self._state, *self._command])[None]
 
 
-class LiveWindows:
+class LiveWindows(Live):
     """A readout of windows, given the last H readings each time."""
 
-    def __init__(self, readout: "Readout") -> None:
+    def __init__(self, readout: Readout) -> None:
         self._readout = readout
         self._recent = RecentWindow(readout.window, readout.rate_hz)
 
-    def update(self, now: Reading) -> Belief | None:
+    def update(self, now: BusReading) -> Belief | None:
         """The markers now; None before H readings without a gap."""
         x = self._recent.add(now)
         if x is None:
