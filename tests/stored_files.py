@@ -30,7 +30,7 @@ from serpent_twin.residual import learned
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
 from serpent_twin.training import adapt
-from serpent_twin.training.trial import COST, training_time
+from serpent_twin.training.training_run import COST, training_time
 
 Steps = tuple[str | int, ...]
 

@@ -8,7 +8,7 @@ from rerun.chunk import RrdReader
 from serpent_twin.live.draw import Drawing, ellipsoids
 from serpent_twin.live.estimate import Estimate, estimate
 from serpent_twin.live.follower import COLUMNS
-from serpent_twin.live.stream import Page, Sample, Stream
+from serpent_twin.live.stream import Page, RerunStream, Sample
 
 
 def test_the_recording_holds_what_the_log_says(tmp_path):
@@ -75,7 +75,7 @@ def test_a_recording_without_rows_leaves_no_file(tmp_path):
 def test_a_drawing_process_that_dies_stops_no_arm(tmp_path, capsys):
     row = dict.fromkeys(COLUMNS, np.nan) | {"time": 0.0, "marker": np.zeros((9, 3))}
     row |= {"motor_position": np.zeros(10), "motor_load": np.zeros(10)}
-    with Stream(Page("x", "y", tmp_path / "a.rrd", view=False)) as stream:
+    with RerunStream(Page("x", "y", tmp_path / "a.rrd", view=False)) as stream:
         stream._process.kill()
         stream._process.join()
         for _ in range(200):

@@ -24,7 +24,7 @@ def test_torch_and_numpy_place_the_markers_alike():
 
 
 def test_torch_and_numpy_run_the_same_perceptron():
-    net = modules.Mlp(7, 16, 3, 5, "silu")
+    net = modules.MlpModule(7, 16, 3, 5, "silu")
     x = torch.randn(20, 7)
     expected = net(x).detach().numpy()
     np.testing.assert_allclose(
@@ -33,7 +33,7 @@ def test_torch_and_numpy_run_the_same_perceptron():
 
 
 def test_our_lstm_is_torchs_lstm():
-    net, reference = modules.Lstm(6, 8, 5), torch.nn.LSTM(6, 8, batch_first=True)
+    net, reference = modules.LstmModule(6, 8, 5), torch.nn.LSTM(6, 8, batch_first=True)
     state = {
         "weight_ih_l0": net.input.weight,
         "bias_ih_l0": net.input.bias,
@@ -50,7 +50,7 @@ def test_our_lstm_is_torchs_lstm():
 def test_the_published_schedule_lowers_the_rate_after_three_rises_and_then_ends():
     rng = np.random.default_rng(0)
     x, y = rng.normal(size=(300, 4)), rng.normal(size=(300, 27))  # nothing to learn: overfits soon
-    net = fit.build(lambda: modules.Mlp(4, 32, 2, 27, "relu"), rng)
+    net = fit.build(lambda: modules.MlpModule(4, 32, 2, 27, "relu"), rng)
     train, validation = fit.samples(x[:150], y[:150]), fit.samples(x[150:], y[150:])
     schedule = fit.Plateau(epochs=400, batch=10, rate=1e-2, least_rate=1e-4)
     history = fit.train(net, train, validation, schedule, rng, quiet)
@@ -71,7 +71,7 @@ def test_the_published_schedule_lowers_the_rate_after_three_rises_and_then_ends(
 def test_lost_markers_do_not_enter_the_loss():
     x, y = np.ones((2, 3)), np.zeros((2, 27))
     y[0, :] = np.nan
-    net = modules.Mlp(3, 4, 1, 27, "relu")
+    net = modules.MlpModule(3, 4, 1, 27, "relu")
     for loss in (fit.squared_error, fit.distance):
         masked, whole = loss(net, fit.samples(x, y)), loss(net, fit.samples(x[1:], y[1:]))
         assert masked.item() == pytest.approx(whole.item())
@@ -81,7 +81,7 @@ def test_the_distance_loss_is_the_mean_distance():
     rng = np.random.default_rng(0)
     x, y = rng.normal(size=(40, 3)), rng.normal(0, 10, (40, 27))
     y[3, 6:9] = np.nan
-    net = modules.Mlp(3, 4, 1, 27, "relu")
+    net = modules.MlpModule(3, 4, 1, 27, "relu")
     estimate = forward.mlp(x, fit.weights(net), "relu").reshape(-1, 9, 3)
     expected = np.nanmean(np.linalg.norm(estimate - y.reshape(-1, 9, 3), axis=2))
     assert fit.distance(net, fit.samples(x, y), rounding=1e-6).item() == pytest.approx(expected)

@@ -21,7 +21,7 @@ from serpent_twin.readouts import Readout
 from serpent_twin.readouts.linear import Linear
 from serpent_twin.readouts.residual_mlp import ResidualMlp
 from serpent_twin.training.train import Train, train
-from serpent_twin.training.trial import judged
+from serpent_twin.training.training_run import judged
 
 
 @pytest.fixture

@@ -35,7 +35,7 @@ from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
 from serpent_twin.training.jitter import command_error
 from serpent_twin.training.split import split
-from serpent_twin.training.trial import latency_ms
+from serpent_twin.training.training_run import latency_ms
 
 READOUTS = ("residual", "residual_mlp")
 """Compared on every route"""

@@ -22,7 +22,7 @@ from serpent_twin.reservoir.sweep.point import DROP, WINDOW, GridPoint
 from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
 from serpent_twin.training.split import split
-from serpent_twin.training.trial import Trial
+from serpent_twin.training.training_run import TrainingRun
 
 HOLDS = 8
 """Greatest delay of the memory of logs, in holds of one target"""
@@ -110,7 +110,7 @@ def errors(sessions: Sequence[Session], names: Sequence[str]) -> dict[str, float
 def trained(name: str, sessions: Sequence[Session]) -> Estimator:
     """An estimator that has learned from all sessions but the last."""
     train, steer, _ = split(sessions).windows(WINDOW, DROP)
-    estimator = Trial(name, WINDOW, Path()).untrained()
+    estimator = TrainingRun(name, WINDOW, Path()).untrained()
     estimator.trained.fit(train, steer, np.random.default_rng(0))
     return estimator
 

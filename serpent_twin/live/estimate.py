@@ -13,7 +13,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.live.arm import Drive, is_known, note, of_readout
 from serpent_twin.live.figures import Course, figures, told
 from serpent_twin.live.follower import Follower
-from serpent_twin.live.run import Plan, run
+from serpent_twin.live.run import LivePlan, run
 from serpent_twin.recording import collect, lost_markers
 from serpent_twin.recording.collect import OF_ARM, REAL, SIMULATED, Real
 from serpent_twin.recording.ending import why
@@ -120,7 +120,7 @@ def estimate(config: Estimate) -> dict[str, Any]:
     return results
 
 
-def planned(config: Estimate) -> Plan:
+def planned(config: Estimate) -> LivePlan:
     """Estimator and arm of a config, checked; nothing is written and nothing moves."""
     trained = estimator = estimators.load(config.model)
     simulated = config.simulate
@@ -157,12 +157,14 @@ def planned(config: Estimate) -> Plan:
     collect.check(drive)
     estimator.require_rate(config.rate_hz)
     if config.backend == "real":
-        return Plan(config, estimator, drive)
+        return LivePlan(config, estimator, drive)
     other = f" It estimates by {config.twin}." if estimator is not trained else ""
-    return Plan(config, estimator, drive, note(drive, trained) + other, is_known(drive, trained))
+    return LivePlan(
+        config, estimator, drive, note(drive, trained) + other, is_known(drive, trained)
+    )
 
 
-def settings(plan: Plan) -> dict[str, Any]:
+def settings(plan: LivePlan) -> dict[str, Any]:
     """The options of the run, and the hashes of its input files."""
     config = plan.config
     files = ("readout.json", "learned.npz")
@@ -177,7 +179,7 @@ def settings(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _refuse_second(plan: Plan) -> None:
+def _refuse_second(plan: LivePlan) -> None:
     names = (f"{plan.session.stem}.*", RESULTS)
     if found := [path for name in names for path in sorted(plan.config.out.glob(name))]:
         raise SerpentError(

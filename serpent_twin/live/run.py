@@ -12,7 +12,7 @@ from serpent_twin.hardware.cameras import NoMocap
 from serpent_twin.live.arm import Drive
 from serpent_twin.live.figures import Course
 from serpent_twin.live.follower import COLUMNS, Follower
-from serpent_twin.live.stream import Page, Stream
+from serpent_twin.live.stream import Page, RerunStream
 from serpent_twin.recording import collect, simulated
 from serpent_twin.recording.ending import sealed, stopped_by_signals
 from serpent_twin.recording.loop import Beside, Row, record
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Plan:
+class LivePlan:
     """A config with its estimator and its drive, checked."""
 
     config: "Estimate"
@@ -43,7 +43,7 @@ class Plan:
         return collect.session_path(self.drive, 1)
 
 
-def run(plan: Plan, follower: Follower, course: Course) -> None:
+def run(plan: LivePlan, follower: Follower, course: Course) -> None:
     """Drive the arm, let the estimator follow it, log both, and show them."""
     about: dict[str, Any] = {
         "estimate": {"readout": plan.estimator.name, "model": str(plan.config.model)}
@@ -68,7 +68,7 @@ def run(plan: Plan, follower: Follower, course: Course) -> None:
             _simulate(plan, beside)
 
 
-def _simulate(plan: Plan, beside: Beside) -> None:
+def _simulate(plan: LivePlan, beside: Beside) -> None:
     drive = plan.drive
     bus, cameras, targets = simulated.bench(drive, 1, drive.prior_runtime)
     if not plan.config.markers:
@@ -91,8 +91,8 @@ def _simulate(plan: Plan, beside: Beside) -> None:
             bar.update()
 
 
-def _stream(plan: Plan, stack: ExitStack) -> Stream:
+def _stream(plan: LivePlan, stack: ExitStack) -> RerunStream:
     config, drive = plan.config, plan.drive
     about = f"{drive.arm_name}, backend `{config.backend}`, {config.rate_hz:g} Hz"
     file = plan.session.with_suffix(".rrd") if config.record else None
-    return stack.enter_context(Stream(Page(plan.estimator.name, about, file, config.view)))
+    return stack.enter_context(RerunStream(Page(plan.estimator.name, about, file, config.view)))

@@ -59,7 +59,7 @@ class Sample(NamedTuple):
     """From the reading to the estimate"""
 
 
-class Stream:
+class RerunStream:
     """Rows on their way to rerun; a context manager. What goes wrong on the way stops no arm."""
 
     def __init__(self, page: Page) -> None:

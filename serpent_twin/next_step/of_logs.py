@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # each command imports this module, which imports the others 
     from serpent_twin.identification import Trace
     from serpent_twin.live.estimate import Estimate
     from serpent_twin.reservoir.sweep.run import Sweep
-    from serpent_twin.training.train import Plan
+    from serpent_twin.training.train import TrainingPlan
 
 ALIKE = 1.05
 """Times the least error, up to which a readout is as good as the best"""
@@ -49,14 +49,14 @@ def after_recovery(path: Path) -> Words | None:
     return ["serpent_twin.log", "info", str(folder)]
 
 
-def after_training(plan: "Plan", scores: Mapping[str, Any]) -> Words | None:
+def after_training(plan: "TrainingPlan", scores: Mapping[str, Any]) -> Words | None:
     """After training: trace an arm whose twin nobody has fitted, else follow it by the best readout."""
     if not plan.twin.settled and not plan.adaptation and (step := trace(plan)):
         return step
     return estimate(plan, scores)
 
 
-def without_observer(plan: "Plan") -> str:
+def without_observer(plan: "TrainingPlan") -> str:
     """Why the observer was not trained, and what trains it; nothing if it was, or others were asked for."""
     if plan.twin.design or plan.config.readout:
         return ""
@@ -72,7 +72,7 @@ def without_observer(plan: "Plan") -> str:
     return f"{why} To train it: {typed(tracing)}, then {typed(again)}"
 
 
-def trace(plan: "Plan") -> Words | None:
+def trace(plan: "TrainingPlan") -> Words | None:
     """Trace the logs that were trained on, if they can be."""
     from serpent_twin.identification.run import Trace, planned
     from serpent_twin.machines.arm.pieces import segments
@@ -84,7 +84,7 @@ def trace(plan: "Plan") -> Words | None:
     return ["serpent_twin.trace", "--logs", str(logs), "--out", str(where)]
 
 
-def estimate(plan: "Plan", scores: Mapping[str, Any]) -> Words | None:
+def estimate(plan: "TrainingPlan", scores: Mapping[str, Any]) -> Words | None:
     """Follow the arm by the readout of the least error that can."""
     from serpent_twin.live.estimate import Estimate, planned
 

@@ -68,10 +68,10 @@ class Decoder(ResidualMlp):
         return np.concatenate([joint_from_motor(motor_angles(x)) + correction, scaled], axis=1)
 
     def _make(self, inputs: int) -> "nn.Module":
-        from serpent_twin.readouts.network.modules import Chain, Mlp
+        from serpent_twin.readouts.network.modules import ChainModule, MlpModule
 
-        network = Mlp(inputs - N_JOINTS, self.width, self.layers, N_JOINTS + 27, "silu")
-        return Chain(network, self.learned["joint_half"], self.learned["y_half"])
+        network = MlpModule(inputs - N_JOINTS, self.width, self.layers, N_JOINTS + 27, "silu")
+        return ChainModule(network, self.learned["joint_half"], self.learned["y_half"])
 
     def _forward(self, inputs: Array) -> Array:
         answer = forward.mlp(inputs[:, N_JOINTS:], self.learned, "silu").astype(float)

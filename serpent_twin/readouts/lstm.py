@@ -39,7 +39,7 @@ class Lstm(Published):
         }
 
     def _make(self, inputs: int) -> "nn.Module":
-        from serpent_twin.readouts.network.modules import Lstm as Network
+        from serpent_twin.readouts.network.modules import LstmModule as Network
 
         return Network(inputs, self.width, 27)
 

@@ -47,7 +47,7 @@ class Mlp(Published):
         return layer_weights([self._feature_count, *[self.width] * self.layers, 27])
 
     def _make(self, inputs: int) -> "nn.Module":
-        from serpent_twin.readouts.network.modules import Mlp as Network
+        from serpent_twin.readouts.network.modules import MlpModule as Network
 
         return Network(inputs, self.width, self.layers, 27, "relu")
 

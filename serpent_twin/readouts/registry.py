@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
-from serpent_twin.readouts.saved import ABOUT, About, configured, read_about, read_learned
+from serpent_twin.readouts.saved import ABOUT, SavedAbout, configured, read_about, read_learned
 from serpent_twin.readouts.trainable import Trainable
 from serpent_twin.readouts.windows import input_size
 from serpent_twin.stored import naming
@@ -77,7 +77,7 @@ def restored(folder: Path, kind_of: Callable[[str], type[T]], window: int | None
     return found
 
 
-def _require_window(found: Trainable, about: About, folder: Path, window: int | None) -> None:
+def _require_window(found: Trainable, about: SavedAbout, folder: Path, window: int | None) -> None:
     if window is not None and window != found.window:
         raise SerpentError(
             f"{folder} was trained for windows of {counted(found.window, 'row')}, asked for were {window}. "

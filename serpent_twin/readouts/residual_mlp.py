@@ -74,9 +74,9 @@ class ResidualMlp(Regression):
         return ridge.predict(x).reshape(-1, 27)
 
     def _make(self, inputs: int) -> "nn.Module":
-        from serpent_twin.readouts.network.modules import Mlp
+        from serpent_twin.readouts.network.modules import MlpModule
 
-        return Mlp(inputs, self.width, self.layers, 27, "silu")
+        return MlpModule(inputs, self.width, self.layers, 27, "silu")
 
     def _forward(self, inputs: Array) -> Array:
         return forward.mlp(inputs, self.learned, "silu")

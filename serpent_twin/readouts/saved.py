@@ -46,7 +46,7 @@ class Epoch:
     """Wall time of the pass [s]"""
 
 
-class About(stored.Form, frozen=True):
+class SavedAbout(stored.Form, frozen=True):
     """The content of readout.json."""
 
     format_version: Literal[1]
@@ -69,7 +69,7 @@ class About(stored.Form, frozen=True):
         return np.array(self.covariance_m2)
 
 
-def read_about(folder: Path) -> About:
+def read_about(folder: Path) -> SavedAbout:
     """What readout.json in a folder says; raises a `SerpentError` that names what is wrong with it."""
     path = folder / ABOUT
     if not path.exists():
@@ -77,7 +77,7 @@ def read_about(folder: Path) -> About:
             f"{folder} holds no trained readout (no readout.json). Give a folder like OUT/models/mlp "
             "that `python -m serpent_twin.train` wrote."
         )
-    about = stored.read_json(path, About, _AGAIN)
+    about = stored.read_json(path, SavedAbout, _AGAIN)
     wanted = {"covariance_m2": covariances(N_JOINTS, unknown=True)}
     stored.require_arrays({"covariance_m2": about.covariance}, wanted, str(path), _AGAIN)
     return about

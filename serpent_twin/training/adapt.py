@@ -23,7 +23,7 @@ from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import read_folder, refuse_repeated
 from serpent_twin.training.split import Split, split
-from serpent_twin.training.trial import COST, judged, training_time
+from serpent_twin.training.training_run import COST, judged, training_time
 
 FOLDER, SETTINGS, SCORES = "adapted", "adapt.json", "scores.json"
 NONE, ALL = "0", "all"

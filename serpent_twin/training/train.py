@@ -28,7 +28,7 @@ from serpent_twin.training.known_twin import KnownTwin, known_twin
 from serpent_twin.training.page import page
 from serpent_twin.training.split import Split, refuse_unseen, split
 from serpent_twin.training.tables import adapt_table, detail_table, score_table
-from serpent_twin.training.trial import COST, Result, Trial, summaries
+from serpent_twin.training.training_run import COST, Result, TrainingRun, summaries
 from serpent_twin.training.uncertainty import METHOD
 
 SETTINGS = "train.json"
@@ -109,7 +109,7 @@ class Train(Checked):
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class TrainingPlan:
     """A config with its sessions, readouts and windows, checked."""
 
     config: Train
@@ -129,19 +129,19 @@ def train(config: Train) -> dict[str, Any]:
     return carried_out(planned(config))
 
 
-def carried_out(plan: Plan) -> dict[str, Any]:
+def carried_out(plan: TrainingPlan) -> dict[str, Any]:
     """Train and score what was planned; returns what scores.json holds."""
     config, sessions, real = plan.config, plan.sessions, plan.adaptation
     with claimed(config.out, SETTINGS, settings(config, sessions)):
         _set_threads(config.threads)
         wanted = list(dict.fromkeys(plan.wanted + _trained_before(config)))
-        results = _run([_trial(plan, *one) for one in wanted], sessions, config)
-        models = [trial.name for trial in results if trial.window == config.window]
+        results = _run([_training_run(plan, *one) for one in wanted], sessions, config)
+        models = [each.name for each in results if each.window == config.window]
         adapted = adapting.adapt(real, models, config.out) if real else None
         return _conclude(plan, results, adapted or adapting.earlier(config.out))
 
 
-def planned(config: Train) -> Plan:
+def planned(config: Train) -> TrainingPlan:
     """The plan of a config; what cannot be done is refused before a folder is locked."""
     for name in config.readout:
         find(name)
@@ -158,7 +158,7 @@ def planned(config: Train) -> Plan:
         refuse_unseen(*sessions.windows(window, config.drop))
     if config.command_jitter is None:
         config = replace(config, command_jitter=_servo_error(adaptation, config.out))
-    return Plan(config, sessions, wanted, twin, adaptation)
+    return TrainingPlan(config, sessions, wanted, twin, adaptation)
 
 
 def _adaptation(config: Train) -> adapting.Adaptation | None:
@@ -227,27 +227,27 @@ def _set_threads(threads: int) -> None:
     torch.set_num_threads(threads)
 
 
-def _trial(plan: Plan, name: str, window: int) -> Trial:
+def _training_run(plan: TrainingPlan, name: str, window: int) -> TrainingRun:
     config = plan.config
     place = "models" if window == config.window else f"windows/{window}"
     twin = twin_model.to_dict(plan.twin.design) if plan.twin.design else None
-    return Trial(name, window, config.out / place / name, config.seed, config.epochs, twin)
+    return TrainingRun(name, window, config.out / place / name, config.seed, config.epochs, twin)
 
 
-def _run(trials: list[Trial], sessions: Split, config: Train) -> dict[Trial, Result]:
+def _run(runs: list[TrainingRun], sessions: Split, config: Train) -> dict[TrainingRun, Result]:
     """Train what is not stored yet, then score everything."""
-    missing = [trial for trial in trials if not trial.stored()]
-    for number, trial in enumerate(missing, 1):
-        *known, test = sessions.windows(trial.window, config.drop)
+    missing = [each for each in runs if not each.stored()]
+    for number, each in enumerate(missing, 1):
+        *known, test = sessions.windows(each.window, config.drop)
         learn, steer = (
             jittered(part, config.command_jitter or 0.0, np.random.default_rng([config.seed, n]))
             for n, part in enumerate(known)
         )
-        label = f"[{number}/{len(missing)}] {trial.name}, H = {trial.window}"
+        label = f"[{number}/{len(missing)}] {each.name}, H = {each.window}"
         with tqdm(desc=label, unit="epoch", leave=True) as bar:
-            trial.train(learn, steer, lambda *told, bar=bar: _show(bar, *told), test)
-    tested = {h: sessions.windows(h, config.drop)[2] for h in {trial.window for trial in trials}}
-    return {trial: trial.result(tested[trial.window]) for trial in trials}
+            each.train(learn, steer, lambda *told, bar=bar: _show(bar, *told), test)
+    tested = {h: sessions.windows(h, config.drop)[2] for h in {each.window for each in runs}}
+    return {each: each.result(tested[each.window]) for each in runs}
 
 
 def _show(bar: tqdm, done: int, most: int, loss: float) -> None:
@@ -258,7 +258,7 @@ def _show(bar: tqdm, done: int, most: int, loss: float) -> None:
 
 
 def _conclude(
-    plan: Plan, results: dict[Trial, Result], real: dict[str, Any] | None
+    plan: TrainingPlan, results: dict[TrainingRun, Result], real: dict[str, Any] | None
 ) -> dict[str, Any]:
     """Write scores.json and the report, print the table; returns what scores.json holds."""
     config, sessions = plan.config, plan.sessions

@@ -63,6 +63,10 @@ class Plateau:
     loss: Loss = squared_error
     """What training lessens, the published mean squared error"""
 
+    def rate_control(self, net: nn.Module, rows: int) -> "_Rate":
+        """The optimizer of a network, and how its rate falls."""
+        return _PlateauRate(net, self)
+
 
 @dataclass(frozen=True)
 class OneCycle:
@@ -80,6 +84,10 @@ class OneCycle:
     """Weight decay (AdamW)"""
     loss: Loss = distance
     """What training lessens, the distance that is scored"""
+
+    def rate_control(self, net: nn.Module, rows: int) -> "_Rate":
+        """The optimizer of a network, and how its rate rises and falls over epochs of so many rows."""
+        return _CycleRate(net, self, rows)
 
 
 def samples(x: Array, y: Array) -> Samples:
@@ -113,7 +121,7 @@ def train(
     progress: Progress,
 ) -> list[Epoch]:
     """Train in place, leave the weights of the best validation loss, and return all epochs."""
-    rate = _rate(net, schedule, len(data.x))
+    rate = schedule.rate_control(net, len(data.x))
     shuffle = torch.Generator().manual_seed(int(rng.integers(2**31)))
     history, best, best_loss = [], copy.deepcopy(net.state_dict()), np.inf
     while len(history) < schedule.epochs and not rate.spent:
@@ -164,12 +172,6 @@ class _Rate:
 
     def after_epoch(self, loss: float) -> None:
         """Called after each pass with the validation loss."""
-
-
-def _rate(net: nn.Module, schedule: Plateau | OneCycle, rows: int) -> _Rate:
-    if isinstance(schedule, Plateau):
-        return _PlateauRate(net, schedule)
-    return _CycleRate(net, schedule, rows)
 
 
 class _PlateauRate(_Rate):

@@ -7,7 +7,7 @@ from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm
 from serpent_twin.arrays import Array
 
 
-class Mlp(nn.Module):
+class MlpModule(nn.Module):
     """A multilayer perceptron with `layers` hidden layers."""
 
     def __init__(self, inputs: int, width: int, layers: int, outputs: int, activation: str) -> None:
@@ -25,7 +25,7 @@ class Mlp(nn.Module):
         return self.get_submodule(f"layer{self.count - 1}")(x)
 
 
-class Lstm(nn.Module):
+class LstmModule(nn.Module):
     """One LSTM layer that starts from rest, and a linear layer on its last state."""
 
     def __init__(self, inputs: int, width: int, outputs: int) -> None:
@@ -74,10 +74,10 @@ def markers(q: Tensor, place: Tensor, arm: Arm = ARM) -> Tensor:
     return below
 
 
-class Chain(nn.Module):
+class ChainModule(nn.Module):
     """A network's corrections of joint angles, then forward kinematics, then a correction of markers."""
 
-    def __init__(self, network: Mlp, joint_half: Array, marker_half: Array) -> None:
+    def __init__(self, network: MlpModule, joint_half: Array, marker_half: Array) -> None:
         super().__init__()
         for i in range(network.count):  # the same names as without a chain
             self.add_module(f"layer{i}", network.get_submodule(f"layer{i}"))

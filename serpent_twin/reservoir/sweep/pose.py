@@ -19,7 +19,7 @@ from serpent_twin.reservoir.sweep.point import DROP, WINDOW, GridPoint, Measurin
 from serpent_twin.sessions import FIELDS, SCHEMA_VERSION, Session
 from serpent_twin.sim.twin import Twin
 from serpent_twin.training.split import split
-from serpent_twin.training.trial import Trial
+from serpent_twin.training.training_run import TrainingRun
 
 PUBLISHED_RATE = 4.0
 """[Hz] P. At another rate the whole protocol goes faster or slower: velocities in proportion."""
@@ -65,7 +65,7 @@ def _twin(point: GridPoint, rate: float, prior_runtime: float) -> Twin:
 def _score(
     name: str, point: GridPoint, measuring: Measuring, train: Windows, steer: Windows, test: Windows
 ) -> dict[str, Any]:
-    estimator = Trial(name, WINDOW, Path(), point.seed, measuring.epochs).untrained()
+    estimator = TrainingRun(name, WINDOW, Path(), point.seed, measuring.epochs).untrained()
     if estimator.trained.takes("epochs"):
         import torch
 

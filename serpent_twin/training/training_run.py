@@ -30,7 +30,7 @@ COST = "cost.json"
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """The result of a trial."""
+    """The result of a training run."""
 
     scores: Scores
     """Marker distances over the test sessions"""
@@ -82,7 +82,7 @@ class Result:
 
 
 @dataclass(frozen=True)
-class Trial:
+class TrainingRun:
     """A readout to train on windows of H rows, and the folder that keeps it."""
 
     name: str
@@ -122,7 +122,7 @@ class Trial:
     def train(
         self, train: Windows, validate: Windows, progress: Progress, test: Windows | None = None
     ) -> None:
-        """Fit and save, the cost last: a trial that was interrupted is not `stored`.
+        """Fit and save, the cost last: a run that was interrupted is not `stored`.
 
         Of the test windows, only their logs' names and hashes are kept.
         """
