@@ -70,13 +70,11 @@ def jacobian(
             "the twin's simulation became unstable where a fit was to begin, so nothing can be said of these "
             "logs. Check the motors' angles, and what the twin declares."
         )
-    out = np.zeros((len(free), *residual.shape), np.float32)
-    simulated = _simulated(case, free)
-    out[simulated] = np.nan_to_num(_differences(case, point, free, pieces, simulated))
-    if answered := [n for n in range(len(free)) if n not in simulated]:
-        first = next(n for n, d in enumerate(case.declared) if not d.simulated)
-        every = case.jacobian(point, pieces)
-        out[answered] = every[[free.declared[n] - first for n in answered]]
+    out = np.full((len(free), *residual.shape), np.nan, np.float32)
+    if free.declared:
+        out[: len(free.declared)] = case.jacobian(point, pieces)[list(free.declared)]
+    if lacking := [n for n, each in enumerate(out) if not np.isfinite(each).all()]:
+        out[lacking] = _differences(case, point, free, pieces, lacking)
     return residual, np.nan_to_num(out)
 
 
@@ -84,17 +82,11 @@ def unstable(
     case: Case[Any], point: ParameterVector, free: FreeParameters, pieces: Any, found: Array
 ) -> list[str]:
     """Parameters by which a Jacobian, `found` at a point, is 0 because simulations were unstable."""
-    zero = [n for n in _simulated(case, free) if not found[n].any()]
+    zero = [n for n, each in enumerate(found) if not each.any()]
     names = [case.quantities[k].name for k in free.declared]
     names += [f"{name}'s {list(case.candidates[name].ranges)[k]}" for name, k in free.effects]
     by = _differences(case, point, free, pieces, zero) if zero else ()
     return [names[n] for n, each in zip(zero, by, strict=True) if not np.isfinite(each).all()]
-
-
-def _simulated(case: Case[Any], free: FreeParameters) -> list[int]:
-    """Which of the free parameters need a simulation."""
-    declared = [n for n, k in enumerate(free.declared) if case.declared[k].simulated]
-    return [*declared, *range(len(free.declared), len(free))]
 
 
 def _differences(

@@ -29,8 +29,6 @@ class Declared:
     """Standard deviation within which it is expected"""
     step: float
     """Finite difference"""
-    simulated: bool = True
-    """Whether a change asks for a simulation; `Case.slopes` answers for the others"""
 
 
 @dataclass(frozen=True)
@@ -103,6 +101,10 @@ class ParameterVector:
     def having(self, name: str, values: Array) -> "ParameterVector":
         """The same vector with one effect's parameters set."""
         return replace(self, effects={**self.effects, name: np.asarray(values, float)})
+
+    def after(self, change: Array) -> "ParameterVector":
+        """The same vector with the declared parameters changed, (P,)."""
+        return replace(self, declared=self.declared + change)
 
 
 def effects_at(point: ParameterVector) -> tuple[Effect, ...]:
@@ -213,7 +215,9 @@ class Case(Protocol[P]):
         ...
 
     def jacobian(self, point: ParameterVector, pieces: P) -> Array:
-        """Change of the residual per unit of each parameter that is not simulated, (p, segments, numbers)."""
+        """Derivatives of the residual by the declared parameters, (declared, segments, numbers); NaN for
+        those that only finite differences tell.
+        """
         ...
 
     def reweighted(self, point: ParameterVector, pieces: P) -> "Case[P]":

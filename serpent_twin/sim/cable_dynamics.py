@@ -140,7 +140,7 @@ class CableDynamics:
         else:
             self.gear_friction = self._friction[:, self._motor_v].copy()
         self.winch_ratio = 1.0 + np.array([d.tolerances.winch_radius for d in designs])
-        self._reach = np.array(self.arm.pulley_radius) * self.winch_ratio
+        self.winch_reach = np.array(self.arm.pulley_radius) * self.winch_ratio
         self.prior_runtime: Array | float = 0.0
         """How long earlier sessions ran in all [s], or (n, 1)"""
         self._memory: list[Any] = []
@@ -216,7 +216,7 @@ class CableDynamics:
     def wind(self, slack: Array, winch_angle: Array, motor_angle: Array) -> None:
         """Shift the strands' rest lengths by what the winches wind outside the model."""
         wound = winch_angle - motor_angle if self._motors else winch_angle
-        self._rest[:, :, 1] = slack - _SIGN * np.repeat(self._reach * wound, 2, axis=1)
+        self._rest[:, :, 1] = slack - _SIGN * np.repeat(self.winch_reach * wound, 2, axis=1)
 
     def horn_torque(self, moment: Moment) -> Array:
         """Torque of cables and effects on each motor's horn, without gearbox friction [N m], (n, 10)."""

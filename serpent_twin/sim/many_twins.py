@@ -5,7 +5,7 @@ controller, nor caused by a servo's lag. Many twin models and many stretches of 
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -17,6 +17,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim.cable_dynamics import structure
 from serpent_twin.sim.prescribed_motion import DrivenArms, Motors
+from serpent_twin.sim.tangents import differences
 from serpent_twin.sim.twin_model import TwinModel
 
 TIMESTEP = 0.005
@@ -98,13 +99,31 @@ def impose(
         for model in models:
             hasten(model)
     run = _Run(designs, models, stretches, timestep, nthread or os.cpu_count() or 1)
-    for row in range(stretches.time.shape[1]):
-        if stretches.restart[row]:
-            run.restart(row)
-        else:
-            run.step_to(row)
-        run.read(row)
+    for _ in run.rows():
+        pass
     return run.response()
+
+
+def differentiate(
+    design: TwinModel,
+    others: Sequence[TwinModel],
+    stretches: Stretches,
+    timestep: float = TIMESTEP,
+    nthread: int = 0,
+) -> tuple[Response, Array, Array]:
+    """Simulate a twin model in prescribed motion, with the changes that others make to it, to first order.
+
+    The others differ in cables and hinges alone. Returns the response, and the changes of markers [m],
+    (P, B, R, 9, 3), and of loads, as shares of the stall torque, (P, B, R, 10).
+    """
+    model = design.spec(motors=False).compile()
+    run = _Run([design], [model], stretches, timestep, nthread or os.cpu_count() or 1)
+    run.arms.differentiate(differences(design, model, others))
+    changes = []
+    for _ in run.rows():
+        changes.append(run.arms.changes())
+    marker, load = (np.stack(each, axis=2) for each in zip(*changes, strict=True))
+    return run.response(), marker, load
 
 
 def hasten(model: mujoco.MjModel) -> None:
@@ -184,6 +203,16 @@ class _Run:
     def _motors(self, row: int) -> Motors:
         s = self.s
         return Motors(*(self._rows(x[:, row]) for x in (s.time, s.motor_angle, s.motor_velocity)))
+
+    def rows(self) -> Iterator[int]:
+        """Go through all rows, storing the readings of each."""
+        for row in range(self.R):
+            if self.s.restart[row]:
+                self.restart(row)
+            else:
+                self.step_to(row)
+            self.read(row)
+            yield row
 
     def restart(self, row: int) -> None:
         """Put the joints at the pose measured by the markers; effects with a long memory keep it."""

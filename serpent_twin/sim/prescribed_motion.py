@@ -18,6 +18,7 @@ from serpent_twin.sim.cable_dynamics import (
     side_by_side,
 )
 from serpent_twin.sim.history import History
+from serpent_twin.sim.tangents import Differences, Tangents
 from serpent_twin.sim.twin_model import TwinModel
 
 STANDING = 0.05
@@ -80,6 +81,7 @@ class DrivenArms:
         self._history = History(self._batch)
         self._joint_q, self._joint_v = addresses(models[0], mjcf.JOINTS)
         self._jaw = addresses(models[0], ("jaw",))[0]
+        self._tangents: Tangents | None = None
         none = np.zeros(len(designs))
         self._motors = Motors(none, *np.zeros((2, len(designs), 10)))
 
@@ -109,6 +111,8 @@ class DrivenArms:
         self._qvel[:, self._joint_v] = joint_velocity
         if anew:
             self._begin(motors)
+        if self._tangents:
+            self._tangents.place()
         self._wind(motors)
         self._batch.forward()
         self._history.fill()
@@ -154,14 +158,35 @@ class DrivenArms:
         began = before.time[:, None]
         for k in range(substeps):
             angle, velocity = path.at(k * dt)  # MuJoCo's springs pull as at the step's start
+            winch = angle
             if self._cables.acting:
-                self._cables.act(began + k * dt, angle, velocity, dt)
+                winch = self._cables.act(began + k * dt, angle, velocity, dt).winch_angle
             else:
                 self._cables.wind(self._cables.slack, angle, angle)
+            if self._tangents:
+                self._tangents.begin_step(dt, winch)
             self._batch.step()
+        if self._tangents:
+            self._tangents.advance()
         self._motors = to
         self._wind(to)
         self._batch.forward()
+
+    def differentiate(self, by: Differences) -> None:
+        """Carry tangents along from here on, of runs that all have the first one's model."""
+        self._tangents = Tangents(self._batch, self._models[0], by)
+
+    def changes(self) -> tuple[Array, Array]:
+        """By how much the P differences change this instant's markers [m], (P, n, 9, 3), and loads, as
+        shares of the stall torque, (P, n, 10).
+        """
+        assert self._tangents
+        motors = self._motors
+        winch = self._cables.act(
+            motors.time[:, None], motors.angle, motors.velocity, 0.0
+        ).winch_angle
+        torque = self._tangents.horn_torques(winch, self._cables.winch_reach)
+        return self._tangents.markers(), torque / self._stall
 
     def variation(self) -> Variation:
         """The differences between the first arm and each further one, which can be set anew at any time."""

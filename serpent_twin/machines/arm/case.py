@@ -23,13 +23,17 @@ from serpent_twin.sim.many_twins import (
     Stretches,
     alike,
     coarse_step,
+    differentiate,
     impose,
     remember,
 )
 from serpent_twin.sim.prescribed_motion import STANDING
-from serpent_twin.sim.twin_model import NOMINAL_TWIN
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 _AT_ONCE = 3.0e6  # numbers that one call keeps in memory: designs × rows × (markers and loads)
+_PROBE = 0  # seed of the signs of the step that tests tangents
+_PROBED = 0.1  # that step, as a share of the parameters' steps
+_TRUSTED = 0.93  # cosine of what it does and what the tangents say, from which they are taken
 
 
 @dataclass(frozen=True)
@@ -110,23 +114,61 @@ class ArmCase:
         """Responses of the twins at these parameter vectors in the segments."""
         designs = [self.vector.design(point) for point in points]
         with self.clock:
-            restart = np.zeros(pieces.time.shape[1], bool)
-            restart[0] = True
-            s = Stretches(
-                pieces.time,
-                pieces.motor_angle,
-                pieces.motor_velocity,
-                pieces.joint_angle,
-                restart,
-                self.vector.start.parameters.servo_lag,
-                pieces.prior_runtime,
-                joint_velocity=pieces.joint_velocity,
-                past=past(pieces) if any(map(remember, designs)) else None,
-            )
-            return impose(designs, s, timestep)
+            return impose(designs, self._stretches(pieces, designs), timestep)
+
+    def _stretches(self, pieces: Pieces, designs: Sequence[TwinModel]) -> Stretches:
+        """What drives the twins in the segments."""
+        restart = np.zeros(pieces.time.shape[1], bool)
+        restart[0] = True
+        return Stretches(
+            pieces.time,
+            pieces.motor_angle,
+            pieces.motor_velocity,
+            pieces.joint_angle,
+            restart,
+            self.vector.start.parameters.servo_lag,
+            pieces.prior_runtime,
+            joint_velocity=pieces.joint_velocity,
+            past=past(pieces) if any(map(remember, designs)) else None,
+        )
 
     def jacobian(self, point: ParameterVector, pieces: Pieces) -> Array:
-        """Derivatives of the residual by gear friction and marker places, (10 + 27, S, T · 37)."""
+        """Derivatives of the residual by the declared parameters, (declared, S, T · 37).
+
+        NaN for those of cables and hinges where effects answer to a change so much that tangents, which
+        leave that out, are wrong: a step of all parameters at once tells.
+        """
+        shape = (len(self.declared), len(pieces), pieces.time.shape[1] * self.channels)
+        out = np.empty(shape, np.float32)
+        moving = self.vector.moving
+        out[len(moving) :] = self._still(point, pieces)
+        at_once = max(1, int(_AT_ONCE * len(pieces) / out[: len(moving)].size * 4))
+        for n in range(0, len(pieces), at_once):
+            which = range(n, min(n + at_once, len(pieces)))
+            out[: len(moving), which] = self._along(point, self.take(pieces, which))
+        return out
+
+    def _along(self, point: ParameterVector, pieces: Pieces) -> Array:
+        """Derivatives by the parameters of cables and hinges, (80, S, T · 37); NaN where they fail."""
+        steps = np.array([self.declared[k].step for k in self.vector.moving])
+        changes = np.eye(len(steps), len(self.declared)) * steps[:, None]
+        others = [self.vector.design(point.after(change)) for change in changes]
+        with self.clock:
+            here = self.vector.design(point)
+            did, marker, load = differentiate(here, others, self._stretches(pieces, [here]))
+        slopes = self._weigh(-marker, -load, pieces)
+        base = self._weigh(pieces.marker - did.marker, pieces.load - did.load, pieces)[0]
+        size = np.linalg.norm(slopes.reshape(len(slopes), -1), axis=1)
+        sides = np.random.default_rng(_PROBE).choice([-1.0, 1.0], len(steps))
+        sides *= np.minimum(1.0, _PROBED * np.median(size) / np.maximum(size, 1e-9))
+        found = (self.residual([point.after(sides @ changes)], pieces)[0] - base).ravel()
+        told = np.tensordot(sides, slopes, 1).ravel()
+        if not found @ told > _TRUSTED * np.linalg.norm(found) * np.linalg.norm(told):
+            return np.full_like(slopes, np.nan)
+        return slopes / steps.astype(np.float32)[:, None, None]
+
+    def _still(self, point: ParameterVector, pieces: Pieces) -> Array:
+        """Derivatives by gear friction and marker places, which move nothing, (10 + 27, S, T · 37)."""
         friction = self.vector.design(point)
         gear = friction.parameters.gear_friction * np.exp(friction.tolerances.gear_friction)
         gear = gear / friction.arm.servo.stall_torque

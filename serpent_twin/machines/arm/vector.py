@@ -56,6 +56,11 @@ class Vector:
         ends = np.cumsum(list(sizes.values()))
         return {k: slice(e - n, e) for (k, n), e in zip(sizes.items(), ends, strict=True)}
 
+    @property
+    def moving(self) -> range:
+        """The indices of the parameters that move the arm, which come first."""
+        return range(self.blocks["gear"].start)
+
     def design(self, point: ParameterVector) -> TwinModel:
         """The twin model of a parameter vector."""
         x = {name: point.declared[where] for name, where in self.blocks.items()}
@@ -149,13 +154,10 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
     rows += _of_joints("transition velocity", "log rad/s", 1.0, 0.3)
     rows += _of_joints("damping", "log N m s/rad", 1.5, 0.1)
     rows += [
-        Declared(f"gear friction of motor {j}", "log N m", 0.3, 0.1, simulated=False)
-        for j in range(1, N_MOTORS + 1)
+        Declared(f"gear friction of motor {j}", "log N m", 0.3, 0.1) for j in range(1, N_MOTORS + 1)
     ]
     rows += [
-        Declared(
-            f"place of marker {k // 3 + 1} along {'xyz'[k % 3]}", "mm", width, 0.1, simulated=False
-        )
+        Declared(f"place of marker {k // 3 + 1} along {'xyz'[k % 3]}", "mm", width, 0.1)
         for k, width in enumerate(np.maximum(0.02, _TRUST * offset_error.ravel()))
     ]
     return tuple(rows)

@@ -204,8 +204,8 @@ class RunCase:
         return error.reshape(*error.shape[:2], -1).astype(np.float32)
 
     def jacobian(self, point: ParameterVector, pieces: Runs) -> Array:
-        """Empty: every parameter needs a simulation."""
-        return np.zeros((0, len(pieces), pieces.measured[0].size))
+        """NaN: finite differences tell all of them."""
+        return np.full((len(self.declared), len(pieces), pieces.measured[0].size), np.nan)
 
     def reweighted(self, point: ParameterVector, pieces: Runs) -> "RunCase":
         """Weigh every output by the rms that this twin leaves of it."""
