@@ -19,7 +19,7 @@ from serpent_twin.numerals import counted
 from serpent_twin.readouts.membership import told
 from serpent_twin.readouts.windows import cut
 from serpent_twin.reporting import rerun_recording
-from serpent_twin.reporting.rerun_recording import Estimate
+from serpent_twin.reporting.rerun_recording import EstimatedMarkers
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin import replay_motors
@@ -45,7 +45,7 @@ def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None)
     return said
 
 
-def estimate(session: sessions.Session, folder: Path) -> Estimate:
+def estimate(session: sessions.Session, folder: Path) -> EstimatedMarkers:
     """Markers that the readout saved in `folder` finds in a session."""
     estimator = estimators.load(folder)
     trained = estimator.trained
@@ -54,7 +54,7 @@ def estimate(session: sessions.Session, folder: Path) -> Estimate:
     row = np.arange(len(session) - len(seen.x), len(session))
     belief = estimator.follow(seen)
     require_finite(belief, trained.name, f"in {session.path or session.name}")
-    return Estimate(trained.name, row, belief.marker, told(trained, session))
+    return EstimatedMarkers(trained.name, row, belief.marker, told(trained, session))
 
 
 def membership(session: sessions.Session, folder: Path) -> str:

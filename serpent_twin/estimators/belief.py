@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
+from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 
@@ -40,6 +41,11 @@ class Belief:
         """Factor of each marker's covariance with which its ellipsoids of that share hold it, (9,)."""
         far = self.distance2(measured)
         return np.nanquantile(far, share, axis=0) / chi2.ppf(share, 3)
+
+
+def unknown() -> Belief:
+    """One row of which nothing is known."""
+    return Belief(np.full((1, N_JOINTS, 3), np.nan), np.full((1, N_JOINTS, 3, 3), np.nan))
 
 
 def joined(beliefs: Sequence[Belief]) -> Belief:

@@ -8,8 +8,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.estimators.belief import Belief
-from serpent_twin.estimators.bus_reading import BusReading
+from serpent_twin.estimators.belief import Belief, joined, unknown
+from serpent_twin.estimators.bus_reading import BusReading, readings
 from serpent_twin.readouts.trainable import Trainable
 from serpent_twin.readouts.windows import SessionWindows
 
@@ -43,9 +43,11 @@ class Estimator(ABC):
     def trained(self) -> Trainable:
         """What was trained for it, and is saved: settings, learned arrays, the logs."""
 
-    @abstractmethod
     def follow(self, session: SessionWindows) -> Belief:
-        """Markers of all windows of a session, with their covariance."""
+        """Markers of all windows of a session, with their covariance; NaN where `live` has none yet."""
+        live = self.live(session.bus.prior_runtime)
+        beliefs = [live.update(now) or unknown() for now in readings(session.bus)]
+        return joined(beliefs[-len(session) :])
 
     @abstractmethod
     def live(self, prior_runtime: float = 0.0) -> Live:

@@ -11,7 +11,7 @@ from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
 from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_jacobian
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.estimators.belief import Belief, joined
+from serpent_twin.estimators.belief import Belief
 from serpent_twin.estimators.bus_reading import BusReading, readings
 from serpent_twin.estimators.estimator import Live, TrainedEstimator
 from serpent_twin.readouts import Progress
@@ -70,7 +70,7 @@ class Observer(TrainedEstimator):
             raise SerpentError(
                 f"the readout {self.name} has not been fitted; call fit or load first."
             )
-        return joined([belief for _, belief in self._run(session)])
+        return super().follow(session)
 
     def live(self, prior_runtime: float = 0.0) -> "LiveObserver":
         """An estimator for one session of an arm that ran for so long before [s]."""

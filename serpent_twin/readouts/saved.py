@@ -14,7 +14,7 @@ from serpent_twin import stored
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.readouts.windows import Source
+from serpent_twin.readouts.windows import SourceLog
 from serpent_twin.stored import Numbers, above, many, within
 
 FORMAT_VERSION: Literal[1] = 1
@@ -59,8 +59,8 @@ class SavedAbout(stored.Form, frozen=True):
     covariance_m2: Annotated[tuple[_Matrix, ...], many(N_JOINTS)]
     """NaN where that is not known"""
     history: list[Epoch]
-    trained_on: tuple[Source, ...] = ()
-    tested_on: tuple[Source, ...] = ()
+    trained_on: tuple[SourceLog, ...] = ()
+    tested_on: tuple[SourceLog, ...] = ()
     stopped_after_epochs: Annotated[int, within(0, 1_000_000)] | None = None
 
     @property

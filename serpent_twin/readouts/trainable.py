@@ -20,7 +20,7 @@ from serpent_twin.readouts.saved import (
     Epoch,
     Wanted,
 )
-from serpent_twin.readouts.windows import Source, Windows, input_size
+from serpent_twin.readouts.windows import SourceLog, Windows, input_size
 from serpent_twin.runs.files import write_whole
 from serpent_twin.stored import within
 
@@ -51,9 +51,9 @@ class Trainable(ABC):
     """Rows per second of the logs it was trained on; None if that is not known"""
     covariance: Array = field(default_factory=_unknown, init=False, repr=False)
     """Of each marker's error over the validation sessions [m²], (9, 3, 3); NaN if that is not known"""
-    trained_on: tuple[Source, ...] = field(default=(), init=False, repr=False)
+    trained_on: tuple[SourceLog, ...] = field(default=(), init=False, repr=False)
     """The logs that it was trained and validated on; empty if they are not known"""
-    tested_on: tuple[Source, ...] = field(default=(), init=False, repr=False)
+    tested_on: tuple[SourceLog, ...] = field(default=(), init=False, repr=False)
     """The logs that it was scored on when it was trained; empty if they are not known"""
     stopped_after: int | None = field(default=None, init=False)
     """Epochs after which training was ended before the readout's own rule ends it; None if it was not"""

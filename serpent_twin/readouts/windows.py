@@ -47,7 +47,7 @@ class Bus:
 
 
 @dataclass(frozen=True)
-class Source:
+class SourceLog:
     """A log that windows were cut from."""
 
     session: str
@@ -78,7 +78,7 @@ class SessionWindows:
     """Where the session began"""
     bus: Bus
     """The session's rows up to the last window's, from the first on: T ≥ N, windows end at the last N"""
-    source: Source
+    source: SourceLog
     """The log"""
 
     def __len__(self) -> int:
@@ -114,7 +114,7 @@ class Windows:
         taken = zip(self.sessions, left[:-1].tolist(), strict=True)
         return replace(self, sessions=tuple(s.some(0, min(n, len(s))) for s, n in taken if n))
 
-    def sources(self, use: str) -> tuple[Source, ...]:
+    def sources(self, use: str) -> tuple[SourceLog, ...]:
         """The logs, used for training or for validation."""
         return tuple(replace(session.source, use=use) for session in self.sessions)
 
@@ -197,11 +197,11 @@ def _cut_session(session: Session, window: int, drop: int, arm: Arm) -> SessionW
     )
 
 
-def source_of(session: Session) -> Source:
+def source_of(session: Session) -> SourceLog:
     """The identity of a log, and of its arm."""
     config, arm = session.metadata.get("config"), str(session.metadata.get("arm", ""))
     model = config.get("model_sha256", "") if isinstance(config, dict) else ""
-    return Source(session.name, arm, readings_hash(session), str(model))
+    return SourceLog(session.name, arm, readings_hash(session), str(model))
 
 
 def bus_of(session: Session) -> Bus:

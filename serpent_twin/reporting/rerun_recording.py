@@ -29,7 +29,7 @@ _NOMINAL, _CORRECTED = (235, 90, 90), (80, 160, 255)
 
 
 @dataclass(frozen=True)
-class Estimate:
+class EstimatedMarkers:
     """Markers by a readout, for the rows of the log that have a whole window."""
 
     name: str
@@ -60,7 +60,7 @@ def write(
     out: Path,
     session: sessions.Session,
     moved: twin.Replay,
-    guess: Estimate | None = None,
+    guess: EstimatedMarkers | None = None,
     identity: str | None = None,
     arm: Arm = ARM,
     corrected: twin.Replay | None = None,
@@ -79,7 +79,7 @@ def _draw(
     stream: rr.RecordingStream,
     session: sessions.Session,
     moved: twin.Replay,
-    guess: Estimate | None,
+    guess: EstimatedMarkers | None,
     arm: Arm,
     corrected: twin.Replay | None,
 ) -> None:
@@ -172,7 +172,7 @@ class Writer:
     """Which row of the session the first of these is"""
 
     def about(
-        self, session: sessions.Session, twins: list[Overlay], guess: Estimate | None
+        self, session: sessions.Session, twins: list[Overlay], guess: EstimatedMarkers | None
     ) -> None:
         """A page that says what is shown."""
         last = twins[-1]
