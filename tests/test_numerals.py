@@ -2,13 +2,12 @@
 
 import ast
 import re
-from pathlib import Path
 
 import pytest
+from paths import ROOT
 
 from serpent_twin.numerals import counted
 
-ROOT = Path(__file__).resolve().parents[1]
 NOUNS = ("sessions", "rows", "windows", "points", "epochs", "files", "frames", "characters", "segments",
          "arms", "runs", "channels", "coordinates")  # fmt: skip
 """Of what there may be one"""

@@ -1,0 +1,170 @@
+"""The fit against the normal equations, on a machine whose residual is linear."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+from linear_case import GUST, SEGMENTS, START, LinearCase, case, every
+
+from serpent_twin.identification.acceptance import Trial, why_not
+from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.held_out import Errors, gain
+from serpent_twin.identification.least_squares import fit, variance_inflation
+from serpent_twin.identification.score_test import full_fit, scores, worth_fitting
+from serpent_twin.identification.uncertainty import indistinguishable
+from serpent_twin.machines.machine import Declared, Stopwatch
+
+RNG = np.random.default_rng(4)
+
+
+@dataclass(frozen=True)
+class Watched(LinearCase):
+    """Notes whether differences were asked for, and in how many segments."""
+
+    asked: list = field(default_factory=list)
+
+    def residual(self, points, pieces, rough=False):
+        self.asked.append((rough, len(pieces)))
+        return super().residual(points, pieces, rough)
+
+
+def scored(arm, base):
+    """The score test of the candidate that is there."""
+    (found,) = scores(arm, every(), base, [arm.candidates[GUST]])
+    return found
+
+
+def test_a_linear_fit_solves_the_normal_equations():
+    arm = case(0.0)
+    found = fit(arm, every(), START, free_parameters(arm, ()), 3, 99)
+    flat = arm.X.reshape(-1, 2)
+    exact = np.linalg.solve(
+        flat.T @ flat / found.variance_inflation + np.eye(2) * 1e-6,
+        flat.T @ arm.y.ravel() / found.variance_inflation,
+    )
+    assert found.converged
+    np.testing.assert_allclose(found.point.declared, exact, rtol=1e-5)
+
+
+def test_a_prior_pulls_towards_the_start():
+    arm = case(0.0)
+    tight = LinearCase(
+        arm.X, arm.g, arm.other, arm.y, (Declared("one", "1", 1e-4, 0.1), arm.declared[1])
+    )
+    found = fit(tight, every(), START, free_parameters(tight, ()), 3, 99)
+    assert abs(found.point.declared[0]) < 0.01
+    assert found.point.declared[1] == pytest.approx(-2.0, abs=0.05)
+
+
+def test_a_derivative_is_carried_over_to_other_weights_and_more_segments():
+    arm = case(0.7)
+    free = free_parameters(arm, ())
+    before = fit(arm, every(), START, free, 2, 5)
+    other = replace(arm, noise=np.array([0.5, 2.0, 1.0]))
+    afresh = fit(other, every(), START, free, 3, 99)
+    for more in (0, 2):
+        watched = Watched(**vars(other), asked=[])
+        carried = fit(watched, every(), before.point, free, more, 99, carried=before)
+        assert set(before.used) < set(carried.used) == set(afresh.used)
+        assert carried.point.declared == pytest.approx(afresh.point.declared, abs=1e-4)
+        assert carried.jacobian == pytest.approx(afresh.jacobian, abs=1e-4)
+        assert carried.error == pytest.approx(afresh.error, rel=1e-3)
+        whole = [1 for rough, pieces in watched.asked if rough and pieces == SEGMENTS]
+        assert bool(whole) == bool(more)  # no derivative on the segments that it had
+
+
+def test_intervals_hold_as_often_as_they_say():
+    inside = 0
+    for seed in range(60):
+        arm = case(0.7, seed)
+        base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+        found = full_fit(arm, every(), base, scored(arm, base), print)
+        _, low, high = found.interval(GUST, 0)
+        inside += low <= 0.7 <= high
+    assert 52 <= inside <= 60  # 57 expected, binomial 3 standard deviations below
+
+
+def test_the_score_finds_what_is_there_and_how_strong():
+    arm = case(0.7)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+    found = scores(arm, every(), base, list(arm.candidates.values()))
+    there, absent = found
+    assert there.share > 0.3 > 0.01 > absent.share
+    assert there.start[0] == pytest.approx(0.7, abs=0.05)
+    assert worth_fitting(found, arm.candidates) == [GUST]
+
+
+def test_what_hangs_together_weighs_as_less():
+    rng = np.random.default_rng(3)
+    white = rng.standard_normal((20, 400, 3))
+    assert variance_inflation(white.reshape(20, -1), 3) == pytest.approx(1.0, abs=0.1)
+    alike = np.repeat(white[..., :1], 3, axis=2)
+    assert variance_inflation(alike.reshape(20, -1), 3) == pytest.approx(3.0, rel=0.05)
+    rho, slow = 0.6, white.copy()
+    for t in range(1, 400):
+        slow[:, t] = rho * slow[:, t - 1] + np.sqrt(1 - rho**2) * white[:, t]
+    exact = (1 + rho) / (1 - rho)  # of an autoregression of first order
+    assert variance_inflation(slow.reshape(20, -1), 3) == pytest.approx(exact, rel=0.15)
+
+
+def test_what_cannot_be_told_apart_is_named():
+    arm = case(0.0)
+    X = np.repeat(arm.X[..., :1], 2, axis=-1)
+    twins = LinearCase(
+        X, arm.g, arm.other, arm.y, tuple(Declared(n, "1", 1.0, 0.1) for n in ("a", "b"))
+    )
+    found = fit(twins, every(), START, free_parameters(twins, ()), 2, 99)
+    assert any("a and b cannot be told apart" in told for told in indistinguishable(twins, found))
+
+
+def test_a_gain_on_every_segment_is_beyond_chance_and_noise_is_not():
+    rng = np.random.default_rng(1)
+    before = Errors(1 + 0.1 * rng.standard_normal(7), np.full(7, np.nan))
+    better = gain(before, Errors(before.marker_by_segment - 0.2, before.load_by_segment), rng)
+    assert better.probability_of_chance < 1e-3
+    assert better.marker == pytest.approx(0.2)
+    same = Errors(
+        before.marker_by_segment + 0.05 * np.array([1, -1, 1, -1, 1, -1, 0.5]),
+        before.load_by_segment,
+    )
+    assert gain(before, same, rng).probability_of_chance > 0.05
+
+
+@pytest.mark.parametrize(
+    ("step", "said"), [(0.049, "4.9 % worse"), (-0.049, "4.9 % better"), (1e-6, "0.0 % better")]
+)
+def test_a_loss_is_told_as_a_loss(step, said):
+    """Also where a candidate of a round is not accepted for other reasons."""
+    arm, before = case(0.7), Errors(np.ones(7), np.full(7, np.nan))
+    lost = gain(before, Errors(before.marker_by_segment + step, before.load_by_segment), RNG)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+    found = scored(arm, base)
+    fitted = full_fit(arm, every(), base, found, print)
+    ends = replace(fitted, point=fitted.point.having(GUST, np.array([10.0])))
+    for made in (fitted, ends):
+        why = why_not(GUST, Trial(found, made, lost, 1.0), arm.candidates[GUST])
+        assert why.startswith(f"{said} on held-out logs") or (step < -0.04 and not why)
+        assert "-" not in why.replace("held-out", "") and "−" not in why
+
+
+def test_a_stage_that_was_finished_is_read_back(tmp_path):
+    arm, asked = case(0.7), []
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+
+    def make():
+        asked.append(1)
+        return full_fit(arm, every(), base, scored(arm, base), print)
+
+    own, notes = (Checkpoints(tmp_path / "stages", Stopwatch()) for _ in range(2))
+    first = own.fit("gust", make)
+    own.fit("gust", make)
+    assert own.seconds == 0  # this run's own clock has it
+    again = notes.fit("gust", make)
+    took = notes.seconds
+    notes.fit("gust", make)
+    assert notes.seconds == took > 0
+    assert len(asked) == 1
+    np.testing.assert_array_equal(first.jacobian, again.jacobian)
+    assert first.point.effects[GUST] == again.point.effects[GUST]
+    assert (first.free, first.used, first.cost) == (again.free, again.used, again.cost)

@@ -1,0 +1,123 @@
+"""Test that unstable simulations are tried with smaller steps, and named where none is stable."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from linear_case import GUST, SEGMENTS, START, LinearCase, case, every
+from made_diagnosis import diagnosis
+from numpy.testing import assert_allclose
+
+from serpent_twin.errors import SerpentError
+from serpent_twin.identification.acceptance import Round, Search, Trial
+from serpent_twin.identification.build_diagnosis import _unstable, _verdict
+from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.diagnosis import UNSTABLE, Tried
+from serpent_twin.identification.free_parameters import free_parameters, jacobian, unstable
+from serpent_twin.identification.held_out import Errors, gave_up
+from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.score_test import full_fit, scores
+from serpent_twin.machines.machine import Stopwatch
+
+
+@dataclass(frozen=True)
+class Fragile(LinearCase):
+    """A linear machine whose simulation gives up beyond a value of `one`, and beyond a strength of a gust."""
+
+    one: float = np.inf
+    gust: float = np.inf
+
+    def residual(self, points, pieces, rough=False):
+        out = super().residual(points, pieces, rough)
+        for n, p in enumerate(points):
+            if p.declared[0] > self.one or p.effects.get(GUST, [0.0])[0] > self.gust:
+                out[n] = np.nan
+        return out
+
+
+def fragile(strength=0.7, **beyond):
+    """A case with a gust of that strength."""
+    return Fragile(
+        **{name: getattr(case(strength), name) for name in ("X", "g", "other", "y")}, **beyond
+    )
+
+
+def base_of(arm):
+    return fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+
+
+def score(arm, base):
+    (found,) = scores(arm, every(), base, [arm.candidates[GUST]])
+    return found
+
+
+@pytest.mark.parametrize("beyond", [0.02, 0.002])
+def test_a_column_is_found_from_a_smaller_step(beyond):
+    """The step of `one` is 0.1: a tenth of it, or a hundredth, is stable."""
+    arm, free = fragile(one=beyond), free_parameters(fragile(), ())
+    steady = jacobian(fragile(), START, free, every())[1]
+    found = jacobian(arm, START, free, every())[1]
+    assert_allclose(found, steady, rtol=1e-3, atol=1e-3)
+    assert unstable(arm, START, free, every(), found) == []
+
+
+def test_a_column_that_no_step_gives_is_named_and_held():
+    arm, free = fragile(one=0.0), free_parameters(fragile(), ())
+    found = fit(arm, every(), START, free, 3, 99)
+    assert found.point.declared[0] == 0.0 and found.point.declared[1] == pytest.approx(-2, abs=0.1)
+    assert unstable(arm, found.point, free, every(), found.jacobian) == ["one"]
+    (told,) = _unstable(arm, Search(arm, found, found, ()), every())
+    assert told.startswith(
+        "The twin's simulation became unstable at every step of one that was tried"
+    )
+
+
+def test_a_start_that_is_unstable_is_an_error():
+    arm = fragile(one=-1.0)
+    with pytest.raises(SerpentError, match="unstable where a fit was to begin"):
+        base_of(arm)
+
+
+def test_a_score_test_retries_with_a_weaker_effect():
+    """Its typical strength, 1, gives up, a tenth does not: the same answer, in proportion."""
+    arm, sound = fragile(gust=0.5), fragile()
+    found, other = (score(a, base_of(a)) for a in (arm, sound))
+    assert not found.unstable
+    assert found.share == pytest.approx(other.share, rel=1e-3)
+    assert found.excitation == pytest.approx(other.excitation, rel=1e-3)
+    assert found.start[0] == pytest.approx(other.start[0], rel=1e-3)
+
+
+def test_a_full_fit_begins_where_it_is_stable():
+    arm = fragile(gust=0.1)
+    base = base_of(arm)
+    fitted = full_fit(arm, every(), base, score(arm, base), print)
+    assert 0 < fitted.point.effects[GUST][0] <= 0.1
+
+
+def test_an_effect_that_no_strength_of_is_stable_is_said_to_be_untested(tmp_path):
+    """In its verdict, with a reason, in the cautions, and after the stage is read back."""
+    arm = fragile(gust=0.0)
+    base = base_of(arm)
+    notes = Checkpoints(tmp_path, Stopwatch())
+    for _ in range(2):
+        (found,) = notes.scores("gust", lambda: [score(arm, base)])
+        assert found.unstable and found.share == found.excitation == 0
+    none = Errors(np.ones(SEGMENTS), np.ones(SEGMENTS))
+    one = Round(base, none, {GUST: Trial(found, None, None, 1.0)}, "")
+    search = Search(arm, base, base, (one,))
+    verdict, why = _verdict(GUST, one, search, arm)
+    assert verdict == UNSTABLE and "unstable" in why
+    (told,) = _unstable(arm, search, every())
+    assert told.startswith("gust was not tested: the simulation of a twin with it became unstable")
+
+
+def test_logs_of_which_every_candidate_is_unstable_show_nothing():
+    tried = Tried(GUST, 1.0, UNSTABLE, 0.0, None, "it gave up")
+    assert replace(diagnosis(), candidates=(tried,)).blind
+
+
+def test_a_twin_that_gives_up_on_held_out_logs_is_no_gain():
+    known, lost = Errors(np.ones(4), np.full(4, np.nan)), Errors(*np.full((2, 4), np.nan))
+    assert gave_up(known, lost)
+    assert not gave_up(known, known) and not gave_up(lost, lost)

@@ -1,0 +1,94 @@
+"""Test the changes carried along a motion against motions simulated with each parameter changed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from motion import wander
+from paths import DATA
+
+from serpent_twin import effects
+from serpent_twin.arm.deviations import Deviations
+from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.machines.arm import MACHINE
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.sim.many_twins import differentiate, impose
+from serpent_twin.sim.twin_model import TwinModel
+
+ARM = replace(NOMINAL, transition_velocity=0.02, strand_stiffness=8e3)
+SMALL = 0.01
+
+
+def changed(base, field, index, by):
+    """A twin model with one deviation changed."""
+    values = np.array(getattr(base.tolerances, field))
+    values[index] += by
+    return replace(base, tolerances=replace(base.tolerances, **{field: tuple(map(float, values))}))
+
+
+def some(base, share=1.0):
+    """Twin models that differ from one in a parameter of each kind."""
+    return [
+        changed(base, field, index, share * by)
+        for field, index, by in (
+            ("strand_stiffness", 4, SMALL),
+            ("strand_slack", 9, SMALL * 1e-3),
+            ("winch_radius", 5, SMALL * 1e-2),
+            ("joint_friction", 3, SMALL),
+            ("transition_velocity", 6, SMALL),
+            ("joint_damping", 1, SMALL),
+        )
+    ]
+
+
+def compared(base, stretches, timestep=0.005):
+    """Changes of markers and loads along the motion, and by central differences, (kinds, numbers) each."""
+    response, marker, load = differentiate(base, some(base), stretches, timestep)
+    ends = [impose([*some(base, side), base], stretches, timestep) for side in (1.0, -1.0)]
+    np.testing.assert_array_equal(response.marker[0], ends[0].marker[-1])
+    np.testing.assert_array_equal(response.load[0], ends[0].load[-1])
+    for found, of in ((marker, "marker"), (load, "load")):
+        told = (getattr(ends[0], of) - getattr(ends[1], of))[:-1] / 2
+        yield found.reshape(len(found), -1), told.reshape(len(found), -1)
+
+
+def test_an_arm_without_dry_friction_or_slack_is_differentiated_to_a_twentieth():
+    """Then the motion is smooth in its parameters; links are taken as they stand amid two rows."""
+    taut = replace(ARM, strand_slack=0.0, joint_friction=0.0, joint_damping=0.05)
+    for found, told in compared(TwinModel(taut), wander(rows=40)):
+        smooth = [0, 2, 5]  # at no slack, a change of it is not
+        error = np.linalg.norm((found - told)[smooth], axis=1)
+        assert (error < 0.05 * np.linalg.norm(told[smooth], axis=1)).all(), error
+
+
+@pytest.mark.parametrize(
+    "name", ["", "cable_stiffening", "mocap_latency", "cable_creep", "link_flex", "payload"]
+)
+def test_an_arm_that_sticks_and_slips_is_differentiated_as_differences_do(name):
+    """With an effect in the model, too, and with delayed cameras."""
+    base = TwinModel(ARM, Deviations())
+    if name:
+        kind = effects.by_name(name)
+        typical = {p: r.typical for p, r in effects.ranges(kind).items() if r.fitted}
+        base = base.with_effect(kind(**typical))
+    for found, told in compared(base, wander(rows=60)):
+        size = np.linalg.norm(found, axis=1) * np.linalg.norm(told, axis=1)
+        cosine = (found * told).sum(axis=1) / size
+        assert (cosine > 0.9).all(), cosine.round(3)
+        ratio = np.linalg.norm(found, axis=1) / np.linalg.norm(told, axis=1)
+        assert (np.abs(np.log(ratio)) < 0.2).all(), ratio.round(2)
+
+
+def test_where_effects_answer_to_a_change_differences_tell():
+    """Stiffer strands let their clamps slip at other instants, which tangents leave out."""
+    sessions = MACHINE.read(DATA / "arm_a")[:2]
+    case = MACHINE.open(sessions)
+    some = case.take(case.pieces(sessions), [0, 3])
+    start = ParameterVector(np.zeros(len(case.declared)))
+    assert np.isfinite(case.jacobian(start, some)).all()
+    slips = start.having("clamp_slip", [1e-4, 1.0, -1.0])
+    unknown = np.isnan(case.jacobian(slips, some)).any(axis=(1, 2))
+    names = [each.name for each in case.declared]
+    assert [name for name, lacks in zip(names, unknown, strict=True) if lacks] == [
+        name for name in names if not name.startswith(("gear friction", "place of marker"))
+    ]
