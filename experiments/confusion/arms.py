@@ -14,9 +14,10 @@ from experiments.confusion.plan import Trial
 from serpent_twin.arm.control import random_targets
 from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.parameters import NOMINAL, Parameters
-from serpent_twin.effects import CATALOGUE, Effect, by_name, ranges
+from serpent_twin.effects import Effect, by_name, ranges
 from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.recording.loop import record
 from serpent_twin.runs.files import write_whole
 from serpent_twin.sessions import SCHEMA_VERSION, Session, write_session

@@ -1,10 +1,10 @@
-"""List the effects that an arm may have and the nominal twin leaves out, one per file.
+"""List the effects that a machine may have and its nominal twin leaves out, one per file.
 
 You provide a frozen dataclass that inherits `Effect`: its fields are the parameters, each made by
 `parameter`; `edit` says what MJCF can express, `act` what it cannot; `shows_in` and `confused_with`
 are printed in a diagnosis. The file's name is the effect's name: nothing else is to be edited.
-`CATALOGUE` is what the arm may lack; other machines choose by name. The twin, the bus, the device and
-the trace find it here.
+`KNOWN` has them all; each machine's candidates are a choice of them. The twin, the bus, the device and
+the trace find an effect here.
 """
 
 from serpent_twin.effects.effect import (
@@ -22,7 +22,7 @@ from serpent_twin.effects.effect import (
 )
 from serpent_twin.effects.moment import Driven, Geared, Instant, Moment, Wound
 from serpent_twin.effects.registry import (
-    CATALOGUE,
+    KNOWN,
     Stored,
     by_name,
     name_of,
@@ -32,7 +32,7 @@ from serpent_twin.effects.registry import (
 )
 
 __all__ = [
-    "CATALOGUE",
+    "KNOWN",
     "Driven",
     "Effect",
     "Geared",

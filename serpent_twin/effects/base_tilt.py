@@ -6,8 +6,7 @@ from typing import ClassVar
 import mujoco
 import numpy as np
 
-from serpent_twin.arm import mjcf
-from serpent_twin.arm.geometry import Arm
+from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import Effect, parameter
 
 
@@ -26,17 +25,27 @@ class BaseTilt(Effect):
 
     shows_in: ClassVar[str] = "a pose and loads that lean one way, in every session alike"
     confused_with: ClassVar[tuple[str, ...]] = ("payload",)
+    needs: ClassVar[frozenset[str]] = frozenset({"base"})
 
     @property
     def strength(self) -> float:
         """The whole angle of the tilt [rad]."""
         return float(np.hypot(self.about_y, self.about_z))
 
-    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+    def edit(self, spec: mujoco.MjSpec) -> None:
         """Turn gravity."""
         angle = self.strength
         axis = np.array([0.0, self.about_y, self.about_z]) / angle
-        g = np.array(arm.gravity)
+        world_from_base = _rotation(spec.body("base").quat)
+        g = world_from_base.T @ spec.option.gravity
         across, along = np.cross(axis, g), axis * (axis @ g)
         turned = g * np.cos(angle) + across * np.sin(angle) + along * (1 - np.cos(angle))
-        spec.option.gravity = mjcf.world_from_base() @ turned
+        spec.option.gravity = world_from_base @ turned
+
+
+def _rotation(quaternion: Array) -> Array:
+    """Rotation matrix, (3, 3), of a quaternion (w, x, y, z) of any length; of quarter turns, it is exact."""
+    w, x = quaternion[0], quaternion[1:]
+    turn = np.cross(np.eye(3), x)
+    whole = (w * w - x @ x) * np.eye(3) + 2 * np.outer(x, x) + 2 * w * turn
+    return whole / (w * w + x @ x)

@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import mujoco
 
-from serpent_twin.arm.geometry import Arm
 from serpent_twin.effects.effect import Effect, parameter
 
 
@@ -25,7 +24,7 @@ class CableStiffening(Effect):
     shows_in: ClassVar[str] = "error that grows with tension, less than in proportion"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "joint_elasticity")
 
-    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+    def edit(self, spec: mujoco.MjSpec) -> None:
         """Give each cable's spring its second coefficient."""
         for cable in spec.tendons:
             if cable.name.startswith("cable"):

@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import mujoco
 
-from serpent_twin.arm.geometry import Arm
 from serpent_twin.effects.effect import WINDING, Effect, parameter
 
 RIGID = 1e-3
@@ -28,9 +27,9 @@ class CableStretch(Effect):
     shows_in: ClassVar[str] = "a load that gives way in proportion to its torque"
     confused_with: ClassVar[tuple[str, ...]] = ("shaft_stretch", "cable_stiffening")
     stage: ClassVar[int] = WINDING
-    of_arm: ClassVar[bool] = False
+    needs: ClassVar[frozenset[str]] = frozenset({"cable"})
 
-    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+    def edit(self, spec: mujoco.MjSpec) -> None:
         """Soften the tendon."""
         soften(spec.tendon("cable"), RIGID + self.compliance)
 

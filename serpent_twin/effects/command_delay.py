@@ -27,7 +27,7 @@ class CommandDelay(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("mocap_latency", "servo_sag")
     remembers: ClassVar[bool] = False
     stage: ClassVar[int] = COMMAND
-    of_arm: ClassVar[bool] = False
+    needs: ClassVar[frozenset[str]] = frozenset({"goal"})
 
     def start(self, moment: Told) -> "Past":
         """Goals of the last time steps, as if they had always been these."""

@@ -8,7 +8,6 @@ from typing import Any, ClassVar, TypeVar
 import mujoco
 import numpy as np
 
-from serpent_twin.arm.geometry import ARM, Arm
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 
@@ -71,8 +70,8 @@ class Effect:
     memory must say so, or that it is not."""
     stage: ClassVar[int] = CABLE
     """When in a time step it acts."""
-    of_arm: ClassVar[bool] = True
-    """Whether the arm may lack it; else its parameters hold it, and other machines may."""
+    needs: ClassVar[frozenset[str]] = frozenset()
+    """Names of what it acts on and not every machine has: elements of the model, quantities of the moment."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -104,8 +103,8 @@ class Effect:
         """Whether it changes nothing at all."""
         return self.strength == 0
 
-    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
-        """Write into the arm's spec what MJCF can express of it."""
+    def edit(self, spec: mujoco.MjSpec) -> None:
+        """Write into the machine's spec what MJCF can express of it."""
 
     def start(self, moment: Any) -> Any:
         """Its memory at the beginning of a run."""
@@ -161,11 +160,11 @@ def longest_step(effects: Sequence[Effect], moment: Any, runs: int) -> Array:
     return longest
 
 
-def edit(spec: mujoco.MjSpec, effects: Sequence[Effect], arm: Arm = ARM) -> None:
+def edit(spec: mujoco.MjSpec, effects: Sequence[Effect]) -> None:
     """Write into a machine's spec what MJCF can express of the effects that are there, in their order."""
     for effect in sorted(effects, key=lambda effect: effect.stage):
         if not effect.absent:
-            effect.edit(spec, arm)
+            effect.edit(spec)
 
 
 def begin(effects: Sequence[Effect], moment: Any) -> list[Any]:

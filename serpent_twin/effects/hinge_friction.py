@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import mujoco
 
-from serpent_twin.arm.geometry import Arm
 from serpent_twin.effects.effect import Effect, parameter
 
 
@@ -24,9 +23,8 @@ class HingeFriction(Effect):
 
     shows_in: ClassVar[str] = "swings that die away, and lag by the same at every load"
     confused_with: ClassVar[tuple[str, ...]] = ("gear_friction", "gear_backlash")
-    of_arm: ClassVar[bool] = False
 
-    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+    def edit(self, spec: mujoco.MjSpec) -> None:
         """Let the hinges rub."""
         for joint in spec.joints:
             if joint.name.startswith("joint"):

@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import mujoco
 
-from serpent_twin.arm.geometry import Arm
 from serpent_twin.effects.effect import Effect, parameter
 
 
@@ -23,7 +22,7 @@ class JointElasticity(Effect):
     shows_in: ClassVar[str] = "joints that fall short in proportion to their angle, and their loads"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_stiffening", "payload")
 
-    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+    def edit(self, spec: mujoco.MjSpec) -> None:
         """Give each hinge its spring."""
         for joint in spec.joints:
             if joint.name.startswith("joint"):

@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import mujoco
 
-from serpent_twin.arm.geometry import Arm
 from serpent_twin.effects.effect import Effect, parameter
 
 RELAXATION = 0.03
@@ -26,9 +25,8 @@ class LinkCompression(Effect):
 
     shows_in: ClassVar[str] = "markers that all come nearer to the base where cables are pulled"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_stiffening", "payload")
-    of_arm: ClassVar[bool] = False
 
-    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+    def edit(self, spec: mujoco.MjSpec) -> None:
         """Let each link slide along itself."""
         for body in spec.bodies:
             if body.name.startswith("link"):

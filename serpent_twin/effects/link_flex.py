@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import mujoco
 
-from serpent_twin.arm.geometry import N_JOINTS, Arm
+from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.effects.effect import Effect, parameter
 
 RELAXATION = 0.003
@@ -33,13 +33,14 @@ class LinkFlex(Effect):
     shows_in: ClassVar[str] = "markers that sag further out than the joints' angles say"
     confused_with: ClassVar[tuple[str, ...]] = ("payload",)
 
-    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
-        """Put two springy hinges before each of joints 2 … 9."""
+    def edit(self, spec: mujoco.MjSpec) -> None:
+        """Put two springy hinges before each of joints 2 … 9, half-way from the joint before."""
         for i in range(2, N_JOINTS + 1):
+            length = spec.body(f"link{i}").pos[0]
             for about in ("y", "z"):
                 hinge = _insert_before(spec, i)
                 hinge.name, hinge.axis = f"flex{i - 1}_{about}", [0, about == "y", about == "z"]
-                hinge.pos = [-arm.link_length[i - 2] / 2, 0.0, 0.0]
+                hinge.pos = [-length / 2, 0.0, 0.0]
                 hinge.stiffness = [1 / self.compliance, 0, 0]
                 hinge.damping = [RELAXATION / self.compliance, 0, 0]
                 hinge.armature = ARMATURE

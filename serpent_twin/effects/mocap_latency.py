@@ -6,7 +6,6 @@ from typing import ClassVar
 
 import mujoco
 
-from serpent_twin.arm.geometry import Arm
 from serpent_twin.effects.effect import Effect, parameter, ranges
 
 
@@ -26,7 +25,7 @@ class MocapLatency(Effect):
     shows_in: ClassVar[str] = "error in proportion to the markers' speed, in no load"
     confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash",)
 
-    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+    def edit(self, spec: mujoco.MjSpec) -> None:
         """Delay the marker sensors."""
         longest = ranges(type(self))["delay"].high
         for sensor in spec.sensors:

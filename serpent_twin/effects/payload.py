@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import mujoco
 
-from serpent_twin.arm.geometry import Arm
 from serpent_twin.effects.effect import Effect, parameter
 
 
@@ -24,7 +23,7 @@ class Payload(Effect):
     shows_in: ClassVar[str] = "the loads of all motors, and how far the arm sags against its cables"
     confused_with: ClassVar[tuple[str, ...]] = ("base_tilt", "joint_elasticity", "link_flex")
 
-    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+    def edit(self, spec: mujoco.MjSpec) -> None:
         """Add the mass to the last link."""
         last = [body for body in spec.bodies if body.name.startswith("link")][-1]
         held = last.add_body(name="payload", pos=[self.place, 0, 0])

@@ -31,8 +31,6 @@ def _find() -> dict[str, type[Effect]]:
 
 KNOWN: Mapping[str, type[Effect]] = _find()
 """Every kind of effect by its name, which is its file's."""
-CATALOGUE: Mapping[str, type[Effect]] = {n: kind for n, kind in KNOWN.items() if kind.of_arm}
-"""Those that the arm may lack."""
 
 
 def by_name(name: str) -> type[Effect]:

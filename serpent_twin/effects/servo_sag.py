@@ -28,7 +28,7 @@ class ServoSag(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("command_delay", "gear_backlash")
     remembers: ClassVar[bool] = False
     stage: ClassVar[int] = SERVO
-    of_arm: ClassVar[bool] = False
+    needs: ClassVar[frozenset[str]] = frozenset({"goal"})
 
     def start(self, moment: Giving) -> Array:
         """Angles of the servos [rad]."""

@@ -6,7 +6,6 @@ from typing import ClassVar
 import mujoco
 import numpy as np
 
-from serpent_twin.arm.geometry import Arm
 from serpent_twin.effects.effect import Effect, parameter
 
 SHAFT = "shaft"
@@ -32,9 +31,9 @@ class ShaftStretch(Effect):
 
     shows_in: ClassVar[str] = "an angle that lags by the torque of the drive, friction included"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_stretch", "gear_backlash")
-    of_arm: ClassVar[bool] = False
+    needs: ClassVar[frozenset[str]] = frozenset({"drive"})
 
-    def edit(self, spec: mujoco.MjSpec, arm: Arm) -> None:
+    def edit(self, spec: mujoco.MjSpec) -> None:
         """Put the drive before the hinge, a tendon between them."""
         hinge = spec.joint("joint1")
         hinge.armature = _LIGHT

@@ -25,7 +25,6 @@ class Stribeck(Effect):
     shows_in: ClassVar[str] = "jerks out of rest, and rest where a slow motion should go on"
     confused_with: ClassVar[tuple[str, ...]] = ("gear_friction",)
     stage: ClassVar[int] = LOSS
-    of_arm: ClassVar[bool] = False
 
     def act(self, moment: Geared, memory: None) -> None:
         """Raise the friction near rest."""

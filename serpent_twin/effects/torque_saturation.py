@@ -22,7 +22,7 @@ class TorqueSaturation(Effect):
     shows_in: ClassVar[str] = "loads held lower than the motor's voltage says, the more the heavier"
     confused_with: ClassVar[tuple[str, ...]] = ("gear_friction",)
     stage: ClassVar[int] = WINDING
-    of_arm: ClassVar[bool] = False
+    needs: ClassVar[frozenset[str]] = frozenset({"drive_torque"})
 
     def act(self, moment: Driven, memory: None) -> None:
         """Weaken the drive."""

@@ -66,8 +66,7 @@ class TwinModel:
     def spec(self, motors: bool = True, drawn: bool = False) -> mujoco.MjSpec:
         """The arm with all that MJCF can express of its effects."""
         spec = mjcf.build(self.arm, self.parameters, self.tolerances, drawn, motors)
-        for effect in self.active:
-            effect.edit(spec, self.arm)
+        effects.edit(spec, self.effects)
         hinge_friction.soften(spec, dict(zip(mjcf.JOINTS, self.transition_velocity, strict=True)))
         return spec
 

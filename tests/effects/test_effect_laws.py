@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.geometry import ARM, joint_axis, link_frames
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.effects import CATALOGUE
+from serpent_twin.effects import KNOWN
 from serpent_twin.sim.many_twins import Stretches, impose
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
@@ -58,7 +58,7 @@ def test_moments_tension_is_mujocos():
 def test_payload_weighs_by_hand():
     """Torque of a weight at each hinge: axis · (lever × m g), from kinematics without MuJoCo."""
     q = np.random.default_rng(3).normal(0, 0.3, 9)
-    payload = CATALOGUE["payload"](0.05, place=0.09)
+    payload = KNOWN["payload"](0.05, place=0.09)
     change = (statics(payload, q).qfrc_bias - statics(None, q).qfrc_bias)[:9]
     origin, rotation = link_frames(q)
     place = origin[8] + rotation[8] @ [0.09, 0, 0]
@@ -72,7 +72,7 @@ def test_payload_weighs_by_hand():
 @pytest.mark.parametrize(("about", "joint"), [("about_z", 0), ("about_y", 1)])
 def test_base_tilt_moves_the_plumb_line(about, joint):
     """Turned by the tilt at its first hinge about that axis, what hangs there is at rest."""
-    tilt, q = CATALOGUE["base_tilt"](**{about: 0.2}), np.zeros(9)
+    tilt, q = KNOWN["base_tilt"](**{about: 0.2}), np.zeros(9)
     q[joint] = 0.2
     assert_allclose(statics(tilt, q).qfrc_bias[joint:9], 0, atol=1e-9)
     assert abs(statics(tilt, np.zeros(9)).qfrc_bias[joint]) > 0.05
@@ -81,12 +81,12 @@ def test_base_tilt_moves_the_plumb_line(about, joint):
 def test_cable_friction_by_hand():
     m, c = moment(seed=5), 0.15
     tension = m.tension[0]
-    CATALOGUE["cable_friction"](c).act(m, None)
+    KNOWN["cable_friction"](c).act(m, None)
     for i in range(9):
         sum_rt = sum(RADIUS[j] * (tension[2 * j] + tension[2 * j + 1]) for j in range(i, 10))
         assert m.joint_friction[0, i] == pytest.approx(0.005 + c * sum_rt)
     m = moment(seed=5)
-    CATALOGUE["cable_friction"](c, by_bend=1.0).act(m, None)
+    KNOWN["cable_friction"](c, by_bend=1.0).act(m, None)
     capstan = np.exp(c * abs(m.joint_angle[0, 0])) - 1
     sum_rt = sum(RADIUS[j] * (tension[2 * j] + tension[2 * j + 1]) for j in range(10))
     assert m.joint_friction[0, 0] == pytest.approx(0.005 + capstan * sum_rt)
@@ -101,7 +101,7 @@ def test_cable_friction_widens_the_loop():
     c, pull, stiffness, rows = 0.2, 20.0, 5e4, 81
     slack = (-pull / stiffness,) * 2 + (1.0,) * 18
     free = replace(NOMINAL, strand_stiffness=stiffness, strand_slack=0.0, joint_friction=0.0)
-    arm = TwinModel(free, Deviations(strand_slack=slack), (CATALOGUE["cable_friction"](c),))
+    arm = TwinModel(free, Deviations(strand_slack=slack), (KNOWN["cable_friction"](c),))
     m, q = np.zeros((1, rows, 10)), np.zeros((1, rows, 9))
     m[0, :, 0] = q[0, :, 0] = np.interp(np.arange(rows), [0, 20, 60, 80], [0, 0.2, -0.2, 0])
     time = 0.25 * np.arange(rows)[None]
@@ -116,7 +116,7 @@ def test_cable_friction_widens_the_loop():
 def test_cable_creep_relaxes_like_a_standard_linear_solid():
     """Held at one length, e = x f/(1+f) (1 − exp(−(1+f) t/τ))."""
     f, tau, x, dt = 0.5, 40.0, 1e-3, 0.05
-    creep = CATALOGUE["cable_creep"](f, time=tau)
+    creep = KNOWN["cable_creep"](f, time=tau)
     memory = creep.start(held(x))
     for _ in range(1000):
         now = replace(held(x), dt=dt)
@@ -128,7 +128,7 @@ def test_cable_creep_relaxes_like_a_standard_linear_solid():
 
 def test_cable_creep_is_exact_under_a_constant_tension():
     f, tau, x = 0.5, 40.0, 1e-3
-    creep = CATALOGUE["cable_creep"](f, time=tau)
+    creep = KNOWN["cable_creep"](f, time=tau)
     memory = creep.start(held(x))
     for _ in range(3):
         creep.act(replace(held(x + memory[0, 0]), dt=10.0), memory)
@@ -138,7 +138,7 @@ def test_cable_creep_is_exact_under_a_constant_tension():
 def test_cable_stiffening_is_a_parabola_beyond_the_slack():
     """In MuJoCo, in `Moment.tension` and by hand."""
     b, q = 800.0, np.full(9, -0.01)
-    data = statics(CATALOGUE["cable_stiffening"](b), q)
+    data = statics(KNOWN["cable_stiffening"](b), q)
     sum_of_joints = 0.01 * np.r_[1:10, 9]  # the jaw, at zero, adds nothing for cable 10
     x = np.maximum(RADIUS * sum_of_joints - NOMINAL.strand_slack, 0)
     by_hand = NOMINAL.strand_stiffness * x * (1 + b * x)
@@ -151,20 +151,20 @@ def test_cable_stiffening_is_a_parabola_beyond_the_slack():
         q[None, None],
         np.ones(1, bool),
     )
-    arm = TwinModel(effects=(CATALOGUE["cable_stiffening"](b),))
+    arm = TwinModel(effects=(KNOWN["cable_stiffening"](b),))
     assert_allclose(impose([arm], s).tension[0, 0, 0, :18:2], by_hand[:9], rtol=1e-9)
 
 
 def test_clamp_slips_towards_its_grip():
     """Held at one length, the excess over the grip decays by exp(−rate k t); other strands hold."""
     rate, grip, k, x, dt = 2e-5, 4.0, 1.9e4, 1e-3, 0.005
-    slip = CATALOGUE["clamp_slip"](rate, grip, strand=0.0)
+    slip = KNOWN["clamp_slip"](rate, grip, strand=0.0)
     memory = slip.start(held(x))
     for _ in range(400):
         slip.act(replace(held(x), dt=dt), memory)
     excess = k * (x - memory[0, 0]) - grip
     assert excess == pytest.approx((k * x - grip) * np.exp(-rate * k * 400 * dt), rel=2e-3)
-    another, memory = CATALOGUE["clamp_slip"](rate, grip, strand=1.0), np.zeros((1, 20))
+    another, memory = KNOWN["clamp_slip"](rate, grip, strand=1.0), np.zeros((1, 20))
     another.act(held(x), memory)
     assert (memory == 0).all()
     before = slip.start(held(x))
@@ -176,7 +176,7 @@ def test_clamp_slips_towards_its_grip():
 def test_mocap_latency_reads_the_past(delay):
     """Rows of one time step: markers are those of some rows before, or between two."""
     stretch = wander(60, dt=0.005, pace=0.02)
-    late = impose([TwinModel(effects=(CATALOGUE["mocap_latency"](delay),))], stretch).marker[0, 0]
+    late = impose([TwinModel(effects=(KNOWN["mocap_latency"](delay),))], stretch).marker[0, 0]
     now = impose([NOMINAL_TWIN], stretch).marker[0, 0]
     rows, share = divmod(delay / 0.005 + 1e-9, 1)
     n = 10 - int(rows)
@@ -186,16 +186,14 @@ def test_mocap_latency_reads_the_past(delay):
 
 
 def test_mocap_latency_before_the_start_is_the_start():
-    late = impose(
-        [TwinModel(effects=(CATALOGUE["mocap_latency"](0.15),))], wander(4, dt=0.02)
-    ).marker
+    late = impose([TwinModel(effects=(KNOWN["mocap_latency"](0.15),))], wander(4, dt=0.02)).marker
     assert_allclose(late[0, 0, 3], late[0, 0, 0], atol=1e-12)
 
 
 def test_gear_backlash_encloses_the_plays_area():
     """∮ w dm of the play operator over one period of amplitude A is gap (2 A − gap)."""
     gap, amplitude = 0.05, 0.2
-    play = CATALOGUE["gear_backlash"](gap)
+    play = KNOWN["gear_backlash"](gap)
     angle = amplitude * np.sin(np.linspace(0, 4 * np.pi, 4001))
     memory = play.start(moment(motor_angle=np.zeros((1, 10)), motor_velocity=np.zeros((1, 10))))
     winch = []
@@ -210,7 +208,7 @@ def test_gear_backlash_encloses_the_plays_area():
 
 
 def test_gear_backlash_holds_the_winch_inside_the_gap():
-    play = CATALOGUE["gear_backlash"](0.04)
+    play = KNOWN["gear_backlash"](0.04)
     start = moment(motor_angle=np.zeros((1, 10)), motor_velocity=np.full((1, 10), 0.3))
     memory = play.start(start)
     assert_allclose(memory, -0.02)
@@ -224,7 +222,7 @@ def test_gear_friction_shows_in_loads_alone():
     c, stretch = 0.3, wander(30)
     plain, rubbed = (
         impose([TwinModel(effects=several)], stretch)
-        for several in ((), (CATALOGUE["gear_friction"](c),))
+        for several in ((), (KNOWN["gear_friction"](c),))
     )
     assert_array_equal(plain.marker, rubbed.marker)
     torque = RADIUS * (plain.tension[..., 0::2] - plain.tension[..., 1::2])
@@ -234,14 +232,14 @@ def test_gear_friction_shows_in_loads_alone():
 
 def test_joint_elasticity_is_hookes_law():
     q = np.random.default_rng(4).normal(0, 0.3, 9)
-    plain, sprung = (statics(e, q) for e in (None, CATALOGUE["joint_elasticity"](0.07)))
+    plain, sprung = (statics(e, q) for e in (None, KNOWN["joint_elasticity"](0.07)))
     assert_allclose((sprung.qfrc_spring - plain.qfrc_spring)[:9], -0.07 * q, atol=1e-12)
 
 
 def test_link_flex_bends_by_compliance_times_moment():
     """Joints held fast, the arm swung out by 0.5 rad: gravity's moment at each link's middle, by hand."""
     compliance, q = 2e-3, np.r_[0.5, np.zeros(8)]
-    model = statics(CATALOGUE["link_flex"](compliance), q).model
+    model = statics(KNOWN["link_flex"](compliance), q).model
     model.tendon_stiffness[:] = 0
     fast = [model.joint(f"joint{i}").dofadr[0] for i in range(1, 10)]
     model.dof_frictionloss[fast], model.opt.timestep = 1e3, 0.005
@@ -263,14 +261,14 @@ def test_link_flex_bends_by_compliance_times_moment():
 def test_stiffness_drifts_evenly_down_to_a_tenth():
     for hours, left in ((0.0, 1.0), (0.5, 0.7), (1.0, 0.4), (9.0, 0.1)):
         now = replace(moment(), time=np.array([[3600 * hours]]), prior_runtime=7200.0)
-        CATALOGUE["stiffness_drift"](0.6).act(now, None)
+        KNOWN["stiffness_drift"](0.6).act(now, None)
         assert_allclose(now.stiffness, 1.9e4 * left)
 
 
 def test_wear_counts_the_sessions_before():
     """Imposed tensions of a session are those of a fresh arm that is softer by rate × hours."""
     s = wander(10)
-    worn = TwinModel(effects=(CATALOGUE["stiffness_drift"](0.5, carries=1.0),))
+    worn = TwinModel(effects=(KNOWN["stiffness_drift"](0.5, carries=1.0),))
     soft = TwinModel(replace(NOMINAL, strand_stiffness=0.75 * NOMINAL.strand_stiffness))
     old, soft_pull = (
         impose([worn], replace(s, prior_runtime=1800.0)).tension,

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 from serpent_twin import effects, playback
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.effects import CATALOGUE, Effect, parameter
+from serpent_twin.effects import KNOWN, Effect, parameter
 from serpent_twin.effects.effect import WINDING
 from serpent_twin.emulator.motors import SimulatedMotors
 from serpent_twin.errors import SerpentError
@@ -34,7 +34,7 @@ from serpent_twin.sim.many_twins import TIMESTEP, impose
 from serpent_twin.sim.twin import Twin, replay_motors
 from serpent_twin.sim.twin_model import TwinModel
 
-WORN = TwinModel(effects=(CATALOGUE["stiffness_drift"](0.5, carries=1.0),))
+WORN = TwinModel(effects=(KNOWN["stiffness_drift"](0.5, carries=1.0),))
 HALF = TwinModel(replace(NOMINAL, strand_stiffness=0.5 * NOMINAL.strand_stiffness))
 HOUR = 3600.0
 
@@ -185,7 +185,7 @@ def test_what_can_be_changed_is_listed():
 def test_stiffening_by_an_effect_pulls_as_stiffening_cables_do():
     """Given in Python, it is what MJCF expresses: in the strands, in the loads, and beside drives."""
     given = doing(lambda moment: setattr(moment, "stiffening", np.full((1, 20), 800.0)))
-    cables = TwinModel(effects=(CATALOGUE["cable_stiffening"](800.0),))
+    cables = TwinModel(effects=(KNOWN["cable_stiffening"](800.0),))
     one, other, none = (impose([arm], wander(12)) for arm in (given, cables, TwinModel()))
     assert_allclose(one.marker, other.marker, atol=1e-9)
     assert_allclose(one.load, other.load, atol=1e-9)

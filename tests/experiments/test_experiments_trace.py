@@ -17,6 +17,7 @@ from serpent_twin import effects
 from serpent_twin.arm.geometry import ARM, link_frames
 from serpent_twin.effects import by_name
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.sessions import read_session, write_session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import TwinModel
@@ -56,10 +57,10 @@ def test_an_effect_outside_the_catalogue_acts_and_stays_outside(name):
     shift = np.nanmax(np.linalg.norm(logs[2].marker - logs[0].marker, axis=-1))
     load = np.abs(logs[2].motor_load - logs[0].motor_load).max()
     assert load > 1e-3 if name == "load_ripple" else shift > 2e-4
-    assert name not in effects.CATALOGUE
+    assert name not in CATALOGUE
 
 
-@pytest.mark.parametrize("name", effects.CATALOGUE)
+@pytest.mark.parametrize("name", CATALOGUE)
 def test_what_is_injected_is_as_strong_as_asked(name):
     kind = by_name(name)
     usual = {round(variant.strength, 12) for variant in kind.variants()}
@@ -106,11 +107,11 @@ def faked(monkeypatch):
         name = config.logs.parent.name.rsplit("-", 1)[0]
         calls.append(name)
         assert len(list(config.logs.glob("session_*.parquet"))) == 2
-        assert not set(confusion_outside.OUTSIDE) & set(effects.CATALOGUE)
+        assert not set(confusion_outside.OUTSIDE) & set(CATALOGUE)
         print("talk")
         if name == "sticking_joint":
             raise SerpentError("it does not converge.")
-        if name in effects.CATALOGUE:
+        if name in CATALOGUE:
             first = next(iter(effects.ranges(by_name(name))))
             return diagnosis([(name, {first: estimate(0.0, -1e6, 1e6)})])
         return diagnosis(unexplained=name in confusion_outside.OUTSIDE)
@@ -124,7 +125,7 @@ def test_a_run_goes_on_where_it_stopped(faked, tmp_path, capsys):
     confusion.main(config)
     assert len(faked) == 4
     confusion.main(replace(config, trials=0))
-    size = 2 + len(effects.CATALOGUE) + len(confusion_outside.OUTSIDE) + 1
+    size = 2 + len(CATALOGUE) + len(confusion_outside.OUTSIDE) + 1
     assert len(faked) == len(set(faked)) + 1 == size  # clean arms have one name
     said = capsys.readouterr().out
     assert "talk" not in said and "1 failed" in said

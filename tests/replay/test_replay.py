@@ -17,7 +17,7 @@ from serpent_twin.arm.geometry import (
     motor_from_joint,
 )
 from serpent_twin.arm.mjcf import STRANDS
-from serpent_twin.effects import CATALOGUE
+from serpent_twin.effects import KNOWN
 from serpent_twin.errors import SerpentError
 from serpent_twin.reporting import rerun_recording
 from serpent_twin.sim import twin, twin_model
@@ -192,7 +192,7 @@ def test_a_log_of_another_arm_replays(tmp_path):
 def overlaid(tmp_path_factory):
     """A session of an arm with a payload, its twin.json, and the recording of both."""
     folder = tmp_path_factory.mktemp("overlaid")
-    heavy = NOMINAL_TWIN.with_effect(CATALOGUE["payload"](0.1))
+    heavy = NOMINAL_TWIN.with_effect(KNOWN["payload"](0.1))
     twin_model.write(folder / "twin.json", heavy, {"arm": "swing"})
     session = make_session(np.random.default_rng(2))
     moved = twin.replay_motors(session.time, session.motor_position, heavy)

@@ -9,10 +9,10 @@ from figure_checks import wrong
 from made_diagnosis import PAYLOAD, comparison, diagnosis
 from matplotlib.colors import to_rgb
 
-from serpent_twin import effects
 from serpent_twin.estimators import available
 from serpent_twin.identification import figures as of_trace
 from serpent_twin.identification.diagnosis import ACCEPTED, NOT_EXCITED, REJECTED, Tried
+from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.reporting.plot_style import COLD, WARM, round_numbers, styles
 from serpent_twin.residual import analyse
 from serpent_twin.residual.figures import figures as of_residual
@@ -21,7 +21,7 @@ from serpent_twin.training import figures as of_readouts
 READOUTS = [*available(), "one_more", "and_another"]
 RANGES = [(2, 100), (4.1, 4.9), (3, 20), (1e-6, 1e7)]
 EFFECTS = sorted(
-    {name for kind in effects.CATALOGUE.values() for name in kind.confused_with} | set(effects.CATALOGUE)
+    {name for kind in CATALOGUE.values() for name in kind.confused_with} | set(CATALOGUE)
     | {"hinge_friction", "stribeck", "torque_saturation", "cable_stretch", "shaft_stretch",
        "command_delay", "servo_sag", "link_compression"}
 )  # fmt: skip

@@ -10,12 +10,12 @@ import pytest
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.effects import CATALOGUE
+from serpent_twin.effects import KNOWN
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
-PAYLOAD, FRICTION = CATALOGUE["payload"](0.04), CATALOGUE["cable_friction"](0.1)
+PAYLOAD, FRICTION = KNOWN["payload"](0.04), KNOWN["cable_friction"](0.1)
 PAYLOAD_FILE = {"name": "payload", "mass": 0.04, "place": 0.09}
 
 
@@ -69,12 +69,12 @@ def test_tolerances_reach_the_parts_that_they_name():
 def test_with_effect_adds_or_replaces():
     arm = NOMINAL_TWIN.with_effect(PAYLOAD).with_effect(FRICTION)
     assert arm.effects == (PAYLOAD, FRICTION)
-    heavier = CATALOGUE["payload"](0.05)
+    heavier = KNOWN["payload"](0.05)
     assert set(arm.with_effect(heavier).effects) == {FRICTION, heavier}
 
 
 def test_fingerprint_tells_physics_apart():
-    same = TwinModel(effects=(CATALOGUE["cable_creep"](0.0, time=20.0),))
+    same = TwinModel(effects=(KNOWN["cable_creep"](0.0, time=20.0),))
     prints = {d.fingerprint() for d in (NOMINAL_TWIN, unlike(), unlike(1))}
     prints |= {NOMINAL_TWIN.with_effect(e).fingerprint() for e in (PAYLOAD, FRICTION)}
     prints |= {TwinModel(replace(NOMINAL, servo_lag=0.02)).fingerprint()}

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.effects import CATALOGUE
+from serpent_twin.effects import KNOWN
 from serpent_twin.sim.prescribed_motion import DrivenArms, Motors
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -32,7 +32,7 @@ def felt(effect, period, rows=9, also=()):
 def test_creep_relaxes_like_a_standard_linear_solid(time, period):
     """Held at one length, e = x f/(1+f) (1 − exp(−(1+f) t/τ)), and never beyond."""
     f = 3.0
-    long, end = felt(CATALOGUE["cable_creep"](f, time=time), period), STRETCH * f / (1 + f)
+    long, end = felt(KNOWN["cable_creep"](f, time=time), period), STRETCH * f / (1 + f)
     by_hand = end * -np.expm1(-(1 + f) * period * np.arange(9) / time)
     assert_allclose(long, by_hand, atol=0.05 * end)
     assert (np.diff(long) >= 0).all() and long.max() < end * (1 + 1e-9)
@@ -42,12 +42,12 @@ def test_creep_relaxes_like_a_standard_linear_solid(time, period):
 def test_clamps_slip_to_their_grip(rate):
     """The excess over the grip decays by exp(−rate k t): at the highest rate within 53 ms."""
     grip, k, period = 4.0, NOMINAL.strand_stiffness, 0.25
-    excess = k * (STRETCH - felt(CATALOGUE["clamp_slip"](rate, grip), period)) - grip
+    excess = k * (STRETCH - felt(KNOWN["clamp_slip"](rate, grip), period)) - grip
     by_hand = (k * STRETCH - grip) * np.exp(-rate * k * period * np.arange(9))
     assert_allclose(excess, by_hand, atol=0.05 * excess[0])
     assert (np.diff(excess) <= 0).all() and (excess > -1e-9).all()
 
 
 def test_a_quick_neighbour_changes_nothing():
-    slow, quick = (CATALOGUE["clamp_slip"](rate, 4.0) for rate in (1e-5, 1e-3))
+    slow, quick = (KNOWN["clamp_slip"](rate, 4.0) for rate in (1e-5, 1e-3))
     assert_array_equal(felt(slow, 0.25, also=(quick,)), felt(slow, 0.25))

@@ -10,7 +10,7 @@ from moments import moment
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.hinge_friction import STICKS, soften, softness
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.effects import CATALOGUE
+from serpent_twin.effects import KNOWN
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
@@ -63,7 +63,7 @@ def test_twin_xml_has_it_and_the_arm_is_another():
 
 def test_friction_that_grows_with_tension_creeps_alike():
     """The same friction, once declared and once written in every step, makes the same motion."""
-    idle = CATALOGUE["cable_friction"](1e-12, TRANSITION)
+    idle = KNOWN["cable_friction"](1e-12, TRANSITION)
     angles = []
     for design in (CREEPING, CREEPING.with_effect(idle)):
         twin = Twin(design)

@@ -14,9 +14,9 @@ from paths import DATA
 
 from serpent_twin.arm.control import random_targets
 from serpent_twin.arm.deviations import EXACT
-from serpent_twin.effects import CATALOGUE
 from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.recording.loop import record
 from serpent_twin.sessions import FIELDS, read_session
 from serpent_twin.sim import twin_model

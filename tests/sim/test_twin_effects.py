@@ -11,7 +11,7 @@ from serpent_twin.arm import geometry
 from serpent_twin.arm.control import joint_p_control, random_targets
 from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.effects import CATALOGUE
+from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.sim.twin import Twin, replay_motors
 from serpent_twin.sim.twin_model import TwinModel
 

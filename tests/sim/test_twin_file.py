@@ -12,7 +12,7 @@ import pytest
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.parameters import NOMINAL
-from serpent_twin.effects import CATALOGUE
+from serpent_twin.effects import KNOWN
 from serpent_twin.emulator.device import running
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
@@ -26,10 +26,10 @@ from serpent_twin.sim.twin_model import TwinModel
 
 QUIET = replace(NOMINAL, load_noise=0.0, marker_noise=0.0)
 EFFECTS = (
-    CATALOGUE["gear_backlash"](0.05),
-    CATALOGUE["cable_creep"](0.5, time=10.0),
-    CATALOGUE["link_flex"](0.05),
-    CATALOGUE["mocap_latency"](0.05),
+    KNOWN["gear_backlash"](0.05),
+    KNOWN["cable_creep"](0.5, time=10.0),
+    KNOWN["link_flex"](0.05),
+    KNOWN["mocap_latency"](0.05),
 )
 ARM = TwinModel(QUIET, Deviations(strand_stiffness=tuple(np.linspace(-0.2, 0.2, 20))), EFFECTS)
 SHORT = {"sessions": 1, "steps": 24}
@@ -80,7 +80,7 @@ def test_a_log_says_which_arm_it_is_of(logs):
 
 def test_another_arm_does_not_mix_with_a_run(logs, tmp_path):
     folder, _ = logs
-    other = written(tmp_path, ARM.with_effect(CATALOGUE["gear_backlash"](0.06)))
+    other = written(tmp_path, ARM.with_effect(KNOWN["gear_backlash"](0.06)))
     with pytest.raises(SerpentError, match=r"model_sha256 was .* another --out"):
         collect(Collect(folder / "logs", twin=other, **SHORT))
 

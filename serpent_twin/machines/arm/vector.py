@@ -6,13 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
-from serpent_twin import effects
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.arrays import Array
 from serpent_twin.machines.arm.cable_law import CableLaw
+from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
@@ -86,8 +86,8 @@ def _plus(nominal: Sequence[float], change: Array) -> tuple[float, ...]:
 
 
 def candidates() -> dict[str, Candidate]:
-    """Every effect of the catalogue."""
-    return {name: candidate(name) for name in effects.CATALOGUE}
+    """Every effect of the arm's catalogue."""
+    return {name: candidate(name) for name in CATALOGUE}
 
 
 def vector(

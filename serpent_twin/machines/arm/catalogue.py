@@ -1,0 +1,36 @@
+"""Choose the effects that the arm may have and its nominal twin lacks.
+
+That is every known effect that acts on what the arm has, except those whose physics is elsewhere in its
+twin: an effect's file suffices for the arm's trace to try it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import mujoco
+
+from serpent_twin.arm import mjcf
+from serpent_twin.effects import KNOWN, Effect, Moment
+
+LEFT_OUT: Mapping[str, str] = {
+    "hinge_friction": "the arm's calibration fits friction and damping of each hinge",
+    "link_compression": "the arm's links are of rigid nylon",
+    "stribeck": "the arm's gears turn with its motors, which cables part from the hinges",
+}
+"""Effects that the arm's trace does not try, and why"""
+
+
+def _catalogue() -> dict[str, type[Effect]]:
+    has = {each.name for each in fields(Moment)} | _elements(mjcf.build())
+    return {n: kind for n, kind in KNOWN.items() if kind.needs <= has and n not in LEFT_OUT}
+
+
+def _elements(spec: mujoco.MjSpec) -> set[str]:
+    """Names of bodies, joints, tendons and actuators."""
+    each: tuple[Any, ...] = (*spec.bodies, *spec.joints, *spec.tendons, *spec.actuators)
+    return {one.name for one in each}
+
+
+CATALOGUE: Mapping[str, type[Effect]] = _catalogue()
+"""The arm's candidates by name"""
