@@ -11,8 +11,8 @@ from serpent_twin.effects import Range
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import Case, ParameterVector
 
-_SMALLER = (0.1, 0.01)
-"""Shares of a step that are tried where it makes the simulation unstable"""
+_SHARES = (1.0, 0.1, 0.01)
+"""Shares of a step that are tried, with the usual time step, where the coarse one makes it unstable"""
 
 
 @dataclass(frozen=True)
@@ -114,15 +114,16 @@ def steadied(
     changes: Array,
     after: Callable[[int, float], ParameterVector],
 ) -> Array:
-    """Changes of the residual from a base, (k, S, n); one whose simulation is unstable is found again from
-    smaller steps, in proportion. `after` is the vector after a share of a change; NaN where none is stable.
+    """Changes of the residual from a base, (k, S, n); one whose rough simulation is unstable is found again
+    with the usual time step, then from smaller changes, in proportion. `after` is the vector after a share
+    of a change; NaN where none is stable.
     """
-    for share in _SMALLER:
+    for share in _SHARES:
         failed = [k for k, change in enumerate(changes) if not np.isfinite(change).all()]
         if not failed:
             break
         points = [base, *(after(k, share) for k in failed)]
-        without, *found = case.residual(points, pieces, rough=True)
+        without, *found = case.residual(points, pieces)
         changes[failed] = [(each - without) / share for each in found]
     return changes
 

@@ -156,6 +156,8 @@ class DrivenArms:
         set_timestep(self._batch, dt)
         path = _Path(before.angle, to.angle, before.velocity, substeps * dt, self._lag)
         began = before.time[:, None]
+        lost = self.unstable  # their solver would iterate as long as it may
+        stable = np.flatnonzero(~lost) if lost.any() else None
         for k in range(substeps):
             angle, velocity = path.at(k * dt)  # MuJoCo's springs pull as at the step's start
             winch = angle
@@ -165,12 +167,12 @@ class DrivenArms:
                 self._cables.wind(self._cables.slack, angle, angle)
             if self._tangents:
                 self._tangents.begin_step(dt, winch)
-            self._batch.step()
+            self._batch.step(ids=stable)
         if self._tangents:
             self._tangents.advance()
         self._motors = to
         self._wind(to)
-        self._batch.forward()
+        self._batch.forward(ids=stable)
 
     def differentiate(self, by: Differences) -> None:
         """Carry tangents along from here on, of runs that all have the first one's model."""
