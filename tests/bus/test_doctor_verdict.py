@@ -19,6 +19,7 @@ from serpent_twin.hardware.dynamixel.turns import turns_file
 from serpent_twin.hardware.dynamixel.wire import Wire
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.hardware.protocol import CLEAR_POSITION, Instruction
+from serpent_twin.hardware.xl430 import POSITION_UNIT
 from serpent_twin.recording.collect import Collect, Real, collect
 
 MOTORS = range(1, 11)
@@ -257,6 +258,8 @@ def refusal(command: Callable[[], object]) -> str | None:
 def restore(device: Running) -> None:
     """A straight arm, and motors as new."""
     reset(device)  # errors and torque would stand in the way
+    if is_straight(device):
+        return
     with DynamixelBus(replace(STRAIGHT, port=device.port)) as bus, bus.beyond_limits():
         bus.enable_torque()
         while np.abs(angle := bus.read_state().position).max() > 0.03:
@@ -265,12 +268,24 @@ def restore(device: Running) -> None:
     reset(device)
 
 
+def is_straight(device: Running) -> bool:
+    """Whether the motors stand at zero; without a connection, which takes half a second."""
+    wire, item = Wire(device.port, 1_000_000), TABLE["present_position"]
+    wire.open()
+    replies = wire.sync_read(MOTORS, item.address, item.size)
+    wire.close()
+    counts = np.array([item.unpack(reply.data) for reply in replies.values()])
+    return len(counts) == len(MOTORS) and bool((np.abs(counts * POSITION_UNIT) < 0.03).all())
+
+
 def reset(device: Running) -> None:
     """Factory settings, which take the marks of the turns along, and every id where it was."""
     wire = Wire(device.port, 1_000_000)
     wire.open()
-    for id_ in (40, *MOTORS):
+    elsewhere = [40] if wire.ping(40) else []
+    for id_ in (*elsewhere, *MOTORS):
         wire._ask(id_, Instruction.FACTORY_RESET, b"\x02", 0)
     wire.drain(0.35)  # they restart
-    wire.write(40, TABLE["id"], 3)
+    for id_ in elsewhere:
+        wire.write(id_, TABLE["id"], 3)
     wire.close()
