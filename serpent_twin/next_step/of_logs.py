@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from serpent_twin import sessions
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.next_step.words import Words, allowed, at_rate, flags, named_after, typed
 from serpent_twin.runs.files import unused
-from serpent_twin.runs.provenance import file_hash
 
 if TYPE_CHECKING:  # each command imports this module, which imports the others where it asks them
     from serpent_twin.identification import Trace
@@ -24,6 +22,7 @@ ALIKE = 1.05
 
 def after_logs(folder: Path, beside: Path) -> Words | None:
     """After session logs were written or looked at: train on them; on too few, replay one."""
+    from serpent_twin import sessions
     from serpent_twin.training.train import Train, planned
 
     files = sessions.session_files(folder)
@@ -43,6 +42,8 @@ def after_look(path: Path) -> Words | None:
 
 def after_recovery(path: Path) -> Words | None:
     """After recordings were recovered: look at what is there."""
+    from serpent_twin import sessions
+
     folder = path if path.is_dir() else path.parent
     if not sessions.session_files(folder) or not allowed(lambda: sessions.read_folder(folder)):
         return None
@@ -105,6 +106,7 @@ def estimate(plan: "TrainingPlan", scores: Mapping[str, Any]) -> Words | None:
 
 def after_trace(config: "Trace") -> Words | None:
     """After a trace of the arm: collect from the corrected twin, at the logs' rate."""
+    from serpent_twin import sessions
     from serpent_twin.recording.collect import Collect, check
 
     if config.rig != "arm":
@@ -146,7 +148,7 @@ def replay(
     session: Path, beside: Path, model: Path | None = None, twin: Path | None = None
 ) -> Words | None:
     """Replay a session, with readout and twin where these fit it."""
-    from serpent_twin import estimators
+    from serpent_twin import estimators, sessions
     from serpent_twin.playback import corrected_twin
     from serpent_twin.readouts.windows import cut
 
@@ -180,6 +182,9 @@ def after_replay(recording: Path) -> Words:
 
 def _twin_file(session: Path) -> Path | None:
     """The twin.json that a session was collected from, if it is still there."""
+    from serpent_twin import sessions
+    from serpent_twin.runs.provenance import file_hash
+
     twin = sessions.read_session(session).metadata.get("twin")
     if not isinstance(twin, dict):
         return None
