@@ -20,7 +20,7 @@ from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.score_test import scores
 from serpent_twin.machines.arm import ArmRig
-from serpent_twin.machines.arm.case import ArmCase
+from serpent_twin.machines.arm.machine import ArmMachine
 from serpent_twin.machines.arm.pieces import Pieces
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import counted
@@ -50,9 +50,9 @@ def seconds(of: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def bare(case: ArmCase, points: list[ParameterVector], pieces: Pieces) -> float:
+def bare(arm: ArmMachine, points: list[ParameterVector], pieces: Pieces) -> float:
     """Seconds for the same physics alone."""
-    models = [case.vector.design(point).spec(motors=False).compile() for point in points]
+    models = [arm.vector.design(point).spec(motors=False).compile() for point in points]
     for model in models:
         model.opt.timestep = TIMESTEP
     batch = side_by_side([m for m in models for _ in range(len(pieces))], 0)
@@ -75,7 +75,8 @@ def main(config: TraceSpeed) -> None:
     """Print ratios: physics alone to a trace's simulation, and how cost grows."""
     sessions = ArmRig().read(config.logs)
     case = ArmRig().open(sessions)
-    every = case.pieces(sessions)
+    arm, every = case.machine, case.pieces(sessions)
+    assert isinstance(arm, ArmMachine)
     few, many = (case.take(every, range(n)) for n in (len(every) // 2, len(every) // 2 * 2))
     rng = np.random.default_rng(0)
     points = [
@@ -92,7 +93,7 @@ def main(config: TraceSpeed) -> None:
 
     ratio(
         "bare physics to the residuals of these designs (aim: at least 0.8)",
-        lambda: bare(case, points, few),
+        lambda: bare(arm, points, few),
         lambda: simulated(points, few),
         config.rounds,
     )

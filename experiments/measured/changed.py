@@ -89,7 +89,7 @@ def _one(name: str, twin: Path, run: Recording, out: Path, seed: int) -> dict[st
 
 
 def carried(
-    rig: machines.Machine,
+    rig: machines.Rig,
     runs: Sequence[Recording],
     effects: Sequence[Mapping[str, Any]],
     twin: Path,

@@ -16,7 +16,8 @@ from serpent_twin.identification.build_diagnosis import estimates
 from serpent_twin.identification.diagnosis import Estimate
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import Fit, fit
-from serpent_twin.machines.machine import Case, ParameterVector
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Recording, read_twin
 from serpent_twin.residual import Comparison
 

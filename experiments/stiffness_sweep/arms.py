@@ -59,7 +59,7 @@ def place(sessions: Sequence[Session], twin: Path | None) -> Place:
     if twin:
         return _median(twin_model.read(twin), f"its trace: {twin.parent.name}/{twin.name}")
     training = sessions[:-1]
-    start = machines.find("arm").open(training).vector.start
+    start = machines.find("arm").open(training).machine.vector.start
     return _median(start, f"first guesses from {counted(len(training), 'session')}")
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from serpent_twin.identification.held_out import Errors, Gain
 from serpent_twin.identification.least_squares import Fit
 from serpent_twin.identification.score_test import EXCITED, Score, strengths, too_strong
-from serpent_twin.machines.machine import Candidate, Case
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import Candidate
 
 WORTH_IT = 0.04
 """Relative gain on held-out logs, markers and loads weighing alike, that an effect must bring"""

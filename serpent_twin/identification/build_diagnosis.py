@@ -25,7 +25,7 @@ from serpent_twin.identification.least_squares import NORMAL_95, Fit
 from serpent_twin.identification.score_test import at_bound
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.uncertainty import drawn, indistinguishable
-from serpent_twin.machines.machine import Case as AnyCase
+from serpent_twin.machines.case import Case as AnyCase
 from serpent_twin.machines.machine import Quantity
 from serpent_twin.residual import Findings, analyse, describe
 from serpent_twin.residual.learned import learn
@@ -202,7 +202,9 @@ def _calibration(case: Case, fit: Fit) -> dict[str, Calibrated]:
 def _calibrated(case: Case, fit: Fit, of: Quantity, k: int) -> Calibrated:
     """A coordinate, and the quantity that it and perhaps others make up, with their joint standard error."""
     value, half = float(fit.point.declared[k]), NORMAL_95 * _error(fit, (k,))
-    change, off = float(fit.point.declared[list(of.of)].sum()), NORMAL_95 * _error(fit, of.of)
+    names = [each.name for each in case.declared]
+    those = [names.index(name) for name in of.of]
+    change, off = float(fit.point.declared[those].sum()), NORMAL_95 * _error(fit, those)
     low, high = sorted((of.after(change - off), of.after(change + off)))
     return Calibrated(
         Estimate(value, value - half, value + half, case.declared[k].unit),

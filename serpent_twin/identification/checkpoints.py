@@ -13,7 +13,8 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.identification.free_parameters import FreeParameters
 from serpent_twin.identification.least_squares import Fit
 from serpent_twin.identification.score_test import Score
-from serpent_twin.machines.machine import ParameterVector, Stopwatch
+from serpent_twin.machines.case import Stopwatch
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.stored import Numbers, above, within
 
 T = TypeVar("T")

@@ -9,7 +9,8 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Range
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.machine import Case, ParameterVector
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
 
 _SHARES = (1.0, 0.1, 0.01)
 """Shares of a step that are tried, with the usual time step, where the coarse one makes it unstable"""

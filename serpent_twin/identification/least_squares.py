@@ -14,7 +14,8 @@ from scipy.stats import t as student
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.free_parameters import FreeParameters, between, jacobian, moved
-from serpent_twin.machines.machine import Case, ParameterVector
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
 
 _DAMPINGS = ((0.0,), (0.3, 3.0))
 """Levenberg's, tried in turn; those of a group side by side"""

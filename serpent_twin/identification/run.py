@@ -70,7 +70,7 @@ def trace(config: Trace) -> dict[str, Any]:
     return trace_sessions(config, *planned(config))[1]
 
 
-def planned(config: Trace) -> tuple[machines.Machine, Sequence[Any], Sequence[Any]]:
+def planned(config: Trace) -> tuple[machines.Rig, Sequence[Any], Sequence[Any]]:
     """The machine, the training sessions and the held-out ones, of a config that can be traced."""
     rig = machines.find(config.rig)
     return rig, *_split(config, rig.read(config.logs)[: config.sessions or None])
@@ -96,7 +96,7 @@ def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]
 
 
 def trace_sessions(
-    config: Trace, rig: machines.Machine, training: Sequence[Log], judging: Sequence[Log]
+    config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
 ) -> tuple[Diagnosis, dict[str, Any]]:
     """Trace sessions that are split already; returns besides what diagnosis.json holds."""
     refuse_repeated([*training, *judging])
@@ -120,7 +120,7 @@ def _settings(config: Trace, training: Sequence[Log], judging: Sequence[Log]) ->
 
 
 def _run(
-    config: Trace, rig: machines.Machine, training: Sequence[Log], judging: Sequence[Log]
+    config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
 ) -> tuple[Tracer, Search, Diagnosis]:
     with tqdm(total=_STEPS, unit="step", desc="first guesses", smoothing=0.1) as bar:
 

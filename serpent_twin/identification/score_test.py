@@ -10,7 +10,8 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.identification.free_parameters import free_parameters, steadied
 from serpent_twin.identification.least_squares import Fit, OnProgress, fit
-from serpent_twin.machines.machine import Candidate, Case, ParameterVector
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import Candidate, ParameterVector
 
 EXCITED = 0.02
 """An effect whose typical strength moves the residual by less than this share of its rms is not seen"""

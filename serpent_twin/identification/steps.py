@@ -30,7 +30,8 @@ from serpent_twin.identification.score_test import (
     scores,
     worth_fitting,
 )
-from serpent_twin.machines.machine import Case, ParameterVector
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import counted
 
 _MOST_EFFECTS = 6

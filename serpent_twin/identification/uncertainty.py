@@ -6,7 +6,8 @@ import numpy as np
 
 from serpent_twin.identification.free_parameters import moved
 from serpent_twin.identification.least_squares import Fit
-from serpent_twin.machines.machine import Case, ParameterVector
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
 
 _LISTED = 6
 

@@ -5,14 +5,16 @@ import pkgutil
 from pathlib import Path
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.machine import Machine
+from serpent_twin.machines.machine import Rig
 
 
 def available() -> list[str]:
     """Names of the rigs."""
     here = [str(Path(__file__).parent)]
     return sorted(
-        file.name for file in pkgutil.iter_modules(here) if file.name not in ("machine", "measured")
+        file.name
+        for file in pkgutil.iter_modules(here)
+        if file.name not in ("case", "machine", "measured")
     )
 
 
@@ -21,7 +23,7 @@ def described() -> str:
     return "; ".join(f"{name}, {find(name).about}" for name in available())
 
 
-def find(name: str) -> Machine:
+def find(name: str) -> Rig:
     """The rig of a name; raises a `SerpentError` that lists what there is."""
     if name not in available():
         raise SerpentError(f"there is no rig {name!r}; there are: {', '.join(available())}.")

@@ -16,18 +16,20 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Range, edit
 from serpent_twin.effects.cable_stretch import RIGID, soften
 from serpent_twin.effects.shaft_stretch import HEAVY, SHAFT
+from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
+    Output,
     ParameterVector,
     Quantity,
+    by_coordinate,
     candidate,
     effects_at,
 )
 from serpent_twin.machines.measured import (
-    Output,
     Recording,
-    RunCase,
+    RunMachine,
     Runs,
     Turns,
     hinge,
@@ -56,13 +58,14 @@ _APPROACH = 0.2  # [rad] before its first angle, a run is approached in its firs
 _BEFORE = 60  # time steps of that
 
 
-def _declared() -> tuple[Declared, ...]:
-    return (
-        Declared("jaw's turn per turn of the spindle", "log 1", 0.2, 0.02),
-        Declared("zero of the jaw", "°", 5.0, 0.3),
-        Declared("zero of the spindle's torque", "mN m", 20.0, 2.0),
-        Declared("scale of the load torque", "log 1", 0.2, 0.05),
-    )
+_RATIO, _ZERO = "jaw's turn per turn of the spindle", "zero of the jaw"
+_BIAS, _SCALE = "zero of the spindle's torque", "scale of the load torque"
+_DECLARED = (
+    Declared(_RATIO, "log 1", 0.2, 0.02),
+    Declared(_ZERO, "°", 5.0, 0.3),
+    Declared(_BIAS, "mN m", 20.0, 2.0),
+    Declared(_SCALE, "log 1", 0.2, 0.05),
+)
 
 
 def _candidates() -> dict[str, Candidate]:
@@ -71,8 +74,11 @@ def _candidates() -> dict[str, Candidate]:
     return {name: candidate(name, **sized.get(name, {})) for name in _CANDIDATES}
 
 
+_KNOWN = _candidates()
+
+
 @dataclass(frozen=True)
-class Jaw:
+class Jaw(RunMachine):
     """Rigid cables, one to one, no friction.
 
     The hinge that rubs turns as the spindle is logged; a cable turns the jaw against it. The hinges are of
@@ -91,22 +97,30 @@ class Jaw:
         Output("jaw_position", ANGLE, _ANGLE_NOISE),
         Output("spindle_torque", TORQUE, _TORQUE_NOISE),
     )
-    declared: tuple[Declared, ...] = field(default_factory=_declared)
-    candidates: dict[str, Candidate] = field(default_factory=_candidates)
     every: int = 2
     block: float = 2.0
     window: None = None
     segments: tuple[int, int] = (6, 12)
 
     @property
+    def declared(self) -> tuple[Declared, ...]:
+        """What calibration fits."""
+        return _DECLARED
+
+    @property
+    def candidates(self) -> Mapping[str, Candidate]:
+        """What the tool may have."""
+        return _KNOWN
+
+    @property
     def quantities(self) -> tuple[Quantity, ...]:
         """The physical quantity of each coordinate."""
-        starts = (1.0, float(np.degrees(self.zero)), 0.0, 1.0)
-        return tuple(
-            Quantity(each.name, each.unit.removeprefix("log "), start, not_log, (k,))
-            for k, (each, start, not_log) in enumerate(
-                zip(self.declared, starts, (0.0, 1.0, 1.0, 0.0), strict=True)
-            )
+        zero = float(np.degrees(self.zero))
+        return (
+            Quantity(_RATIO, "1", 1.0, of=(_RATIO,)),
+            Quantity(_ZERO, "°", zero, 1.0, (_ZERO,)),
+            Quantity(_BIAS, "mN m", 0.0, 1.0, (_BIAS,)),
+            Quantity(_SCALE, "1", 1.0, of=(_SCALE,)),
         )
 
     @property
@@ -116,6 +130,7 @@ class Jaw:
 
     def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
         """The twin as MJCF: the wrist turns with the spindle, the jaw against it; no gravity."""
+        x = by_coordinate(self.declared, declared)
         spec = mujoco.MjSpec()
         spec.option.gravity = [0, 0, 0]
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -128,8 +143,8 @@ class Jaw:
             hinge.stick(joint)
         cable = spec.add_tendon(name="cable")
         cable.wrap_joint(_LOAD, -1.0)  # longer, as the load closes the jaw
-        cable.wrap_joint(hinge.HINGE, -float(np.exp(declared[0])))
-        cable.springlength = [-self.zero - np.radians(declared[1])] * 2
+        cable.wrap_joint(hinge.HINGE, -float(np.exp(x[_RATIO])))
+        cable.springlength = [-self.zero - np.radians(x[_ZERO])] * 2
         soften(cable, RIGID)
         spec.add_sensor(
             name=hinge.SENSOR,
@@ -140,26 +155,30 @@ class Jaw:
         edit(spec, effects)
         return spec
 
-    def respond(self, points: Sequence[ParameterVector], runs: Runs) -> Array:
+    def respond(
+        self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
+    ) -> Array:
         """Jaw angle and spindle torque, (D, S, T, 2)."""
         several = [effects_at(point) for point in points]
         models = [
             self.spec(point.declared, there).compile()
             for point, there in zip(points, several, strict=True)
         ]
-        S, T = runs.time.shape
+        S, T = pieces.time.shape
         turns = _Cables(
             [model for model in models for _ in range(S)],
             [there for there in several for _ in range(S)],
-            np.tile(runs.period, len(points)),
+            np.tile(pieces.period, len(points)),
         )
         D = len(points)
-        declared = np.array([point.declared for point in points])
-        per_turn, scale = (np.repeat(np.exp(declared[:, k]), S)[:, None] for k in (0, 3))
-        bias = np.repeat(1e-3 * declared[:, 2], S)
-        spindle, load = (np.tile(x, (D, 1)) for x in _approached(runs))
+        x = [by_coordinate(self.declared, point.declared) for point in points]
+        per_turn, scale = (
+            np.repeat(np.exp([each[name] for each in x]), S)[:, None] for name in (_RATIO, _SCALE)
+        )
+        bias = np.repeat([1e-3 * each[_BIAS] for each in x], S)
+        spindle, load = (np.tile(x, (D, 1)) for x in _approached(pieces))
         out = np.empty((D * S, T, 2))
-        period = np.tile(runs.period, D)[:, None]
+        period = np.tile(pieces.period, D)[:, None]
         last = spindle.shape[1] - 1
         turns.begin(spindle[:, :1], scale * load[:, :1], per_turn)
         drive = asked = np.zeros_like(period)
@@ -265,11 +284,11 @@ class JawRig:
         """The runs of some files."""
         return [read(path, _COLUMNS) for path in paths]
 
-    def open(self, training: Sequence[Recording]) -> RunCase:
+    def open(self, training: Sequence[Recording]) -> Case[Runs]:
         """The jaw's zero is where a rigid tool has it on average."""
         sums = [r.columns["jaw_position"] + r.columns["spindle_position"] for r in training]
         machine = replace(Jaw(), zero=float(np.mean(np.concatenate(sums))))
-        return RunCase(machine, np.array([np.radians(1.0), 0.02]))
+        return Case(machine, np.array([np.radians(1.0), 0.02]))
 
 
 MACHINE = JawRig()

@@ -1,20 +1,23 @@
-"""Define what a rig must provide for a machine to be traced.
+"""Define what a machine must provide to be traced.
 
-A rig defines how its twin is built, how a log drives it, what is measured with which noise, and which
-effects are candidates. `residual` and `trace` use rigs through this interface alone.
+A `Rig` reads logs of one kind of machine and opens a `Case` (`case.py`) of them. A `Machine` is what differs
+from one case to the next: how twins are built, how a log drives them, what is measured with which noise, and
+which effects are candidates. `residual` and `trace` use machines through these interfaces alone.
 """
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Range, by_name, ranges
-from serpent_twin.residual import Comparison
+from serpent_twin.residual import Comparison, Measure
+
+if TYPE_CHECKING:
+    from serpent_twin.machines.case import Case
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,8 @@ class Quantity:
     """Where the fit starts"""
     scale: float = 0.0
     """Change per unit of its coordinates; 0: they are logarithms of its ratio to the start"""
-    of: tuple[int, ...] = ()
-    """The coordinates that add up to its change"""
+    of: tuple[str, ...] = ()
+    """Names of the coordinates that add up to its change"""
     nominal: float = float("nan")
     """As declared before any log was seen; NaN where nothing is"""
 
@@ -53,6 +56,20 @@ class Quantity:
         if self.scale:
             return self.start + self.scale * change
         return self.start * float(np.exp(change))
+
+
+@dataclass(frozen=True)
+class Output:
+    """A channel: one number a row that is measured and that the twin predicts."""
+
+    name: str
+    """Of the logs' column, or in words"""
+    measure: Measure
+    """What is measured, and how its error is told"""
+    noise: float
+    """Least standard deviation by which its error is weighed, in the unit of the measure's arrays"""
+    alike: str = ""
+    """Channels of one such name are weighed alike; nothing: by itself"""
 
 
 @dataclass(frozen=True)
@@ -107,6 +124,12 @@ class ParameterVector:
         return replace(self, declared=self.declared + change)
 
 
+def by_coordinate(declared: Sequence[Declared], values: Array) -> dict[str, float]:
+    """The values of all declared coordinates by their names."""
+    names = [each.name for each in declared]
+    return dict(zip(names, np.asarray(values, float).tolist(), strict=True))
+
+
 def effects_at(point: ParameterVector) -> tuple[Effect, ...]:
     """The effects of a parameter vector."""
     return tuple(effect_at(name, values) for name, values in point.effects.items())
@@ -123,32 +146,102 @@ def effect_at(name: str, values: Array) -> Effect:
     return kind(**each)
 
 
-class Stopwatch:
-    """Adds up time spent inside its `with` blocks."""
-
-    def __init__(self) -> None:
-        self.seconds = 0.0
-        self._began = 0.0
-
-    def __enter__(self) -> None:
-        self._began = time.perf_counter()
-
-    def __exit__(self, *_: object) -> None:
-        self.seconds += time.perf_counter() - self._began
-
-
 class Pieces(Protocol):
-    """Segments of logs, all of one length, each starting from a measured state."""
+    """Segments of logs, S of T rows, each starting from a measured state."""
 
     @property
     def session(self) -> tuple[str, ...]:
-        """Name of each segment's session."""
+        """Name of each segment's session, (S,)."""
+        ...
+
+    @property
+    def measured(self) -> Array:
+        """What twins are to predict, in the order of the machine's outputs, (S, T, C); NaN where nothing was
+        measured, or what was measured is not compared.
+        """
         ...
 
     def __len__(self) -> int: ...
 
+    def take(self, which: Sequence[int]) -> Self:
+        """Some of the segments."""
+        ...
+
 
 P = TypeVar("P", bound=Pieces)
+
+
+class Machine(Protocol[P]):
+    """A machine with first guesses: a parameter vector of zeros is its calibration's start."""
+
+    @property
+    def declared(self) -> Sequence[Declared]:
+        """What calibration fits."""
+        ...
+
+    @property
+    def quantities(self) -> Sequence[Quantity]:
+        """What each of them stands for."""
+        ...
+
+    @property
+    def candidates(self) -> Mapping[str, Candidate]:
+        """What the machine may have."""
+        ...
+
+    @property
+    def outputs(self) -> Sequence[Output]:
+        """The channels: all coordinates of the pose, which is of one measure, then perhaps others."""
+        ...
+
+    @property
+    def segments(self) -> tuple[int, int]:
+        """How many segments a fit uses at most while it searches, enough to tell effects apart, and the last
+        fit.
+        """
+        ...
+
+    def pieces(self, sessions: Sequence[Any]) -> P:
+        """Cut sessions into segments."""
+        ...
+
+    def alike(self, points: Sequence[ParameterVector]) -> Sequence[list[int]]:
+        """Groups of parameter vectors whose twins can step side by side, by their places in the list."""
+        ...
+
+    def coarse_step(self, points: Sequence[ParameterVector]) -> float | None:
+        """Time step [s] that is good enough for differences between these twins; None for the usual."""
+        ...
+
+    def respond(
+        self, points: Sequence[ParameterVector], pieces: P, timestep: float | None = None
+    ) -> Array:
+        """What twins that can step side by side predict, (D, S, T, C); not finite where one gave up."""
+        ...
+
+    def derivatives(self, point: ParameterVector, pieces: P, noise: Array) -> Mapping[str, Array]:
+        """Change of the prediction per unit of a coordinate, (S, T, C), by the coordinate's name; only of
+        those that need no finite difference. `noise` weighs channels, (C,), where a check must.
+        """
+        ...
+
+    def compare(self, point: ParameterVector | None, pieces: P) -> Comparison:
+        """Measured beside predicted, and what errors may depend on; by the nominal twin without a point."""
+        ...
+
+    def pose_noise(self, pieces: P) -> Array | float:
+        """Standard deviation of the measurement of each coordinate of the pose."""
+        ...
+
+    def measured_again(self, pieces: P, point: ParameterVector, rng: np.random.Generator) -> P:
+        """The segments as another measurement of the same motion would have started a twin."""
+        ...
+
+    def write(
+        self, point: ParameterVector, noise: Array, path: Path, about: Mapping[str, Any]
+    ) -> None:
+        """Write the twin of a parameter vector, PATH.json and PATH.xml; `noise` is what it leaves, (C,)."""
+        ...
 
 
 class Log(Protocol):
@@ -175,78 +268,8 @@ class Log(Protocol):
         ...
 
 
-class Case(Protocol[P]):
-    """A machine with first guesses from its training logs, as the fit uses it."""
-
-    declared: Sequence[Declared]
-    quantities: Sequence[Quantity]
-    """What each of them stands for"""
-    candidates: Mapping[str, Candidate]
-    unseen: Mapping[str, str]
-    """Candidates that these logs cannot show, and why"""
-    clock: Stopwatch
-    """Time spent in simulation"""
-
-    @property
-    def noise(self) -> Array:
-        """What the residual is divided by, (channels,)."""
-        ...
-
-    channels: int
-    """Numbers that a residual has for each row of a log"""
-    segments: tuple[int, int]
-    """How many segments a fit uses at most while it searches, enough to tell effects apart, and the last
-    fit
-    """
-
-    def pieces(self, sessions: Sequence[Any]) -> P:
-        """Cut sessions into segments."""
-        ...
-
-    def take(self, pieces: P, which: Sequence[int]) -> P:
-        """Some of the segments."""
-        ...
-
-    def residual(self, points: Sequence[ParameterVector], pieces: P, rough: bool = False) -> Array:
-        """Measured minus predicted, divided by its noise: (points, segments, numbers); 0 where nothing
-        was measured, NaN for a twin whose simulation gave up.
-        `rough` may be less exact where it is faster: good enough for differences between points.
-        """
-        ...
-
-    def jacobian(self, point: ParameterVector, pieces: P) -> Array:
-        """Derivatives of the residual by the declared parameters, (declared, segments, numbers); NaN for
-        those that only finite differences tell.
-        """
-        ...
-
-    def reweighted(self, point: ParameterVector, pieces: P) -> "Case[P]":
-        """The same case, each channel's noise set to what a fitted twin leaves of it."""
-        ...
-
-    def compare(self, point: ParameterVector | None, pieces: P) -> Comparison:
-        """Measured beside predicted by the twin of a parameter vector; without one, by the nominal twin."""
-        ...
-
-    def expected(
-        self,
-        fit: ParameterVector,
-        drawn: Sequence[ParameterVector],
-        pieces: P,
-        rng: np.random.Generator,
-    ) -> float:
-        """Mean marker error [mm] of a twin that lacks nothing: its start has the measurement's noise, and
-        its parameters are drawn from the fit's covariance.
-        """
-        ...
-
-    def write(self, point: ParameterVector, path: Path, about: Mapping[str, Any]) -> None:
-        """Write the twin of a parameter vector, PATH.json and PATH.xml."""
-        ...
-
-
-class Machine(Protocol):
-    """One kind of machine."""
+class Rig(Protocol):
+    """One kind of machine, and its logs."""
 
     name: str
     """By which the command line knows it"""
@@ -257,6 +280,6 @@ class Machine(Protocol):
         """A folder's sessions; raises a `SerpentError` on logs that are not of this machine."""
         ...
 
-    def open(self, training: Sequence[Any]) -> Case[Any]:
+    def open(self, training: Sequence[Any]) -> "Case[Any]":
         """First guesses out of training logs."""
         ...

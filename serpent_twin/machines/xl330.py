@@ -15,18 +15,20 @@ from scipy.signal import savgol_filter
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, edit
+from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
+    Output,
     ParameterVector,
     Quantity,
+    by_coordinate,
     candidate,
     effects_at,
 )
 from serpent_twin.machines.measured import (
-    Output,
     Recording,
-    RunCase,
+    RunMachine,
     Runs,
     Turns,
     hinge,
@@ -69,49 +71,57 @@ class Driven(OpenForm, frozen=True):
     vin: Annotated[float, above(0.0, 100.0, "V")]
 
 
-def _declared() -> tuple[Declared, ...]:
-    return (
-        Declared("torque per volt", "log N m/V", 0.3, 0.03),
-        Declared("voltage per speed", "log V s/rad", 0.3, 0.03),
-        Declared("rotor's inertia", "log kg m²", 0.7, 0.1),
-        Declared("zero of the angle", "°", 2.0, 0.2),
-    )
-
-
-def _candidates() -> dict[str, Candidate]:
-    return {name: candidate(name) for name in _CANDIDATES}
+_PER_VOLT, _PER_SPEED = "torque per volt", "voltage per speed"
+_INERTIA, _ZERO = "rotor's inertia", "zero of the angle"
+_DECLARED = (
+    Declared(_PER_VOLT, "log N m/V", 0.3, 0.03),
+    Declared(_PER_SPEED, "log V s/rad", 0.3, 0.03),
+    Declared(_INERTIA, "log kg m²", 0.7, 0.1),
+    Declared(_ZERO, "°", 2.0, 0.2),
+)
+_QUANTITIES = (  # the data sheet's numbers are the start
+    Quantity(_PER_VOLT, "mN m/V", 1e3 * _TORQUE, 0.0, (_PER_VOLT,), 1e3 * _TORQUE),
+    Quantity(_PER_SPEED, "V s/rad", _BACK_EMF, 0.0, (_PER_SPEED,), _BACK_EMF),
+    Quantity(_INERTIA, "g m²", 1e3 * _ARMATURE, 0.0, (_INERTIA,), 1e3 * _ARMATURE),
+    Quantity(_ZERO, "°", 0.0, 1.0, (_ZERO,), 0.0),
+)
+_KNOWN = {name: candidate(name) for name in _CANDIDATES}
 
 
 @dataclass(frozen=True)
-class Xl330:
+class Xl330(RunMachine):
     """The servo on the data sheet's torque–speed line, without friction; a rod of no mass, a point mass."""
 
     name: str = "xl330"
-    first: Mapping[str, float] = field(default_factory=dict)
     drives: Mapping[str, str] = field(default_factory=lambda: {"goal_position": "goal"})
     markers: tuple[str, ...] = ("angle",)
     joints: tuple[str, ...] = ("horn",)
     columns: tuple[str, ...] = ("goal_position", "torque_enable", "position", "velocity")
     outputs: tuple[Output, ...] = (Output("position", ANGLE, _ENCODER),)
-    declared: tuple[Declared, ...] = field(default_factory=_declared)
-    candidates: dict[str, Candidate] = field(default_factory=_candidates)
     every: int = 1
     block: float = 0.5
     window: None = None
     segments: tuple[int, int] = (24, 48)
 
     @property
+    def first(self) -> dict[str, float]:
+        """Nothing: the data sheet's numbers are the start."""
+        return {}
+
+    @property
+    def declared(self) -> tuple[Declared, ...]:
+        """What calibration fits."""
+        return _DECLARED
+
+    @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """The physical quantity of each coordinate: the data sheet's numbers are the start."""
-        starts = (1e3 * _TORQUE, _BACK_EMF, 1e3 * _ARMATURE, 0.0)
-        units = ("mN m/V", "V s/rad", "g m²", "°")
-        scales = (0.0, 0.0, 0.0, 1.0)
-        return tuple(
-            Quantity(each.name, unit, start, scale, (k,), start)
-            for k, (each, unit, start, scale) in enumerate(
-                zip(self.declared, units, starts, scales, strict=True)
-            )
-        )
+        """The physical quantity of each coordinate."""
+        return _QUANTITIES
+
+    @property
+    def candidates(self) -> Mapping[str, Candidate]:
+        """What the servo may have."""
+        return _KNOWN
 
     def spec(
         self,
@@ -121,13 +131,14 @@ class Xl330:
         length: float = 0.1,
     ) -> mujoco.MjSpec:
         """The twin as MJCF: angle 0 hangs, +x is down; the motor's control is its voltage."""
-        torque, back_emf = _TORQUE * np.exp(declared[0]), _BACK_EMF * np.exp(declared[1])
+        x = by_coordinate(self.declared, declared)
+        torque, back_emf = _TORQUE * np.exp(x[_PER_VOLT]), _BACK_EMF * np.exp(x[_PER_SPEED])
         spec = mujoco.MjSpec()
         spec.option.gravity = [_GRAVITY, 0, 0]
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         link = spec.worldbody.add_body(name="link1")
         joint = link.add_joint(name=hinge.HINGE, axis=[0, 0, 1])
-        joint.armature = _ARMATURE * np.exp(declared[2])
+        joint.armature = _ARMATURE * np.exp(x[_INERTIA])
         hinge.stick(joint)
         link.mass, link.ipos, link.inertia = mass, [length, 0, 0], [1e-9] * 3
         link.explicitinertial = True
@@ -144,18 +155,21 @@ class Xl330:
         edit(spec, effects)
         return spec
 
-    def respond(self, points: Sequence[ParameterVector], runs: Runs) -> Array:
+    def respond(
+        self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
+    ) -> Array:
         """The horn's angle, (D, S, T, 1), from where each run begins."""
-        turns = _turns(self, points, runs)
-        D, (S, T) = len(points), runs.time.shape
-        zero = np.repeat(np.radians([point.declared[3] for point in points]), S)[:, None]
+        turns = _turns(self, points, pieces)
+        D, (S, T) = len(points), pieces.time.shape
+        x = [by_coordinate(self.declared, point.declared) for point in points]
+        zero = np.repeat(np.radians([each[_ZERO] for each in x]), S)[:, None]
 
         def rows(name: str, t: int) -> Array:
-            return np.tile(runs.column[name][:, t], D)[:, None]
+            return np.tile(pieces.column[name][:, t], D)[:, None]
 
-        gain = np.tile([m["kp"] * _DUTY for m in runs.metadata], D)[:, None]
-        supply = np.tile([m["vin"] for m in runs.metadata], D)[:, None]
-        weight = _GRAVITY * np.tile([m["mass"] * m["length"] for m in runs.metadata], D)[:, None]
+        gain = np.tile([m["kp"] * _DUTY for m in pieces.metadata], D)[:, None]
+        supply = np.tile([m["vin"] for m in pieces.metadata], D)[:, None]
+        weight = _GRAVITY * np.tile([m["mass"] * m["length"] for m in pieces.metadata], D)[:, None]
         per_volt, per_speed = turns.gainprm[:, :, 0].copy(), turns.biasprm[:, :, 2].copy()
         turns.qpos[...], turns.qvel[...] = rows("position", 0) + zero, rows("velocity", 0)
         angle = np.empty((D * S, T))
@@ -226,9 +240,9 @@ class Xl330Rig:
         """The runs of some files."""
         return [_with_velocity(read(path, _COLUMNS, Driven)) for path in paths]
 
-    def open(self, training: Sequence[Recording]) -> RunCase:
+    def open(self, training: Sequence[Recording]) -> Case[Runs]:
         """The data sheet's numbers are the first guess."""
-        return RunCase(Xl330(), np.array([np.radians(3.0)]))
+        return Case(Xl330(), np.array([np.radians(3.0)]))
 
 
 MACHINE = Xl330Rig()

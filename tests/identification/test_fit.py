@@ -13,7 +13,8 @@ from serpent_twin.identification.held_out import Errors, gain
 from serpent_twin.identification.least_squares import fit, variance_inflation
 from serpent_twin.identification.score_test import full_fit, scores, worth_fitting
 from serpent_twin.identification.uncertainty import indistinguishable
-from serpent_twin.machines.machine import Declared, Stopwatch
+from serpent_twin.machines.case import Stopwatch
+from serpent_twin.machines.machine import Declared
 
 RNG = np.random.default_rng(4)
 

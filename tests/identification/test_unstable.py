@@ -17,7 +17,7 @@ from serpent_twin.identification.free_parameters import free_parameters, jacobia
 from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.score_test import full_fit, scores
-from serpent_twin.machines.machine import Stopwatch
+from serpent_twin.machines.case import Stopwatch
 
 
 @dataclass(frozen=True)

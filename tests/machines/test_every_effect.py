@@ -49,17 +49,18 @@ def _flat(*arrays):
     return np.concatenate([each.reshape(len(each), -1) for each in arrays], axis=1)
 
 
-def _points(several):
-    return [SimpleNamespace(declared=np.zeros(100), there=each) for each in several]
+def _points(machine, several):
+    start = np.zeros(len(machine.declared))
+    return [SimpleNamespace(declared=start, there=each) for each in several]
 
 
 def _bench(module, machine, *logs, every=1):
-    runs = cut(logs, machine.columns, [each.column for each in machine.outputs], every)
+    runs = cut(logs, machine.columns, [each.name for each in machine.outputs], every)
 
     def respond(*several):
         with pytest.MonkeyPatch.context() as patch:  # zero is zero, not just off it
             patch.setattr(module, "effects_at", lambda point: point.there)
-            return _flat(machine.respond(_points(several), runs))
+            return _flat(machine.respond(_points(machine, several), runs))
 
     return Bench(machine.candidates, respond)
 
@@ -81,7 +82,7 @@ def _trunk():
     time = np.arange(0, 1, 0.01)[:, None]
     goal = np.array([0.5, 0.7, 0.3, -0.4, 0.2, 0.1]) * np.sin(2 * np.pi * 0.5 * time)
     both = dict(trunk._sized(trunk._CANDIDATES)) | dict(trunk._sized(trunk._CHANGES))
-    return _bench(trunk, trunk.Trunk(shape(), candidates=both), log(goal), every=5)
+    return _bench(trunk, trunk.Trunk(shape(), known=both), log(goal), every=5)
 
 
 BENCHES = {

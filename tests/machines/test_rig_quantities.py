@@ -13,15 +13,16 @@ from serpent_twin.machines import jaw, trunk, xl330
 from serpent_twin.machines.arm.cable_law import CableLaw
 from serpent_twin.machines.arm.quantities import quantities
 from serpent_twin.machines.arm.vector import vector
-from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.machine import ParameterVector, by_coordinate
 from serpent_twin.machines.trunk.shape import KINDS
 
 RNG = np.random.default_rng(6)
 
 
-def at(several, x):
+def at(of, several, x):
     """Values by name at coordinates x."""
-    return {each.name: each.after(sum(x[k] for k in each.of)) for each in several}
+    value = by_coordinate(of.declared, x)
+    return {each.name: each.after(sum(value[name] for name in each.of)) for each in several}
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def arm():
 @pytest.mark.parametrize("spread", [0.0, 0.2])
 def test_the_arms_table_holds_the_numbers_of_its_design(arm, spread):
     x = RNG.normal(0, spread, len(arm.declared))
-    found, design = at(quantities(arm), x), arm.design(ParameterVector(x))
+    found, design = at(arm, quantities(arm), x), arm.design(ParameterVector(x))
     p, t = design.parameters, design.tolerances
     for n, name in enumerate(mjcf.STRANDS):
         short = name.removeprefix("cable").replace("_plus", "+").replace("_minus", "−")
@@ -72,7 +73,7 @@ def test_the_arms_table_holds_the_numbers_of_its_design(arm, spread):
 def test_the_servos_table_holds_the_numbers_of_its_model():
     x = RNG.normal(0, 0.2, 4)
     machine = xl330.Xl330()
-    found, model = at(machine.quantities, x), machine.spec(x, ()).compile()
+    found, model = at(machine, machine.quantities, x), machine.spec(x, ()).compile()
     assert found["torque per volt"] == pytest.approx(1e3 * model.actuator_gainprm[0, 0])
     per_speed = -model.actuator_biasprm[0, 2] / model.actuator_gainprm[0, 0]
     assert found["voltage per speed"] == pytest.approx(per_speed)
@@ -83,7 +84,7 @@ def test_the_servos_table_holds_the_numbers_of_its_model():
 def test_the_jaws_table_holds_the_numbers_of_its_model():
     x = RNG.normal(0, 0.2, 4)
     machine = jaw.Jaw(zero=0.3)
-    found, model = at(machine.quantities, x), machine.spec(x, ()).compile()
+    found, model = at(machine, machine.quantities, x), machine.spec(x, ()).compile()
     assert found["zero of the jaw"] == pytest.approx(-np.degrees(model.tendon_lengthspring[0, 0]))
     assert found["jaw's turn per turn of the spindle"] == pytest.approx(-model.wrap_prm[1])
     assert found["zero of the spindle's torque"] == x[2]
@@ -94,7 +95,7 @@ def test_the_trunks_table_holds_the_numbers_of_its_shape():
     sizes = {name: len(kind.names) for name, kind in KINDS.items()}
     machine = trunk.Trunk({name: RNG.uniform(0.5, 1.5, n) for name, n in sizes.items()})
     x = RNG.normal(0, 0.2, sum(sizes.values()))
-    shape, found = trunk.moved(machine.start, machine.kinds, x), at(machine.quantities, x)
+    shape, found = trunk.moved(machine.start, machine.kinds, x), at(machine, machine.quantities, x)
     assert found["length of segment 2"] == pytest.approx(1e3 * shape["length"][1])
     assert found["cable wound per radian, to disk 3"] == pytest.approx(1e3 * shape["wound"][2])
     assert found["stiffness of the hose"] == pytest.approx(shape["hose"][0])
@@ -107,7 +108,7 @@ def test_an_interval_of_two_coordinates_has_the_errors_of_both(arm):
     several, n = quantities(arm), len(arm.declared)
     k = next(i for i, each in enumerate(several) if each.name == "hinge friction, joint 2")
     error, correlation = np.full(n, 0.05), np.eye(n)
-    common = several[k].of[0]
+    common = [each.name for each in arm.declared].index(several[k].of[0])
     correlation[common, k] = correlation[k, common] = -0.6
     point = ParameterVector(RNG.normal(0, 0.1, n))
     fit = Fit(

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from serpent_twin.effects import Range
-from serpent_twin.machines.machine import Candidate, Declared, ParameterVector, Quantity, Stopwatch
+from serpent_twin.machines.case import Stopwatch
+from serpent_twin.machines.machine import Candidate, Declared, ParameterVector, Quantity
 
 SEGMENTS, NUMBERS = 12, 300
 GUST, NOTHING = "gust", "nothing"
@@ -36,7 +37,7 @@ class LinearCase:
 
     @property
     def quantities(self):
-        return [Quantity(d.name, d.unit, 0.0, 1.0, (k,)) for k, d in enumerate(self.declared)]
+        return [Quantity(d.name, d.unit, 0.0, 1.0, (d.name,)) for d in self.declared]
 
     def take(self, pieces, which):
         return [pieces[k] for k in which]

@@ -23,7 +23,8 @@ from serpent_twin.hardware.dynamixel.setup import ArmSetup, read_setup, write_se
 from serpent_twin.hardware.dynamixel.turns import LastSeen, read_turns, write_turns
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.score_test import Score
-from serpent_twin.machines.machine import ParameterVector, Stopwatch
+from serpent_twin.machines.case import Stopwatch
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.trunk import MACHINE, Trunk
 from serpent_twin.machines.xl330 import MACHINE as SERVO
 from serpent_twin.reservoir.sweep import run as sweep

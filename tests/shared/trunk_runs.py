@@ -35,7 +35,7 @@ def answer(machine, run, **there):
     point = ParameterVector(
         np.zeros(len(machine.declared)), {name: np.array(values) for name, values in there.items()}
     )
-    runs = cut([run], machine.columns, [each.column for each in machine.outputs], machine.every)
+    runs = cut([run], machine.columns, [each.name for each in machine.outputs], machine.every)
     found = machine.respond([point], runs)[0, 0]
     return found[:, :9].reshape(-1, 3, 3), found[:, 9:], runs.time[0]
 

@@ -11,9 +11,11 @@ from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_offs
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.arm.cable_law import cable_laws
-from serpent_twin.machines.arm.case import ArmCase
+from serpent_twin.machines.arm.machine import ArmMachine
+from serpent_twin.machines.arm.pieces import Pieces
 from serpent_twin.machines.arm.recorder import recorded_by
 from serpent_twin.machines.arm.vector import candidates, vector
+from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Candidate, ParameterVector
 from serpent_twin.sessions import Session, read_folder, refuse_damaged
 from serpent_twin.sim.prescribed_motion import STANDING
@@ -22,6 +24,7 @@ _FRICTIONS = (0.0015, 0.004, 0.01)  # [N m] of each hinge, tried with
 _DAMPINGS = (0.001, 0.004, 0.015)  # [N m s/rad]
 _MOVES = 0.02  # share of rows in which a motor must turn for its cable and gear to be identified
 _ROWS = 600  # rows used to find the marker offsets
+_MARKER_NOISE, _LOAD_NOISE = 1e-3, 5e-3  # [m], [fraction of stall] that a first guess leaves
 _TRIED = 4  # segments to find the hinges' friction
 
 
@@ -44,7 +47,7 @@ class ArmRig:
                 )
         return sessions
 
-    def open(self, training: Sequence[Session]) -> ArmCase:
+    def open(self, training: Sequence[Session]) -> Case[Pieces]:
         """First guesses: marker places and cable laws from poses and loads alone, then the hinges'
         friction and damping by trying nine of each.
         """
@@ -61,10 +64,11 @@ class ArmRig:
         about = vector(laws, offset, error, _FRICTIONS[1], _DAMPINGS[1])
         parameters = recorded_by(about.start.parameters, training, rms)
         about = replace(about, start=replace(about.start, parameters=parameters))
-        noise = np.full(N_JOINTS, 1e-3), np.full(N_MOTORS, 5e-3)
+        noise = np.r_[np.full(3 * N_JOINTS, _MARKER_NOISE), np.full(N_MOTORS, _LOAD_NOISE)]
         known = candidates()
-        case = ArmCase(about, known, _unseen(velocity, known), *noise)
-        return _with_friction(case, training)
+        arm = ArmMachine(about, known)
+        case = Case(arm, noise, _unseen(velocity, known))
+        return _with_friction(case, arm, training)
 
 
 def moving(velocity: Array) -> Array:
@@ -80,24 +84,27 @@ def _unseen(velocity: Array, known: Mapping[str, Candidate]) -> dict[str, str]:
     return dict.fromkeys(known, why)
 
 
-def _with_friction(case: ArmCase, training: Sequence[Session]) -> ArmCase:
+def _with_friction(
+    case: Case[Pieces], arm: ArmMachine, training: Sequence[Session]
+) -> Case[Pieces]:
     """The case that starts from the best of the friction and damping values tried on a few segments."""
     pieces = case.pieces(training)
     some = case.take(pieces, range(0, len(pieces), max(1, len(pieces) // _TRIED)))
     tried = [(f, d) for f in _FRICTIONS for d in _DAMPINGS]
-    start = case.vector.start
-    at = case.vector.blocks
+    start, names = arm.vector.start, [each.name for each in arm.declared]
     points = []
     for friction, damping in tried:
         x = np.zeros(len(case.declared))
-        x[at["friction"].start] = np.log(friction / start.parameters.joint_friction)
-        x[at["damping"].start] = np.log(damping / start.parameters.joint_damping)
+        x[names.index("friction of all joints")] = np.log(
+            friction / start.parameters.joint_friction
+        )
+        x[names.index("damping of all joints")] = np.log(damping / start.parameters.joint_damping)
         points.append(ParameterVector(x))
     cost = np.nansum(case.residual(points, some) ** 2, axis=(1, 2))
     friction, damping = tried[int(np.argmin(np.where(cost > 0, cost, np.inf)))]
     parameters = replace(start.parameters, joint_friction=friction, joint_damping=damping)
-    moved = replace(case.vector, start=replace(start, parameters=parameters))
-    return replace(case, vector=moved)
+    moved = replace(arm.vector, start=replace(start, parameters=parameters))
+    return replace(case, machine=replace(arm, vector=moved))
 
 
 MACHINE = ArmRig()

@@ -1,7 +1,7 @@
 """Cut an arm's logs into segments, each starting from a measured pose."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -71,6 +71,19 @@ class Pieces:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def take(self, which: Sequence[int]) -> "Pieces":
+        """Some of the segments."""
+        n = list(which)
+        each = {field.name: getattr(self, field.name) for field in fields(self)}
+        arrays = {name: value[n] for name, value in each.items() if isinstance(value, np.ndarray)}
+        return replace(self, session=tuple(self.session[k] for k in n), **arrays)
+
+    @property
+    def measured(self) -> Array:
+        """Markers, and loads where they are used, NaN elsewhere, (S, T, 37)."""
+        load = np.where(self.moving, self.load, np.nan)
+        return np.concatenate([self.marker.reshape(*self.time.shape, -1), load], axis=-1)
 
     @property
     def moving(self) -> NDArray[np.bool_]:

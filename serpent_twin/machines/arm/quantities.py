@@ -55,7 +55,7 @@ def quantities(of: Vector) -> tuple[Quantity, ...]:
     """One for each coordinate of a vector."""
     start, nominal = _si(of.start), _si(NOMINAL_TWIN)
     found = []
-    for block, where in of.blocks.items():
+    for block, names in of.names.items():
         kind = _KINDS[block]
         by = (
             kind.scale
@@ -64,16 +64,14 @@ def quantities(of: Vector) -> tuple[Quantity, ...]:
         )
         scales = np.broadcast_to(by, len(kind.parts))
         for k, part in enumerate(kind.parts):
-            together = (
-                {where.start, where.start + k} if kind.parts is _HINGES else {where.start + k}
-            )
+            together = (names[0], names[k]) if kind.parts is _HINGES and k else (names[k],)
             found.append(
                 Quantity(
                     kind.name.format(part),
                     kind.unit,
                     float(kind.per_si * start[block][k]),
                     float(scales[k]),
-                    tuple(sorted(together)),
+                    together,
                     float(kind.per_si * nominal[block][k]),
                 )
             )

@@ -1,8 +1,7 @@
 """Define the parameter vector of the arm's calibration: coordinates, priors and start."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from serpent_twin.machines.machine import (
     Candidate,
     Declared,
     ParameterVector,
+    by_coordinate,
     candidate,
     effects_at,
 )
@@ -29,6 +29,26 @@ _TRANSITION = 0.02  # [rad/s]
 _UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable not in any log
 
 
+def _of_joints(what: str) -> tuple[str, ...]:
+    """What all hinges have in common, and how each differs from it."""
+    return (f"{what} of all joints", *(f"{what} of joint {i}" for i in range(1, N_JOINTS + 1)))
+
+
+_MOTORS, _JOINTS = range(1, N_MOTORS + 1), range(1, N_JOINTS + 1)
+NAMES: Mapping[str, tuple[str, ...]] = {
+    "stiffness": tuple(f"stiffness of {name}" for name in mjcf.STRANDS),
+    "slack": tuple(f"slack of {name}" for name in mjcf.STRANDS),
+    "winch": tuple(f"winch of motor {j}" for j in _MOTORS),
+    "friction": _of_joints("friction"),
+    "transition": _of_joints("transition velocity"),
+    "damping": _of_joints("damping"),
+    "gear": tuple(f"gear friction of motor {j}" for j in _MOTORS),
+    "marker": tuple(f"place of marker {i} along {axis}" for i in _JOINTS for axis in "xyz"),
+}
+"""The coordinates of each kind of parameter"""
+_STILL = ("gear", "marker")  # kinds that move nothing
+
+
 @dataclass(frozen=True)
 class Vector:
     """The fit's coordinates, and the twin model of any parameter vector."""
@@ -36,34 +56,22 @@ class Vector:
     start: TwinModel
     """The design at all coordinates zero"""
     declared: tuple[Declared, ...]
-    """stiffness 20, slack 20, winch 10; friction, transition velocity and damping 1 + 9 each; gear
-    friction 10, marker 27
-    """
-
-    @cached_property
-    def blocks(self) -> dict[str, slice]:
-        """The indices of each kind of parameter."""
-        sizes = {
-            "stiffness": 2 * N_MOTORS,
-            "slack": 2 * N_MOTORS,
-            "winch": N_MOTORS,
-            "friction": 1 + N_JOINTS,
-            "transition": 1 + N_JOINTS,
-            "damping": 1 + N_JOINTS,
-            "gear": N_MOTORS,
-            "marker": 3 * N_JOINTS,
-        }
-        ends = np.cumsum(list(sizes.values()))
-        return {k: slice(e - n, e) for (k, n), e in zip(sizes.items(), ends, strict=True)}
+    """Those of `NAMES`, in its order"""
 
     @property
-    def moving(self) -> range:
-        """The indices of the parameters that move the arm, which come first."""
-        return range(self.blocks["gear"].start)
+    def names(self) -> Mapping[str, tuple[str, ...]]:
+        """The coordinates of each kind of parameter; of hinges, the common part first."""
+        return NAMES
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """The coordinates that move the arm: those of cables and hinges."""
+        return tuple(n for kind, names in NAMES.items() if kind not in _STILL for n in names)
 
     def design(self, point: ParameterVector) -> TwinModel:
         """The twin model of a parameter vector."""
-        x = {name: point.declared[where] for name, where in self.blocks.items()}
+        value = by_coordinate(self.declared, point.declared)
+        x = {kind: np.array([value[name] for name in names]) for kind, names in NAMES.items()}
         t = self.start.tolerances
         tolerances = replace(
             t,
@@ -139,32 +147,26 @@ def vector(
 
 def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Declared, ...]:
     rows = []
-    for n, name in enumerate(mjcf.STRANDS):
+    for n, name in enumerate(NAMES["stiffness"]):
         law = laws[n // 2]
         width = max(_STIFFNESS, _TRUST * law.stiffness_error[n % 2]) if law else _UNKNOWN_STIFFNESS
-        rows.append(Declared(f"stiffness of {name}", "log N/m", min(width, 0.3), 0.03))
-    for n, name in enumerate(mjcf.STRANDS):
+        rows.append(Declared(name, "log N/m", min(width, 0.3), 0.03))
+    for n, name in enumerate(NAMES["slack"]):
         law = laws[n // 2]
         width = max(_SLACK, _TRUST * 1e3 * law.slack_error[n % 2]) if law else _UNKNOWN_SLACK
-        rows.append(Declared(f"slack of {name}", "mm", min(width, 0.4), 0.02))
-    for j, law in enumerate(laws, 1):
+        rows.append(Declared(name, "mm", min(width, 0.4), 0.02))
+    for name, law in zip(NAMES["winch"], laws, strict=True):
         width = max(_WINCH, _TRUST * 1e2 * law.winch_error) if law else _UNKNOWN_WINCH
-        rows.append(Declared(f"winch of motor {j}", "% of radius", min(width, 1.0), 0.2))
-    rows += _of_joints("friction", "log N m", 1.0, 0.1)
-    rows += _of_joints("transition velocity", "log rad/s", 1.0, 0.3)
-    rows += _of_joints("damping", "log N m s/rad", 1.5, 0.1)
-    rows += [
-        Declared(f"gear friction of motor {j}", "log N m", 0.3, 0.1) for j in range(1, N_MOTORS + 1)
-    ]
-    rows += [
-        Declared(f"place of marker {k // 3 + 1} along {'xyz'[k % 3]}", "mm", width, 0.1)
-        for k, width in enumerate(np.maximum(0.02, _TRUST * offset_error.ravel()))
-    ]
+        rows.append(Declared(name, "% of radius", min(width, 1.0), 0.2))
+    for kind, unit, together, step in (
+        ("friction", "log N m", 1.0, 0.1),
+        ("transition", "log rad/s", 1.0, 0.3),
+        ("damping", "log N m s/rad", 1.5, 0.1),
+    ):
+        for k, name in enumerate(NAMES[kind]):
+            rows.append(Declared(name, unit, _APART if k else together, step))
+    rows += [Declared(name, "log N m", 0.3, 0.1) for name in NAMES["gear"]]
+    widths = np.maximum(0.02, _TRUST * offset_error.ravel())
+    for name, width in zip(NAMES["marker"], widths, strict=True):
+        rows.append(Declared(name, "mm", width, 0.1))
     return tuple(rows)
-
-
-def _of_joints(what: str, unit: str, together: float, step: float) -> list[Declared]:
-    """The common part of all hinges, and the deviation of each."""
-    return [Declared(f"{what} of all joints", unit, together, step)] + [
-        Declared(f"{what} of joint {i}", unit, _APART, step) for i in range(1, N_JOINTS + 1)
-    ]

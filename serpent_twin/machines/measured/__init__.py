@@ -1,7 +1,7 @@
 """Share the code of the rigs of other measured machines."""
 
-from serpent_twin.machines.measured.case import Output, RunCase
 from serpent_twin.machines.measured.hinge import HingeMoment, Turns
+from serpent_twin.machines.measured.machine import RunMachine
 from serpent_twin.machines.measured.recording import Recording, read, read_folder
 from serpent_twin.machines.measured.runs import Runs, cut
 from serpent_twin.machines.measured.twin_file import MachineTwin, read_twin
@@ -9,9 +9,8 @@ from serpent_twin.machines.measured.twin_file import MachineTwin, read_twin
 __all__ = [
     "HingeMoment",
     "MachineTwin",
-    "Output",
     "Recording",
-    "RunCase",
+    "RunMachine",
     "Runs",
     "Turns",
     "cut",

@@ -17,18 +17,19 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Range
+from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
+    Output,
     ParameterVector,
     Quantity,
     candidate,
     effects_at,
 )
 from serpent_twin.machines.measured import (
-    Output,
     Recording,
-    RunCase,
+    RunMachine,
     Runs,
     read,
     read_folder,
@@ -86,7 +87,7 @@ def _sized(names: Sequence[str]) -> dict[str, Candidate]:
 
 
 @dataclass(frozen=True)
-class Trunk:
+class Trunk(RunMachine):
     """A trunk whose servos stand at their goals at once."""
 
     start: Shape
@@ -95,7 +96,8 @@ class Trunk:
     """Which kinds of numbers a fit moves"""
     fixed: tuple[Effect, ...] = ()
     """Effects that are there"""
-    candidates: Mapping[str, Candidate] = field(default_factory=lambda: _sized(_CANDIDATES))
+    known: Mapping[str, Candidate] = field(default_factory=lambda: _sized(_CANDIDATES))
+    """The candidates"""
     name: str = "trunk"
     drives: Mapping[str, str] = field(
         default_factory=lambda: {g: f"motor {m}" for g, m in zip(GOALS, MOTORS, strict=True)}
@@ -111,6 +113,11 @@ class Trunk:
     block: float = 2.0
     window: tuple[float, float] = (10.0, 2.0)
     segments: tuple[int, int] = (9, 14)
+
+    @property
+    def candidates(self) -> Mapping[str, Candidate]:
+        """What the trunk may have."""
+        return self.known
 
     @property
     def declared(self) -> tuple[Declared, ...]:
@@ -131,19 +138,21 @@ class Trunk:
         """The twin as MJCF."""
         return body.spec(moved(self.start, self.kinds, declared), (*self.fixed, *effects))
 
-    def respond(self, points: Sequence[ParameterVector], runs: Runs) -> Array:
+    def respond(
+        self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
+    ) -> Array:
         """Disks and servos, (D, S, T, 15)."""
         shapes, models, several = [], [], []
         for point in points:
             there = effects_at(point)
-            shapes += [moved(self.start, self.kinds, point.declared)] * len(runs)
-            models += [self.spec(point.declared, there).compile()] * len(runs)
-            several += [(*self.fixed, *there)] * len(runs)
+            shapes += [moved(self.start, self.kinds, point.declared)] * len(pieces)
+            models += [self.spec(point.declared, there).compile()] * len(pieces)
+            several += [(*self.fixed, *there)] * len(pieces)
         trunks = Trunks(models, shapes, several, os.cpu_count() or 1)
         D = len(points)
-        goal = np.tile(np.stack([runs.column[name] for name in GOALS], axis=-1), (D, 1, 1))
-        found = np.concatenate(trunks.run(goal, np.tile(runs.period, D)), axis=-1)
-        return found.reshape(D, *runs.time.shape, -1)
+        goal = np.tile(np.stack([pieces.column[name] for name in GOALS], axis=-1), (D, 1, 1))
+        found = np.concatenate(trunks.run(goal, np.tile(pieces.period, D)), axis=-1)
+        return found.reshape(D, *pieces.time.shape, -1)
 
 
 @dataclass(frozen=True)
@@ -167,11 +176,11 @@ class TrunkRig:
         """The rig of a trunk to which something was done since a trace wrote this twin.json."""
         return TrunkRig(twin=twin)
 
-    def open(self, training: Sequence[Recording]) -> RunCase:
+    def open(self, training: Sequence[Recording]) -> Case[Runs]:
         """First guesses from the logs, or, of a changed trunk, the twin of the unchanged one."""
         machine = _changed(self.twin) if self.twin else Trunk(first_guess(training))
         noise = np.r_[np.full(len(SEEN), _GUESSED), np.full(len(ANGLES), _TOLD)]
-        return RunCase(machine, noise)
+        return Case(machine, noise)
 
 
 def _changed(twin: Path) -> Trunk:

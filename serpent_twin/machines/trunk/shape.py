@@ -9,7 +9,7 @@ from msgspec import defstruct
 from msgspec.structs import asdict
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.machine import Declared, Quantity
+from serpent_twin.machines.machine import Declared, Quantity, by_coordinate
 from serpent_twin.machines.measured import Recording
 from serpent_twin.stored import Form, many, take, within
 
@@ -98,19 +98,16 @@ def quantities(start: Shape, kinds: Sequence[str]) -> tuple[Quantity, ...]:
         kind = KINDS[name]
         unit, per_si = _SHOWN.get(kind.unit, (kind.unit, 1 / (kind.scale or 1.0)))
         for each, value in zip(kind.names, start[name], strict=True):
-            found.append(
-                Quantity(each, unit, per_si * float(value), per_si * kind.scale, (len(found),))
-            )
+            found.append(Quantity(each, unit, per_si * float(value), per_si * kind.scale, (each,)))
     return tuple(found)
 
 
 def moved(start: Shape, kinds: Sequence[str], x: Array) -> Shape:
     """A shape at coordinates from a start, of these kinds."""
-    found, at = dict(start), 0
+    found, value = dict(start), by_coordinate(declared(kinds), x)
     for name in kinds:
         kind = KINDS[name]
-        by = x[at : at + len(kind.names)]
-        at += len(by)
+        by = np.array([value[each] for each in kind.names])
         found[name] = start[name] + kind.scale * by if kind.scale else start[name] * np.exp(by)
     return found
 

@@ -1,0 +1,211 @@
+"""Compare an arm's logs with its twin, segment by segment."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_axis, link_frames
+from serpent_twin.arm.inverse_kinematics import joints_from_markers
+from serpent_twin.arrays import Array
+from serpent_twin.machines.arm.pieces import Pieces, camera_noise, cut, past
+from serpent_twin.machines.arm.quantities import quantities
+from serpent_twin.machines.arm.vector import Vector
+from serpent_twin.machines.machine import Candidate, Declared, Output, ParameterVector, Quantity
+from serpent_twin.residual import LOADS, MARKERS, Comparison
+from serpent_twin.sessions import Session
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.many_twins import (
+    TIMESTEP,
+    Response,
+    Stretches,
+    alike,
+    coarse_step,
+    differentiate,
+    impose,
+    remember,
+)
+from serpent_twin.sim.prescribed_motion import STANDING
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
+
+_CAMERA, _LOAD = 1e-4, 2e-3  # [m], [fraction of stall] least noise
+_PROBE = 0  # seed of the signs of the step that tests tangents
+_PROBED = 0.1  # that step, as a share of the parameters' steps
+_TRUSTED = 0.93  # cosine of what it does and what the tangents say, from which they are taken
+OUTPUTS = (
+    *(
+        Output(f"marker {i}{axis}", MARKERS, _CAMERA, alike=f"marker {i}")
+        for i in range(1, N_JOINTS + 1)
+        for axis in MARKERS.along
+    ),
+    *(Output(f"load of motor {j}", LOADS, _LOAD) for j in range(1, N_MOTORS + 1)),
+)
+"""Three coordinates a marker [m], then the loads [fraction of stall], (37,)"""
+
+
+@dataclass(frozen=True)
+class ArmMachine:
+    """One arm with first guesses."""
+
+    vector: Vector
+    candidates: Mapping[str, Candidate]
+    outputs: tuple[Output, ...] = OUTPUTS
+    segments: tuple[int, int] = (7, 12)
+    """How many a fit uses while it searches, and the last"""
+
+    @property
+    def declared(self) -> Sequence[Declared]:
+        """The coordinates of the fit."""
+        return self.vector.declared
+
+    @property
+    def quantities(self) -> Sequence[Quantity]:
+        """The physical quantity of each coordinate."""
+        return quantities(self.vector)
+
+    def pieces(self, sessions: Sequence[Session]) -> Pieces:
+        """Cut sessions into segments of 40 s."""
+        return cut(sessions, self.vector.start.tolerances.marker_offset)
+
+    def alike(self, points: Sequence[ParameterVector]) -> Sequence[list[int]]:
+        """Those whose models have one structure."""
+        return alike([self.vector.design(point) for point in points])
+
+    def coarse_step(self, points: Sequence[ParameterVector]) -> float:
+        """As long as the strands' stiffness bears [s]."""
+        return coarse_step([self.vector.design(point) for point in points])
+
+    def respond(
+        self, points: Sequence[ParameterVector], pieces: Pieces, timestep: float | None = None
+    ) -> Array:
+        """Markers and loads of the twins, (D, S, T, 37)."""
+        did = self.simulate(points, pieces, timestep)
+        return _channels(did.marker, did.load)
+
+    def simulate(
+        self, points: Sequence[ParameterVector], pieces: Pieces, timestep: float | None = None
+    ) -> Response:
+        """Responses of the twins at these parameter vectors in the segments."""
+        designs = [self.vector.design(point) for point in points]
+        return impose(designs, self._stretches(pieces, designs), timestep or TIMESTEP)
+
+    def _stretches(self, pieces: Pieces, designs: Sequence[TwinModel]) -> Stretches:
+        """What drives the twins in the segments."""
+        restart = np.zeros(pieces.time.shape[1], bool)
+        restart[0] = True
+        return Stretches(
+            pieces.time,
+            pieces.motor_angle,
+            pieces.motor_velocity,
+            pieces.joint_angle,
+            restart,
+            self.vector.start.parameters.servo_lag,
+            pieces.prior_runtime,
+            joint_velocity=pieces.joint_velocity,
+            past=past(pieces) if any(map(remember, designs)) else None,
+        )
+
+    def derivatives(self, point: ParameterVector, pieces: Pieces, noise: Array) -> dict[str, Array]:
+        """By all coordinates, (S, T, 37) each; without those of cables and hinges where effects answer to a
+        change so much that tangents, which leave that out, are wrong: a step of all of them at once tells.
+        """
+        return self._along(point, pieces, noise) | self._still(point, pieces)
+
+    def _along(self, point: ParameterVector, pieces: Pieces, noise: Array) -> dict[str, Array]:
+        """Derivatives by the parameters of cables and hinges; none where they fail."""
+        moving, names = self.vector.moving, [each.name for each in self.declared]
+        at = [names.index(name) for name in moving]
+        steps = np.array([self.declared[k].step for k in at])
+        changes = np.zeros((len(at), len(names)))
+        changes[range(len(at)), at] = steps
+        others = [self.vector.design(point.after(change)) for change in changes]
+        here = self.vector.design(point)
+        did, marker, load = differentiate(here, others, self._stretches(pieces, [here]))
+        slopes, known = _channels(marker, load), np.isfinite(pieces.measured)
+
+        def weighed(change: Array) -> Array:
+            return np.where(known, change / noise, 0.0).reshape(len(change), -1)
+
+        size = np.linalg.norm(weighed(slopes), axis=1)
+        sides = np.random.default_rng(_PROBE).choice([-1.0, 1.0], len(steps))
+        sides *= np.minimum(1.0, _PROBED * np.median(size) / np.maximum(size, 1e-9))
+        there = self.respond([point.after(sides @ changes)], pieces)
+        found = weighed(there - _channels(did.marker, did.load))[0]
+        told = weighed(np.tensordot(sides, slopes, 1)[None])[0]
+        if not found @ told > _TRUSTED * np.linalg.norm(found) * np.linalg.norm(told):
+            return {}
+        return {name: each / step for name, each, step in zip(moving, slopes, steps, strict=True)}
+
+    def _still(self, point: ParameterVector, pieces: Pieces) -> dict[str, Array]:
+        """Derivatives by gear friction and marker places, which move nothing."""
+        friction = self.vector.design(point)
+        gear = friction.parameters.gear_friction * np.exp(friction.tolerances.gear_friction)
+        gear = gear / friction.arm.servo.stall_torque
+        turning = np.tanh(pieces.motor_velocity / (STANDING / 3))
+        _, rotation = link_frames(pieces.joint_angle)
+        names, none, found = self.vector.names, np.zeros_like(pieces.measured), {}
+        for j, name in enumerate(names["gear"]):
+            found[name] = none.copy()
+            found[name][..., 3 * N_JOINTS + j] = gear[j] * turning[..., j]
+        for k, name in enumerate(names["marker"]):
+            i, axis = divmod(k, 3)
+            found[name] = none.copy()
+            found[name][..., 3 * i : 3 * i + 3] = 1e-3 * rotation[..., i, :, axis]
+        return found
+
+    def compare(self, point: ParameterVector | None, pieces: Pieces) -> Comparison:
+        """Measured beside predicted, with the quantities on which the residual may depend."""
+        did = self.simulate([point], pieces) if point else self._nominal(pieces)
+        anchor, rotation = link_frames(did.joint_angle[0])
+        axis = np.stack([rotation[..., i, :, :] @ joint_axis(i) for i in range(N_JOINTS)], axis=-2)
+        return Comparison(
+            session=pieces.session,
+            time=pieces.time,
+            marker_measured=pieces.marker,
+            marker_predicted=did.marker[0],
+            load_measured=pieces.load,
+            load_predicted=did.load[0],
+            load_counts=pieces.moving,
+            motor_angle=pieces.motor_angle,
+            motor_velocity=pieces.motor_velocity,
+            motor_command=pieces.motor_command,
+            joint_angle=did.joint_angle[0],
+            tension=did.tension[0],
+            joint_anchor=anchor,
+            joint_axis=axis,
+        )
+
+    def _nominal(self, pieces: Pieces) -> Response:
+        nominal = replace(self, vector=replace(self.vector, start=NOMINAL_TWIN))
+        return nominal.simulate([ParameterVector(np.zeros(len(self.declared)))], pieces)
+
+    def pose_noise(self, pieces: Pieces) -> float:
+        """The cameras' [m]."""
+        return camera_noise(pieces)
+
+    def measured_again(
+        self, pieces: Pieces, point: ParameterVector, rng: np.random.Generator
+    ) -> Pieces:
+        """Joint angles at the start from markers with the cameras' noise."""
+        noise = camera_noise(pieces) * rng.standard_normal(pieces.marker.shape)
+        joint = pieces.joint_angle.copy()
+        offset = self.vector.design(point).tolerances.marker_offset
+        seen = (pieces.marker + noise)[:, 0]
+        joint[:, 0] = joints_from_markers(seen, pieces.joint_angle[:, 0], offset)
+        return replace(pieces, joint_angle=joint)
+
+    def write(
+        self, point: ParameterVector, noise: Array, path: Path, about: Mapping[str, Any]
+    ) -> None:
+        """Write twin.json and twin.xml; the loads' noise is the residual of the case's last twin."""
+        found = self.vector.design(point)
+        load = [each.measure == LOADS for each in self.outputs]
+        parameters = replace(found.parameters, load_noise=float(np.median(noise[load])))
+        twin_model.write(path, replace(found, parameters=parameters), about)
+
+
+def _channels(marker: Array, load: Array) -> Array:
+    """Markers (D, S, T, 9, 3) and loads (D, S, T, 10) in the order of the outputs, (D, S, T, 37)."""
+    return np.concatenate([marker.reshape(*marker.shape[:3], -1), load], axis=-1)

@@ -1,0 +1,174 @@
+"""Weigh what a machine's logs show against what its twins predict."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Generic
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.machines.machine import (
+    Candidate,
+    Declared,
+    Machine,
+    P,
+    ParameterVector,
+    Quantity,
+)
+from serpent_twin.residual import Comparison
+
+_AT_ONCE = 3.0e6  # numbers that one call predicts: twins × segments × rows × channels
+_SLOPES_AT_ONCE = 1.2e7  # coordinates × segments × rows × channels
+
+
+class Stopwatch:
+    """Adds up time spent inside its `with` blocks."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._began = 0.0
+
+    def __enter__(self) -> None:
+        self._began = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.seconds += time.perf_counter() - self._began
+
+
+@dataclass(frozen=True)
+class Case(Generic[P]):
+    """A machine with first guesses from its training logs, as the fit uses it."""
+
+    machine: Machine[P]
+    noise: Array
+    """Weighs each channel, in the unit of its measure's arrays, (C,)"""
+    unseen: Mapping[str, str] = field(default_factory=dict)
+    """Candidates that the logs cannot show, and why"""
+    clock: Stopwatch = field(default_factory=Stopwatch)
+    """Time spent in simulation"""
+
+    @property
+    def declared(self) -> Sequence[Declared]:
+        """The coordinates of the fit, (P,)."""
+        return self.machine.declared
+
+    @property
+    def quantities(self) -> Sequence[Quantity]:
+        """The physical quantity of each coordinate, (P,)."""
+        return self.machine.quantities
+
+    @property
+    def candidates(self) -> Mapping[str, Candidate]:
+        """What the machine may have and its nominal twin lacks."""
+        return self.machine.candidates
+
+    @property
+    def segments(self) -> tuple[int, int]:
+        """How many segments a fit uses at most while it searches, and the last fit."""
+        return self.machine.segments
+
+    @property
+    def channels(self) -> int:
+        """Numbers that a residual has for each row of a log, C."""
+        return len(self.machine.outputs)
+
+    def pieces(self, sessions: Sequence[Any]) -> P:
+        """Cut sessions into segments."""
+        return self.machine.pieces(sessions)
+
+    def take(self, pieces: P, which: Sequence[int]) -> P:
+        """Some of the segments."""
+        return pieces.take(which)
+
+    def residual(self, points: Sequence[ParameterVector], pieces: P, rough: bool = False) -> Array:
+        """Measured minus predicted, divided by its noise: (points, S, T · C); 0 where nothing was measured,
+        NaN for a twin whose simulation gave up.
+        `rough` may be less exact where it is faster: good enough for differences between points.
+        """
+        measured = pieces.measured
+        at_once = max(1, int(_AT_ONCE / measured.size))
+        timestep = self.machine.coarse_step(points) if rough else None
+        out = np.empty((len(points), len(pieces), measured[0].size), np.float32)
+        for group in self.machine.alike(points):
+            for n in range(0, len(group), at_once):
+                some = group[n : n + at_once]
+                predicted = self._respond([points[k] for k in some], pieces, timestep)
+                weighed = self._weigh(measured - predicted, measured)
+                weighed[~np.isfinite(predicted).all(axis=(1, 2, 3))] = np.nan
+                out[some] = weighed
+        return out
+
+    def jacobian(self, point: ParameterVector, pieces: P) -> Array:
+        """Derivatives of the residual by the declared parameters, (P, S, T · C); NaN for those that only
+        finite differences tell.
+        """
+        names, measured = [each.name for each in self.declared], pieces.measured
+        shape = (len(names), len(pieces), measured[0].size)
+        out = np.full(shape, np.nan, np.float32)
+        at_once = max(1, int(_SLOPES_AT_ONCE / (len(names) * measured[0].size)))
+        for n in range(0, len(pieces), at_once):
+            which = range(n, min(n + at_once, len(pieces)))
+            some = pieces.take(which)
+            with self.clock:
+                changes = self.machine.derivatives(point, some, self.noise)
+            for name, change in changes.items():
+                out[names.index(name), which] = self._weigh(-change[None], measured[which])[0]
+        return out
+
+    def reweighted(self, point: ParameterVector, pieces: P) -> "Case[P]":
+        """The same case, each channel's noise set to the rms that a fitted twin leaves of it; a channel in
+        which nothing was measured keeps its noise.
+        """
+        error = pieces.measured - self._respond([point], pieces)[0]
+        noise, least = self.noise.copy(), np.array([each.noise for each in self.machine.outputs])
+        alike = [each.alike or each.name for each in self.machine.outputs]
+        for group in dict.fromkeys(alike):
+            which = [k for k, name in enumerate(alike) if name == group]
+            if np.isfinite(error[..., which]).any():
+                noise[which] = np.sqrt(np.nanmean(error[..., which] ** 2))
+        return replace(self, noise=np.maximum(noise, least))
+
+    def compare(self, point: ParameterVector | None, pieces: P) -> Comparison:
+        """Measured beside predicted by the twin of a parameter vector; without one, by the nominal twin."""
+        with self.clock:
+            return self.machine.compare(point, pieces)
+
+    def expected(
+        self,
+        fit: ParameterVector,
+        drawn: Sequence[ParameterVector],
+        pieces: P,
+        rng: np.random.Generator,
+    ) -> float:
+        """Mean error of the pose, in its measure's unit, of a twin that lacks nothing: its start has the
+        measurement's noise, and its parameters are drawn from the fit's covariance.
+        """
+        measure = self.machine.outputs[0].measure
+        pose = slice(0, sum(each.measure == measure for each in self.machine.outputs))
+        judged = np.isfinite(pieces.measured[..., pose]).any(axis=-1)
+        truth = self._respond([fit], pieces)[0, ..., pose]
+        noise, errors = self.machine.pose_noise(pieces), []
+        for point in drawn:
+            again = self.machine.measured_again(pieces, fit, rng)
+            moved = self._respond([point], again)[0, ..., pose]
+            moved = moved + noise * rng.standard_normal(moved.shape)
+            apart = (moved - truth)[judged].reshape(judged.sum(), -1, measure.dimension)
+            errors.append(np.nanmean(np.linalg.norm(apart, axis=-1)))
+        return measure.scale * float(np.mean(errors))
+
+    def write(self, point: ParameterVector, path: Path, about: Mapping[str, Any]) -> None:
+        """Write the twin of a parameter vector, PATH.json and PATH.xml."""
+        self.machine.write(point, self.noise, path, about)
+
+    def _respond(
+        self, points: Sequence[ParameterVector], pieces: P, timestep: float | None = None
+    ) -> Array:
+        with self.clock:
+            return self.machine.respond(points, pieces, timestep)
+
+    def _weigh(self, error: Array, measured: Array) -> Array:
+        """Errors, (D, S, T, C), over their noise, one row of numbers a segment, (D, S, T · C)."""
+        weighed = np.where(np.isfinite(measured), error / self.noise, 0.0).astype(np.float32)
+        return weighed.reshape(*error.shape[:2], -1)

@@ -1,0 +1,178 @@
+"""Make a machine whose logs are runs of columns one that can be traced."""
+
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from serpent_twin import effects
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Effect
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.machine import (
+    Candidate,
+    Declared,
+    Output,
+    ParameterVector,
+    Quantity,
+    effects_at,
+)
+from serpent_twin.machines.measured import twin_file
+from serpent_twin.machines.measured.recording import Recording
+from serpent_twin.machines.measured.runs import Runs, cut, windows
+from serpent_twin.residual import Comparison
+from serpent_twin.runs.files import write_whole
+
+
+class RunMachine(ABC):
+    """You provide columns, outputs, `spec` and `respond`; this cuts runs, compares and writes."""
+
+    name: str
+    """The rig's"""
+    drives: Mapping[str, str]
+    """Display name of each angle that drives the machine, by its column"""
+    markers: tuple[str, ...]
+    """Display names of the measured parts of the pose"""
+    joints: tuple[str, ...]
+    """Display names of the hinges whose angles are the first outputs; empty where none is measured"""
+    columns: tuple[str, ...]
+    """Columns that a simulation reads, the drives' among them"""
+    outputs: tuple[Output, ...]
+    """All coordinates of each marker, then perhaps others of one measure: torques, motors' angles"""
+    every: int
+    """Of so many rows, one is used"""
+    block: float
+    """Seconds that are judged as one: longer than the correlation time of errors"""
+    window: tuple[float, float] | None
+    """Seconds into which a run is cut, and those simulated before each; None for whole runs"""
+    segments: tuple[int, int]
+    """How many runs a fit uses at most while it searches, and the last fit"""
+
+    @property
+    @abstractmethod
+    def first(self) -> Mapping[str, Any]:
+        """First guesses from the logs; `declared` counts from them."""
+
+    @property
+    @abstractmethod
+    def declared(self) -> tuple[Declared, ...]:
+        """What calibration fits."""
+
+    @property
+    @abstractmethod
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What each of them stands for."""
+
+    @property
+    @abstractmethod
+    def candidates(self) -> Mapping[str, Candidate]:
+        """What the machine may have."""
+
+    @abstractmethod
+    def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
+        """The twin as MJCF."""
+
+    @abstractmethod
+    def respond(
+        self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
+    ) -> Array:
+        """The outputs that twins predict, (D, S, T, C); not finite where a simulation gave up."""
+
+    def pieces(self, sessions: Sequence[Recording]) -> Runs:
+        """The runs, whole or in windows."""
+        outputs = [each.name for each in self.outputs]
+        if self.window:
+            needed = sum(self.window)
+            whole = [part for run in sessions for part in windows(run, *self.window, outputs)]
+            if not whole:
+                raise SerpentError(
+                    f"{', '.join(run.name for run in sessions)}: shorter than {needed:g} s, which one "
+                    "window takes. Give longer runs."
+                )
+            sessions = whole
+        return cut(sessions, self.columns, outputs, self.every)
+
+    def alike(self, points: Sequence[ParameterVector]) -> list[list[int]]:
+        """Those with the same effects."""
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for n, point in enumerate(points):
+            groups.setdefault(tuple(point.effects), []).append(n)
+        return list(groups.values())
+
+    def coarse_step(self, points: Sequence[ParameterVector]) -> None:
+        """None: a run is simulated row by row."""
+        return
+
+    def derivatives(self, point: ParameterVector, pieces: Runs, noise: Array) -> dict[str, Array]:
+        """None: finite differences tell all of them."""
+        return {}
+
+    def pose_noise(self, pieces: Runs) -> Array:
+        """The least noise of each coordinate."""
+        pose = len(self.markers) * self.outputs[0].measure.dimension
+        return np.array([each.noise for each in self.outputs[:pose]])
+
+    def measured_again(
+        self, pieces: Runs, point: ParameterVector, rng: np.random.Generator
+    ) -> Runs:
+        """The same: runs start from what drives them, or from an encoder."""
+        return pieces
+
+    def compare(self, point: ParameterVector | None, pieces: Runs) -> Comparison:
+        """Measured beside predicted, in blocks that are judged one by one."""
+        at = point or ParameterVector(np.zeros(len(self.declared)))
+        predicted = self.respond([at], pieces)[0]
+        rows = max(8, round(self.block / float(np.median(pieces.period))))
+        n = max(1, pieces.time.shape[1] // rows)
+        rows = min(rows, pieces.time.shape[1])
+
+        def blocks(values: Array) -> Array:
+            return values[:, : n * rows].reshape(len(values) * n, rows, *values.shape[2:])
+
+        known = np.isfinite(blocks(pieces.measured)).any(axis=(1, 2))
+        drive = np.stack([pieces.column[column] for column in self.drives], axis=-1)
+        speed = np.gradient(drive, axis=1) / pieces.period[:, None, None]
+        markers = len(self.markers) * self.outputs[0].measure.dimension
+        measured, other = (blocks(v)[known] for v in (pieces.measured, predicted))
+        shape = (*measured.shape[:2], len(self.markers), -1)
+        loads = {
+            "load_measured": measured[..., markers:],
+            "load_predicted": other[..., markers:],
+            "load": self.outputs[-1].measure,
+            "load_counts": np.ones((*measured.shape[:2], len(self.outputs) - markers), bool),
+        } if len(self.outputs) > markers else {}  # fmt: skip
+        return Comparison(
+            session=tuple(np.repeat(np.array(pieces.session), n)[known].tolist()),
+            time=blocks(pieces.time)[known],
+            marker_measured=measured[..., :markers].reshape(shape),
+            marker_predicted=other[..., :markers].reshape(shape),
+            marker=self.outputs[0].measure,
+            motor_angle=blocks(drive)[known],
+            motor_velocity=blocks(speed)[known],
+            joint_angle=other[..., : len(self.joints)] if self.joints else None,
+            marker_names=self.markers,
+            motor_names=tuple(self.drives.values()),
+            joint_names=self.joints,
+            **loads,
+        )
+
+    def write(
+        self, point: ParameterVector, noise: Array, path: Path, about: Mapping[str, Any]
+    ) -> None:
+        """Write the twin's parameters as PATH, and what MJCF can express of it as PATH.xml."""
+        there = effects_at(point)
+        spec = self.spec(point.declared, there)
+        spec.compile()
+        declared = {
+            each.name: (float(value), each.unit)
+            for each, value in zip(self.declared, point.declared, strict=True)
+        }
+        told = twin_file.to_dict(self.name, self.first, declared, there)
+        write_whole(path, json.dumps(told | dict(about), indent=1) + "\n")
+        python = [effects.name_of(effect) for effect in there if effect.acts()]
+        note = f"MJCF cannot express {', '.join(python)}" if python else "all effects are here"
+        write_whole(path.with_suffix(".xml"), f"<!-- {note}. -->\n{spec.to_xml()}")
