@@ -50,7 +50,7 @@ def build_diagnosis(tracer: Tracer, search: Search, arm: str, files: Sequence[st
     held = {name: errors(each) for name, each in compared.items()}
     noise = found["corrected"].noise
     expected = case.expected(final.point, drawn(case, final, rng, _DRAWS), held_out, rng)
-    expected = float(np.fmax(expected, noise.jitter_mm))
+    expected = float(np.fmax(expected, noise.mean_jitter))
     error = {name: each.marker for name, each in held.items()}
     load = {name: each.load for name, each in held.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
@@ -60,8 +60,8 @@ def build_diagnosis(tracer: Tracer, search: Search, arm: str, files: Sequence[st
         effects=_named(case, search, held["calibrated"], held["corrected"], rng),
         candidates=_tried(case, search),
         unexplained=_unexplained(found["corrected"], error, load, expected),
-        error=error | {"noise_floor": noise.floor_mm, "expected": expected},
-        load_error=load | {"noise_floor": noise.load_floor_percent},
+        error=error | {"noise_floor": noise.mean_floor, "expected": expected},
+        load_error=load | {"noise_floor": noise.load_floor},
         cautions=(*_cautions(case, search), *_unstable(case, search, tracer.training)),
         calibration=_calibration(case, final),
         comparisons=compared,
@@ -155,7 +155,7 @@ def _unexplained(
     swings = found.marker_change is not None and found.marker_change.swings
     follows = swings or max(markers, default=0.0) > FOLLOWS
     in_markers = error > BEYOND * expected or (follows and error > SUSPECT * expected)
-    floor = found.noise.load_jitter_percent
+    floor = found.noise.rms_load_jitter
     in_loads = load["corrected"] > LOAD_BEYOND * floor and max(loads, default=0.0) > FOLLOWS
     if in_loads and not in_markers:
         share = max(0.0, 1 - (floor / load["corrected"]) ** 2)

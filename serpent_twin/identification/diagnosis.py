@@ -180,8 +180,8 @@ class Diagnosis:
             "learned": {
                 "share": self.learned.share,
                 "on": self.learned.on,
-                f"before_{mm}": self.learned.before_mm,
-                f"after_{mm}": self.learned.after_mm,
+                f"before_{mm}": self.learned.before,
+                f"after_{mm}": self.learned.after,
             },
             "cautions": list(self.cautions),
             "calibration": {name: each.numbers() for name, each in self.calibration.items()},

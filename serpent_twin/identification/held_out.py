@@ -51,7 +51,7 @@ def errors(comparison: Comparison) -> Errors:
     some = np.isfinite(load).any(axis=(1, 2))
     rms = np.full(len(load), np.nan)
     rms[some] = comparison.load.scale * np.sqrt(np.nanmean(load[some] ** 2, axis=(1, 2)))
-    return Errors(marker_size(comparison).by_segment_mm, rms)
+    return Errors(marker_size(comparison).by_segment, rms)
 
 
 @dataclass(frozen=True)

@@ -246,19 +246,19 @@ def _last_resort(diagnosis: Diagnosis) -> Section:
         "velocities and loads. It is "
         "no physics, names no cause, and is in none of the figures above."
     )
-    if not np.isfinite(learned.before_mm):
+    if not np.isfinite(learned.before):
         said = "It was not learned: these logs lack what it is learned from."
     elif not learned.on:
         said = (
             f"It is off: on {_sessions(diagnosis)}, it removes nothing of the "
-            f"{learned.before_mm:.2f} {unit} beyond chance."
+            f"{learned.before:.2f} {unit} beyond chance."
         )
     else:
         low, high = (100 * share for share in learned.interval)
         said = (
             f"It removes {100 * learned.share:.0f} % ({low:.0f} … {high:.0f} %, 95 % interval) of the "
-            f"{diagnosis.marker.size} on {_sessions(diagnosis)}: {learned.before_mm:.2f} {unit} without it, "
-            f"{learned.after_mm:.2f} {unit} with it."
+            f"{diagnosis.marker.size} on {_sessions(diagnosis)}: {learned.before:.2f} {unit} without it, "
+            f"{learned.after:.2f} {unit} with it."
         )
     return Section("Last resort, apart from physics", f"{text}\n\n{said}")
 

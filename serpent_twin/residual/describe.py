@@ -58,12 +58,12 @@ def _pairs(findings: Findings) -> list[tuple[Dependence, Where]]:
 
 def _is_above_noise(findings: Findings) -> bool:
     """Whether the error is more than noise; yes where the noise is unknown."""
-    return not findings.marker.mean_mm <= AT_THE_NOISE * findings.noise.floor_mm
+    return not findings.marker.mean <= AT_THE_NOISE * findings.noise.mean_floor
 
 
 def _size(findings: Findings) -> str:
-    mean, floor = findings.marker.mean_mm, findings.noise.floor_mm
-    percent, quiet = findings.load.rms_percent, findings.noise.load_floor_percent
+    mean, floor = findings.marker.mean, findings.noise.mean_floor
+    percent, quiet = findings.load.rms, findings.noise.load_floor
     parts = []
     if np.isfinite(mean):
         marker = findings.noise.of_marker
@@ -148,13 +148,13 @@ def _sentence_case(text: str) -> str:
 def _unknown(findings: Findings) -> str:
     """Describe an error above the noise that depends on nothing: at least where it is."""
     unit = findings.noise.of_marker.unit
-    constant = np.linalg.norm(findings.marker.mean_residual_mm, axis=-1)
-    if np.mean(constant) > 0.7 * np.fmin(findings.above_noise_mm, findings.marker.mean_mm):
+    constant = np.linalg.norm(findings.marker.mean_residual, axis=-1)
+    if np.mean(constant) > 0.7 * np.fmin(findings.above_noise, findings.marker.mean):
         most = int(np.argmax(constant))
         return (
             f"Most of it is a constant offset, greatest at marker {most + 1} "
             f"({constant[most]:.2f} {unit}): look at where markers sit and how the frame was aligned."
         )
-    above = findings.above_noise_mm
+    above = findings.above_noise
     what = f"The {above:.2f} {unit} above the noise follow" if np.isfinite(above) else "It follows"
     return f"{what} nothing that was looked at: no angle, motion, force, time or place."

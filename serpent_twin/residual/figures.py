@@ -48,7 +48,7 @@ def _by_marker(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     names = next(iter(comparisons.values())).marker_names
     at = np.arange(len(names))
     for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
-        mean = marker_size(comparison).by_marker_mm
+        mean = marker_size(comparison).by_marker
         axes.plot(at, mean, "o-", color=colour, lw=2, ms=5, label=name)
     measure = next(iter(comparisons.values())).marker
     floor = measure.scale * expected_distance(findings.noise.marker, measure.dimension)
@@ -65,12 +65,12 @@ def _by_marker(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
 
 def _millimetres(axes: "Axes", comparisons: Mapping[str, Comparison], findings: Findings) -> None:
     """A scale on which every twin's error can be read: logarithmic where they are far apart."""
-    means = [marker_size(comparison).mean_mm for comparison in comparisons.values()]
+    means = [marker_size(comparison).mean for comparison in comparisons.values()]
     if min(means) <= 0 or max(means) < _FAR_APART * min(means):
         axes.set_ylim(0, None)
         return
     axes.set_yscale("log")
-    floor = findings.noise.floor_mm
+    floor = findings.noise.mean_floor
     axes.set_ylim(0.5 * min(floor if floor > 0 else np.inf, *means), None)
 
 
@@ -80,10 +80,10 @@ def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     first = next(iter(comparisons.values()))
     clock, zero = _one_after_another(first)
     for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
-        error = _smooth(marker_size(comparison).by_row_mm, max(1, round(3 / comparison.period)))
+        error = _smooth(marker_size(comparison).by_row, max(1, round(3 / comparison.period)))
         for s, (t, e) in enumerate(zip(clock, error, strict=True)):
             axes.plot(t, e, color=colour, lw=1.3, label=name if s == 0 else None)
-    if np.isfinite(floor := findings.noise.floor_mm):
+    if np.isfinite(floor := findings.noise.mean_floor):
         axes.axhspan(0, floor, color=LINE, lw=0, label="noise of the measurement")
     jump = findings.marker_change.jump if findings.marker_change else None
     if jump is not None and findings.marker_change and findings.marker_change.steady == "jump":
@@ -120,8 +120,8 @@ def _by_motor(
 ) -> Figure:
     """Load error of each motor, in motion and at rest."""
     sizes = {name: load_size(each, moving_above) for name, each in comparisons.items()}
-    states = {"in motion": "moving_percent", "at rest": "resting_percent"}
-    if not any(np.isfinite(size.resting_percent).any() for size in sizes.values()):
+    states = {"in motion": "moving", "at rest": "resting"}
+    if not any(np.isfinite(size.resting).any() for size in sizes.values()):
         del states["at rest"]
     drawing, panels = _sheet(9, 3.7, columns=len(states), sharey=True)
     panels = np.atleast_1d(panels)

@@ -73,32 +73,32 @@ class Findings:
     """Where each dependence shows"""
 
     @property
-    def above_noise_mm(self) -> float:
+    def above_noise(self) -> float:
         """Part of the mean error above the noise floor, in quadrature; NaN where the noise is
         unknown.
         """
-        mean, floor = self.marker.mean_mm, self.noise.floor_mm
+        mean, floor = self.marker.mean, self.noise.mean_floor
         return float(np.sqrt(np.maximum(0.0, mean**2 - floor**2)))
 
     @property
     def share_above_noise(self) -> float:
         """Share of the squared marker error that is not noise."""
-        mean = self.marker.mean_mm
-        return float((self.above_noise_mm / mean) ** 2) if mean > 0 else 0.0
+        mean = self.marker.mean
+        return float((self.above_noise / mean) ** 2) if mean > 0 else 0.0
 
     def numbers(self) -> dict[str, Any]:
         """The figures for JSON, units in the keys."""
         pose, load = self.noise.of_marker, self.noise.of_load
         mm, percent = pose.key, load.key
         return {
-            f"{pose.field}_error_{mm}": self.marker.mean_mm,
-            f"{pose.field}_error_by_{pose.field}_{mm}": self.marker.by_marker_mm.tolist(),
-            f"noise_floor_{mm}": self.noise.floor_mm,
-            f"above_noise_{mm}": self.above_noise_mm,
+            f"{pose.field}_error_{mm}": self.marker.mean,
+            f"{pose.field}_error_by_{pose.field}_{mm}": self.marker.by_marker.tolist(),
+            f"noise_floor_{mm}": self.noise.mean_floor,
+            f"above_noise_{mm}": self.above_noise,
             "share_above_noise": self.share_above_noise,
-            f"{load.field}_error_{percent}": self.load.rms_percent,
-            f"{load.field}_error_by_motor_{percent}": self.load.by_motor_percent.tolist(),
-            f"{load.field}_noise_{percent}": self.noise.load_floor_percent,
+            f"{load.field}_error_{percent}": self.load.rms,
+            f"{load.field}_error_by_motor_{percent}": self.load.by_motor.tolist(),
+            f"{load.field}_noise_{percent}": self.noise.load_floor,
             "share_by_joint": [] if self.place is None else self.place.share.tolist(),
             "depends_on": [
                 {

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import msgspec
 import numpy as np
 from msgspec.structs import asdict
 
@@ -51,9 +52,9 @@ class Learned:
     """mean and scale of the readings, wave and phase of the features, weight and offset [m]"""
     on: bool = False
     """Whether it helps on held-out logs; if not, the correction is nought"""
-    before_mm: float = np.nan
-    """Mean marker distance on the held-out logs without it"""
-    after_mm: float = np.nan
+    before: float = np.nan
+    """Mean marker distance on the held-out logs without it, in the unit of the markers' measure"""
+    after: float = np.nan
     """With it"""
     share: float = 0.0
     """Share of that distance which it removes; 0 if it is off"""
@@ -89,8 +90,8 @@ class Learned:
             "lags": self.lags,
             "period": self.period,
             "on": self.on,
-            "before_mm": self.before_mm,
-            "after_mm": self.after_mm,
+            "before_mm": self.before,
+            "after_mm": self.after,
             "share": self.share,
             "interval": self.interval,
             "dimension": self.dimension,
@@ -117,9 +118,9 @@ class About(stored.Form, frozen=True):
     lags: Annotated[tuple[Annotated[int, within(0, 10_000)], ...], many(1, 100)]
     period: Annotated[float, above(0.0, 1e4, "s")]
     on: bool
-    before_mm: float
-    """NaN where it was judged on nothing"""
-    after_mm: float
+    before: float = msgspec.field(name="before_mm")
+    """NaN where it was judged on nothing. The key is that of all files so far: of angles, it holds degrees"""
+    after: float = msgspec.field(name="after_mm")
     share: float
     interval: tuple[float, float]
     dimension: Annotated[int, within(1, 3)]
@@ -164,18 +165,18 @@ def _judged(learned: Learned, held_out: Comparison, rng: np.random.Generator) ->
     """The correction with its gain on held-out segments; off where the interval holds zero."""
     before = marker_size(held_out)
     after = marker_size(learned.corrected(held_out))
-    gain = before.by_segment_mm - after.by_segment_mm
+    gain = before.by_segment - after.by_segment
     draws = rng.integers(len(gain), size=(2000, len(gain)))
-    share = np.nanmean(gain[draws], axis=1) / before.mean_mm
+    share = np.nanmean(gain[draws], axis=1) / before.mean
     low, high = (float(np.quantile(share, q)) for q in (0.025, 0.975))
     on = learned.on and low > 0
-    mean = after.mean_mm if on else before.mean_mm
+    mean = after.mean if on else before.mean
     return replace(
         learned,
         on=on,
-        before_mm=before.mean_mm,
-        after_mm=mean,
-        share=1 - mean / before.mean_mm,
+        before=before.mean,
+        after=mean,
+        share=1 - mean / before.mean,
         interval=(low, high) if on else (0.0, 0.0),
     )
 

@@ -49,23 +49,23 @@ class Noise:
     """What the loads are"""
 
     @property
-    def floor_mm(self) -> float:
-        """Mean marker distance [mm] of a perfect twin; NaN if no marker's noise is known."""
+    def mean_floor(self) -> float:
+        """Mean marker distance of a perfect twin, in the measure's unit; NaN if no noise is known."""
         return self._mean_distance(self.marker)
 
     @property
-    def jitter_mm(self) -> float:
-        """Mean marker distance [mm] of a twin that is right about all but what looks like noise."""
+    def mean_jitter(self) -> float:
+        """Mean marker distance of a twin that is right about all but what looks like noise, in that unit."""
         return self._mean_distance(self.jitter)
 
     @property
-    def load_jitter_percent(self) -> float:
-        """The same for loads, root mean square [% of the stall torque]."""
+    def rms_load_jitter(self) -> float:
+        """The same for loads, root mean square, in the unit of their measure."""
         return self._rms(self.load_jitter)
 
     @property
-    def load_floor_percent(self) -> float:
-        """Root mean square load error [% of the stall torque] of a perfect twin."""
+    def load_floor(self) -> float:
+        """Root mean square load error of a perfect twin, in the unit of their measure."""
         return self._rms(self.load)
 
     def _mean_distance(self, std: Array) -> float:

@@ -13,37 +13,37 @@ MOVING = 0.1
 
 @dataclass(frozen=True, eq=False)
 class MarkerSize:
-    """Distances between measured and predicted markers."""
+    """Distances between measured and predicted markers, in the unit of their measure, such as mm or °."""
 
-    mean_mm: float
+    mean: float
     """Mean over markers, rows and segments; NaN without markers"""
-    std_mm: float
+    std: float
     """Standard deviation over the same set"""
-    by_marker_mm: Array
+    by_marker: Array
     """Mean of each marker, (M,)"""
-    by_segment_mm: Array
+    by_segment: Array
     """Mean of each segment, (S,)"""
-    by_row_mm: Array
+    by_row: Array
     """Mean over markers of each row, (S, T)"""
-    in_segment_mm: Array
+    in_segment: Array
     """Mean over markers and segments by the row within the segment, (T,)"""
-    rms_by_axis_mm: Array
+    rms_by_axis: Array
     """Root mean square along x, y, z, (3,)"""
-    mean_residual_mm: Array
+    mean_residual: Array
     """Mean of measured − predicted: the constant part, (M, 3)"""
 
 
 @dataclass(frozen=True, eq=False)
 class LoadSize:
-    """Errors of motor loads, root mean squares in per cent of the stall torque."""
+    """Errors of motor loads, root mean squares in the unit of their measure, such as % of stall or mN m."""
 
-    rms_percent: float
+    rms: float
     """Over all motors and rows; NaN without loads"""
-    by_motor_percent: Array
+    by_motor: Array
     """Of each motor, (N,)"""
-    moving_percent: Array
+    moving: Array
     """Of each motor in rows where it moves, (N,)"""
-    resting_percent: Array
+    resting: Array
     """Of each motor in rows where it rests, (N,)"""
 
 
@@ -54,14 +54,14 @@ def marker_size(comparison: Comparison) -> MarkerSize:
     with warnings.catch_warnings():  # a segment without any marker has a mean of NaN
         warnings.simplefilter("ignore", RuntimeWarning)
         return MarkerSize(
-            mean_mm=float(np.nanmean(distance)) if distance.size else np.nan,
-            std_mm=float(np.nanstd(distance)) if distance.size else np.nan,
-            by_marker_mm=np.nanmean(distance, axis=(0, 1)),
-            by_segment_mm=np.nanmean(distance, axis=(1, 2)),
-            by_row_mm=np.nanmean(distance, axis=2),
-            in_segment_mm=np.nanmean(distance, axis=(0, 2)),
-            rms_by_axis_mm=np.sqrt(np.nanmean(residual**2, axis=(0, 1, 2))),
-            mean_residual_mm=np.nanmean(residual, axis=(0, 1)),
+            mean=float(np.nanmean(distance)) if distance.size else np.nan,
+            std=float(np.nanstd(distance)) if distance.size else np.nan,
+            by_marker=np.nanmean(distance, axis=(0, 1)),
+            by_segment=np.nanmean(distance, axis=(1, 2)),
+            by_row=np.nanmean(distance, axis=2),
+            in_segment=np.nanmean(distance, axis=(0, 2)),
+            rms_by_axis=np.sqrt(np.nanmean(residual**2, axis=(0, 1, 2))),
+            mean_residual=np.nanmean(residual, axis=(0, 1)),
         )
 
 
@@ -70,10 +70,10 @@ def load_size(comparison: Comparison, moving_above: float = MOVING) -> LoadSize:
     residual = comparison.load.scale * comparison.load_residual
     moving = is_moving(comparison, moving_above)
     return LoadSize(
-        rms_percent=float(np.sqrt(np.nanmean(residual**2))) if residual.size else np.nan,
-        by_motor_percent=_rms(residual, np.ones_like(moving)),
-        moving_percent=_rms(residual, moving),
-        resting_percent=_rms(residual, ~moving),
+        rms=float(np.sqrt(np.nanmean(residual**2))) if residual.size else np.nan,
+        by_motor=_rms(residual, np.ones_like(moving)),
+        moving=_rms(residual, moving),
+        resting=_rms(residual, ~moving),
     )
 
 

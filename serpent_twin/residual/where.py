@@ -16,8 +16,8 @@ VISIBLE = 0.35  # of the greatest part: it is named
 class Where:
     """The part of the marker residual that follows a feature, by marker and joint."""
 
-    marker_mm: Array
-    """Root mean square of each marker's part [mm], (M,)"""
+    marker: Array
+    """Root mean square of each marker's part, in the unit of the markers' measure, (M,)"""
     axis: str
     """Axis along which most of it lies, or nothing"""
     joint_mm: Array

@@ -68,7 +68,7 @@ def test_the_lead_names_strength_interval_and_unit():
     assert "lacked payload (mass 0.0342 kg [0.0311 … 0.0373], place 0.09 m [given])" in said
     assert "and base tilt (about_y −0.03 rad [−0.04 … −0.02])" in said
     assert "session_04, to which nothing was fitted" in said and "noise alone makes 0.64 mm" in said
-    found = {name: marker_size(comparison(by)).mean_mm for name, by in
+    found = {name: marker_size(comparison(by)).mean for name, by in
              (("nominal", 8e-3), ("calibrated", 4e-3), ("corrected", 1e-3))}  # fmt: skip
     for name, value in found.items():
         assert f"{value:.2f} mm {name}" in said
@@ -198,10 +198,8 @@ def test_diagnosis_json_adds_what_a_coordinate_stands_for():
 
 def test_the_last_resort_stands_apart():
     untried = diagnosis()
-    on = replace(
-        untried.learned, on=True, before_mm=2.0, after_mm=1.5, share=0.25, interval=(0.2, 0.3)
-    )
-    off = replace(on, on=False, after_mm=2.0, share=0.0, interval=(0.0, 0.0))
+    on = replace(untried.learned, on=True, before=2.0, after=1.5, share=0.25, interval=(0.2, 0.3))
+    off = replace(on, on=False, after=2.0, share=0.0, interval=(0.0, 0.0))
     title = "Last resort, apart from physics"
     said = sections(replace(untried, learned=on))[title].text
     assert "25 % (20 … 30 %" in said and "2.00 mm without it, 1.50 mm with it" in said

@@ -19,7 +19,7 @@ from serpent_twin.residual.noise import in_words, measurement_noise
 @pytest.mark.parametrize("rows", [8, 12, 20, 40])
 def test_of_few_rows_the_noise_is_unknown(rows):
     noise = measurement_noise(made(3, S=1, T=rows))
-    for value in (noise.floor_mm, noise.jitter_mm, noise.load_floor_percent):
+    for value in (noise.mean_floor, noise.mean_jitter, noise.load_floor):
         assert np.isnan(value)
     assert np.isnan(noise.load).all() and np.isnan(noise.marker).all()
 
@@ -39,8 +39,8 @@ def test_a_motor_that_hardly_turns_does_not_lower_the_noise_of_the_others():
     seen[0, :20, 4] = True
     noise, all_seen = measurement_noise(replace(whole, load_counts=seen)), measurement_noise(whole)
     assert np.isnan(noise.load[4]) and np.isfinite(np.delete(noise.load, 4)).all()
-    assert noise.load_floor_percent == pytest.approx(all_seen.load_floor_percent, rel=0.05)
-    assert noise.load_jitter_percent == pytest.approx(all_seen.load_jitter_percent, rel=0.05)
+    assert noise.load_floor == pytest.approx(all_seen.load_floor, rel=0.05)
+    assert noise.rms_load_jitter == pytest.approx(all_seen.rms_load_jitter, rel=0.05)
 
 
 def test_what_is_said_of_a_short_log():
@@ -49,7 +49,7 @@ def test_what_is_said_of_a_short_log():
     said = describe(found)
     assert "noise alone: unknown: too few rows" in said and "nan" not in said
     assert "0.00" not in said and "no more than noise" not in said
-    assert np.isnan(found.above_noise_mm)
+    assert np.isnan(found.above_noise)
     json.dumps(_finite(found.numbers()), allow_nan=False)
     for figure in figures({"calibrated": short}, found):
         figure.drawing.canvas.draw()

@@ -35,11 +35,11 @@ def test_sizes_agree_with_a_count_by_hand():
     )
     c = replace(c, marker_measured=c.marker_predicted + off, load_measured=felt)
     size, load = marker_size(c), load_size(c, moving_above=0.1)
-    np.testing.assert_allclose(size.by_marker_mm, [0] * 8 + [5], atol=1e-9)
-    assert size.mean_mm == pytest.approx(5 * 1600 / (9 * 1600 - 1))
-    np.testing.assert_allclose(size.mean_residual_mm[8], [3, 4, 0], atol=1e-9)
-    np.testing.assert_allclose(load.moving_percent, only(1, np.array(3.0), 10), atol=1e-9)
-    np.testing.assert_allclose(load.resting_percent, only(1, np.array(1.0), 10), atol=1e-9)
+    np.testing.assert_allclose(size.by_marker, [0] * 8 + [5], atol=1e-9)
+    assert size.mean == pytest.approx(5 * 1600 / (9 * 1600 - 1))
+    np.testing.assert_allclose(size.mean_residual[8], [3, 4, 0], atol=1e-9)
+    np.testing.assert_allclose(load.moving, only(1, np.array(3.0), 10), atol=1e-9)
+    np.testing.assert_allclose(load.resting, only(1, np.array(1.0), 10), atol=1e-9)
 
 
 def test_the_mean_length_of_gaussian_vectors():
@@ -79,8 +79,8 @@ def test_white_noise_depends_on_nothing():
 def test_an_arm_that_lacks_nothing_is_called_so():
     text = describe(found("nothing"))
     assert "no more than noise" in text and "follow" not in text
-    assert found("nothing").marker.mean_mm == pytest.approx(
-        found("nothing").noise.floor_mm, rel=0.05
+    assert found("nothing").marker.mean == pytest.approx(
+        found("nothing").noise.mean_floor, rel=0.05
     )
 
 
@@ -144,8 +144,8 @@ def test_the_learned_correction_helps_on_logs_it_has_not_seen():
     learned = last_resort.learn(
         made(11, S=12, **CASES["delay"]), case("delay"), np.random.default_rng(0)
     )
-    before = marker_size(case("delay")).mean_mm
-    after = marker_size(learned.corrected(case("delay"))).mean_mm
+    before = marker_size(case("delay")).mean
+    after = marker_size(learned.corrected(case("delay"))).mean
     assert learned.on and learned.share == pytest.approx(1 - after / before)
     assert learned.interval[0] < learned.share < learned.interval[1]
     assert after < 1.4 * expected_distance(1e3 * NOISE)
@@ -207,7 +207,7 @@ def test_figures_show_what_was_measured():
         "residual_spectrum",
     ]
     lines = drawn[0].drawing.axes[0].get_lines()
-    np.testing.assert_allclose(lines[0].get_ydata(), marker_size(nominal).by_marker_mm)
+    np.testing.assert_allclose(lines[0].get_ydata(), marker_size(nominal).by_marker)
     assert [line.get_label() for line in lines] == ["nominal", "calibrated"]
     for figure in drawn:
         figure.drawing.savefig(io.BytesIO(), format="png", dpi=40)

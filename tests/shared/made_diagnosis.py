@@ -79,7 +79,7 @@ def findings(off, markers=True, loads=True):
 def diagnosis(markers=True, loads=True, **found):
     off = {"nominal": 8e-3, "calibrated": 4e-3, "corrected": 1e-3 if found.get("effects") else 4e-3}
     compared = {name: comparison(by, markers, loads) for name, by in off.items()}
-    sizes = {name: marker_size(c).mean_mm for name, c in compared.items()} if markers else {}
+    sizes = {name: marker_size(c).mean for name, c in compared.items()} if markers else {}
     nothing = dict.fromkeys((*off, "noise_floor", "expected"), NAN)
     percent = {"nominal": 6.0, "calibrated": 3.0, "corrected": 0.9, "noise_floor": 0.6}
     made = Diagnosis(
