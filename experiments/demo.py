@@ -1,6 +1,7 @@
 """Show what the package can do, in three minutes.
 
-Runs the commands of the README one after the other, as a person would type them.
+Runs the commands of the README one after the other, as a person would type them: sessions of the twin,
+readouts trained on them, and the loop closed on logs of an arm that is not the twin.
 """
 
 import os
@@ -16,14 +17,14 @@ from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
-from serpent_twin.training.train import Train, planned
+from serpent_twin.identification import Trace
 
 DATA = Path(os.path.relpath(Path(__file__).parent.parent / "data" / "arm_a"))
 
 
 @dataclass(frozen=True)
 class Demo(Checked):
-    """Collect from the twin, train on that and on a logged arm, report, replay."""
+    """Collect from the twin, train on that, close the loop on a logged arm, replay it."""
 
     out: Path = Path("demo")
     """Folder for all results; a finished step is not done again."""
@@ -31,20 +32,19 @@ class Demo(Checked):
 
 def steps(out: Path) -> list[tuple[str, list[Any]]]:
     """What is done, and the command that does it."""
-    twin, logged = out / "twin_readouts", out / "arm_a_readouts"
-    session, replay = DATA / "session_04.parquet", out / "arm_a_session_04.rrd"
-    quick = ["--readout", "analytical", "linear", "residual", "residual_mlp", "ensemble"]
-    model = logged / "models" / "ensemble"
+    twin = out / "loop" / "arm_a" / "twin.json"
+    quick = ["--readout", "analytical", "linear", "residual", "ensemble", "observer"]
     return [
         ("Collect sessions of the twin",
-         ["collect", "--out", out / "logs", "--sessions", 6, "--steps", 1000]),
-        ("Train the quick readouts on them, and the twin itself as observer (the published networks "
-         "take minutes)",
-         ["train", "--logs", out / "logs", "--out", twin, *quick, "observer"]),
-        ("Train the quick readouts on an arm that is not the twin: an observer needs a traced twin first",
-         ["train", "--logs", DATA, "--out", logged, *quick]),
-        ("Replay a session of that arm",
-         ["replay", session, "--readout", model, "--out", replay]),
+         ["serpent_twin.collect", "--out", out / "logs", "--sessions", 5, "--steps", 600]),
+        ("Train quick readouts on them, and the twin itself as observer (the published networks take "
+         "minutes)",
+         ["serpent_twin.train", "--logs", out / "logs", "--out", out / "readouts", *quick]),
+        ("Close the loop on an arm that is not the twin: find what the twin lacks, add it",
+         ["experiments.close_the_loop", "--logs", DATA, "--sessions", 3, "--out", out / "loop"]),
+        ("Replay a session that nothing was fitted to: measured, nominal twin, corrected twin",
+         ["serpent_twin.replay", DATA / "session_04.parquet", "--twin", twin,
+          "--out", out / "arm_a_session_04.rrd"]),
     ]  # fmt: skip
 
 
@@ -52,26 +52,20 @@ def main(config: Demo) -> None:
     """Run the demo, say where its results are and what to type next."""
     start = time.perf_counter()
     for title, command in steps(config.out):
-        module, *arguments = map(str, command)
-        print(
-            f"\n── {title}\n   python -m serpent_twin.{shlex.join([module, *arguments])}\n",
-            flush=True,
-        )
-        done = subprocess.run([sys.executable, "-m", f"serpent_twin.{module}", *arguments])
-        if done.returncode:
-            raise SerpentError(f"the demo stopped: `serpent_twin.{module}` failed, see above.")
+        words = ["-m", *map(str, command)]
+        print(f"\n── {title}\n   python {shlex.join(words)}\n", flush=True)
+        if subprocess.run([sys.executable, *words]).returncode:
+            raise SerpentError(f"the demo stopped: `{words[1]}` failed, see above.")
     print(f"\nDone in {time.perf_counter() - start:.0f} s. Look at")
     for name, what in (
-        ("twin_readouts/report.html", "readouts trained on the twin"),
-        ("arm_a_readouts/report.html", "readouts trained on a logged arm"),
-        ("arm_a_session_04.rrd", "the logged arm and its twin: .venv/bin/rerun FILE"),
+        ("readouts/report.html", "readouts trained on the twin"),
+        ("loop/report.html", "the logged arm before and after the loop, with a picture"),
+        ("loop/arm_a/report.html", "how the missing effect was found"),
+        ("arm_a_session_04.rrd", "measured, nominal and corrected arm: .venv/bin/rerun FILE"),
     ):
         print(f"  {(config.out / name).resolve()}  {what}")
-    print(
-        "After `source .venv/bin/activate`, some ten minutes find what the twin lacks of that arm:"
-    )
-    trained = planned(Train(DATA, config.out / "arm_a_readouts"))
-    next_step.say(next_step.trace(trained))
+    print("After `source .venv/bin/activate`, collect from the corrected twin:")
+    next_step.say(next_step.after_trace(Trace(DATA, config.out / "loop" / "arm_a", sessions=3)))
 
 
 if __name__ == "__main__":
