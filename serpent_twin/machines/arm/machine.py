@@ -109,7 +109,8 @@ class ArmMachine:
 
     def derivatives(self, point: ParameterVector, pieces: Pieces, noise: Array) -> dict[str, Array]:
         """By all coordinates, (S, T, 37) each; without those of cables and hinges where effects answer to a
-        change so much that tangents, which leave that out, are wrong: a step of all of them at once tells.
+        change so much that tangents, which leave that out, are wrong. Where effects act, a step of all
+        coordinates at once is simulated to find out.
         """
         return self._along(point, pieces, noise) | self._still(point, pieces)
 
@@ -123,7 +124,11 @@ class ArmMachine:
         others = [self.vector.design(point.after(change)) for change in changes]
         here = self.vector.design(point)
         did, marker, load = differentiate(here, others, self._stretches(pieces, [here]))
-        slopes, known = _channels(marker, load), np.isfinite(pieces.measured)
+        slopes = _channels(marker, load)
+        by = {name: each / step for name, each, step in zip(moving, slopes, steps, strict=True)}
+        if not any(effect.acts() for effect in here.active):
+            return by
+        known = np.isfinite(pieces.measured)
 
         def weighed(change: Array) -> Array:
             return np.where(known, change / noise, 0.0).reshape(len(change), -1)
@@ -134,9 +139,8 @@ class ArmMachine:
         there = self.respond([point.after(sides @ changes)], pieces)
         found = weighed(there - _channels(did.marker, did.load))[0]
         told = weighed(np.tensordot(sides, slopes, 1)[None])[0]
-        if not found @ told > _TRUSTED * np.linalg.norm(found) * np.linalg.norm(told):
-            return {}
-        return {name: each / step for name, each, step in zip(moving, slopes, steps, strict=True)}
+        trusted = found @ told > _TRUSTED * np.linalg.norm(found) * np.linalg.norm(told)
+        return by if trusted else {}
 
     def _still(self, point: ParameterVector, pieces: Pieces) -> dict[str, Array]:
         """Derivatives by gear friction and marker places, which move nothing."""
