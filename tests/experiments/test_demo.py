@@ -28,10 +28,11 @@ def test_the_demo_closes_the_loop_and_replays_what_it_found(tmp_path):
     assert min(found, key=lambda name: found[name]["mean_mm"]) == "observer"
     loop = json.loads((out / "loop" / "results.json").read_text())
     assert [each["name"] for each in loop["arms"]["arm_a"]["effects"]] == ["cable_friction"]
+    error = loop["arms"]["arm_a"]["error_mm"]
+    assert error["corrected"] < 0.65 * error["calibrated"]
     off = loop["overlay"]
     assert off["corrected_twin_mm"] < 2 < 10 < off["nominal_twin_mm"]
-    step = shlex.split(done.stdout.rstrip().rpartition("
-")[2])
+    step = shlex.split(done.stdout.rstrip().rpartition("\n")[2])
     assert step[:4] == ["next:", "python", "-m", "serpent_twin.collect"]
     asked = dict(pairwise(step[4:]))
     twin, where = (tmp_path / asked[name] for name in ("--twin", "--out"))

@@ -1,5 +1,5 @@
-"""The loop closed on the independent arm: an effect inside the catalogue, one outside it, none; on
-committed logs of an arm that is not the twin; and on logs that cannot be traced.
+"""The loop closed on the independent arm: an effect inside the catalogue, one outside it, none; and on logs
+that cannot be traced. test_demo.py closes it on the committed logs.
 """
 
 import json
@@ -96,14 +96,6 @@ def test_what_the_catalogue_lacks_is_left_unexplained(diagnosis):
     found, _ = diagnosis("outside_force")
     assert found["unexplained"]["is"]
     assert found["unexplained"]["depends_on"]
-
-
-@pytest.mark.slow
-def test_committed_logs_of_an_arm_that_is_not_the_twin_name_cable_friction(tmp_path):
-    logs = changed(DATA / "arm_a", tmp_path / "logs", lambda session: session[:1000])
-    found = trace(Trace(logs, tmp_path / "out"))
-    assert [effect["name"] for effect in found["effects"]] == ["cable_friction"]
-    assert found["error_mm"]["corrected"] < 0.6 * found["error_mm"]["calibrated"]
 
 
 @pytest.mark.slow
