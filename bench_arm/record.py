@@ -1,12 +1,12 @@
 """Write the session logs of bench arms."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.runs.files import write_json
 from serpent_twin.sessions import session_files, write_session
 
 from .effects import NONE, Effects
@@ -85,4 +85,4 @@ def _write_truth(job: Job, substeps: int) -> None:
     """Write what the log must not say, beside the folder of the sessions."""
     truth = {"effects": asdict(job.effects), "arm": asdict(job.arm), "seed": job.seed}
     path = job.folder.with_name(f"{job.folder.name}.truth.json")
-    path.write_text(json.dumps(truth | {"substeps": substeps}, indent=2) + "\n")
+    write_json(path, truth | {"substeps": substeps}, indent=2)

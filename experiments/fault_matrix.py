@@ -6,7 +6,6 @@ what the motors really did; every logged row is compared with it word for word. 
 fault is killed with kill -9, to see when the motors rest and which rows survive.
 """
 
-import json
 import os
 import re
 import signal
@@ -31,7 +30,7 @@ from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel import DynamixelBus
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json, write_whole
 from serpent_twin.runs.provenance import provenance
 from serpent_twin.sessions import read_journal, read_session, recover
 from serpent_twin.stored import within
@@ -99,8 +98,7 @@ def main(config: FaultMatrix) -> None:  # noqa: D103 tyro would print it above t
         print(f"cycle {name:24} median {figures['median']:6.2f} ms   p99 {figures['p99']:6.2f} ms")
     settings = {k: v for k, v in asdict(config).items() if k != "page"} | {"out": ""}
     results = {"faults": table, "cycle_ms": cycle, "config": settings} | provenance()
-    content = json.dumps(results, indent=2, default=str)
-    write_whole(config.out / "results.json", content + "\n")
+    write_json(config.out / "results.json", results, indent=2)
     if config.page:
         write_whole(config.page, markdown(results))
     ratio = cycle["over_the_wire_at_1_mbd"]["times_its_bytes"]

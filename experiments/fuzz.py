@@ -5,7 +5,6 @@ table counts what was read, what was refused, and what else happened, which is a
 example of each.
 """
 
-import json
 import sys
 import tempfile
 import warnings
@@ -34,6 +33,7 @@ from serpent_twin.hardware.natnet import packets, reading
 from serpent_twin.hardware.natnet.reading import PacketError
 from serpent_twin.readouts import find, load, windows
 from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.runs.files import write_json
 from serpent_twin.sessions import FIELDS, Journal, read_session, session_files, write_session
 from serpent_twin.sessions.check import examine
 from serpent_twin.sessions.stream import read_journal
@@ -268,7 +268,7 @@ def main(config: Fuzz) -> None:  # noqa: D103 tyro would print it above the conf
     print(f"{'source':22s} {'read':>9s} {'refused':>9s} {'other':>9s}")
     for name, counts in table.items():
         print(f"{name:22s} " + " ".join(f"{counts[k]:9d}" for k in ("read", "refused", "other")))
-    (config.out / "results.json").write_text(json.dumps(table, indent=1) + "\n")
+    write_json(config.out / "results.json", table)
     if any(counts["other"] for counts in table.values()):
         raise SerpentError(f"some mutants were neither read nor refused: see {config.out}.")
 

@@ -4,7 +4,6 @@ Traces every arm's folder of logs, and writes the table of before and after and 
 arm, nominal twin and corrected twin at a held-out moment.
 """
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
 from serpent_twin.identification.diagnosis import Estimate
 from serpent_twin.reporting.report import Report, Section, Table, text_table, write
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import session_files
@@ -60,7 +59,7 @@ def main(config: CloseTheLoop) -> None:  # noqa: D103 tyro would print it above 
         shown = picture(found, folders, config.out)
         results = {"arms": found, "overlay": shown.numbers if shown else None}
         origin = provenance() | {"settings": _settings(config, folders)}
-        write_whole(config.out / "results.json", json.dumps(results | origin, indent=1) + "\n")
+        write_json(config.out / "results.json", results | origin)
         report = page(found, origin, shown.figure if shown else None)
         print(f"{write(report, config.out)}: before and after. {report.lead}")
 

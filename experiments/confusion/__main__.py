@@ -7,7 +7,6 @@ ends, and the same command goes on.
 """
 
 import contextlib
-import json
 import shutil
 import time
 from collections.abc import Iterator, Sequence
@@ -30,7 +29,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import write
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import json_text, write_json, write_whole
 from serpent_twin.runs.processes import processes
 from serpent_twin.runs.provenance import provenance
 from serpent_twin.runs.run_lock import claimed
@@ -116,7 +115,7 @@ class Results:
     def add(self, row: dict[str, Any]) -> None:
         """Keep a row."""
         self.rows[row["id"]] = row
-        write_whole(self.path, "".join(json.dumps(r) + "\n" for r in self.rows.values()))
+        write_whole(self.path, "".join(json_text(r, indent=None) for r in self.rows.values()))
 
 
 def _run(config: Confusion, trials: Sequence[Trial], results: Results) -> None:
@@ -224,7 +223,7 @@ def _publish(
     figures = (
         scores(rows) | {"not_run": missing, "failed": failed, "settings": settings} | provenance()
     )
-    write_whole(config.out / "results.json", json.dumps(figures, indent=1) + "\n")
+    write_json(config.out / "results.json", figures)
     facts = {name: str(value) for name, value in settings.items()}
     facts |= {
         "commit": str(figures["git_commit"]),

@@ -1,6 +1,5 @@
 """Write the logs of arms with known faults, by the twin or by the independent arm."""
 
-import json
 import shutil
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.recording.loop import record
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.sessions import SCHEMA_VERSION, Session, write_session
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import TwinModel
@@ -205,7 +204,7 @@ class BenchSource:
                 folder, arm, length.sessions, length.steps, int(rng.integers(1 << 31)), effects
             )
             folder.with_name(f"{folder.name}.truth.json").unlink(missing_ok=True)
-            write_whole(marker, json.dumps({"sessions": length.sessions}))
+            write_json(marker, {"sessions": length.sessions}, indent=None)
         told = [_bench_told(name, effects) for name, _ in trial.effects]
         return {"effects": told, "parameters": asdict(arm)}
 

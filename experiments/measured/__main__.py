@@ -5,7 +5,6 @@ sets beside them a plain regression on the same split and what others published.
 about a machine, traces what.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +23,7 @@ from serpent_twin.identification import Trace
 from serpent_twin.identification.run import trace_sessions
 from serpent_twin.machines.measured import Recording
 from serpent_twin.reporting.report import text_table, write
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import provenance
 
 STAGES = ("nominal", "calibrated", "corrected")
@@ -51,8 +50,7 @@ def main(config: Measured) -> None:  # noqa: D103 tyro would print it above the 
     config.out.mkdir(parents=True, exist_ok=True)
     several = asked(config.data, config.held_out)
     found = {name: _bench(config, name, each) for name, each in several.items()}
-    text = json.dumps({"rigs": found} | provenance(), indent=1)
-    write_whole(config.out / "results.json", text + "\n")
+    write_json(config.out / "results.json", {"rigs": found} | provenance())
     print(text_table(table(found)))
     report = page(found)
     print(f"{write(report, config.out)}: {report.lead}")

@@ -8,7 +8,6 @@ it is done, and none is made twice: called as it is, this prints the fit that th
 come from.
 """
 
-import json
 import tempfile
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import GIVEN, Checked, Seed, when
 from serpent_twin.numerals import counted
 from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.runs.files import json_text, write_json
 from serpent_twin.runs.provenance import git_commit, provenance
 from serpent_twin.stored import read_json_lines, within
 from serpent_twin.training.train import Train, train
@@ -94,7 +94,7 @@ def run(config: PaperTable, parameters: Parameters, full: bool) -> dict:
         errors = measure(Path(folder), parameters, config.seed, full)
     with (config.out / "runs.jsonl").open("a") as file:
         made = {"key": key, "errors": errors, "git_commit": git_commit()}
-        file.write(json.dumps(made) + "\n")
+        file.write(json_text(made, indent=None))
     print("full " if full else "short", _line(errors), flush=True)
     return errors
 
@@ -264,8 +264,8 @@ def main(config: PaperTable) -> None:
         return
     result = found | {"paper_mm": PAPER_MM}
     settings = {key: str(value) for key, value in asdict(config).items() if key != "out"}
-    text = json.dumps(result | {"config": settings} | provenance(), indent=2)
-    (config.out / "result.json").write_text(text + "\n")
+    result |= {"config": settings} | provenance()
+    write_json(config.out / "result.json", result, indent=2)
     print(f"\nParameters: {found['parameters']}\nWritten to {config.out / 'result.json'}")
 
 

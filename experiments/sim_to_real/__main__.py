@@ -4,7 +4,6 @@ readouts trained on the arm.
 Each arm is traced by its training sessions alone; all routes are then scored on its test session.
 """
 
-import json
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_EXCEPTION, wait
@@ -30,7 +29,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import load
 from serpent_twin.estimators.online import Online
 from serpent_twin.reporting.report import text_table, write
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.runs.processes import processes
 from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.runs.run_lock import claimed
@@ -82,7 +81,7 @@ def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the
             "conditions": {"arm": chosen, "readouts": others},
             "changes": changes,
         }
-        write_whole(config.out / "results.json", json.dumps(results | origin, indent=1) + "\n")
+        write_json(config.out / "results.json", results | origin)
         print(text_table(arm_table(found)))
         report = page(results, origin)
         print(f"{write(report, config.out)}: the figures. {report.lead}")
@@ -171,7 +170,7 @@ def _other_conditions(
     }
     arm = twin_model.read(sorted((folder / "trace" / "twins").glob("drawn_*.json"))[-1])
     found = in_conditions(arm, readouts, config.seed, hour, on_progress)
-    write_whole(done, json.dumps(found, indent=1) + "\n")
+    write_json(done, found)
     return found
 
 
@@ -200,7 +199,7 @@ def _changes(config: SimToReal, name: str, on_progress: Callable[[str], None]) -
             error = np.array(list(followed(live, session)))
             curve = [round(float(each), 4) for each in np.nan_to_num(error)]
             found[what]["estimators"][label] = recovery(error, at) | {"error_mm": curve}
-    write_whole(done, json.dumps(found, indent=1) + "\n")
+    write_json(done, found)
     return found
 
 

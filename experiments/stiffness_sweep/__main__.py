@@ -4,7 +4,6 @@ Sweeps twins over stiffness and slack, and, in less detail, over commands, dampi
 what was expected of them with numbers; and places logged arms on the chart.
 """
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -26,9 +25,9 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import GIVEN, Checked, RateHz, Workers, used_only, when
 from serpent_twin.reporting.report import write
-from serpent_twin.reservoir.sweep.rows import Row, known
+from serpent_twin.reservoir.sweep.rows import Row
 from serpent_twin.reservoir.sweep.run import Sweep, sweep
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import Session
@@ -91,7 +90,7 @@ def main(config: StiffnessSweep) -> None:  # noqa: D103 tyro would print it abov
             "transfer": crossed,
             "provenance": origin,
         }
-        write_whole(config.out / "results.json", json.dumps(known(results), indent=1) + "\n")
+        write_json(config.out / "results.json", results)
         report = page(rows, found, arms, crossed, _facts(results))
         path = write(report, config.out)
     print(reasons(found))
@@ -164,7 +163,7 @@ def _twin(config: StiffnessSweep, name: str) -> Path | None:
 def _kept(path: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """What a file holds, made first if it is not there."""
     if not path.exists():
-        write_whole(path, json.dumps(known(make()), indent=1) + "\n")
+        write_json(path, make())
     return stored.read_json(path)
 
 

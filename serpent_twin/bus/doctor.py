@@ -1,6 +1,5 @@
 """Examine whether a motor bus can drive the arm, and say how to fix what is wrong."""
 
-import json
 import sys
 import time
 from dataclasses import asdict, dataclass, replace
@@ -25,7 +24,7 @@ from serpent_twin.hardware.dynamixel.setup import (
 from serpent_twin.hardware.dynamixel.wire import Wire
 from serpent_twin.hardware.xl430 import TURN
 from serpent_twin.numerals import counted
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.stored import within
 
 
@@ -93,7 +92,7 @@ def main(config: Doctor) -> None:  # noqa: D103 tyro would print it above the co
     diagnosis = examine(setup, config.reads)
     print(describe(diagnosis))
     if config.out:
-        write_whole(config.out, json.dumps(asdict(diagnosis), indent=2) + "\n")
+        write_json(config.out, asdict(diagnosis), indent=2)
     if diagnosis.refused:
         sys.exit(1)
     next_step.say(next_step.after_doctor(setup.port, config.setup))

@@ -1,6 +1,5 @@
 """Transform the cameras' coordinates into the base frame."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.stored import many, within
 
 COLLINEAR = 0.02  # second over first singular value below which points lie on a line
@@ -49,7 +48,7 @@ class Rigid:
         content = {key: np.asarray(value).tolist() for key, value in asdict(self).items()}
         named = {"rotation": content["rotation"], "translation_m": content["translation"]}
         named |= {"residual_rms_m": content["residual"], "count": content["count"]}
-        write_whole(path, json.dumps(named | dict(notes or {}), indent=1) + "\n")
+        write_json(path, named | dict(notes or {}))
 
     @classmethod
     def load(cls, path: Path) -> "Rigid":

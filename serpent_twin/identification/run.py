@@ -1,7 +1,5 @@
 """Run a trace from its options, and write its results."""
 
-import json
-import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,7 +24,7 @@ from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.machine import Log
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import write
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import finite, write_json
 from serpent_twin.runs.provenance import file_hash, provenance, versions
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import refuse_repeated
@@ -171,9 +169,8 @@ def _write(
     }
     priors = {each.name: each.prior for each in tracer.case.declared}
     report = write(page(found, facts, tracer.case.candidates, priors), config.out)
-    numbers = _finite(numbers)
-    text = json.dumps(numbers, indent=1, allow_nan=False)
-    write_whole(config.out / "diagnosis.json", text + "\n")
+    numbers = finite(numbers)
+    write_json(config.out / "diagnosis.json", numbers)
     print(found.sentence())
     share = 100 * numbers["share_of_time_in_simulation"]
     print(f"{numbers['seconds']:.0f} s, {share:.0f} % of it in simulation.")
@@ -189,12 +186,3 @@ def _write_twins(config: Trace, search: Search, arm: str, settings: Mapping[str,
     search.case.write(search.calibrated.point, folder / "calibrated.json", about)
     for n, point in enumerate(drawn(search.case, search.final, rng, config.twins), 1):
         search.case.write(point, folder / f"drawn_{n:02d}.json", about)
-
-
-def _finite(numbers: Any) -> Any:
-    """The same with null in place of NaN, which JSON lacks."""
-    if isinstance(numbers, Mapping):
-        return {key: _finite(value) for key, value in numbers.items()}
-    if isinstance(numbers, list | tuple):
-        return [_finite(value) for value in numbers]
-    return None if isinstance(numbers, float) and not math.isfinite(numbers) else numbers

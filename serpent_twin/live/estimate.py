@@ -1,6 +1,5 @@
 """Estimate the arm's pose while it moves, from its motor bus alone."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,7 +16,7 @@ from serpent_twin.live.run import LivePlan, run
 from serpent_twin.recording import collect, lost_markers
 from serpent_twin.recording.collect import OF_ARM, REAL, SIMULATED, Real
 from serpent_twin.recording.ending import why
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sim import arm_file, twin_model
@@ -115,7 +114,7 @@ def estimate(config: Estimate) -> dict[str, Any]:
                 results |= figures(course, follower, 1 / config.rate_hz)
                 print(told(results))
                 results |= {"seed": config.seed, "settings": said} | provenance()
-                write_whole(config.out / RESULTS, json.dumps(results, indent=1) + "\n")
+                write_json(config.out / RESULTS, results)
         lost_markers.build_diagnosis([plan.session])
     return results
 

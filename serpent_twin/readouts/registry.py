@@ -73,7 +73,7 @@ def restored(folder: Path, kind_of: Callable[[str], type[T]], window: int | None
     found.learned = read_learned(folder, wanted)
     found.rate_hz, found.covariance = about.rate_hz, about.covariance
     found.trained_on, found.stopped_after = about.trained_on, about.stopped_after_epochs
-    found.tested_on, found.history = about.tested_on, about.history
+    found.tested_on, found.history = about.tested_on, [each.epoch() for each in about.history]
     return found
 
 

@@ -1,5 +1,6 @@
 """Read the files of a saved readout, and check them."""
 
+import math
 from dataclasses import dataclass, fields
 from functools import cache
 from itertools import pairwise
@@ -21,7 +22,7 @@ FORMAT_VERSION: Literal[1] = 1
 """Version of the files of a saved readout."""
 ABOUT, LEARNED = "readout.json", "learned.npz"
 _AGAIN = "Train it again."
-_Matrix = Annotated[tuple[Annotated[tuple[float, ...], many(3)], ...], many(3)]
+_Matrix = Annotated[tuple[Annotated[tuple[float | None, ...], many(3)], ...], many(3)]
 Wanted = dict[str, Numbers]
 Penalty = Annotated[float, within(0.0, 1e9)]
 Units = Annotated[int, within(1, 100_000)]
@@ -46,6 +47,20 @@ class Epoch:
     """Wall time of the pass [s]"""
 
 
+class _SavedEpoch(stored.Form, frozen=True):
+    """An `Epoch` in a file: null is NaN."""
+
+    train_loss: float | None
+    validation_loss: float | None
+    rate: float | None
+    seconds: float
+
+    def epoch(self) -> Epoch:
+        """The pass, with NaN for what is not known."""
+        numbers = (self.train_loss, self.validation_loss, self.rate)
+        return Epoch(*(math.nan if each is None else each for each in numbers), self.seconds)
+
+
 class SavedAbout(stored.Form, frozen=True):
     """The content of readout.json."""
 
@@ -57,16 +72,16 @@ class SavedAbout(stored.Form, frozen=True):
     """Numbers in a window"""
     rate_hz: Annotated[float, above(0.0, 1e4, "Hz")] | None
     covariance_m2: Annotated[tuple[_Matrix, ...], many(N_JOINTS)]
-    """NaN where that is not known"""
-    history: list[Epoch]
+    """null where that is not known"""
+    history: list[_SavedEpoch]
     trained_on: tuple[SourceLog, ...] = ()
     tested_on: tuple[SourceLog, ...] = ()
     stopped_after_epochs: Annotated[int, within(0, 1_000_000)] | None = None
 
     @property
     def covariance(self) -> Array:
-        """The covariance as an array, (9, 3, 3)."""
-        return np.array(self.covariance_m2)
+        """The covariance as an array [m²], (9, 3, 3), NaN where that is not known."""
+        return np.array(self.covariance_m2, float)
 
 
 def read_about(folder: Path) -> SavedAbout:

@@ -1,6 +1,5 @@
 """Define what is trained on windows of logs and saved in a folder."""
 
-import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -21,7 +20,7 @@ from serpent_twin.readouts.saved import (
     Wanted,
 )
 from serpent_twin.readouts.windows import SourceLog, Windows, input_size
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.stored import within
 
 Progress = Callable[[int, int, float], None]
@@ -123,7 +122,7 @@ class Trainable(ABC):
             "stopped_after_epochs": self.stopped_after,
             "history": [asdict(epoch) for epoch in self.history],
         }
-        write_whole(folder / ABOUT, json.dumps(about, indent=1) + "\n")
+        write_json(folder / ABOUT, about)
 
     def require_rate(self, rate_hz: float) -> None:
         """Refuse logs whose rows are not as far apart as those it was trained on."""

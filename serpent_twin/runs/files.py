@@ -1,8 +1,12 @@
 """Write a file whole or not at all."""
 
+import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 
 def write_whole(path: Path, content: Any) -> None:
@@ -18,6 +22,28 @@ def write_whole(path: Path, content: Any) -> None:
     except OSError as error:
         part.unlink(missing_ok=True)
         raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def write_json(path: Path, content: Any, indent: int | None = 1, ensure_ascii: bool = True) -> None:
+    """Replace `path` by a value as JSON, in one step; an `indent` of None gives one line."""
+    write_whole(path, json_text(content, indent, ensure_ascii))
+
+
+def json_text(content: Any, indent: int | None = 1, ensure_ascii: bool = True) -> str:
+    """A value as JSON with a line end; what is not finite, which JSON lacks, becomes null."""
+    text = json.dumps(finite(content), indent=indent, ensure_ascii=ensure_ascii, allow_nan=False)
+    return text + "\n"
+
+
+def finite(value: Any) -> Any:
+    """JSON's own kinds of values, None in place of NaN and infinities."""
+    if isinstance(value, Mapping):
+        return {name: finite(each) for name, each in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [finite(each) for each in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value
 
 
 def sync_folder(folder: Path) -> None:

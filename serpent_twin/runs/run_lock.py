@@ -10,7 +10,7 @@ from typing import Any
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import number
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import json_text, write_json
 from serpent_twin.stored import read_json
 
 _TRIES = 20
@@ -31,7 +31,7 @@ def claimed(folder: Path, name: str, settings: dict[str, Any]) -> Iterator[None]
             _agree(folder / name, settings)
         else:
             _refuse_foreign(folder, name)
-            write_whole(folder / name, json.dumps(settings, indent=2) + "\n")
+            write_json(folder / name, settings, indent=2)
         try:
             yield
         except BaseException:
@@ -115,7 +115,7 @@ def _leave(folder: Path, name: str, made: list[Path]) -> None:
 
 
 def _agree(path: Path, settings: dict[str, Any]) -> None:
-    differences = list(_differences(_read(path), json.loads(json.dumps(settings))))
+    differences = list(_differences(_read(path), json.loads(json_text(settings))))
     if differences:
         raise SerpentError(
             f"{path.parent} holds a run with other settings: {'; '.join(differences)}. "

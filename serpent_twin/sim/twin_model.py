@@ -150,7 +150,7 @@ def from_dict(values: Mapping[str, Any], where: str = "the twin") -> TwinModel:
 
 def write(path: Path, design: TwinModel, about: Mapping[str, Any]) -> None:
     """Write twin.json, and beside it twin.xml; `about` states the origin of the twin model."""
-    files.write_whole(path, json.dumps(to_dict(design) | dict(about), indent=1) + "\n")
+    files.write_json(path, to_dict(design) | dict(about))
     files.write_whole(path.with_suffix(".xml"), design.xml())
 
 

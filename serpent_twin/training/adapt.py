@@ -1,6 +1,5 @@
 """Measure how many windows of the arm a readout from simulation needs."""
 
-import json
 import re
 import time
 from collections.abc import Sequence
@@ -18,7 +17,7 @@ from serpent_twin.estimators import Estimator, load
 from serpent_twin.estimators.adapted import Adapted, least_windows
 from serpent_twin.numerals import counted
 from serpent_twin.readouts.windows import Windows, cut
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import read_folder, refuse_repeated
@@ -125,7 +124,7 @@ def adapt(plan: Adaptation, names: Sequence[str], out: Path) -> dict[str, Any]:
             "windows": found,
             "provenance": plan.settings(),
         }
-        write_whole(folder / SCORES, json.dumps(scores, indent=1) + "\n")
+        write_json(folder / SCORES, scores)
         return scores
 
 
@@ -186,4 +185,4 @@ def _train(base: Estimator, few: Windows, test: Windows, folder: Path) -> None:
     cost = {"train_s": time.perf_counter() - began}
     adapted.tested_on = (*base.trained.tested_on, *test.sources("test"))
     adapted.save(folder)
-    write_whole(folder / COST, json.dumps(cost) + "\n")
+    write_json(folder / COST, cost, indent=None)

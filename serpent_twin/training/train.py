@@ -1,6 +1,5 @@
 """Train the readouts, and score them on test sessions."""
 
-import json
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from serpent_twin.command_line.options import GIVEN, Checked, Seed, Use, when
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import available, find
 from serpent_twin.reporting.report import text_table, write
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.runs.run_lock import claimed, prior_settings
 from serpent_twin.sessions import read_folder
@@ -277,7 +276,7 @@ def _conclude(
         "note": plan.twin.note(list(table)),
         "provenance": settings(config, sessions) | provenance(),
     } | ({"adapt": real} if real else {})
-    write_whole(config.out / "scores.json", json.dumps(scores, indent=1) + "\n")
+    write_json(config.out / "scores.json", scores)
     tested = sessions.windows(config.window, config.drop)[2]
     report = write(page(scores, {n: r.error_mm for n, r in table.items()}, tested), config.out)
     for shown in (score_table(scores["readouts"]), detail_table(scores["readouts"])):

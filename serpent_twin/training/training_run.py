@@ -1,7 +1,6 @@
 """Train, score and time one readout."""
 
 import itertools
-import json
 import time
 import zlib
 from collections.abc import Mapping
@@ -20,7 +19,7 @@ from serpent_twin.readouts import Progress
 from serpent_twin.readouts.score import Scores, distances, score
 from serpent_twin.readouts.trainable import Trainable
 from serpent_twin.readouts.windows import Windows
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.stored import Form, read_json, same_in_json, within
 from serpent_twin.training.tables import PEER, best_of, cut_short
 from serpent_twin.training.uncertainty import Steps, differences, steps_of, uncertainty
@@ -133,7 +132,7 @@ class TrainingRun:
         cost = {"train_s": time.perf_counter() - began}
         trained.tested_on = test.sources("test") if test else ()
         trained.save(self.folder)
-        write_whole(self.folder / COST, json.dumps(cost) + "\n")
+        write_json(self.folder / COST, cost, indent=None)
 
     def result(self, test: Windows) -> Result:
         """Scores and costs of the stored readout."""

@@ -10,10 +10,10 @@ from made_diagnosis import diagnosis
 from residual_cases import LOAD_NOISE, NOISE, made
 
 from serpent_twin.identification import page, tables
-from serpent_twin.identification.run import _finite
 from serpent_twin.residual import analyse, describe
 from serpent_twin.residual.figures import figures
 from serpent_twin.residual.noise import in_words, measurement_noise
+from serpent_twin.runs.files import finite
 
 
 @pytest.mark.parametrize("rows", [8, 12, 20, 40])
@@ -50,7 +50,7 @@ def test_what_is_said_of_a_short_log():
     assert "noise alone: unknown: too few rows" in said and "nan" not in said
     assert "0.00" not in said and "no more than noise" not in said
     assert np.isnan(found.above_noise)
-    json.dumps(_finite(found.numbers()), allow_nan=False)
+    json.dumps(finite(found.numbers()), allow_nan=False)
     for figure in figures({"calibrated": short}, found):
         figure.drawing.canvas.draw()
 

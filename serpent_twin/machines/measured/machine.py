@@ -1,6 +1,5 @@
 """Make a machine whose logs are runs of columns one that can be traced."""
 
-import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -25,7 +24,7 @@ from serpent_twin.machines.measured import twin_file
 from serpent_twin.machines.measured.recording import Recording
 from serpent_twin.machines.measured.runs import Runs, cut, windows
 from serpent_twin.residual import Comparison
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json, write_whole
 
 
 class RunMachine(ABC):
@@ -172,7 +171,7 @@ class RunMachine(ABC):
             for each, value in zip(self.declared, point.declared, strict=True)
         }
         told = twin_file.to_dict(self.name, self.first, declared, there)
-        write_whole(path, json.dumps(told | dict(about), indent=1) + "\n")
+        write_json(path, told | dict(about))
         python = [effects.name_of(effect) for effect in there if effect.acts()]
         note = f"MJCF cannot express {', '.join(python)}" if python else "all effects are here"
         write_whole(path.with_suffix(".xml"), f"<!-- {note}. -->\n{spec.to_xml()}")

@@ -1,6 +1,5 @@
 """Store the result of one grid point, complete and the same wherever it is measured."""
 
-import json
 import math
 import platform
 import time
@@ -16,6 +15,7 @@ import numpy as np
 from serpent_twin.errors import SerpentError
 from serpent_twin.reservoir.sweep import body, measures, pose
 from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
+from serpent_twin.runs.files import json_text
 from serpent_twin.runs.provenance import provenance
 
 _DIGITS = 6
@@ -68,7 +68,7 @@ def measured(point: GridPoint, measuring: Measuring) -> Outcome:
         "pose": parts.found.get("pose"),
     }
     about = _about()
-    text = json.dumps(rounded(content), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    text = json_text(rounded(content), ensure_ascii=False)
     return Outcome(
         text, about["versions"], about["git_commit"], platform.node(), rounded(parts.seconds)
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
+from serpent_twin.runs.files import finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +80,10 @@ class Row:
             "stiffness_n_m": self.stiffness if np.isfinite(self.stiffness) else None,
             "slack_m": self.slack,
             "seed": self.seed,
-            "capacity_by_degree": known(self.capacity),
-            "mean_delay_steps": known(self.mean_delay),
-            "consistency": known(self.consistency),
-            "pose_mm": known(self.pose_mm),
+            "capacity_by_degree": finite(self.capacity),
+            "mean_delay_steps": finite(self.mean_delay),
+            "consistency": finite(self.consistency),
+            "pose_mm": finite(self.pose_mm),
         }
 
     def crossed_numbers(self) -> dict[str, Any]:
@@ -92,8 +93,8 @@ class Row:
             "rate_hz": self.rate,
             "amplitude_rad": self.amplitude,
             "load_noise": self.load_noise,
-            "useful_by_degree": known(self.useful),
-            "useful_by_degree_noiseless": known(self.noiseless),
+            "useful_by_degree": finite(self.useful),
+            "useful_by_degree_noiseless": finite(self.noiseless),
         }
         return self.numbers() | how
 
@@ -168,14 +169,3 @@ def steady_readouts(rows: Sequence[Row]) -> list[str]:
 def error_of(readout: str) -> Callable[[Row], float]:
     """The function that takes a readout's error [mm] from a row."""
     return lambda row: row.pose_mm.get(readout, float("nan"))
-
-
-def known(value: Any) -> Any:
-    """JSON's own kinds of values, None for what is not a number."""
-    if isinstance(value, Mapping):
-        return {name: known(each) for name, each in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [known(each) for each in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value

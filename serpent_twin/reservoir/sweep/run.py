@@ -1,7 +1,6 @@
 """Run a sweep from its options, and write its results."""
 
 import itertools
-import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -25,7 +24,7 @@ from serpent_twin.reservoir.sweep.page import facts, page
 from serpent_twin.reservoir.sweep.point import GridPoint, Measuring, key
 from serpent_twin.reservoir.sweep.rows import row_of
 from serpent_twin.runs.cluster import cluster
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json, write_whole
 from serpent_twin.runs.processes import processes
 from serpent_twin.runs.provenance import provenance, versions
 from serpent_twin.runs.run_lock import claimed
@@ -180,7 +179,7 @@ def _keep(config: Sweep, point: GridPoint, outcome: Outcome) -> None:
             "points of a table must be of one kind: install the same versions there."
         )
     about = {name: value for name, value in asdict(outcome).items() if name != "text"}
-    write_whole(_path(config, point, "provenance"), json.dumps(about, indent=1) + "\n")
+    write_json(_path(config, point, "provenance"), about)
     write_whole(_path(config, point), outcome.text)
 
 
@@ -191,8 +190,7 @@ def _gather(config: Sweep, points: Sequence[GridPoint]) -> dict[str, Any]:
         "points": [{"file": path.name} | _read(path) for path in paths],
         "provenance": settings(config) | provenance(),
     }
-    text = json.dumps(table, indent=1, ensure_ascii=False)
-    write_whole(config.out / "table.json", text + "\n")
+    write_json(config.out / "table.json", table, ensure_ascii=False)
     return same_in_json(table)
 
 
