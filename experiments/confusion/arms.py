@@ -14,12 +14,10 @@ from serpent_twin.arm.control import random_targets
 from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.effects import Effect, by_name, ranges
-from serpent_twin.emulator.cameras import SimulatedMocap
-from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.machines.arm.catalogue import CATALOGUE
-from serpent_twin.recording.loop import record
+from serpent_twin.recording.bench import Bench
 from serpent_twin.runs.files import write_json
-from serpent_twin.sessions import SCHEMA_VERSION, Session, write_session
+from serpent_twin.sessions import Session, write_session
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -75,18 +73,10 @@ class TwinSource:
 def simulated(built: TwinModel, number: int, steps: int, rng: np.random.Generator) -> Session:
     """One session of a twin behind its simulated bus and cameras."""
     for_targets, for_loads, for_cameras = rng.spawn(3)
-    noise, prior_runtime = built.parameters, (number - 1) * steps / RATE_HZ
-    targets = random_targets(steps, for_targets)
-    twin = Twin(built, prior_runtime=prior_runtime)
-    cameras = SimulatedMocap(twin, for_cameras, noise.marker_noise, MARKER_LOSS)
-    with SimulatedBus(twin, for_loads, noise.load_noise) as bus:
-        rows = list(record(bus, cameras, targets, noise.controller_gain, 1 / RATE_HZ))
-    about = {"schema_version": SCHEMA_VERSION, "backend": "sim", "arm": "confusion"}
-    about |= {"session": number, "rate_hz": RATE_HZ}
-    columns: dict[str, Any] = {
-        name: np.array([row[name] for row in rows], float) for name in rows[0]
-    }
-    return Session(path=None, metadata=about, **columns)
+    twin = Twin(built, prior_runtime=(number - 1) * steps / RATE_HZ)
+    bench = Bench.of(twin, built.parameters, for_loads, for_cameras, MARKER_LOSS)
+    about = {"backend": "sim", "arm": "confusion", "session": number}
+    return bench.session(random_targets(steps, for_targets), RATE_HZ, about)
 
 
 def draw(rng: np.random.Generator) -> TwinModel:

@@ -1,6 +1,5 @@
 """Measure the error of each route on one arm, and how many of its windows each needs."""
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +29,7 @@ from serpent_twin.estimators.adapted import Adapted
 from serpent_twin.numerals import counted
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import Windows
-from serpent_twin.runs.files import write_whole
+from serpent_twin.runs.files import write_json
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
 from serpent_twin.training.jitter import command_error
@@ -107,7 +106,8 @@ class Study:
 
     def adapt(self, place: str, base: Estimator, count: str) -> Estimator:
         """A trained estimator corrected by the arm's first windows."""
-        self.on_progress(f"{place}: {base.name}, {counted(count, 'window')}")
+        windows = "all windows" if count == ALL else counted(int(count), "window")
+        self.on_progress(f"{place}: {base.name}, {windows}")
         few = self.real.few(count)
         return kept(
             self.out / "models" / f"{place}_{count}" / base.name,
@@ -137,7 +137,7 @@ def study_arm(
     found = _routes(study) | _observers(study) | _diagnosed(twins.diagnosis)
     found["test_sessions"] = parts.names()["test"]
     found["windows"] = {"train": len(study.real.all.x), "test": len(study.real.test.x)}
-    write_whole(done, json.dumps(found, indent=1) + "\n")
+    write_json(done, found)
     return found
 
 

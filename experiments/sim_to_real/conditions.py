@@ -14,15 +14,15 @@ from serpent_twin.arm.control import random_targets
 from serpent_twin.arm.geometry import ARM
 from serpent_twin.effects.base_tilt import BaseTilt
 from serpent_twin.effects.payload import Payload
-from serpent_twin.emulator.cameras import SimulatedMocap
-from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import Belief, Estimator, Live
 from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.readouts.score import distances, score
 from serpent_twin.readouts.windows import bus_of, cut
+from serpent_twin.recording.bench import Bench, generators
 from serpent_twin.recording.loop import record
-from serpent_twin.sessions import FIELDS, Session
+from serpent_twin.sessions import Session
+from serpent_twin.sessions.session import session_from_rows
 from serpent_twin.sim.cable_dynamics import Variation
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import TwinModel
@@ -67,20 +67,16 @@ def loaded(design: TwinModel, more_kg: float) -> TwinModel:
     return design.with_effect(replace(held, mass=held.mass + more_kg)) if more_kg else design
 
 
-def _bench(
-    arm: TwinModel, seed: list[int]
-) -> tuple[SimulatedBus, SimulatedMocap, np.random.Generator]:
-    """An arm's bus, cameras that see it, and what draws its targets."""
-    seeds = np.random.SeedSequence(seed).spawn(3)
-    for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
-    bus = SimulatedBus(Twin(arm), for_loads, arm.parameters.load_noise)
-    return bus, SimulatedMocap(bus.twin, for_cameras, arm.parameters.marker_noise), for_targets
+def _bench(arm: TwinModel, seed: list[int]) -> tuple[Bench, np.random.Generator]:
+    """A simulated arm, and what draws its targets."""
+    for_targets, for_loads, for_cameras = generators(seed)
+    return Bench.of(Twin(arm), arm.parameters, for_loads, for_cameras), for_targets
 
 
 def session_of(arm: TwinModel, condition: Condition, seed: int) -> Session:
     """A session of a simulated arm."""
-    bus, cameras, for_targets = _bench(loaded(arm, condition.more_kg), [seed, 17])
-    gain = arm.parameters.controller_gain
+    bench, for_targets = _bench(loaded(arm, condition.more_kg), [seed, 17])
+    bus = bench.bus
     wide = replace(ARM, target_range=condition.wider * ARM.target_range)
     targets = random_targets(
         condition.rows, for_targets, wide, hold=round(1.25 * condition.rate_hz)
@@ -93,7 +89,7 @@ def session_of(arm: TwinModel, condition: Condition, seed: int) -> Session:
                 bus.reboot([2, 3, 7])
                 bus.wait(2.0)
             began = bus.time
-            for row in record(bus, cameras, part, gain, 1 / condition.rate_hz):
+            for row in record(bus, bench.cameras, part, bench.gain, 1 / condition.rate_hz):
                 rows.append(row | {"time": began + row["time"]})
     whole = _session(rows, condition.rate_hz)
     kept = np.ones(len(whole), bool)
@@ -103,8 +99,7 @@ def session_of(arm: TwinModel, condition: Condition, seed: int) -> Session:
 
 def _session(rows: list[dict[str, Any]], rate_hz: float) -> Session:
     metadata = {"schema_version": 1, "backend": "sim", "arm": "simulated", "session": 1}
-    arrays = {name: np.array([row[name] for row in rows], float) for name in FIELDS}
-    return Session(None, metadata | {"rate_hz": rate_hz}, **arrays)
+    return session_from_rows(rows, metadata | {"rate_hz": rate_hz})
 
 
 def in_conditions(
@@ -160,14 +155,12 @@ CHANGES = {
 def changing(arm: TwinModel, rows: int, at: int, change: Change, seed: int) -> Session:
     """A session during which the arm changes, at a row."""
     before, after = _held(arm, Change()), _held(arm, change)
-    bus, cameras, for_targets = _bench(before, [seed, 19])
-    gain, logged = arm.parameters.controller_gain, list[dict[str, Any]]()
+    bench, for_targets = _bench(before, [seed, 19])
+    bus, logged, targets = bench.bus, list[dict[str, Any]](), random_targets(rows, for_targets)
     with bus:
         models = [each.spec().compile() for each in (before, after)]
         variation = Variation(bus.twin.batch, models)
-        for n, row in enumerate(
-            record(bus, cameras, random_targets(rows, for_targets), gain, 0.25)
-        ):
+        for n, row in enumerate(record(bus, bench.cameras, targets, bench.gain, 0.25)):
             logged.append(row)
             if n == at:
                 variation.set(np.ones((1, 1)))

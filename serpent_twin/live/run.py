@@ -70,22 +70,21 @@ def run(plan: LivePlan, follower: Follower, course: Course) -> None:
 
 def _simulate(plan: LivePlan, beside: Beside) -> None:
     drive = plan.drive
-    bus, cameras, targets = simulated.bench(drive, 1, drive.prior_runtime)
-    if not plan.config.markers:
-        cameras = NoMocap()
+    bench, targets = simulated.bench(drive, 1, drive.prior_runtime)
+    cameras = bench.cameras if plan.config.markers else NoMocap()
     markers = "simulated" if plan.config.markers else "none"
     about = collect.metadata(drive, 1) | {"markers": markers} | dict(beside.about)
     if drive.own:
         path = str(plan.config.model / "readout.json")
         about["twin"] = {"path": path, "design": twin_model.to_dict(drive.own)}
-    gain = drive.simulated().design.parameters.controller_gain
     with (
         stopped_by_signals(),
         tqdm(total=drive.steps, unit="row") as bar,
         sealed(plan.session, about, beside.columns, dict) as journal,
-        bus,
+        bench.bus,
     ):
-        for row in record(bus, cameras, targets, gain, 1 / drive.rate_hz, beside.further):
+        period = 1 / drive.rate_hz
+        for row in record(bench.bus, cameras, targets, bench.gain, period, beside.further):
             journal.append(row)
             beside.see(row)
             bar.update()

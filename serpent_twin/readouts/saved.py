@@ -58,7 +58,8 @@ class _SavedEpoch(stored.Form, frozen=True):
     def epoch(self) -> Epoch:
         """The pass, with NaN for what is not known."""
         numbers = (self.train_loss, self.validation_loss, self.rate)
-        return Epoch(*(math.nan if each is None else each for each in numbers), self.seconds)
+        train, validation, rate = (math.nan if each is None else each for each in numbers)
+        return Epoch(train, validation, rate, self.seconds)
 
 
 class SavedAbout(stored.Form, frozen=True):

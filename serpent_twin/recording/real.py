@@ -22,6 +22,7 @@ from serpent_twin.hardware.dynamixel.setup import (
     setup_to_run,
 )
 from serpent_twin.recording import lost_markers, run_folder
+from serpent_twin.recording.bench import generators
 from serpent_twin.recording.collect import Collect, metadata, session_path
 from serpent_twin.recording.ending import loop_times, sealed, stopped_by_signals
 from serpent_twin.recording.loop import NOTHING, Beside, Step, record
@@ -82,10 +83,8 @@ def record_session(
 ) -> None:
     """Record one session; however it ends, its rows are sealed, and its metadata state why it ended."""
     path = session_path(config, session)
-    rng = np.random.default_rng(
-        np.random.SeedSequence(config.seed, spawn_key=(session,)).spawn(3)[0]
-    )
-    targets = random_targets(config.steps, rng)
+    for_targets, *_ = generators(config.seed, (session,))
+    targets = random_targets(config.steps, for_targets)
     bus, cameras, watch = DynamixelBus(setup), cameras_of(config), lost_markers.Watch()
     of_bus = FURTHER + (FURTHER_OF_CAMERAS if config.real.mocap != "none" else ())
     values = _further(bus, of_bus)

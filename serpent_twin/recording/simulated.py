@@ -11,15 +11,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from tqdm import tqdm
 
 from serpent_twin.arm.control import random_targets
 from serpent_twin.arrays import Array
-from serpent_twin.emulator.cameras import SimulatedMocap
-from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.recording import run_folder
+from serpent_twin.recording.bench import Bench, generators
 from serpent_twin.recording.collect import Collect, metadata, session_path
 from serpent_twin.recording.loop import record
 from serpent_twin.sessions import Journal
@@ -31,29 +29,24 @@ def simulate_all(config: Collect, missing: list[int]) -> None:
         _simulate_all(config, missing, show)
 
 
-def bench(
-    config: Collect, session: int, prior_runtime: float = 0.0
-) -> tuple[SimulatedBus, SimulatedMocap, Array]:
-    """The twin's bus, cameras that see it, and the joint targets of one session [rad], (steps, 9), of an arm
-    that ran for so long before session 1 [s].
+def bench(config: Collect, session: int, prior_runtime: float = 0.0) -> tuple[Bench, Array]:
+    """The simulated arm, which ran for so long before session 1 [s], and the joint targets of one session
+    [rad], (steps, 9).
     """
-    seeds = np.random.SeedSequence(config.seed, spawn_key=(session,)).spawn(3)
-    for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
+    for_targets, for_loads, for_cameras = generators(config.seed, (session,))
     arm = config.simulated()
     prior_runtime += (session - 1) * config.steps / config.rate_hz
-    parameters = arm.design.parameters
-    bus = SimulatedBus(arm.twin(prior_runtime), for_loads, parameters.load_noise)
-    cameras = SimulatedMocap(bus.twin, for_cameras, parameters.marker_noise, config.marker_loss)
-    return bus, cameras, random_targets(config.steps, for_targets)
+    twin, parameters = arm.twin(prior_runtime), arm.design.parameters
+    there = Bench.of(twin, parameters, for_loads, for_cameras, config.marker_loss)
+    return there, random_targets(config.steps, for_targets)
 
 
 def simulate_session(config: Collect, session: int, tick: Callable[[int], None]) -> Path:
     """Record one session of the twin; `tick` is given the number of rows logged so far."""
-    bus, cameras, targets = bench(config, session)
-    gain = config.simulated().design.parameters.controller_gain
+    there, targets = bench(config, session)
     path = session_path(config, session)
-    with bus, Journal(path, metadata(config, session)) as journal:
-        rows = record(bus, cameras, targets, gain, 1 / config.rate_hz)
+    with there.bus, Journal(path, metadata(config, session)) as journal:
+        rows = record(there.bus, there.cameras, targets, there.gain, 1 / config.rate_hz)
         for n, row in enumerate(rows, 1):
             journal.append(row)
             tick(n)

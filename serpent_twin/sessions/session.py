@@ -1,6 +1,6 @@
 """Define the columns and metadata of a session log."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -131,6 +131,12 @@ def rate_of(metadata: Mapping[str, Any], where: str) -> float:
             f"{where}: rate_hz is {told}, expected a number from {FEWEST_HZ:g} to {MOST_HZ:g}."
         )
     return float(rate)
+
+
+def session_from_rows(rows: Sequence[Mapping[str, Any]], metadata: dict[str, Any]) -> Session:
+    """A session in memory out of rows, each a mapping of the names in `FIELDS` to arrays of one row."""
+    arrays = {name: np.array([row[name] for row in rows], float) for name in FIELDS}
+    return Session(path=None, metadata=metadata, **arrays, extra={})
 
 
 def session_from_columns(

@@ -9,14 +9,12 @@ import numpy as np
 
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.control import random_targets
-from serpent_twin.emulator.cameras import SimulatedMocap
-from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import Windows
-from serpent_twin.recording.loop import record
+from serpent_twin.recording.bench import Bench, generators
 from serpent_twin.reservoir.sweep.drive import steady_timestep
 from serpent_twin.reservoir.sweep.point import DROP, WINDOW, GridPoint, Measuring
-from serpent_twin.sessions import FIELDS, SCHEMA_VERSION, Session
+from serpent_twin.sessions import Session
 from serpent_twin.sim.twin import Twin
 from serpent_twin.training.split import split
 from serpent_twin.training.training_run import TrainingRun
@@ -37,20 +35,13 @@ def errors(point: GridPoint, measuring: Measuring) -> dict[str, Any]:
 
 def session(point: GridPoint, measuring: Measuring, number: int) -> Session:
     """Session 1, 2, … of the protocol, in memory, at the point's rate if none is given for sessions."""
-    seeds = np.random.SeedSequence(point.seed, spawn_key=(number,)).spawn(3)
-    for_targets, for_loads, for_cameras = map(np.random.default_rng, seeds)
+    for_targets, for_loads, for_cameras = generators(point.seed, (number,))
     rate = measuring.session_rate or point.rate
     prior_runtime = (number - 1) * measuring.session_steps / rate
-    parameters, twin = point.parameters, _twin(point, rate, prior_runtime)
-    bus = SimulatedBus(twin, for_loads, parameters.load_noise)
-    cameras = SimulatedMocap(twin, for_cameras, parameters.marker_noise)
+    twin = _twin(point, rate, prior_runtime)
+    bench = Bench.of(twin, point.parameters, for_loads, for_cameras)
     targets = random_targets(measuring.session_steps, for_targets)
-    gain = parameters.controller_gain * rate / PUBLISHED_RATE
-    with bus:
-        rows = list(record(bus, cameras, targets, gain, 1 / rate))
-    arrays: dict[str, Any] = {name: np.stack([row[name] for row in rows]) for name in FIELDS}
-    about = {"schema_version": SCHEMA_VERSION, "session": number, "rate_hz": rate}
-    return Session(path=None, metadata=about, **arrays)
+    return bench.session(targets, rate, {"session": number}, bench.gain * rate / PUBLISHED_RATE)
 
 
 def _twin(point: GridPoint, rate: float, prior_runtime: float) -> Twin:
