@@ -56,7 +56,7 @@ def bare(arm: ArmMachine, points: list[ParameterVector], pieces: Pieces) -> floa
     for model in models:
         model.opt.timestep = TIMESTEP
     batch = side_by_side([m for m in models for _ in range(len(pieces))], 0)
-    steps = round((pieces.time[0, -1] - pieces.time[0, 0]) / TIMESTEP)
+    steps = round(np.ptp(pieces.motors.time[0]) / TIMESTEP)
 
     def run() -> None:
         for _ in range(steps):

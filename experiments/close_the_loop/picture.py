@@ -15,7 +15,8 @@ from serpent_twin.arrays import Array
 from serpent_twin.reporting.report import Figure
 from serpent_twin.sessions import Session, read_session
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.twin import Replay, replay_motors
+from serpent_twin.sim.response import Response
+from serpent_twin.sim.twin import replay_motors
 
 MEASURED, NOMINAL, CORRECTED = "measured", "nominal twin", "corrected twin"
 STYLE = {
@@ -94,7 +95,7 @@ def moment(arm: str, session: Session, corrected: twin_model.TwinModel) -> Momen
     return Moment(arm, session.name, float(session.time[row]), joint, marker, means)
 
 
-def _distances_mm(twin: Replay, session: Session) -> Array:
+def _distances_mm(twin: Response, session: Session) -> Array:
     """Mean marker distance in every row [mm], (T,); NaN where all markers were lost."""
     apart = 1e3 * np.linalg.norm(twin.marker - session.marker, axis=-1)
     seen = np.isfinite(apart)

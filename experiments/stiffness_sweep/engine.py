@@ -32,7 +32,7 @@ def engine_ratio(point: GridPoint, stretches: int = 40, periods: int = 20) -> fl
     steps = (
         CORES
         * stretches
-        * int(substeps(drive.stretches_of(_targets(job), point.rate), _step(point)).sum())
+        * int(substeps(drive.motors_of(_targets(job), point.rate), _step(point)).sum())
     )
     with processes(CORES) as pool:
         _seconds(pool.submit, job)  # starts them

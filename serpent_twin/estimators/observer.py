@@ -20,7 +20,9 @@ from serpent_twin.readouts.saved import Wanted, covariances, divisors, numbers
 from serpent_twin.readouts.windows import SessionWindows, Windows
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import TIMESTEP, coarse_step
-from serpent_twin.sim.prescribed_motion import STANDING, DrivenArms, Motors, Sensed, servo_lag
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
+from serpent_twin.sim.prescribed_motion import STANDING, DrivenArms, servo_lag
+from serpent_twin.sim.response import Response
 
 SETTLE = 2.0
 """Seconds that the twin hangs before the first reading"""
@@ -98,7 +100,7 @@ class Observer(TrainedEstimator):
         """The twin's design."""
         return self.arm
 
-    def _run(self, session: SessionWindows) -> Iterator[tuple[Sensed, Belief]]:
+    def _run(self, session: SessionWindows) -> Iterator[tuple[Response, Belief]]:
         """Readings and estimates of the twin in the session's windows."""
         live, first = self.live(session.bus.prior_runtime), len(session.bus.time) - len(session)
         for k, now in enumerate(readings(session.bus)):
@@ -196,10 +198,10 @@ class LiveObserver(Live):
     def step(self, now: BusReading) -> None:
         """Simulate the twin to this reading; at the first one, it starts at the pose of stiff cables."""
         position, velocity = (np.tile(x, (self._count, 1)) for x in (now.position, now.velocity))
-        to = Motors(np.full(self._count, now.time), position, velocity)
+        to = MotorTrajectory(np.full(self._count, now.time), position, velocity)
         interval = now.time - self._time
         if np.isnan(interval):
-            before = Motors(to.time - SETTLE, position, np.zeros_like(velocity))
+            before = MotorTrajectory(to.time - SETTLE, position, np.zeros_like(velocity))
             self.arms.place(before, joint_from_motor(position[:, :N_JOINTS]))
             interval = SETTLE
         if interval <= 0:
@@ -216,10 +218,9 @@ class LiveObserver(Live):
         self.members = self.arms.read()
 
     @property
-    def sensed(self) -> Sensed:
-        """The mean of the members' readings, as one."""
-        each = vars(self.members).items()
-        return Sensed(**{name: value.mean(axis=0, keepdims=True) for name, value in each})
+    def sensed(self) -> Response:
+        """The mean of the members' readings, (1,)."""
+        return self.members.each(lambda values: values.mean(axis=0, keepdims=True))
 
     def belief(self, now: BusReading) -> Belief:
         """The twin's estimate of the markers; its covariance grows as loads differ from the twin's."""

@@ -18,7 +18,7 @@ from serpent_twin.estimators.observer import TURNING, LiveObserver, Observer
 from serpent_twin.readouts import Progress
 from serpent_twin.readouts.saved import Wanted, divisors, numbers
 from serpent_twin.readouts.windows import Windows
-from serpent_twin.sim.prescribed_motion import Sensed
+from serpent_twin.sim.response import Response
 from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.stored import many, within
 
@@ -185,12 +185,10 @@ class LiveWeighing(LiveObserver):
         }
 
     @property
-    def sensed(self) -> Sensed:
-        """The twin's readings, after the update from this reading's loads."""
-        each = vars(self.members).items()
-        return Sensed(
-            **{n: (v[0] + np.tensordot(self._news / NEAR, v[1:] - v[0], 1))[None] for n, v in each}
-        )
+    def sensed(self) -> Response:
+        """The twin's readings, after the update from this reading's loads, (1,)."""
+        share = self._news / NEAR
+        return self.members.each(lambda v: (v[0] + np.tensordot(share, v[1:] - v[0], 1))[None])
 
     def belief(self, now: BusReading) -> Belief:
         """The twin's estimate of the markers, with a covariance that includes that of the parameters."""

@@ -18,7 +18,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.rerun_layout import KEY, LOADS, TENSIONS, blueprint, key, short
-from serpent_twin.sim import twin
+from serpent_twin.sim.response import Response
 
 Rows = NDArray[np.intp]
 Colour = tuple[int, int, int]
@@ -52,18 +52,18 @@ class Overlay:
     """Its colour in words"""
     colour: Colour
     """0 … 255"""
-    moved: twin.Replay
+    moved: Response
     """What it did"""
 
 
 def write(
     out: Path,
     session: sessions.Session,
-    moved: twin.Replay,
+    moved: Response,
     guess: EstimatedMarkers | None = None,
     identity: str | None = None,
     arm: Arm = ARM,
-    corrected: twin.Replay | None = None,
+    corrected: Response | None = None,
 ) -> None:
     """Write the recording of a session [T rows] to a file, which appears when it is whole.
 
@@ -78,10 +78,10 @@ def write(
 def _draw(
     stream: rr.RecordingStream,
     session: sessions.Session,
-    moved: twin.Replay,
+    moved: Response,
     guess: EstimatedMarkers | None,
     arm: Arm,
-    corrected: twin.Replay | None,
+    corrected: Response | None,
 ) -> None:
     stream.send_recording_name(session.name)
     writer = Writer(stream, session.time, arm)

@@ -12,11 +12,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
-from serpent_twin.errors import SerpentError
 from serpent_twin.sim.cable_dynamics import structure
-from serpent_twin.sim.prescribed_motion import DrivenArms, Motors
+from serpent_twin.sim.measured_motion import MeasuredMotion
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
+from serpent_twin.sim.prescribed_motion import DrivenArms
+from serpent_twin.sim.response import Response
 from serpent_twin.sim.tangents import differences
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -27,68 +28,28 @@ _SOFT = 7e3  # [N/m]; strands up to this stiffness are stable at twice the usual
 
 
 @dataclass(frozen=True)
-class Past:
-    """What happened before each of B stretches, at K rows, for effects that remember.
+class PrescribedMotion:
+    """What drives twins in B stretches of R rows of logs, and how they begin, at rest unless said."""
 
-    Motor angles and markers were measured then, so nothing is simulated: effects are given the measured
-    pose, from row to row.
-    """
-
-    time: Array
-    """Since each session began [s], (B, K); a shorter past repeats its first row"""
-    motor_angle: Array
-    """[rad], (B, K, 10)"""
-    motor_velocity: Array
-    """[rad/s], (B, K, 10)"""
+    motors: MotorTrajectory
+    """(B, R)"""
     joint_angle: Array
-    """From the markers [rad], (B, K, 9)"""
-
-
-@dataclass(frozen=True)
-class Stretches:
-    """B stretches of R rows of logs; a run is put on the measured pose at every restart."""
-
-    time: Array
-    """Since each session began [s], (B, R)"""
-    motor_angle: Array
-    """[rad], (B, R, 10)"""
-    motor_velocity: Array
-    """[rad/s], (B, R, 10)"""
-    joint_angle: Array
-    """From the markers [rad], (B, R, 9); used at restarts only"""
-    restart: Array
-    """Rows at which a segment begins, of bool, (R,); the first is one"""
+    """At the first row [rad], (B, 9)"""
+    joint_velocity: Array | float = 0.0
+    """At the first row [rad/s], or (B, 9)"""
     servo_lag: float = 0.0
     """Time constant with which a motor takes up a new velocity after each row [s]"""
     prior_runtime: Array | float = 0.0
     """How long the arm's sessions before each one ran in all [s], or (B,)"""
-    joint_velocity: Array | float = 0.0
-    """[rad/s], or (B, R, 9); used at restarts only"""
-    past: Past | None = None
-    """What effects with a long memory felt before; without, they begin with the first row"""
-
-
-@dataclass(frozen=True)
-class Response:
-    """Responses of D twin models in B stretches of R rows."""
-
-    marker: Array
-    """[m], (D, B, R, 9, 3)"""
-    load: Array
-    """Fraction of the stall torque, (D, B, R, 10)"""
-    joint_angle: Array
-    """[rad], (D, B, R, 9)"""
-    jaw_angle: Array
-    """[rad], (D, B, R)"""
-    tension: Array
-    """In the order of `mjcf.STRANDS` [N], (D, B, R, 20)"""
-    unstable: NDArray[np.bool_]
-    """Designs whose simulation gave up; their numbers are NaN; of bool, (D,)"""
+    past: MeasuredMotion | None = None
+    """K rows before each stretch, (B, K), from which effects that remember have their memory; a shorter past
+    repeats its first row. Without one, they begin with the first row.
+    """
 
 
 def impose(
     designs: Sequence[TwinModel],
-    stretches: Stretches,
+    motion: PrescribedMotion,
     timestep: float = TIMESTEP,
     nthread: int = 0,
     hastened: bool = False,
@@ -98,7 +59,7 @@ def impose(
     if hastened:
         for model in models:
             hasten(model)
-    run = _Run(designs, models, stretches, timestep, nthread or os.cpu_count() or 1)
+    run = _Run(designs, models, motion, timestep, nthread or os.cpu_count() or 1)
     for _ in run.rows():
         pass
     return run.response()
@@ -107,7 +68,7 @@ def impose(
 def differentiate(
     design: TwinModel,
     others: Sequence[TwinModel],
-    stretches: Stretches,
+    motion: PrescribedMotion,
     timestep: float = TIMESTEP,
     nthread: int = 0,
 ) -> tuple[Response, Array, Array]:
@@ -117,7 +78,7 @@ def differentiate(
     (P, B, R, 9, 3), and of loads, as shares of the stall torque, (P, B, R, 10).
     """
     model = design.spec(motors=False).compile()
-    run = _Run([design], [model], stretches, timestep, nthread or os.cpu_count() or 1)
+    run = _Run([design], [model], motion, timestep, nthread or os.cpu_count() or 1)
     run.arms.differentiate(differences(design, model, others))
     changes = []
     for _ in run.rows():
@@ -163,9 +124,9 @@ def coarse_step(designs: Sequence[TwinModel]) -> float:
     return TIMESTEP * float(np.clip(2 * np.sqrt(_SOFT / max(stiffest, 1e-9)), 1, 2))
 
 
-def substeps(stretches: Stretches, timestep: float) -> NDArray[np.intp]:
-    """Time steps between the rows of stretches, (R − 1,): jitter of the rows adds none."""
-    interval = np.diff(stretches.time, axis=1)
+def substeps(motors: MotorTrajectory, timestep: float) -> NDArray[np.intp]:
+    """Time steps between the rows of stretches, (B, R), as (R − 1,): jitter of the rows adds none."""
+    interval = np.diff(motors.time, axis=1)
     usual = np.ceil(np.median(interval) / timestep - 1e-9) if interval.size else 1
     longest = np.ceil(0.9 * interval.max(axis=0) / timestep)
     return np.maximum(np.maximum(usual, longest), 1).astype(np.intp)
@@ -178,98 +139,65 @@ class _Run:
         self,
         designs: Sequence[TwinModel],
         models: Sequence[mujoco.MjModel],
-        stretches: Stretches,
+        motion: PrescribedMotion,
         timestep: float,
         nthread: int,
     ) -> None:
-        self.s, (self.B, self.R), self.D = stretches, stretches.time.shape, len(designs)
+        self.motion, self.shape = motion, (len(designs), *motion.motors.time.shape)
         for model in models:
             model.opt.timestep = timestep
-        rows = [n for n in range(self.D) for _ in range(self.B)]
+        rows = np.repeat(range(len(designs)), self.shape[1])
         self.arms = DrivenArms(
-            [designs[n] for n in rows], [models[n] for n in rows], stretches.servo_lag, nthread
+            [designs[n] for n in rows], [models[n] for n in rows], motion.servo_lag, nthread
         )
-        self.arms.prior_runtime = self._rows(np.broadcast_to(stretches.prior_runtime, self.B))
-        self.substeps = substeps(stretches, timestep)
-        shape = (self.D * self.B, self.R)
-        self.marker = np.empty((*shape, N_JOINTS, 3))
-        self.load, self.joint = np.empty((*shape, N_MOTORS)), np.empty((*shape, N_JOINTS))
-        self.jaw, self.tension = np.empty(shape), np.empty((*shape, 2 * N_MOTORS))
+        self.arms.prior_runtime = self._rows(np.broadcast_to(motion.prior_runtime, self.shape[1]))
+        self.substeps = substeps(motion.motors, timestep)
+        self.read: Response | None = None
 
     def _rows(self, of_stretches: Array) -> Array:
         """(B, …) for all designs, (D B, …)."""
-        return np.tile(of_stretches, (self.D,) + (1,) * (of_stretches.ndim - 1))
+        return np.tile(of_stretches, (self.shape[0],) + (1,) * (of_stretches.ndim - 1))
 
-    def _motors(self, row: int) -> Motors:
-        s = self.s
-        return Motors(*(self._rows(x[:, row]) for x in (s.time, s.motor_angle, s.motor_velocity)))
+    def _motors(self, row: int) -> MotorTrajectory:
+        return self.motion.motors[:, row].each(self._rows)
 
     def rows(self) -> Iterator[int]:
         """Go through all rows, storing the readings of each."""
-        for row in range(self.R):
-            if self.s.restart[row]:
-                self.restart(row)
+        for row in range(self.shape[2]):
+            if row:
+                self.arms.move(self._motors(row), int(self.substeps[row - 1]))
             else:
-                self.step_to(row)
-            self.read(row)
+                self.place()
+            self.store(row, self.arms.read())
             yield row
 
-    def restart(self, row: int) -> None:
-        """Put the joints at the pose measured by the markers; effects with a long memory keep it."""
-        s = self.s
-        if row == 0 and s.past:
-            self._remember(s.past)
-        velocity = np.broadcast_to(s.joint_velocity, s.joint_angle.shape)[:, row]
-        joint = self._rows(s.joint_angle[:, row]), self._rows(velocity)
-        self.arms.place(self._motors(row), *joint, anew=row == 0 and not s.past)
+    def place(self) -> None:
+        """Put the joints at the first row's pose; effects keep what they remember of the past."""
+        motion = self.motion
+        if motion.past:
+            self._remember(motion.past)
+        angle = motion.joint_angle
+        velocity = self._rows(np.broadcast_to(motion.joint_velocity, angle.shape))
+        self.arms.place(self._motors(0), self._rows(angle), velocity, anew=not motion.past)
 
-    def _remember(self, past: Past) -> None:
-        """Give effects the measured poses before the stretches."""
-        for k in range(past.time.shape[1]):
-            motors = Motors(
-                *(self._rows(x[:, k]) for x in (past.time, past.motor_angle, past.motor_velocity))
-            )
-            self.arms.feel(motors, self._rows(past.joint_angle[:, k]), anew=k == 0)
+    def _remember(self, past: MeasuredMotion) -> None:
+        """Give effects the measured poses before the stretches: nothing is simulated then."""
+        for k in range(past.joint_angle.shape[1]):
+            joint = self._rows(past.joint_angle[:, k])
+            self.arms.feel(past.motors[:, k].each(self._rows), joint, anew=k == 0)
 
-    def step_to(self, row: int) -> None:
-        """Move the motors from the row before to this one."""
-        self.arms.move(self._motors(row), int(self.substeps[row - 1]))
-
-    def read(self, row: int) -> None:
-        """Store the sensors' readings of the present instant."""
-        now = self.arms.read()
-        for noted, value in (
-            (self.marker, now.marker),
-            (self.load, now.load),
-            (self.joint, now.joint_angle),
-            (self.jaw, now.jaw_angle),
-            (self.tension, now.tension),
-        ):
-            noted[:, row] = value
+    def store(self, row: int, now: Response) -> None:
+        """Store the readings of the present instant, (D B,)."""
+        if self.read is None:
+            self.read = now.each(lambda v: np.empty((len(v), self.shape[2], *v.shape[1:])))
+        for noted, values in zip(vars(self.read).values(), vars(now).values(), strict=True):
+            noted[:, row] = values
 
     def response(self) -> Response:
-        """All stored readings, by twin model."""
-        bad = np.asarray(self.arms.unstable.reshape(self.D, self.B).any(axis=1))
-
-        def by_design(noted: Array) -> Array:
-            values = noted.reshape(self.D, self.B, *noted.shape[1:])
+        """All stored readings, (D, B, R); NaN of a twin model that became unstable in any stretch."""
+        assert self.read
+        response = self.read.each(lambda v: v.reshape(*self.shape, *v.shape[2:]))
+        bad = self.arms.unstable.reshape(self.shape[:2]).any(axis=1)
+        for values in vars(response).values():
             values[bad] = np.nan
-            return values
-
-        return Response(
-            marker=by_design(self.marker),
-            load=by_design(self.load),
-            joint_angle=by_design(self.joint),
-            jaw_angle=by_design(self.jaw),
-            tension=by_design(self.tension),
-            unstable=bad,
-        )
-
-
-def gaps(time: Array) -> Array:
-    """Rows whose interval to the row before is off the median by more than half, of bool, (R,)."""
-    step = np.diff(time, prepend=time[:1])
-    if len(time) < 2:
-        raise SerpentError("a stretch needs at least two rows.")
-    usual = np.median(step[1:])
-    return np.r_[False, np.abs(step[1:] - usual) > usual / 2]
+        return response

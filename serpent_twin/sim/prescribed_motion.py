@@ -1,7 +1,6 @@
 """Simulate arms whose motors follow a prescribed motion, row by row."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -18,45 +17,13 @@ from serpent_twin.sim.cable_dynamics import (
     side_by_side,
 )
 from serpent_twin.sim.history import History
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
+from serpent_twin.sim.response import Response
 from serpent_twin.sim.tangents import Differences, Tangents
 from serpent_twin.sim.twin_model import TwinModel
 
 STANDING = 0.05
 """[rad/s] slower than this, a motor's load lies anywhere within its gear friction."""
-
-
-@dataclass(frozen=True)
-class Motors:
-    """Measured angles and velocities of the motors of n arms in one row."""
-
-    time: Array
-    """Since each session began [s], (n,)"""
-    angle: Array
-    """[rad], (n, 10)"""
-    velocity: Array
-    """[rad/s], (n, 10)"""
-
-    def towards(self, other: "Motors", share: Array) -> "Motors":
-        """A row interpolated by a share of the way to another one, (n, 1)."""
-        time = self.time + share[:, 0] * (other.time - self.time)
-        angle = self.angle + share * (other.angle - self.angle)
-        return Motors(time, angle, self.velocity + share * (other.velocity - self.velocity))
-
-
-@dataclass(frozen=True)
-class Sensed:
-    """Sensor readings of n arms at one instant."""
-
-    marker: Array
-    """[m], (n, 9, 3)"""
-    load: Array
-    """Fraction of the stall torque, (n, 10)"""
-    joint_angle: Array
-    """[rad], (n, 9)"""
-    jaw_angle: Array
-    """[rad], (n,)"""
-    tension: Array
-    """In the order of `mjcf.STRANDS` [N], (n, 20)"""
 
 
 class DrivenArms:
@@ -83,7 +50,7 @@ class DrivenArms:
         self._jaw = addresses(models[0], ("jaw",))[0]
         self._tangents: Tangents | None = None
         none = np.zeros(len(designs))
-        self._motors = Motors(none, *np.zeros((2, len(designs), 10)))
+        self._motors = MotorTrajectory(none, *np.zeros((2, len(designs), 10)))
 
     @property
     def prior_runtime(self) -> Array | float:
@@ -101,7 +68,7 @@ class DrivenArms:
 
     def place(
         self,
-        motors: Motors,
+        motors: MotorTrajectory,
         joint_angle: Array,
         joint_velocity: Array | float = 0.0,
         anew: bool = True,
@@ -117,7 +84,7 @@ class DrivenArms:
         self._batch.forward()
         self._history.fill()
 
-    def feel(self, motors: Motors, joint_angle: Array, anew: bool = False) -> None:
+    def feel(self, motors: MotorTrajectory, joint_angle: Array, anew: bool = False) -> None:
         """Give effects with memory a measured pose [rad], (n, 9), at rest; nothing is simulated.
 
         Between the pose before and this one they are given an even motion, each arm in time steps that are
@@ -137,7 +104,7 @@ class DrivenArms:
             dt = np.where(k < steps, interval / steps, 0.0)
             self._cables.act(now.time[:, None], now.angle, now.velocity, dt)
 
-    def _hold(self, motors: Motors, joint_angle: Array) -> None:
+    def _hold(self, motors: MotorTrajectory, joint_angle: Array) -> None:
         """Put joints and the jaw at given angles, at rest."""
         self._motors = motors
         self._qpos[...], self._qvel[...] = 0.0, 0.0
@@ -146,10 +113,10 @@ class DrivenArms:
         wound = self._cables.winch_ratio[:, -1:] * motors.angle[:, -1:] - passed
         self._qpos[:, self._jaw] = self._cables.jaw_at_rest(wound)
 
-    def _begin(self, motors: Motors) -> None:
+    def _begin(self, motors: MotorTrajectory) -> None:
         self._cables.start(motors.time[:, None], motors.angle, motors.velocity)
 
-    def move(self, to: Motors, substeps: int) -> None:
+    def move(self, to: MotorTrajectory, substeps: int) -> None:
         """Step to the next row, in so many time steps."""
         before, interval = self._motors, to.time - self._motors.time
         dt = (interval / substeps)[:, None]
@@ -199,15 +166,15 @@ class DrivenArms:
         self._qpos[:, self._joint_q] = joint_angle
         self._batch.forward()
 
-    def _wind(self, motors: Motors) -> None:
+    def _wind(self, motors: MotorTrajectory) -> None:
         self._cables.wind(self._cables.slack, motors.angle, motors.angle)
 
-    def read(self) -> Sensed:
-        """The sensors' readings of the present instant."""
+    def read(self) -> Response:
+        """The sensors' readings of the present instant, (n,)."""
         motors = self._motors
         moment = self._cables.act(motors.time[:, None], motors.angle, motors.velocity, 0.0)
         loss = moment.gear_friction * np.tanh(motors.velocity / (STANDING / 3))
-        return Sensed(
+        return Response(
             marker=self._sensors.reshape(-1, N_JOINTS, 3).copy(),
             load=(self._cables.horn_torque(moment) + loss) / self._stall,
             joint_angle=self._qpos[:, self._joint_q],

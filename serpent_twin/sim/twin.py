@@ -1,7 +1,5 @@
 """Simulate the arm that its motors drive."""
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
@@ -13,8 +11,10 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim.cable_dynamics import CableDynamics, addresses
 from serpent_twin.sim.history import History
-from serpent_twin.sim.many_twins import Stretches, impose
+from serpent_twin.sim.many_twins import PrescribedMotion, impose
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import taken_up
+from serpent_twin.sim.response import Response
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 _TORQUE = slice(2 * N_MOTORS, 3 * N_MOTORS)  # in the sensor vector, as mjcf.py orders it
@@ -201,47 +201,26 @@ class Twin:
             raise SerpentError(_UNSTABLE.format(f"run {raised[0]} of {len(self.qpos)}"))
 
 
-@dataclass(frozen=True)
-class Replay:
-    """Response of the twin to measured motor angles; T rows, as the log's."""
-
-    joint_angle: Array
-    """[rad], (T, 9)"""
-    jaw_angle: Array
-    """[rad], (T,)"""
-    tension: Array
-    """In the order of `mjcf.STRANDS` [N], (T, 20)"""
-    marker: Array
-    """In the base frame [m], (T, 9, 3)"""
-
-
 def replay_motors(
     time: Array,
     motor_position: Array,
     design: TwinModel = NOMINAL_TWIN,
     prior_runtime: float = 0.0,
-) -> Replay:
-    """Simulate a twin model whose motors follow measured angles [rad], (T, 10), at rising times [s], (T,).
+) -> Response:
+    """Response, (T,), of a twin model whose motors follow measured angles [rad], (T, 10), at rising times
+    [s], (T,).
 
     `prior_runtime` is the total time of the arm's earlier sessions [s], for effects of wear.
 
     The run starts where stiff cables would put the joints, and settles for two seconds. A gap in
     time is bridged as one long, even motion.
     """
-    moves = np.concatenate([motor_position[:1], motor_position])[None]
-    clock = np.concatenate([time[:1] - _SETTLE, time])[None]
-    joint = np.zeros((*moves.shape[:2], N_JOINTS))
-    joint[0, 0] = joint_from_motor(motor_position[0, :N_JOINTS])
-    velocity = np.gradient(moves, clock[0], axis=1)
-    stretch = Stretches(
-        clock,
-        moves,
-        velocity,
-        joint,
-        np.arange(len(clock[0])) == 0,
-        prior_runtime=prior_runtime,
-    )
-    did = impose([design], stretch, mjcf.TIMESTEP, 1)
-    if did.unstable.any():
+    angle = np.concatenate([motor_position[:1], motor_position])
+    clock = np.concatenate([time[:1] - _SETTLE, time])
+    motors = MotorTrajectory(clock, angle, np.gradient(angle, clock, axis=0))
+    joint = joint_from_motor(motor_position[:1, :N_JOINTS])
+    motion = PrescribedMotion(motors[None], joint, prior_runtime=prior_runtime)
+    response = impose([design], motion, mjcf.TIMESTEP, 1)
+    if response.unstable.any():
         raise SerpentError(_UNSTABLE.format("its replay"))
-    return Replay(*(x[0, 0, 1:] for x in (did.joint_angle, did.jaw_angle, did.tension, did.marker)))
+    return response[0, 0, 1:]

@@ -13,7 +13,8 @@ from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.geometry import ARM, joint_axis, link_frames
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import KNOWN
-from serpent_twin.sim.many_twins import Stretches, impose
+from serpent_twin.sim.many_twins import PrescribedMotion, impose
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 RADIUS = np.array(ARM.pulley_radius)
@@ -105,7 +106,8 @@ def test_cable_friction_widens_the_loop():
     m, q = np.zeros((1, rows, 10)), np.zeros((1, rows, 9))
     m[0, :, 0] = q[0, :, 0] = np.interp(np.arange(rows), [0, 20, 60, 80], [0, 0.2, -0.2, 0])
     time = 0.25 * np.arange(rows)[None]
-    joint = impose([arm], Stretches(time, m, 0 * m, q, time[0] == 0)).joint_angle[0, 0, :, 0]
+    motion = PrescribedMotion(MotorTrajectory(time, m, 0 * m), q[:, 0])
+    joint = impose([arm], motion).joint_angle[0, 0, :, 0]
     apart = joint[50] - joint[70]  # both at −0.1
     assert m[0, 50, 0] == pytest.approx(m[0, 70, 0])
     moment_of_friction, hinge = c * RADIUS[0] * 2 * pull, 2 * stiffness * RADIUS[0] ** 2
@@ -144,13 +146,8 @@ def test_cable_stiffening_is_a_parabola_beyond_the_slack():
     by_hand = NOMINAL.strand_stiffness * x * (1 + b * x)
     torque = [(RADIUS * by_hand)[i:].sum() for i in range(9)]
     assert_allclose(data.qfrc_spring[:9], torque, rtol=1e-6)
-    s = Stretches(
-        np.zeros((1, 1)),
-        np.zeros((1, 1, 10)),
-        np.zeros((1, 1, 10)),
-        q[None, None],
-        np.ones(1, bool),
-    )
+    still = MotorTrajectory(np.zeros((1, 1)), *np.zeros((2, 1, 1, 10)))
+    s = PrescribedMotion(still, q[None])
     arm = TwinModel(effects=(KNOWN["cable_stiffening"](b),))
     assert_allclose(impose([arm], s).tension[0, 0, 0, :18:2], by_hand[:9], rtol=1e-9)
 
@@ -226,7 +223,7 @@ def test_gear_friction_shows_in_loads_alone():
     )
     assert_array_equal(plain.marker, rubbed.marker)
     torque = RADIUS * (plain.tension[..., 0::2] - plain.tension[..., 1::2])
-    against = np.tanh(stretch.motor_velocity[None] / (0.05 / 3))
+    against = np.tanh(stretch.motors.velocity[None] / (0.05 / 3))
     assert_allclose((rubbed.load - plain.load) * 1.5, c * np.abs(torque) * against, atol=1e-9)
 
 

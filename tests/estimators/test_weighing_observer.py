@@ -18,7 +18,8 @@ from serpent_twin.live.estimate import Estimate, estimate
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import cut
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.prescribed_motion import DrivenArms, Motors
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
+from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.twin_model import TwinModel
 
 TWIN = TwinModel(
@@ -143,10 +144,10 @@ def test_arms_that_vary_are_those_that_were_built_so(effect, share_left):
 
     def settled(designs, share):
         arms = DrivenArms(designs, [each.spec(motors=False).compile() for each in designs])
-        arms.place(Motors(np.zeros(2), angle, still), joint_from_motor(angle[:, :9]))
+        arms.place(MotorTrajectory(np.zeros(2), angle, still), joint_from_motor(angle[:, :9]))
         if share is not None:
             arms.variation().set(share)
-        arms.move(Motors(np.full(2, 2.0), angle, still), 2000)
+        arms.move(MotorTrajectory(np.full(2, 2.0), angle, still), 2000)
         return arms.read()
 
     varied = settled([none, none.with_effect(effect)], np.array([[0.5], [0.5]]))

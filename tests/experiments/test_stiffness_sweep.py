@@ -255,5 +255,5 @@ def test_steps_are_counted_as_impose_takes_them(monkeypatch, stiffness):
     engine.simulate(job)
     assert (
         len(taken)
-        == engine.substeps(drive.stretches_of(engine._targets(job), 4.0), engine._step(point)).sum()
+        == engine.substeps(drive.motors_of(engine._targets(job), 4.0), engine._step(point)).sum()
     )

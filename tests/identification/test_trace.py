@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from paths import DATA
 
 from bench_arm import NONE, Job, draw, inject, record_many
 from serpent_twin.errors import SerpentError

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from trunk_runs import log, shape
 
 from serpent_twin import effects, stored
+from serpent_twin.arm.geometry import joint_from_motor
 from serpent_twin.effects import KNOWN
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines import jaw as tool
@@ -21,10 +22,11 @@ from serpent_twin.machines.arm.vector import candidates
 from serpent_twin.machines.machine import Candidate
 from serpent_twin.machines.measured import HingeMoment, Recording, cut
 from serpent_twin.sim.many_twins import impose
+from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.twin_model import TwinModel
 
 _S = wander(6, pace=0.06)
-MOVED = replace(_S, time=3600.0 + _S.time)
+MOVED = replace(_S, motors=replace(_S.motors, time=3600.0 + _S.motors.time))
 """A second in which the arm's joints wander, an hour after its session began"""
 BESIDE = {("jaw", "cable_stiffening"): (KNOWN["cable_stretch"](0.5),)}
 """What must be there for an effect to show: a rigid cable cannot stiffen"""
@@ -193,14 +195,22 @@ def test_memory_alone_outlives_a_restart(name):
     """After a restart, an arm that remembers pulls otherwise than a fresh one: what forgets within 10 rows
     may begin every segment anew.
     """
-    s, at = wander(40, pace=0.08), 30
+    motors, at = wander(40, pace=0.08).motors, 30
     arm = TwinModel(effects=CATALOGUE[name].variants()[:1])
-    parted = replace(s, restart=s.restart | (np.arange(40) == at))
-    arrays = {
-        n: getattr(s, n)[:, at:] for n in ("time", "motor_angle", "motor_velocity", "joint_angle")
-    }
-    fresh = replace(s, restart=s.restart[: 40 - at], **arrays)
-    long, short = (impose([arm], x).tension[0, 0, -4:] for x in (parted, fresh))
+
+    def pulled(first):
+        """Strands, at the last rows, of an arm that is placed at a first row and at another one [N]."""
+        arms, tension = DrivenArms([arm], [arm.spec(motors=False).compile()]), []
+        for k in range(first, 40):
+            if k in (first, at):
+                pose = joint_from_motor(motors.angle[:, k, :9])
+                arms.place(motors[:, k], pose, anew=k == first)
+            else:
+                arms.move(motors[:, k], 50)
+            tension.append(arms.read().tension)
+        return np.array(tension[-4:])
+
+    long, short = pulled(0), pulled(at)
     assert (np.abs(long - short).max() > 0.02) == CATALOGUE[name].remembers
 
 

@@ -137,19 +137,19 @@ def test_what_cannot_be_measured_is_refused_before_anything_is_written(changed, 
 def test_motors_reach_each_target_within_its_period_and_hold_it():
     rate, amplitude = 4.0, 0.07
     u = np.random.default_rng(0).uniform(-1, 1, (3, 201, 9))
-    s = drive.stretches_of(amplitude * u, rate)
+    s = drive.motors_of(amplitude * u, rate)
     drive.check(rate, amplitude)
     assert np.diff(s.time[0, 1:]) == pytest.approx([0.2, 0.05] * 200)
     assert s.time[0, 1:][2::2] - s.time[0, 1] == pytest.approx(np.arange(1, 201) / rate)
-    assert np.array_equal(s.motor_angle[:, 2::2], s.motor_angle[:, 3::2])
-    reached = joint_from_motor(s.motor_angle[:, 3::2, :9]) / amplitude
+    assert np.array_equal(s.angle[:, 2::2], s.angle[:, 3::2])
+    reached = joint_from_motor(s.angle[:, 3::2, :9]) / amplitude
     assert reached == pytest.approx(u[:, 1:], abs=1e-12)
-    assert np.array_equal(s.motor_angle[..., 8], s.motor_angle[..., 9])
-    velocity = np.diff(s.motor_angle, axis=1) / np.diff(s.time)[..., None]
+    assert np.array_equal(s.angle[..., 8], s.angle[..., 9])
+    velocity = np.diff(s.angle, axis=1) / np.diff(s.time)[..., None]
     assert np.abs(velocity).max() < drive.LIMITS.velocity
     check_inputs(reached.reshape(-1, 9), 3, (8, 3, 1))
     ends = np.stack([-np.ones(9), np.ones(9)])[None] * 0.0705
-    fastest = np.diff(drive.stretches_of(ends, rate).motor_angle, axis=1).max() / 0.2
+    fastest = np.diff(drive.motors_of(ends, rate).angle, axis=1).max() / 0.2
     assert 0.99 < fastest / drive.LIMITS.velocity < 1
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 
 from serpent_twin.arm.geometry import motor_from_joint
-from serpent_twin.sim.many_twins import Stretches
+from serpent_twin.sim.many_twins import PrescribedMotion
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
 
 
 def wander(rows, dt=0.25, seed=0, pace=0.04, stretches=1):
@@ -11,7 +12,7 @@ def wander(rows, dt=0.25, seed=0, pace=0.04, stretches=1):
     q = np.cumsum(np.random.default_rng(seed).normal(0, pace, (stretches, rows, 9)), axis=1)
     m = np.concatenate([motor_from_joint(q), q.sum(-1, keepdims=True)], axis=-1)
     time = np.tile(dt * np.arange(rows), (stretches, 1))
-    return Stretches(time, m, np.gradient(m, dt, axis=1), q, np.arange(rows) == 0)
+    return PrescribedMotion(MotorTrajectory(time, m, np.gradient(m, dt, axis=1)), q[:, 0])
 
 
 def sway(rows, dt=0.25, seed=0):
@@ -21,4 +22,4 @@ def sway(rows, dt=0.25, seed=0):
     pace, phase = 2 * np.pi / rng.uniform(5, 15, 9), rng.uniform(0, 2 * np.pi, 9)
     q = 0.25 * np.sin(pace * time + phase)[None]
     m = np.concatenate([motor_from_joint(q), q.sum(-1, keepdims=True)], axis=-1)
-    return Stretches(time.T, m, np.gradient(m, dt, axis=1), q, np.arange(rows) == 0)
+    return PrescribedMotion(MotorTrajectory(time.T, m, np.gradient(m, dt, axis=1)), q[:, 0])

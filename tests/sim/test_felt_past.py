@@ -7,7 +7,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import KNOWN
-from serpent_twin.sim.prescribed_motion import DrivenArms, Motors
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
+from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.twin_model import TwinModel
 
 STRETCH = 1e-3
@@ -22,7 +23,7 @@ def felt(effect, period, rows=9, also=()):
     angle = np.zeros((n, 10))
     angle[:, 0] = (NOMINAL.strand_slack + STRETCH) / ARM.pulley_radius[0]
     for k in range(rows):
-        motors = Motors(np.full(n, k * period), angle, 0 * angle)
+        motors = MotorTrajectory(np.full(n, k * period), angle, 0 * angle)
         arms.feel(motors, np.zeros((n, 9)), anew=k == 0)
         long.append(arms._cables._memory[0][0, 0])
     return np.array(long)

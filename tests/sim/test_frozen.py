@@ -20,7 +20,8 @@ from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.recording.loop import record
 from serpent_twin.sessions import FIELDS, read_session
 from serpent_twin.sim import twin_model
-from serpent_twin.sim.many_twins import Stretches, impose
+from serpent_twin.sim.many_twins import PrescribedMotion, impose
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
@@ -50,9 +51,8 @@ def recorded(arm: TwinModel) -> dict[str, np.ndarray]:
 def driven(arm: TwinModel) -> dict[str, np.ndarray]:
     """What an arm does that the first rows of the committed logs drive."""
     log = read_session(DATA / "arm_a" / "session_01.parquet")[:ROWS]
-    still = np.zeros((1, ROWS, 9))
-    row = (log.time[None], log.motor_position[None], log.motor_velocity[None], still)
-    did = impose([arm], Stretches(*row, np.arange(ROWS) == 0, servo_lag=0.01))
+    motors = MotorTrajectory(log.time, log.motor_position, log.motor_velocity)[None]
+    did = impose([arm], PrescribedMotion(motors, np.zeros((1, 9)), servo_lag=0.01))
     return {name: getattr(did, name)[0, 0, ::EVERY] for name in ("marker", "load", "joint_angle")}
 
 

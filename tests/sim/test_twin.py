@@ -11,7 +11,8 @@ from serpent_twin.arm.control import joint_p_control, random_targets
 from serpent_twin.arm.geometry import ARM, joint_from_motor
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.errors import SerpentError
-from serpent_twin.sim.many_twins import Stretches, impose
+from serpent_twin.sim.many_twins import PrescribedMotion, impose
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.twin import Twin, replay_motors
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -65,9 +66,8 @@ def held(design, motor, times, timestep=mjcf.TIMESTEP):
     """What the arm does whose motors turn from zero to angles (10,) by times[1], and stay there."""
     moves = np.tile(motor, (1, len(times), 1))
     moves[:, 0] = 0.0
-    first = np.arange(len(times)) == 0
-    stretch = Stretches(np.array([times]), moves, 0 * moves, 0 * moves[..., :9], first)
-    return impose([design], stretch, timestep)
+    motors = MotorTrajectory(np.array([times]), moves, 0 * moves)
+    return impose([design], PrescribedMotion(motors, np.zeros((1, 9))), timestep)
 
 
 def test_stiff_taut_cables_give_the_joints_the_motors_tell():

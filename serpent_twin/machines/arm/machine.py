@@ -19,8 +19,7 @@ from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import (
     TIMESTEP,
-    Response,
-    Stretches,
+    PrescribedMotion,
     alike,
     coarse_step,
     differentiate,
@@ -28,6 +27,7 @@ from serpent_twin.sim.many_twins import (
     remember,
 )
 from serpent_twin.sim.prescribed_motion import STANDING
+from serpent_twin.sim.response import Response
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 _CAMERA, _LOAD = 1e-4, 2e-3  # [m], [fraction of stall] least noise
@@ -87,23 +87,18 @@ class ArmMachine:
     def simulate(
         self, points: Sequence[ParameterVector], pieces: Pieces, timestep: float | None = None
     ) -> Response:
-        """Responses of the twins at these parameter vectors in the segments."""
+        """Responses of the twins at these parameter vectors in the segments, (D, S, T)."""
         designs = [self.vector.design(point) for point in points]
-        return impose(designs, self._stretches(pieces, designs), timestep or TIMESTEP)
+        return impose(designs, self._motion(pieces, designs), timestep or TIMESTEP)
 
-    def _stretches(self, pieces: Pieces, designs: Sequence[TwinModel]) -> Stretches:
+    def _motion(self, pieces: Pieces, designs: Sequence[TwinModel]) -> PrescribedMotion:
         """What drives the twins in the segments."""
-        restart = np.zeros(pieces.time.shape[1], bool)
-        restart[0] = True
-        return Stretches(
-            pieces.time,
-            pieces.motor_angle,
-            pieces.motor_velocity,
-            pieces.joint_angle,
-            restart,
+        return PrescribedMotion(
+            pieces.motors,
+            pieces.joint_angle[:, 0],
+            pieces.joint_velocity,
             self.vector.start.parameters.servo_lag,
             pieces.prior_runtime,
-            joint_velocity=pieces.joint_velocity,
             past=past(pieces) if any(map(remember, designs)) else None,
         )
 
@@ -123,7 +118,7 @@ class ArmMachine:
         changes[range(len(at)), at] = steps
         others = [self.vector.design(point.after(change)) for change in changes]
         here = self.vector.design(point)
-        did, marker, load = differentiate(here, others, self._stretches(pieces, [here]))
+        did, marker, load = differentiate(here, others, self._motion(pieces, [here]))
         slopes = _channels(marker, load)
         by = {name: each / step for name, each, step in zip(moving, slopes, steps, strict=True)}
         if not any(effect.acts() for effect in here.active):
@@ -147,7 +142,7 @@ class ArmMachine:
         friction = self.vector.design(point)
         gear = friction.parameters.gear_friction * np.exp(friction.tolerances.gear_friction)
         gear = gear / friction.arm.servo.stall_torque
-        turning = np.tanh(pieces.motor_velocity / (STANDING / 3))
+        turning = np.tanh(pieces.motors.velocity / (STANDING / 3))
         _, rotation = link_frames(pieces.joint_angle)
         names, none, found = self.vector.names, np.zeros_like(pieces.measured), {}
         for j, name in enumerate(names["gear"]):
@@ -166,14 +161,14 @@ class ArmMachine:
         axis = np.stack([rotation[..., i, :, :] @ joint_axis(i) for i in range(N_JOINTS)], axis=-2)
         return Comparison(
             session=pieces.session,
-            time=pieces.time,
+            time=pieces.motors.time,
             marker_measured=pieces.marker,
             marker_predicted=did.marker[0],
             load_measured=pieces.load,
             load_predicted=did.load[0],
             load_counts=pieces.moving,
-            motor_angle=pieces.motor_angle,
-            motor_velocity=pieces.motor_velocity,
+            motor_angle=pieces.motors.angle,
+            motor_velocity=pieces.motors.velocity,
             motor_command=pieces.motor_command,
             joint_angle=did.joint_angle[0],
             tension=did.tension[0],

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,32 +11,12 @@ from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_offs
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.sessions import Session
-from serpent_twin.sim.many_twins import Past, gaps
+from serpent_twin.sim.measured_motion import MeasuredMotion, gaps
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import STANDING
 
 SEGMENT = 40.0
 """Seconds between two starts from measured joint angles."""
-RUN = ("time", "motor_angle", "motor_velocity", "joint_angle")
-
-
-@dataclass(frozen=True)
-class Run:
-    """One session's motors and pose: [s], (T,); [rad], (T, 10); [rad/s], (T, 10); [rad], (T, 9)."""
-
-    time: Array
-    motor_angle: Array
-    motor_velocity: Array
-    joint_angle: Array
-
-    @cached_property
-    def joint_velocity(self) -> Array:
-        """From the rows before and after; 0 at the ends and beside gaps [rad/s], (T, 9)."""
-        velocity = np.zeros_like(self.joint_angle)
-        span = (self.time[2:] - self.time[:-2])[:, None]
-        velocity[1:-1] = (self.joint_angle[2:] - self.joint_angle[:-2]) / span
-        broken = np.flatnonzero(gaps(self.time))
-        velocity[broken], velocity[broken - 1] = 0.0, 0.0
-        return velocity
 
 
 @dataclass(frozen=True)
@@ -48,12 +27,8 @@ class Pieces:
     """Name of each segment's session, (S,)"""
     began: Array
     """Which row of its session each segment begins with, (S,)"""
-    time: Array
-    """Within the session [s], (S, T)"""
-    motor_angle: Array
-    """[rad], (S, T, 10)"""
-    motor_velocity: Array
-    """[rad/s], (S, T, 10)"""
+    motors: MotorTrajectory
+    """(S, T)"""
     motor_command: Array
     """[rad/s], (S, T, 10)"""
     load: Array
@@ -63,32 +38,36 @@ class Pieces:
     joint_angle: Array
     """From the markers [rad], (S, T, 9)"""
     joint_velocity: Array
-    """From the markers of the rows before and after [rad/s]; 0 where a log begins, (S, T, 9)"""
+    """At the first row [rad/s], from the markers of the rows beside it; 0 where a log begins, (S, 9)"""
     prior_runtime: Array
     """How long the sessions before ran [s], (S,)"""
-    run: Mapping[str, Run]
+    run: Mapping[str, MeasuredMotion]
     """Each session from its first row, for effects that remember"""
 
     def __len__(self) -> int:
-        return len(self.time)
+        return len(self.session)
 
     def take(self, which: Sequence[int]) -> "Pieces":
         """Some of the segments."""
         n = list(which)
         each = {field.name: getattr(self, field.name) for field in fields(self)}
-        arrays = {name: value[n] for name, value in each.items() if isinstance(value, np.ndarray)}
+        arrays = {
+            name: value[n]
+            for name, value in each.items()
+            if isinstance(value, np.ndarray | MotorTrajectory)
+        }
         return replace(self, session=tuple(self.session[k] for k in n), **arrays)
 
     @property
     def measured(self) -> Array:
         """Markers, and loads where they are used, NaN elsewhere, (S, T, 37)."""
         load = np.where(self.moving, self.load, np.nan)
-        return np.concatenate([self.marker.reshape(*self.time.shape, -1), load], axis=-1)
+        return np.concatenate([self.marker.reshape(*load.shape[:2], -1), load], axis=-1)
 
     @property
     def moving(self) -> NDArray[np.bool_]:
         """Whether a load is used: its motor turns, so that gear friction has one sign, (S, T, 10)."""
-        return np.abs(self.motor_velocity) > 2 * STANDING
+        return np.abs(self.motors.velocity) > 2 * STANDING
 
 
 def cut(sessions: Sequence[Session], offset: Array) -> Pieces:
@@ -96,6 +75,7 @@ def cut(sessions: Sequence[Session], offset: Array) -> Pieces:
     rows, parts = segments(sessions)
     prior_runtime = {s.name: s.prior_runtime for s in sessions}
     runs = {s.name: _run(s, offset) for s in sessions}
+    velocity = {name: run.joint_velocity() for name, run in runs.items()}
 
     def of(name: str) -> Array:
         return np.array([getattr(s, name)[at : at + rows] for s, at in parts])
@@ -103,14 +83,12 @@ def cut(sessions: Sequence[Session], offset: Array) -> Pieces:
     return Pieces(
         session=tuple(s.name for s, _ in parts),
         began=np.array([at for _, at in parts]),
-        time=of("time"),
-        motor_angle=of("motor_position"),
-        motor_velocity=of("motor_velocity"),
+        motors=MotorTrajectory(of("time"), of("motor_position"), of("motor_velocity")),
         motor_command=of("motor_velocity_command"),
         load=of("motor_load"),
         marker=of("marker"),
         joint_angle=np.array([runs[s.name].joint_angle[at : at + rows] for s, at in parts]),
-        joint_velocity=np.array([runs[s.name].joint_velocity[at : at + rows] for s, at in parts]),
+        joint_velocity=np.array([velocity[s.name][at] for s, at in parts]),
         prior_runtime=np.array([prior_runtime[s.name] for s, _ in parts]),
         run=runs,
     )
@@ -129,7 +107,7 @@ def segments(sessions: Sequence[Session]) -> tuple[int, list[tuple[Session, int]
 
 def camera_noise(pieces: Pieces) -> float:
     """Standard deviation of a marker's coordinate [m]: what no pose explains."""
-    few = slice(None, None, max(1, pieces.time.size // 600))
+    few = slice(None, None, max(1, pieces.motors.time.size // 600))
     marker = pieces.marker.reshape(-1, N_JOINTS, 3)[few]
     joint = pieces.joint_angle.reshape(-1, N_JOINTS)[few]
     return marker_offsets(marker, joint)[2]
@@ -143,16 +121,18 @@ def segment_starts(time: Array, rows: int) -> list[int]:
     return starts
 
 
-def _run(session: Session, offset: Array) -> Run:
-    motor = session.motor_position
-    joint = joints_from_markers(session.marker, joint_from_motor(motor[:, :N_JOINTS]), offset)
-    return Run(session.time, motor, session.motor_velocity, joint)
+def _run(session: Session, offset: Array) -> MeasuredMotion:
+    motors = MotorTrajectory(session.time, session.motor_position, session.motor_velocity)
+    start = joint_from_motor(motors.angle[:, :N_JOINTS])
+    return MeasuredMotion(motors, joints_from_markers(session.marker, start, offset))
 
 
-def past(pieces: Pieces) -> Past:
-    """What happened in the session before each segment; a short past repeats its first row."""
+def past(pieces: Pieces) -> MeasuredMotion:
+    """What happened in the session before each segment, (S, K); a short past repeats its first row."""
     most = max(1, int(pieces.began.max()))
     rows = [np.maximum(0, np.arange(most) - (most - int(at))) for at in pieces.began]
-    runs = [pieces.run[name] for name in pieces.session]
-    past = (np.array([getattr(run, f)[k] for run, k in zip(runs, rows, strict=True)]) for f in RUN)
-    return Past(*past)
+    each = [pieces.run[name][k] for name, k in zip(pieces.session, rows, strict=True)]
+    return MeasuredMotion(
+        MotorTrajectory.stacked([motion.motors for motion in each]),
+        np.stack([motion.joint_angle for motion in each]),
+    )

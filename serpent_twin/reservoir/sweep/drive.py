@@ -16,7 +16,8 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.limits import Limits
-from serpent_twin.sim.many_twins import TIMESTEP, Stretches, impose
+from serpent_twin.sim.many_twins import TIMESTEP, PrescribedMotion, impose
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.twin_model import TwinModel
 
 MOVING = 0.8
@@ -71,16 +72,17 @@ def drive(design: TwinModel, targets: Array, rate: float) -> Motion:
     A stretch begins at rest at its first targets. Raises SerpentError when the simulation gives up.
     """
     timestep = steady_timestep(design.parameters.strand_stiffness, TIMESTEP, LONGEST)
-    stretches = stretches_of(targets, rate)
+    motors = motors_of(targets, rate)
+    motion = PrescribedMotion(motors, targets[:, 0])
     # The faster solver changes the ends of holds by less than the time step does.
-    did = impose([design], stretches, LONGER * timestep, nthread=1, hastened=True)
+    did = impose([design], motion, LONGER * timestep, nthread=1, hastened=True)
     if did.unstable.any():
         raise SerpentError(
             f"the twin's simulation became unstable at time steps of {timestep * 1e3:.2g} ms."
         )
     held = slice(3, None, 2)
     return Motion(
-        stretches.motor_angle[:, held],
+        motors.angle[:, held],
         did.load[0, :, held],
         did.joint_angle[0, :, held],
         did.marker[0, :, held],
@@ -96,8 +98,9 @@ def steady_timestep(stiffness: float, nominal: float, longest: float) -> float:
     return max(LEAST_TIMESTEP, min(longest, nominal * float(softer)))
 
 
-def stretches_of(targets: Array, rate: float) -> Stretches:
-    """Motors on their way along joint targets [rad], (B, K + 1, 9): the ends of each move and each hold.
+def motors_of(targets: Array, rate: float) -> MotorTrajectory:
+    """Motors on their way along joint targets [rad], (B, K + 1, 9): the ends of each move and each hold,
+    (B, 2 K + 2).
 
     Rows 1, 3, 5, … end holds; the first hold is there because `impose` takes its time steps from the
     median interval between rows.
@@ -109,13 +112,7 @@ def stretches_of(targets: Array, rate: float) -> Stretches:
     time = hold + np.concatenate([[-hold, 0.0], ends])
     at = np.concatenate([[0, 0], np.repeat(np.arange(1, count), 2)])
     motor = coupled(targets)[:, at]
-    return Stretches(
-        time=np.tile(time, (B, 1)),
-        motor_angle=motor,
-        motor_velocity=np.zeros_like(motor),
-        joint_angle=targets[:, at],
-        restart=np.arange(len(time)) == 0,
-    )
+    return MotorTrajectory(np.tile(time, (B, 1)), motor, np.zeros_like(motor))
 
 
 def coupled(joint_angle: Array) -> Array:
