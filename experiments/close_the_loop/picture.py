@@ -12,6 +12,7 @@ from matplotlib.figure import Figure as Drawing
 from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_from_motor, link_frames
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
+from serpent_twin.reporting.plot_style import COLOURS, INK, LINE
 from serpent_twin.reporting.report import Figure
 from serpent_twin.sessions import Session, read_session
 from serpent_twin.sim import twin_model
@@ -20,9 +21,9 @@ from serpent_twin.sim.twin import replay_motors
 
 MEASURED, NOMINAL, CORRECTED = "measured", "nominal twin", "corrected twin"
 STYLE = {
-    MEASURED: {"color": "#1d2129", "lw": 5.0, "alpha": 0.25},
-    NOMINAL: {"color": "#d1603d", "lw": 1.6, "ls": "--"},
-    CORRECTED: {"color": "#3d7ea6", "lw": 1.6},
+    MEASURED: {"color": INK, "lw": 5.0, "alpha": 0.25},
+    NOMINAL: {"color": COLOURS[2], "lw": 1.6, "ls": "--"},
+    CORRECTED: {"color": COLOURS[1], "lw": 1.6},
 }
 _DOTS = {MEASURED: ("o", 7), NOMINAL: ("x", 6), CORRECTED: ("+", 8)}
 _DROP = 40  # rows at the beginning: a replay settles
@@ -116,7 +117,7 @@ def draw(at: Moment) -> Drawing:
             _arm(axes, at, who, side)
         axes.set(xlabel=f"{name} [mm]", aspect="equal")
         axes.invert_yaxis()  # gravity is +x
-        axes.grid(color="#e4e6e9", lw=0.6)
+        axes.grid(color=LINE, lw=0.6)
         axes.set_axisbelow(True)
         axes.spines[:].set_visible(False)
         axes.tick_params(length=0, labelsize=8)

@@ -21,10 +21,10 @@ from experiments.confusion.score import (
     within,
 )
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.plot_style import label_logarithmic
+from serpent_twin.reporting.plot_style import COLOURS, INK, label_logarithmic, tidy
 from serpent_twin.reporting.report import Figure, Report, Section, Table
 
-RIGHT, WRONG, INK, SOFT = "#588157", "#d1603d", "#1d2129", "#5c6470"
+RIGHT, WRONG = COLOURS[3], COLOURS[2]
 
 
 def page(rows: Sequence[Row], figures: Mapping[str, Any], facts: Mapping[str, str]) -> Report:
@@ -150,8 +150,7 @@ def _curves(found: Sequence[Limit]) -> Figure:
         axes.set_yticks([0, 1], ["wrong", "right"])
         axes.set_title(each.name.replace("_", " "), loc="left", fontsize=9)
         label_logarithmic(axes)
-        axes.tick_params(labelsize=8)
-        axes.spines[["top", "right"]].set_visible(False)
+        tidy(axes, grid=None, labelsize=8)
     return Figure("limits", drawing, "Every arm with one effect; the dotted line is the limit.")
 
 

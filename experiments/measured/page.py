@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from experiments.measured.metric import METRICS, Metric
-from serpent_twin.reporting.plot_style import label_logarithmic
+from serpent_twin.reporting.plot_style import COLOURS, INK, label_logarithmic, sheet, tidy
 from serpent_twin.reporting.report import Figure, Report, Section, Table
-from serpent_twin.residual.figures import COLOURS, INK, SOFT
 
 _BARS = ("nominal", "calibrated", "corrected", "regression")
 _HEADER = ("rig", "judged by", "metric", "nominal", "calibrated", "corrected", "regression",
@@ -139,10 +138,7 @@ def _change_said(name: str, each: Mapping[str, Any], metric: Metric) -> str:
 
 def _bars(found: Found) -> Figure:
     """Errors of every stage for every split, and the reference."""
-    from matplotlib.figure import Figure as Drawing
-
-    drawing = Drawing(figsize=(3 + 3 * len(found), 3.6), layout="constrained")
-    panels = np.atleast_1d(drawing.subplots(1, len(found)))
+    drawing, panels = sheet(3 + 3 * len(found), 3.6, len(found))
     for axes, (name, of) in zip(panels, found.items(), strict=True):
         for n, each in enumerate(of["splits"]):
             values = [
@@ -157,8 +153,7 @@ def _bars(found: Found) -> Figure:
         axes.set_xticks(range(len(of["splits"])), [_short(e["held_out"]) for e in of["splits"]])
         axes.set(title=name, ylabel=f"{_metric(of).words} [{_metric(of).unit}]", yscale="log")
         label_logarithmic(axes)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.tick_params(colors=SOFT, labelcolor=INK)
+        tidy(axes, grid=None)
     drawing.legend(
         *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False
     )

@@ -4,17 +4,16 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from experiments.sim_to_real.twins import CALIBRATED, CORRECTED, NOMINAL, RANDOMISED
-from serpent_twin.reporting.plot_style import label_axis, styles
+from serpent_twin.reporting.plot_style import COLOURS, SOFT, label_axis, sheet, styles, tidy
 
 _COLOUR = {
     "real alone": "#6f6f6f",
     NOMINAL: "#b9b9b9",
     CALIBRATED: "#6b9ac4",
-    CORRECTED: "#d1603d",
+    CORRECTED: COLOURS[2],
     RANDOMISED: "#e0a458",
 }
 _LABEL = {
@@ -32,12 +31,10 @@ def curves(arms: Mapping[str, Any]) -> Figure:
     """Error against real windows, an arm a panel."""
     columns = min(2, len(arms))
     rows = -(-len(arms) // columns)
-    figure, panels = plt.subplots(
-        rows, columns, figsize=(5.2 * columns, 3.6 * rows), squeeze=False, layout="constrained"
-    )
-    for axes in panels.ravel()[len(arms) :]:
+    figure, panels = sheet(5.2 * columns, 3.6 * rows, columns, rows)
+    for axes in panels[len(arms) :]:
         axes.set_visible(False)
-    for axes, (name, a) in zip(panels.ravel(), arms.items(), strict=False):
+    for axes, (name, a) in zip(panels, arms.items(), strict=False):
         most = a["windows"]["train"]
         for readout, style in (("residual_mlp", "o-"), ("residual", ".:")):
             for route, curve in a["curves_mm"][readout].items():
@@ -62,11 +59,9 @@ def curves(arms: Mapping[str, Any]) -> Figure:
         axes.set_xticks([_ZERO, *counts, most], [f"{n:,}" for n in (0, *counts, most)], fontsize=8)
         axes.minorticks_off()
         label_axis(axes.yaxis)
-        axes.grid(alpha=0.25)
-        axes.spines[["top", "right"]].set_visible(False)
-    handles, labels = panels[0, 0].get_legend_handles_labels()
+        tidy(axes, grid="both")
+    handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
-    plt.close(figure)
     return figure
 
 
@@ -76,35 +71,31 @@ def _place(count: str, most: int) -> float:
 
 def coverage(arms: Mapping[str, Any]) -> Figure:
     """Share stated against share found."""
-    figure, axes = plt.subplots(figsize=(4.6, 4.2), layout="constrained")
-    axes.plot([0.45, 1], [0.45, 1], color="#9a9a9a", lw=1)
+    figure, (axes,) = sheet(4.6, 4.2)
+    axes.plot([0.45, 1], [0.45, 1], color=SOFT, lw=1)
     for (name, a), style in zip(arms.items(), styles(), strict=False):
         stated = [float(share) for share in a["coverage"]]
         axes.plot(stated, list(a["coverage"].values()), **style, ms=4.5, label=name)
     axes.set(xlabel="stated share", ylabel="share of markers inside", xlim=(0.45, 1), ylim=(0.3, 1))
     axes.legend(frameon=False)
-    axes.spines[["top", "right"]].set_visible(False)
-    plt.close(figure)
+    tidy(axes, grid=None)
     return figure
 
 
 def changes(found: Mapping[str, Any]) -> Figure:
     """Error while an arm changes, a change a panel, an estimator a line."""
-    figure, panels = plt.subplots(
-        len(found), 1, figsize=(8, 3.2 * len(found)), squeeze=False, layout="constrained"
-    )
-    for axes, of in zip(panels.ravel(), found.values(), strict=True):
+    figure, panels = sheet(8, 3.2 * len(found), rows=len(found))
+    for axes, of in zip(panels, found.values(), strict=True):
         for (name, each), style in zip(of["estimators"].items(), styles(), strict=False):
             style = style | {"marker": ""}
             mean = np.convolve(np.array(each["error_mm"]), np.ones(20) / 20, "valid")
             axes.plot((np.arange(len(mean)) + 10) / 4, mean, **style, lw=1.2, label=name)
-        axes.axvline(of["at_row"] / 4, color="#9a9a9a", lw=1)
+        axes.axvline(of["at_row"] / 4, color=SOFT, lw=1)
         axes.set(
             xlabel="time [s]", ylabel="error, mean of 5 s [mm]", yscale="log", title=of["what"]
         )
         label_axis(axes.yaxis)
-        axes.spines[["top", "right"]].set_visible(False)
-    handles, labels = panels[0, 0].get_legend_handles_labels()
+        tidy(axes, grid=None)
+    handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
-    plt.close(figure)
     return figure

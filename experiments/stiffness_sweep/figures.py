@@ -10,12 +10,11 @@ from matplotlib.figure import Figure as Drawing
 from experiments.stiffness_sweep.plan import AMPLITUDES, GRID, RATES, RIGID, natural_period
 from experiments.stiffness_sweep.rows import Rows
 from serpent_twin.arrays import Array
-from serpent_twin.reporting.plot_style import label_logarithmic, styles
+from serpent_twin.reporting.plot_style import INK, SOFT, label_logarithmic, styles, tidy
 from serpent_twin.reporting.report import Figure
 from serpent_twin.reservoir.sweep import figures as sweep_figures
 from serpent_twin.reservoir.sweep.rows import Row, error_of, readouts, values
 
-INK, SOFT, LINE = "#1d2129", "#5c6470", "#e4e6e9"
 SHADES = "viridis"
 _RIGID = "rigid cables"
 _ARM = {"marker": "D", "ms": 6, "ls": "", "mec": INK, "mew": 0.8}
@@ -175,9 +174,5 @@ def _axis(rows: Rows, name: str) -> list[float]:
 
 
 def _tidy(axes: Axes) -> None:
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(SOFT)
-    axes.tick_params(colors=SOFT, labelcolor=INK, labelsize=8)
-    axes.grid(axis="y", color=LINE, lw=0.7)
-    axes.set_axisbelow(True)
+    tidy(axes, labelsize=8)
     label_logarithmic(axes)

@@ -16,10 +16,10 @@ from serpent_twin.identification.diagnosis import (
     Diagnosis,
     Tried,
 )
+from serpent_twin.reporting.plot_style import COLOURS, INK, SOFT, sheet, tidy
 from serpent_twin.reporting.report import Figure
 from serpent_twin.residual import Comparison, Dependence, Findings
 from serpent_twin.residual.curves import Curve, curve, marker_curve
-from serpent_twin.residual.figures import COLOURS, INK, LINE, SOFT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +55,7 @@ def before_and_after(diagnosis: Diagnosis) -> Figure | None:
     if not known:
         return None
     names = stages(diagnosis)
-    drawing, panels = _sheet(9, 0.55 * len(names) + 1.3, columns=len(known))
+    drawing, panels = sheet(9, 0.55 * len(names) + 1.3, columns=len(known))
     levels: dict[str, Any] = {}
     for axes, (error, measure) in zip(panels, known, strict=True):
         _bars(axes, error, names, measure.unit)
@@ -89,7 +89,7 @@ def _bars(axes: "Axes", error: Mapping[str, float], names: Sequence[str], unit: 
     axes.set_yticks(range(len(names)), names)
     axes.locator_params(axis="x", nbins=4)
     axes.tick_params(axis="y", length=0, labelsize=11)
-    _clean(axes, "x")
+    tidy(axes, "x")
 
 
 def _levels(axes: "Axes", error: Mapping[str, float]) -> dict[str, Any]:
@@ -138,7 +138,7 @@ def ranking(candidates: Sequence[Tried], unit: str = "mm") -> Figure | None:
         return None
     order = ranked(candidates)
     fitted = any(np.isfinite(mean_gain(each)[0]) for each in order)
-    drawing, panels = _sheet(9, 0.34 * len(order) + 1.3, columns=1 + fitted, sharey=True)
+    drawing, panels = sheet(9, 0.34 * len(order) + 1.3, columns=1 + fitted, sharey=True)
     _scores(panels[0], order)
     if fitted:
         _gains(panels[1], order, unit)
@@ -165,7 +165,7 @@ def _scores(axes: "Axes", order: Sequence[Tried]) -> None:
     axes.tick_params(axis="y", length=0)
     for label, each in zip(axes.get_yticklabels(), order, strict=True):
         label.set_fontweight("bold" if each.verdict == ACCEPTED else "normal")
-    _clean(axes, "x")
+    tidy(axes, "x")
 
 
 def _gains(axes: "Axes", order: Sequence[Tried], unit: str) -> None:
@@ -186,7 +186,7 @@ def _gains(axes: "Axes", order: Sequence[Tried], unit: str) -> None:
     axes.margins(x=0.08)
     axes.locator_params(axis="x", nbins=4)  # so that long numbers have room
     axes.tick_params(axis="y", length=0)
-    _clean(axes, "x")
+    tidy(axes, "x")
 
 
 def by_feature(twins: Mapping[str, Twin], name: str) -> Figure | None:
@@ -197,7 +197,7 @@ def by_feature(twins: Mapping[str, Twin], name: str) -> Figure | None:
         return None
     pair = len(twins) > 1
     rows, columns = (len(told), len(twins)) if pair else (1, len(told))
-    drawing, panels = _sheet(9, 3.1 * rows + 0.3, columns, rows)
+    drawing, panels = sheet(9, 3.1 * rows + 0.3, columns, rows)
     for row, dependence in zip(panels.reshape(len(told), -1), told, strict=True):
         clouds = {stage: curve(c, dependence, f.place) for stage, (c, f) in twins.items()}
         x, y = _span([c.x for c in clouds.values()], 0.003), _span([clouds[first].error], 0.002)
@@ -229,7 +229,7 @@ def _cloud(axes: "Axes", drawn: Curve, colour: str) -> None:
     axes.plot(drawn.middle, drawn.mean, color=colour, lw=2.4)
     axes.axhline(0, color=SOFT, lw=0.8)
     axes.set(xlabel=drawn.x_label, ylabel=drawn.y_label)
-    _clean(axes, "y")
+    tidy(axes, "y")
 
 
 def _span(values: Sequence[Array], tail: float) -> tuple[float, float]:
@@ -241,7 +241,7 @@ def _span(values: Sequence[Array], tail: float) -> tuple[float, float]:
 
 def place_and_time(twins: Mapping[str, Twin]) -> Figure:
     """The error of each joint or marker over time, with all twins on one scale."""
-    drawing, panels = _sheet(9, 0.8 + 2.2 * len(twins), columns=1, rows=len(twins))
+    drawing, panels = sheet(9, 0.8 + 2.2 * len(twins), columns=1, rows=len(twins))
     shown = [marker_curve(comparison, found.place) for comparison, found in twins.values()]
     names, _, label = shown[0]
     cells = [_cells(c, v) for (c, _), (_, v, _) in zip(twins.values(), shown, strict=True)]
@@ -278,19 +278,3 @@ def _cells(comparison: Comparison, values: Array) -> Array:
     cut = values[:, : pieces * rows].reshape(len(values), pieces, -1, values.shape[2])
     order = np.lexsort((comparison.start, np.array(comparison.session)))
     return np.sqrt(np.mean(cut[order] ** 2, axis=2)).reshape(-1, values.shape[2]).T
-
-
-def _sheet(width: float, height: float, columns: int, rows: int = 1, sharey: bool = False) -> Any:
-    """A drawing and an array of its axes."""
-    from matplotlib.figure import Figure as Drawing
-
-    drawing = Drawing(figsize=(width, height), layout="constrained")
-    return drawing, np.atleast_1d(drawing.subplots(rows, columns, sharey=sharey)).ravel()
-
-
-def _clean(axes: "Axes", grid: Any) -> None:
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(SOFT)
-    axes.tick_params(colors=SOFT, labelcolor=INK)
-    axes.grid(axis=grid, color=LINE, lw=0.7)
-    axes.set_axisbelow(True)

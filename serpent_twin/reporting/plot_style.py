@@ -1,4 +1,4 @@
-"""Tell many lines of a figure apart, and label logarithmic axes."""
+"""Give all figures one style: colours, drawings and their axes, legends, labels of logarithmic axes."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -9,7 +9,12 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
+    from matplotlib.figure import Figure as Drawing
 
+COLOURS = ("#a3a7ad", "#3d7ea6", "#d1603d", "#588157", "#7d5ba6", "#c9a227")
+"""Of a few things that all figures show, such as the stages of a trace"""
+INK, SOFT, LINE = "#1d2129", "#5c6470", "#e4e6e9"
+"""Text and marks; axes and remarks; grids and bands"""
 COLD = ("#a790d5", "#6bc7b8", "#385794", "#171782", "#1a1a1a")
 WARM = ("#d99d26", "#e05281", "#0f570f", "#570f4b", "#708217", "#bb26d9", "#943857")
 """Twelve colours that differ by at least 9.8 in OKLab (of 100) in normal, protan and deutan sight"""
@@ -29,6 +34,36 @@ def styles(taken: Sequence[str] = ()) -> Iterator[Style]:
     for n, line in enumerate(itertools.cycle(_LINES)):
         for colour in (each for each in colours if n or each not in taken):
             yield {"color": colour, "marker": markers[colour], "ls": line}
+
+
+def sheet(
+    width: float, height: float, columns: int = 1, rows: int = 1, sharey: bool = False
+) -> tuple["Drawing", Any]:
+    """A drawing of a size [inch] and its axes, row by row, (rows × columns,)."""
+    from matplotlib.figure import Figure as Drawing
+
+    drawing = Drawing(figsize=(width, height), layout="constrained")
+    return drawing, np.atleast_1d(drawing.subplots(rows, columns, sharey=sharey)).ravel()
+
+
+def tidy(axes: "Axes", grid: Any = "y", labelsize: float | None = None) -> None:
+    """Leave of axes what a reader needs, above a grid along x, y or both; None for no grid."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(SOFT)
+    axes.tick_params(colors=SOFT, labelcolor=INK)
+    if labelsize:
+        axes.tick_params(labelsize=labelsize)
+    if grid:
+        axes.grid(axis=grid, color=LINE, lw=0.7)
+        axes.set_axisbelow(True)
+
+
+def finish(drawing: "Drawing", axes: "Axes", legend: bool = True) -> None:
+    """Tidy axes whose limits are final, with a legend beside all axes of the drawing."""
+    tidy(axes)
+    label_logarithmic(axes)
+    if legend:
+        drawing.legend(*axes.get_legend_handles_labels(), loc="outside right upper", frameon=False)
 
 
 def label_logarithmic(axes: "Axes") -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from serpent_twin.reporting.plot_style import label_logarithmic
+from serpent_twin.reporting.plot_style import COLOURS, INK, LINE, SOFT, finish, sheet
 from serpent_twin.reporting.report import Figure
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.curves import curve, marker_curve
@@ -16,10 +16,7 @@ from serpent_twin.residual.spectrum import spectrum
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as Drawing
 
-COLOURS = ("#a3a7ad", "#3d7ea6", "#d1603d", "#588157", "#7d5ba6", "#c9a227")
-INK, SOFT, LINE = "#1d2129", "#5c6470", "#e4e6e9"
 GAP_S = 20.0  # drawn between sessions
 _FAR_APART = 8.0  # times
 _ABREAST, _UPRIGHT = 60, 30  # letters of all sessions' names, and names, for which there is room
@@ -44,7 +41,7 @@ def figures(
 
 def _by_marker(comparisons: Mapping[str, Comparison], findings: Findings) -> Figure:
     """Mean distance of each marker, and the noise."""
-    drawing, axes = _sheet(9, 3.9)
+    drawing, (axes,) = sheet(9, 3.9)
     names = next(iter(comparisons.values())).marker_names
     at = np.arange(len(names))
     for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
@@ -57,7 +54,7 @@ def _by_marker(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     _millimetres(axes, comparisons, findings)
     _label(axes, at, names, measure.one)
     axes.margins(x=0.02)
-    _finish(drawing, axes)
+    finish(drawing, axes)
     size = f"{measure.size[0].upper()}{measure.size[1:]}"
     caption = f"{size}, measured against predicted, from the base to the tip."
     return Figure("error_by_marker", drawing, caption)
@@ -76,7 +73,7 @@ def _millimetres(axes: "Axes", comparisons: Mapping[str, Comparison], findings: 
 
 def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Figure:
     """Distance averaged over markers, sessions one after another."""
-    drawing, axes = _sheet(9, 3.9)
+    drawing, (axes,) = sheet(9, 3.9)
     first = next(iter(comparisons.values()))
     clock, zero = _one_after_another(first)
     for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
@@ -93,7 +90,7 @@ def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     axes.set(xlabel="time [s]", ylabel=label)
     _millimetres(axes, comparisons, findings)
     axes.margins(x=0)
-    _finish(drawing, axes)
+    finish(drawing, axes)
     caption = f"{first.marker.size.capitalize()} in the course of the sessions."
     return Figure("error_over_time", drawing, caption)
 
@@ -123,7 +120,7 @@ def _by_motor(
     states = {"in motion": "moving", "at rest": "resting"}
     if not any(np.isfinite(size.resting).any() for size in sizes.values()):
         del states["at rest"]
-    drawing, panels = _sheet(9, 3.7, columns=len(states), sharey=True)
+    drawing, panels = sheet(9, 3.7, columns=len(states), sharey=True)
     panels = np.atleast_1d(panels)
     measure = next(iter(comparisons.values())).load
     names = next(iter(comparisons.values())).motor_names
@@ -139,8 +136,8 @@ def _by_motor(
         _label(axes, at, names, "motor")
     panels[0].set_ylabel(f"{measure.size} [{measure.unit}]")
     for axes in panels[1:]:
-        _finish(drawing, axes, legend=False)
-    _finish(drawing, panels[0])
+        finish(drawing, axes, legend=False)
+    finish(drawing, panels[0])
     caption = f"Load error by motor; in motion is above {moving_above:g} rad/s."
     return Figure("load_error_by_motor", drawing, caption)
 
@@ -149,7 +146,7 @@ def _dependence(comparison: Comparison, findings: Findings) -> Figure:
     """The residual over the feature that it follows most, markers and loads."""
     of = {d.kind == "load": d for d in reversed(findings.depends_on)}
     told = [of[load] for load in (False, True) if load in of]
-    drawing, panels = _sheet(4.8 * len(told) + (2 if len(told) == 1 else 0), 3.9, columns=len(told))
+    drawing, panels = sheet(4.8 * len(told) + (2 if len(told) == 1 else 0), 3.9, columns=len(told))
     for axes, dependence in zip(np.atleast_1d(panels), told, strict=True):
         drawn = curve(comparison, dependence, findings.place)
         axes.plot(drawn.x, drawn.error, ".", color=COLOURS[1], ms=3, alpha=0.25, mew=0)
@@ -164,7 +161,7 @@ def _dependence(comparison: Comparison, findings: Findings) -> Figure:
         title = f"{share:.0f} % of what is above the noise"
         title = f"{share:.0f} % of it" if dependence.kind == "size" else title
         axes.set_title(title, loc="left", fontsize=10, color=SOFT)
-        _finish(drawing, axes, legend=False)
+        finish(drawing, axes, legend=False)
     caption = "; ".join(d.text for d in told)
     note = "Points are rows, the line their mean, the band their middle half; dots mark the edges found."
     return Figure("residual_by_feature", drawing, f"{caption[0].upper() + caption[1:]}. {note}")
@@ -172,7 +169,7 @@ def _dependence(comparison: Comparison, findings: Findings) -> Figure:
 
 def _heat(comparison: Comparison, findings: Findings) -> Figure:
     """The error of each joint or marker over time."""
-    drawing, axes = _sheet(9, 3.7)
+    drawing, (axes,) = sheet(9, 3.7)
     names, values, label = marker_curve(comparison, findings.place)
     rows = min(max(1, round(4 / comparison.period)), values.shape[1])
     pieces = values.shape[1] // rows
@@ -199,7 +196,7 @@ def _heat(comparison: Comparison, findings: Findings) -> Figure:
 
 def _spectrum(comparisons: Mapping[str, Comparison], findings: Findings) -> Figure:
     """Power of the marker residual by frequency."""
-    drawing, axes = _sheet(9, 3.7)
+    drawing, (axes,) = sheet(9, 3.7)
     for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
         values = comparison.marker.scale * comparison.marker_residual.reshape(
             *comparison.time.shape, -1
@@ -219,7 +216,7 @@ def _spectrum(comparisons: Mapping[str, Comparison], findings: Findings) -> Figu
         axes.annotate(text, (change.line.frequency_hz, 0.93), xycoords=("data", "axes fraction"))
     axes.set(xlabel="frequency [Hz]", ylabel=f"power [{measure.unit}²/Hz]")
     axes.margins(x=0)
-    _finish(drawing, axes)
+    finish(drawing, axes)
     caption = f"Spectrum of the {measure.one} residual, all coordinates added up."
     return Figure("residual_spectrum", drawing, caption)
 
@@ -255,21 +252,3 @@ def _smooth(values: Array, width: int) -> Array:
     count = np.stack([np.convolve(row, kernel, "same") for row in known])
     total = np.stack([np.convolve(row, kernel, "same") for row in np.nan_to_num(values)])
     return np.divide(total, count, out=np.full(values.shape, np.nan), where=count > 0)
-
-
-def _sheet(width: float, height: float, columns: int = 1, sharey: bool = False) -> Any:
-    from matplotlib.figure import Figure as Drawing
-
-    drawing = Drawing(figsize=(width, height), layout="constrained")
-    return drawing, drawing.subplots(1, columns, sharey=sharey)
-
-
-def _finish(drawing: "Drawing", axes: "Axes", legend: bool = True) -> None:
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(SOFT)
-    axes.tick_params(colors=SOFT, labelcolor=INK)
-    axes.grid(axis="y", color=LINE, lw=0.7)
-    axes.set_axisbelow(True)
-    label_logarithmic(axes)
-    if legend:
-        drawing.legend(*axes.get_legend_handles_labels(), loc="outside right upper", frameon=False)

@@ -9,10 +9,9 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.plot_style import COLD, WARM, Style, label_logarithmic, styles
+from serpent_twin.reporting.plot_style import COLD, WARM, Style, finish, sheet, styles
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 PUBLISHED = dict(zip(("analytical", "linear", "mlp", "no_load", "lstm"), COLD, strict=True))
@@ -29,18 +28,19 @@ def looks(names: Sequence[str]) -> dict[str, Style]:
 
 def by_marker(per_marker_mm: Mapping[str, Array]) -> "Figure":
     """Mean error of each marker, a line per readout."""
-    figure, axes = _axes(9, 4.4)
+    figure, (axes,) = sheet(9, 4.4)
     style = looks(list(per_marker_mm))
     number = np.arange(1, N_JOINTS + 1)
     for name, values in per_marker_mm.items():
         axes.plot(number, values, **style[name], label=name, ms=4.5, lw=1.6)
     axes.set(xlabel="marker, 9 is the tip", ylabel="mean error [mm]", xticks=number, yscale="log")
-    return _finish(figure, axes)
+    finish(figure, axes)
+    return figure
 
 
 def over_time(time: Array, error_mm: Mapping[str, Array], width: int = 41) -> "Figure":
     """Error of each step averaged over markers, smoothed over `width` steps, a line per readout."""
-    figure, axes = _axes(9, 4.4)
+    figure, (axes,) = sheet(9, 4.4)
     style = looks(list(error_mm))
     for n, (name, error) in enumerate(error_mm.items()):
         marked = (np.arange(_MARKED) + n / len(error_mm)) / _MARKED * (len(time) - 1)
@@ -48,12 +48,13 @@ def over_time(time: Array, error_mm: Mapping[str, Array], width: int = 41) -> "F
         axes.plot(time, smooth(error, width), **style[name], label=name, **each)
     label = f"error, mean of {counted(width, 'step')} [mm]"
     axes.set(xlabel="time [s]", ylabel=label, yscale="log", xlim=(time[0], time[-1]))
-    return _finish(figure, axes)
+    finish(figure, axes)
+    return figure
 
 
 def by_window(results: Mapping[str, Mapping[int, Mapping[str, Any]]]) -> "Figure":
     """Validation loss and test error by the rows in a window, a line per readout."""
-    figure, (left, right) = _axes(9, 3.6, columns=2)
+    figure, (left, right) = sheet(9, 3.6, columns=2)
     style = looks(list(results))
     windows = sorted({h for of_window in results.values() for h in of_window})
     for name, of_window in results.items():
@@ -66,13 +67,14 @@ def by_window(results: Mapping[str, Mapping[int, Mapping[str, Any]]]) -> "Figure
     right.set(xlabel="rows in a window, H", ylabel="mean test error [mm]", ylim=(0, None))
     for axes in (left, right):
         axes.set_xticks(windows)
-    _finish(figure, right)
-    return _finish(figure, left, legend=False)
+    finish(figure, right)
+    finish(figure, left, legend=False)
+    return figure
 
 
 def by_real_windows(curves: Mapping[str, Mapping[int, float]]) -> "Figure":
     """Mean error [mm] by windows of the arm that a correction learned from; dotted without any."""
-    figure, axes = _axes(9, 4.4)
+    figure, (axes,) = sheet(9, 4.4)
     style = looks(list(curves))
     for name, curve in curves.items():
         axes.axhline(curve[0], ls=":", lw=0.8, color=style[name]["color"])
@@ -81,7 +83,8 @@ def by_real_windows(curves: Mapping[str, Mapping[int, float]]) -> "Figure":
     axes.set(xlabel="windows of the arm", ylabel="mean error [mm]", xscale="log", yscale="log")
     errors = [error for curve in curves.values() for error in curve.values()]
     axes.set(ylim=(min(errors) / 1.5, 1.5 * max(errors)))
-    return _finish(figure, axes)
+    finish(figure, axes)
+    return figure
 
 
 def smooth(values: Array, width: int) -> Array:
@@ -91,20 +94,3 @@ def smooth(values: Array, width: int) -> Array:
     count = np.convolve(known, kernel, "same")
     total = np.convolve(np.where(known, values, 0.0), kernel, "same")
     return np.divide(total, count, out=np.full(len(values), np.nan), where=count > 0)
-
-
-def _axes(width: float, height: float, columns: int = 1) -> Any:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    return figure, figure.subplots(1, columns)
-
-
-def _finish(figure: "Figure", axes: "Axes", legend: bool = True) -> "Figure":
-    label_logarithmic(axes)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis="y", which="both", color="#e6e6e6", lw=0.6)
-    if not legend:
-        return figure
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper", frameon=False)
-    return figure

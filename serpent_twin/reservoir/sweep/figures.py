@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.reporting.plot_style import label_logarithmic, styles
+from serpent_twin.reporting import plot_style
+from serpent_twin.reporting.plot_style import SOFT, label_logarithmic, styles, tidy
 from serpent_twin.reporting.report import Figure
 from serpent_twin.reservoir.sweep.rows import Row, error_of, readouts
-from serpent_twin.residual.figures import INK, LINE, SOFT
 from serpent_twin.training.figures import looks
 
 if TYPE_CHECKING:
@@ -81,16 +81,14 @@ def layout(rows: Sequence[Row]) -> Layout:
 
 def sheet(of: Layout, label: str, along: bool = True) -> tuple["Drawing", list["Axes"]]:
     """A drawing with its panels, whose x axis is what the sweep varies by default."""
-    from matplotlib.figure import Figure as Drawing
-
-    drawing = Drawing(figsize=(2 + 2.7 * len(of.panels), 3.9), layout="constrained")
-    panels = list(np.atleast_1d(drawing.subplots(1, len(of.panels), sharey=True)))
+    count = len(of.panels)
+    drawing, panels = plot_style.sheet(2 + 2.7 * count, 3.9, count, sharey=True)
     for axes, title in zip(panels, of.panels, strict=True):
         axes.set_title(title, loc="left", fontsize=9, color=SOFT)
         if along:
             axes.set_xlabel(AXES[of.along].label)
     panels[0].set_ylabel(label)
-    return drawing, panels
+    return drawing, list(panels)
 
 
 def finish(drawing: "Drawing", panels: Sequence["Axes"], of: Layout | None = None) -> None:
@@ -100,11 +98,7 @@ def finish(drawing: "Drawing", panels: Sequence["Axes"], of: Layout | None = Non
         if at:
             axes.set_xscale("log")
         label_logarithmic(axes)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.spines[["left", "bottom"]].set_color(SOFT)
-        axes.tick_params(colors=SOFT, labelcolor=INK, labelsize=8)
-        axes.grid(axis="y", color=LINE, lw=0.7)
-        axes.set_axisbelow(True)
+        tidy(axes, labelsize=8)
     known = {label: handle for axes in panels
              for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}  # fmt: skip
     drawing.legend(known.values(), known.keys(), loc="outside right upper", frameon=False)
