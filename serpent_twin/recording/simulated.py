@@ -2,12 +2,12 @@
 
 import multiprocessing as mp
 import os
-import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from serpent_twin.recording import run_folder
 from serpent_twin.recording.bench import Bench, generators
 from serpent_twin.recording.collect import Collect, metadata, session_path
 from serpent_twin.recording.loop import record
+from serpent_twin.runs.processes import processes
 from serpent_twin.sessions import Journal
 
 
@@ -60,21 +61,15 @@ def simulate_session(config: Collect, session: int, tick: Callable[[int], None])
 _counts: Any = None
 
 
-def _start_worker(counts: Any) -> None:
-    """Take the shared counts, and end with the parent however that ends, kill -9 included."""
+def _take_counts(counts: Any) -> None:
     global _counts
     _counts = counts
-    parent = mp.parent_process()
-    assert parent is not None
-
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
 
 
-def _work(config: Collect, session: int, slot: int) -> Path:
+def _work(config: Collect, job: tuple[int, int]) -> Path:
+    """Simulate a session, given the place of its count and its number."""
+    slot, session = job
+
     def tick(rows: int) -> None:
         _counts[slot] = rows
         if _counts[-1]:
@@ -103,15 +98,18 @@ def _simulate_all(config: Collect, missing: list[int], show: Callable[[int, str]
             label = f"session {session} of {config.sessions}"
             simulate_session(config, session, lambda n, b=before, s=label: show(b + n, s))
         return
-    context = mp.get_context("spawn")
-    counts = context.Array("q", len(missing) + 1, lock=False)  # the last one stops all workers
-    with ProcessPoolExecutor(workers, context, _start_worker, (counts,)) as pool:
-        jobs = [pool.submit(_work, config, n, slot) for slot, n in enumerate(missing)]
+    # the last count stops all workers
+    counts = mp.get_context("spawn").Array("q", len(missing) + 1, lock=False)
+    with processes(workers, _take_counts, (counts,)) as pool:
+        work = partial(_work, config)
+        jobs = [pool.submit(work, each) for each in enumerate(missing)]
         try:
             _watch(jobs, counts, missing, config, show)
         except BaseException:
             counts[-1] = 1
-            pool.shutdown(wait=False, cancel_futures=True)
+            for job in jobs:
+                job.cancel()
+            wait(jobs)  # sessions at work close their journals
             raise
 
 

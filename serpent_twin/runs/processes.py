@@ -4,24 +4,33 @@ import multiprocessing as mp
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
+from typing import Any
 
 from serpent_twin.runs.worker_pool import Pool
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
+def _nothing() -> None: ...
+
+
 @contextmanager
-def processes(count: int) -> Iterator[Pool]:
-    """So many spawned processes; they end with this one, however it ends, kill -9 included."""
+def processes(
+    count: int, begin: Callable[..., object] = _nothing, given: tuple[Any, ...] = ()
+) -> Iterator[Pool]:
+    """So many spawned processes; they end with this one, however it ends, kill -9 included.
+
+    Each calls `begin` first, with what is `given`: memory of multiprocessing that they share, too.
+    """
     context = mp.get_context("spawn")
     ended, end = context.Pipe(duplex=False)
 
     def start() -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(count, context, _begin, (ended,))
+        return ProcessPoolExecutor(count, context, _begin, (ended, begin, given))
 
     with _one_thread_each():
         pool = Pool(start, lambda: count)
@@ -34,7 +43,7 @@ def processes(count: int) -> Iterator[Pool]:
             ended.close()
 
 
-def _begin(ended: Connection) -> None:
+def _begin(ended: Connection, begin: Callable[..., object], given: tuple[Any, ...]) -> None:
     """Leave Ctrl-C to the parent, and end when its end of the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
@@ -43,6 +52,7 @@ def _begin(ended: Connection) -> None:
         os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
+    begin(*given)
 
 
 @contextmanager
