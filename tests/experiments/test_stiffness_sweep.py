@@ -249,7 +249,12 @@ def test_steps_are_counted_as_impose_takes_them(monkeypatch, stiffness):
     import mujoco.batch
 
     taken, step = [], mujoco.batch.Batch.step
-    monkeypatch.setattr(mujoco.batch.Batch, "step", lambda self: (taken.append(1), step(self)))
+
+    def counted(batch, ids=None):
+        taken.append(1)
+        step(batch, ids=ids)
+
+    monkeypatch.setattr(mujoco.batch.Batch, "step", counted)
     point = quick().point(stiffness)
     job = point, 2, 3
     engine.simulate(job)
