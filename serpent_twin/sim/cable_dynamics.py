@@ -1,6 +1,6 @@
 """Let effects act on runs that step side by side: cables, gears and hinges before every time step."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import mujoco
@@ -194,6 +194,28 @@ class CableDynamics:
             self._friction[:, self._motor_v] = moment.gear_friction
             self._applied[:, self._motor_v] = moment.motor_torque
         return moment
+
+    def step(
+        self,
+        time: Array,
+        motor_angle: Array,
+        motor_velocity: Array,
+        dt: float | Array,
+        ids: NDArray[np.intp] | None = None,
+        before: Callable[[Array], None] | None = None,
+    ) -> None:
+        """Let the effects act on the next time step, and take it, of the runs `ids` alone if given.
+
+        `before` is called in between, with the winches' angles [rad], (n, 10).
+        """
+        winch = motor_angle
+        if self.acting:
+            winch = self.act(time, motor_angle, motor_velocity, dt).winch_angle
+        else:
+            self.wind(self.slack, motor_angle, motor_angle)
+        if before:
+            before(winch)
+        self.batch.step(ids=ids)
 
     def _rub(self, moment: Moment) -> None:
         """Set the hinges' friction to this moment's."""

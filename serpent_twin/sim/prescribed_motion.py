@@ -1,6 +1,7 @@
 """Simulate arms whose motors follow a prescribed motion, row by row."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -125,16 +126,10 @@ class DrivenArms:
         began = before.time[:, None]
         lost = self.unstable  # their solver would iterate as long as it may
         stable = np.flatnonzero(~lost) if lost.any() else None
+        noting = partial(self._tangents.begin_step, dt) if self._tangents else None
         for k in range(substeps):
             angle, velocity = path.at(k * dt)  # MuJoCo's springs pull as at the step's start
-            winch = angle
-            if self._cables.acting:
-                winch = self._cables.act(began + k * dt, angle, velocity, dt).winch_angle
-            else:
-                self._cables.wind(self._cables.slack, angle, angle)
-            if self._tangents:
-                self._tangents.begin_step(dt, winch)
-            self._batch.step(ids=stable)
+            self._cables.step(began + k * dt, angle, velocity, dt, stable, noting)
         if self._tangents:
             self._tangents.advance()
         self._motors = to

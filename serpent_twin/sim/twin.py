@@ -66,7 +66,7 @@ class Twin:
         self.mechanism = CableDynamics(self.batch, [design] * nsim, motors=True)
         self.mechanism.prior_runtime = self.prior_runtime = prior_runtime
         self._ran = 0.0  # a run that became unstable resets MuJoCo's clock
-        self.mechanism.start(self._time[:, None].copy(), self.motor_angle, self.motor_velocity)
+        self.mechanism.start(*self._instant())
         self._look()
         History(self.batch).fill()
         self.batch.forward()
@@ -170,19 +170,18 @@ class Twin:
         torque = np.empty((*control.shape[:2], N_MOTORS))
         for k in range(control.shape[1]):
             self._ctrl[...] = control[:, k]
-            self._act(self.model.opt.timestep)
-            self.batch.step()
+            self.mechanism.step(*self._instant(), self.model.opt.timestep)
             torque[:, k] = self._force
         return torque
 
-    def _act(self, dt: float) -> None:
-        time = self._time[:, None].copy()
-        self.mechanism.act(time, self.motor_angle, self.motor_velocity, dt)
+    def _instant(self) -> tuple[Array, Array, Array]:
+        """Time [s], (nsim, 1), and the motors' angles and velocities."""
+        return self._time[:, None].copy(), self.motor_angle, self.motor_velocity
 
     def _look(self) -> None:
         """Update sensors and tensions to the present instant."""
         if self.mechanism.acting:
-            self._act(0.0)
+            self.mechanism.act(*self._instant(), 0.0)
         self.batch.forward()
 
     def substeps(self, duration: float) -> int:
