@@ -16,7 +16,6 @@ from serpent_twin.reservoir.sweep import figures as sweep_figures
 from serpent_twin.reservoir.sweep.rows import Row, error_of, readouts, values
 
 SHADES = "viridis"
-_RIGID = "rigid cables"
 _ARM = {"marker": "D", "ms": 6, "ls": "", "mec": INK, "mew": 0.8}
 _DARK = 0.4  # mean of red, green and blue below which ink cannot be read
 

@@ -22,7 +22,7 @@ class Range:
     typical: float
     """What an arm of this size may well have: where a fit starts, and how far its first step goes"""
     fitted: bool = True
-    """Whether logs can tell it; else it is given, or tried at the few values of `variants`"""
+    """Whether logs identify it; else it is given, or tried at the few values of `variants`"""
 
     @property
     def least(self) -> float:

@@ -68,7 +68,7 @@ class Told(Protocol):
     dt: Array
     """[s], (n, 1)"""
     goal: Array
-    """What the servos are told [rad]"""
+    """Goal angles of the servos [rad]"""
     motor_angle: Array
     """Where they stand [rad]"""
 

@@ -18,7 +18,7 @@ class Payload(Effect):
     mass: float = parameter("kg", high=2.0, typical=0.03)
     """[kg]"""
     place: float = parameter("m", high=0.15, typical=0.09, default=0.09, fitted=False)
-    """Along the last link, from its joint [m]; logs tell little more than mass × lever"""
+    """Along the last link, from its joint [m]; logs identify little more than mass × lever"""
 
     shows_in: ClassVar[str] = "the loads of all motors, and how far the arm sags against its cables"
     confused_with: ClassVar[tuple[str, ...]] = ("base_tilt", "joint_elasticity", "link_flex")

@@ -47,7 +47,7 @@ class Observer(TrainedEstimator):
     twin: Mapping[str, Any] = field(
         default_factory=lambda: twin_model.to_dict(twin_model.NOMINAL_TWIN)
     )
-    """The design, as twin.json holds it; the nominal one unless told"""
+    """The design, as twin.json holds it; the nominal one by default"""
 
     def __post_init__(self) -> None:
         self.twin = twin_model.to_dict(twin_model.from_dict(self.twin))

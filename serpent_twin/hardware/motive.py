@@ -50,11 +50,6 @@ class Take:
         """Frame number / rate [s], (T,), not the file's rounded column."""
         return self.frame / self.rate_hz
 
-    @property
-    def holes(self) -> int:
-        """Number of frames missing between the first and the last."""
-        return int(self.frame[-1] - self.frame[0]) + 1 - len(self.frame)
-
 
 def read_take(path: Path | str) -> Take:
     """Read the markers of a Motive CSV, or raise a `SerpentError` that says what is wrong with it."""

@@ -130,7 +130,7 @@ class Diagnosis:
     load_error: Mapping[str, float]
     """nominal, calibrated, corrected, noise_floor"""
     cautions: tuple[str, ...]
-    """What the data cannot tell, in sentences"""
+    """What the data cannot identify, in sentences"""
     calibration: Mapping[str, Calibrated]
     """Declared parameters by their names in the fit"""
     comparisons: Mapping[str, Comparison]

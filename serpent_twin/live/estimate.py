@@ -70,7 +70,8 @@ class Estimate(Checked):
     arm: str = ""
     """Name of the arm, stored in the log; without: twin, or the setup file's name."""
     markers: Annotated[bool, SIMULATED, when(backend="sim")] = True
-    """Let simulated cameras look on, so that the error is told. No readout sees them, but for --learn."""
+    """Let simulated cameras measure the markers, so that the error is known. No readout gets
+    them, but for --learn."""
     learn: Annotated[bool, Use(_blind)] = False
     """Let the markers of each step correct later estimates while there are any, by recursive least squares:
     for an arm that has changed since the readout was trained. The correction is held when they go."""

@@ -65,7 +65,7 @@ class Output:
     name: str
     """Of the logs' column, or in words"""
     measure: Measure
-    """What is measured, and how its error is told"""
+    """What is measured, and in which terms its error is reported"""
     noise: float
     """Least standard deviation by which its error is weighed, in the unit of the measure's arrays"""
     alike: str = ""

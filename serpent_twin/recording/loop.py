@@ -22,9 +22,9 @@ class Step:
     time: float
     """Since the session's first reading [s]"""
     state: MotorState
-    """What the motors said"""
+    """Readings of the motors"""
     frame: MarkerFrame
-    """What the cameras saw"""
+    """Markers measured by the cameras"""
     before: Array
     """What was sent in the step before [rad/s], (10,); 0 in the first"""
     read_at: float
@@ -46,9 +46,9 @@ class Beside:
     about: Mapping[str, Any] = field(default_factory=dict)
     """Further metadata of the log"""
     see: Callable[[Row], None] = lambda row: None
-    """Told each row once it is logged"""
+    """Called with each row once it is logged"""
     end: Callable[[Mapping[str, Any]], None] = lambda account: None
-    """Told what the log's metadata tell of the end"""
+    """Called with what the log's metadata hold of the end"""
 
 
 NOTHING = Beside()

@@ -40,7 +40,7 @@ class Comparison:
     load_predicted: Array | None = None
     """The twin's [fraction of the stall torque], (S, T, N)"""
     load_counts: NDArray[np.bool_] | None = None
-    """Where a load can be compared at all, (S, T, N); everywhere unless told"""
+    """Where a load can be compared at all, (S, T, N); everywhere by default"""
     motor_angle: Array | None = None
     """Measured motor angles, multi-turn [rad], (S, T, N)"""
     motor_velocity: Array | None = None
@@ -58,13 +58,13 @@ class Comparison:
     carries: NDArray[np.bool_] | None = None
     """Which markers each joint moves, (J, M); by default marker i is moved by joints 1 … i"""
     marker_names: tuple[str, ...] = ()
-    """Names of the markers, (M,); marker 1, 2, … unless told"""
+    """Names of the markers, (M,); marker 1, 2, … by default"""
     motor_names: tuple[str, ...] = ()
-    """Names of the motors, (N,); motor 1, 2, … unless told"""
+    """Names of the motors, (N,); motor 1, 2, … by default"""
     joint_names: tuple[str, ...] = ()
-    """Names of the joints, (J,); joint 1, 2, … unless told"""
+    """Names of the joints, (J,); joint 1, 2, … by default"""
     strand_names: tuple[str, ...] = ()
-    """Names of the strands, (C,); strand 1, 2, … unless told"""
+    """Names of the strands, (C,); strand 1, 2, … by default"""
     marker: Measure = MARKERS
     """What the markers are"""
     load: Measure = LOADS

@@ -23,7 +23,7 @@ class Feature:
     """One quantity and its basis."""
 
     name: str
-    """As a sentence says it"""
+    """In words, within a sentence"""
     unit: str
     """Of its value"""
     kind: str

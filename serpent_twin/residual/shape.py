@@ -18,7 +18,7 @@ class Shape:
     kind: str
     """linear, step, window, ramp, ripple, curve or none"""
     text: str
-    """As a sentence says it"""
+    """In words, within a sentence"""
     edges: tuple[float, ...] = ()
     """Threshold or window [the quantity's unit]"""
     per_turn: int = 0

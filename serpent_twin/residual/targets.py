@@ -10,7 +10,6 @@ from serpent_twin.residual.place import Place
 from serpent_twin.residual.spectrum import known
 
 MOST_COMPONENTS = 8
-HALF_NORMAL = 1 - 2 / np.pi  # variance of |x| for gaussian x of variance 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +17,7 @@ class Targets:
     """Channels of the residual, and the sets of them that may depend on something."""
 
     names: tuple[str, ...]
-    """Of each target, as a sentence says it, (K,)"""
+    """Of each target, in words, within a sentence, (K,)"""
     kinds: tuple[str, ...]
     """markers, joint, size or load, (K,)"""
     values: Array

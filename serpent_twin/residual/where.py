@@ -23,7 +23,7 @@ class Where:
     joint_mm: Array
     """By each joint's rotation, as far as it moves the markers [mm], (J,); empty without geometry"""
     text: str
-    """As a sentence says it"""
+    """In words, within a sentence"""
 
 
 def where(comparison: Comparison, dependence: Dependence, found: Place | None) -> Where:

@@ -40,11 +40,11 @@ class ArmFile:
     """An arm to simulate, whole."""
 
     design: TwinModel
-    """What twin.json says; of an arm in MJCF, its noise and its controller"""
+    """What twin.json holds; of an arm in MJCF, its noise and its controller"""
     path: Path | None = None
     """Where it was read, if it was"""
     model: mujoco.MjModel | None = None
-    """What MJCF says"""
+    """What MJCF holds"""
 
     @property
     def fingerprint(self) -> str:

@@ -29,7 +29,7 @@ _SOFT = 7e3  # [N/m]; strands up to this stiffness are stable at twice the usual
 
 @dataclass(frozen=True)
 class PrescribedMotion:
-    """What drives twins in B stretches of R rows of logs, and how they begin, at rest unless said."""
+    """What drives twins in B stretches of R rows of logs, and how they begin, at rest by default."""
 
     motors: MotorTrajectory
     """(B, R)"""

@@ -82,7 +82,7 @@ class Numbers:
     divides: bool = False
     """They are positive: something is divided by them"""
     unknown: bool = False
-    """NaN says that one is not known"""
+    """Whether NaN may stand for one that is not known"""
     covariance: bool = False
     """The last two axes are matrices that can be covariances: symmetric, of no negative variance"""
 

@@ -71,7 +71,7 @@ class Uncertainty:
     mean: float
     """[mm]"""
     error: float
-    """Standard error [mm]; NaN where the sessions are too short to tell"""
+    """Standard error [mm]; NaN where the sessions are too short for an estimate"""
     freedom: float
     """Blocks less one"""
     block: int

@@ -22,7 +22,7 @@ def real(name):
 
 def test_a_real_export_of_2016_in_metres():
     take = read_take(real("hmv-s16_sample_optitrack_take_BSD3.csv"))
-    assert take.rate_hz == 120.0 and len(take.frame) == 250 and take.holes == 0
+    assert take.rate_hz == 120.0 and len(take.frame) == 250 and np.ptp(take.frame) == 249
     assert take.names[:4] == (
         "Unlabeled:108",
         "Unlabeled:110",
@@ -61,7 +61,7 @@ def test_every_dialect_says_the_same(dialect, tmp_path):
     frame = np.delete(np.arange(1000, 1055), [3, 4, 5, 30, 31])
     names = ["arm:Marker1", "Unlabeled 7", 'a "quoted" name'.replace('"', "")]
     take = read_take(write_take(tmp_path / "t.csv", frame, names, position, dialect))
-    assert take.names == tuple(names) and take.holes == 5
+    assert take.names == tuple(names)
     assert np.array_equal(take.frame, frame)
     assert take.time == pytest.approx(frame / 120, abs=1e-12)  # not rounded to 1 ms
     assert np.allclose(take.position, position, atol=1e-6, equal_nan=True)

@@ -29,7 +29,7 @@ class Kind:
     strikes: Strikes
     help: str
     seconds: float = inf
-    """How long it lasts unless told [s]"""
+    """How long it lasts by default [s]"""
     of_motor: bool = True
     """Whether it befalls one motor; else all, or the port"""
 

@@ -33,9 +33,9 @@ class RowCounts:
     wrong: int
     """The device never was so, or never followed the row's command though nothing was noted"""
     stale: int
-    """The device was so, but at another time than the row says"""
+    """The device was so, but at another time than that of the row"""
     interrupted: int
-    """The row's command was not in force to the next row, which says so in its `recoveries`"""
+    """The row's command was not in force to the next row, whose `recoveries` count that"""
 
 
 def check_rows(session: Session, events: Iterable[Event]) -> RowCounts:

@@ -35,7 +35,7 @@ class ServerInfo:
     version: natnet.Version
     """NatNet's, (major, minor)."""
     tick_hz: float = 0.0
-    """Rate of the clock that stamps frames [1/s]; 0 if it is not told."""
+    """Rate of the clock that stamps frames [1/s]; 0 if it is unknown."""
     multicast: bool = False
     """Whether frames go to a multicast group."""
 
@@ -47,7 +47,7 @@ class FrameOfData:
     time: float
     """Motive's clock [s]."""
     ticks: int
-    """From the exposure to sending, in the server's ticks; 0 if the stream does not tell."""
+    """From the exposure to sending, in the server's ticks; 0 if the stream lacks it."""
     markers: dict[natnet.Id, np.ndarray]
     """Places in the cameras' frame [m], (3,), by (model, marker); NaN where occluded."""
 

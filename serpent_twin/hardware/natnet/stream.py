@@ -75,7 +75,7 @@ class Frame:
     camera_time: float
     """Motive's clock [s]."""
     latency: float
-    """Exposure to sending [s]; 0 if the stream does not tell."""
+    """Exposure to sending [s]; 0 if the stream lacks it."""
     markers: dict[Id, np.ndarray]
     """Labelled markers in the cameras' frame [m], (3,), by (model, marker); NaN where occluded."""
 

@@ -107,7 +107,7 @@ class RunMachine(ABC):
         return
 
     def derivatives(self, point: ParameterVector, pieces: Runs, noise: Array) -> dict[str, Array]:
-        """None: finite differences tell all of them."""
+        """None: finite differences give all of them."""
         return {}
 
     def pose_noise(self, pieces: Runs) -> Array:

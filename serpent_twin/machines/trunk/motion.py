@@ -26,12 +26,12 @@ class TrunkMoment(Instant):
     dt: Array
     """[s], (n, 1)"""
     motor_velocity: Array
-    """Of what the servos are told [rad/s]"""
+    """Rate of the servos' goal angles [rad/s]"""
     cable_torque: Array
     """What the cables ask of each servo's horn [N m]"""
 
     goal: Array
-    """What the servos are told [rad]; they stand there, unless an effect says otherwise"""
+    """Goal angles of the servos [rad]; they stand there, unless an effect changes that"""
     motor_angle: Array
     """Where they stand [rad]"""
     winch_angle: Array

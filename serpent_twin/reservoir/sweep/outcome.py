@@ -27,7 +27,7 @@ class Outcome:
     """One point's file, and what belongs beside it because it differs from run to run."""
 
     text: str
-    """The file's content, JSON; nothing in it tells where or when it was measured"""
+    """The file's content, JSON; nothing in it depends on where or when it was measured"""
     versions: dict[str, str]
     """Of what computed"""
     git_commit: str
