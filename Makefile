@@ -1,7 +1,7 @@
 PYTHON ?= python3.11
 BIN := .venv/bin
 READY := .venv/.ready
-SIDE_BY_SIDE := --numprocesses 2 --dist loadfile --no-loadscope-reorder
+SIDE_BY_SIDE := --numprocesses 2 --dist loadfile --no-loadscope-reorder --durations 30
 
 .PHONY: setup demo test test-fast lint bench faults fuzz loop sweep model clean
 
@@ -16,7 +16,7 @@ $(READY): requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --no-deps --editable .
 	touch $@
 
-demo: setup  ## Collect, train, close the loop, replay: some three minutes, results in demo/
+demo: setup  ## Collect, train, close the loop, replay: some five minutes, results in demo/
 	$(BIN)/python -m experiments.demo --out demo
 
 test: setup lint  ## Everything that CI runs: lint, types, all tests
@@ -44,7 +44,7 @@ faults: setup  ## Every fault of the bus through the collect loop: some five min
 fuzz: setup  ## Damaged packets and files, 10,000 of each source: some ten minutes
 	$(BIN)/python -m experiments.fuzz --out out/fuzz
 
-loop: setup  ## Find what the twin lacks of the arm in data/: some ten minutes
+loop: setup  ## Find what the twin lacks of the arm in data/: some five minutes
 	$(BIN)/python -m experiments.close_the_loop --logs data --out close_the_loop
 
 sweep: setup  ## What stiffness does, in a few short points: some two minutes

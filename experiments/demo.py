@@ -1,4 +1,4 @@
-"""Show what the package can do, in three minutes.
+"""Show what the package can do, in some five minutes.
 
 Runs the commands of the README one after the other, as a person would type them: sessions of the twin,
 readouts trained on them, and the loop closed on logs of an arm that is not the twin.

@@ -24,6 +24,7 @@ from serpent_twin.sim.twin_model import TwinModel
 TIMESTEP = 0.005
 """[s]; a step of 1 ms moves the markers by about 0.1 mm, and by about 1 ms in time at most (tests)."""
 _SWEEPS = 20
+_FEW = 15  # runs; with 7, two threads take 1.1 times as long as one, with 21, 0.9 times
 _SOFT = 7e3  # [N/m]; strands up to this stiffness are stable at twice the usual time step
 
 
@@ -59,7 +60,7 @@ def impose(
     if hastened:
         for model in models:
             hasten(model)
-    run = _Run(designs, models, motion, timestep, nthread or os.cpu_count() or 1)
+    run = _Run(designs, models, motion, timestep, nthread or _threads(designs, motion))
     for _ in run.rows():
         pass
     return run.response()
@@ -78,7 +79,7 @@ def differentiate(
     (P, B, R, 9, 3), and of loads, as shares of the stall torque, (P, B, R, 10).
     """
     model = design.spec(motors=False).compile()
-    run = _Run([design], [model], motion, timestep, nthread or os.cpu_count() or 1)
+    run = _Run([design], [model], motion, timestep, nthread or _threads([design], motion))
     run.arms.differentiate(differences(design, model, others))
     changes = []
     for _ in run.rows():
@@ -122,6 +123,13 @@ def coarse_step(designs: Sequence[TwinModel]) -> float:
         d.parameters.strand_stiffness * np.exp(max(d.tolerances.strand_stiffness)) for d in designs
     )
     return TIMESTEP * float(np.clip(2 * np.sqrt(_SOFT / max(stiffest, 1e-9)), 1, 2))
+
+
+def _threads(designs: Sequence[TwinModel], motion: PrescribedMotion) -> int:
+    """How many threads pay: while effects act in between, those of few runs would fall asleep."""
+    few = len(designs) * len(motion.motors.time) < _FEW
+    acting = any(effect.acts() for design in designs for effect in design.active)
+    return 1 if few and acting else os.cpu_count() or 1
 
 
 def substeps(motors: MotorTrajectory, timestep: float) -> NDArray[np.intp]:
