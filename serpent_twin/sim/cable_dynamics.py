@@ -18,7 +18,6 @@ from serpent_twin.effects import Moment
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim.twin_model import TwinModel
 
-_SIGN = np.tile([1.0, -1.0], N_MOTORS)
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _UNEQUAL = (
     "runs side by side need models of one structure, which some effects change: give what is absent "
@@ -238,7 +237,9 @@ class CableDynamics:
     def wind(self, slack: Array, winch_angle: Array, motor_angle: Array) -> None:
         """Shift the strands' rest lengths by what the winches wind outside the model."""
         wound = winch_angle - motor_angle if self._motors else winch_angle
-        self._rest[:, :, 1] = slack - _SIGN * np.repeat(self.winch_reach * wound, 2, axis=1)
+        taken = self.winch_reach * wound
+        self._rest[:, 0::2, 1] = slack[:, 0::2] - taken
+        self._rest[:, 1::2, 1] = slack[:, 1::2] + taken
 
     def horn_torque(self, moment: Moment) -> Array:
         """Torque of cables and effects on each motor's horn, without gearbox friction [N m], (n, 10)."""

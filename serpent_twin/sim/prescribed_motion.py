@@ -127,9 +127,9 @@ class DrivenArms:
         lost = self.unstable  # their solver would iterate as long as it may
         stable = np.flatnonzero(~lost) if lost.any() else None
         noting = partial(self._tangents.begin_step, dt) if self._tangents else None
-        for k in range(substeps):
-            angle, velocity = path.at(k * dt)  # MuJoCo's springs pull as at the step's start
-            self._cables.step(began + k * dt, angle, velocity, dt, stable, noting)
+        passed = np.arange(substeps)[:, None, None] * dt  # MuJoCo's springs pull as at a step's start
+        for t, angle, velocity in zip(passed, *path.at(passed), strict=True):
+            self._cables.step(began + t, angle, velocity, dt, stable, noting)
         if self._tangents:
             self._tangents.advance()
         self._motors = to
@@ -187,8 +187,9 @@ class _Path:
         self._new = (after - before - old * taken) / (period - taken)
 
     def at(self, t: Array) -> tuple[Array, Array]:
-        """Angles [rad] and velocities [rad/s] at times [s] since the row before, (n, 1)."""
-        return taken_up(self._before, self._old, self._new, t, self._lag)
+        """Angles [rad] and velocities [rad/s], (K, n, 10), at times [s] since the row before, (K, n, 1)."""
+        angle, velocity = taken_up(self._before, self._old, self._new, t, self._lag)
+        return angle, np.broadcast_to(velocity, angle.shape)
 
 
 def taken_up(before: Array, old: Array, new: Array, t: Array, lag: float) -> tuple[Array, Array]:
