@@ -127,7 +127,9 @@ class DrivenArms:
         lost = self.unstable  # their solver would iterate as long as it may
         stable = np.flatnonzero(~lost) if lost.any() else None
         noting = partial(self._tangents.begin_step, dt) if self._tangents else None
-        passed = np.arange(substeps)[:, None, None] * dt  # MuJoCo's springs pull as at a step's start
+        passed = (
+            np.arange(substeps)[:, None, None] * dt
+        )  # MuJoCo's springs pull as at a step's start
         for t, angle, velocity in zip(passed, *path.at(passed), strict=True):
             self._cables.step(began + t, angle, velocity, dt, stable, noting)
         if self._tangents:
