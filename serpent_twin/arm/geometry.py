@@ -100,6 +100,11 @@ class Arm:
         return offset
 
     @cached_property
+    def pulley_radii(self) -> Array:
+        """The pulleys' radii as an array [m], (10,)."""
+        return np.array(self.pulley_radius)
+
+    @cached_property
     def markers_in_links(self) -> Array:
         """Markers in their link frames [m], (9, 3)."""
         return np.array(self.marker)

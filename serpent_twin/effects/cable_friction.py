@@ -39,7 +39,9 @@ class CableFriction(Effect):
 
     def act(self, moment: Moment, memory: None) -> None:
         """Raise the hinges' friction by what their cables' tensions make."""
-        pressed = at_joints(np.array(moment.arm.pulley_radius) * loops(moment.tension))
-        bent = np.expm1(self.coefficient * np.abs(moment.joint_angle))
-        share = np.where(np.equal(self.by_bend, 1.0), bent, self.coefficient)
+        pressed = at_joints(moment.arm.pulley_radii * loops(moment.tension))
+        share = self.coefficient
+        if np.any(by_bend := np.equal(self.by_bend, 1.0)):
+            bent = np.expm1(self.coefficient * np.abs(moment.joint_angle))
+            share = np.where(by_bend, bent, share)
         moment.add_joint_friction(share * pressed, self.transition_velocity)

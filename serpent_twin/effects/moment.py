@@ -1,7 +1,7 @@
 """Define which quantities of a time step effects can read, and which they may change."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
@@ -19,10 +19,21 @@ class Instant:
     given: ClassVar[frozenset[str]] = frozenset()
     """Names of the fields that effects read and do not change"""
 
+    @classmethod
+    def of(cls, **fields: Any) -> Self:
+        """An instant of all its fields, in a third of the time of its constructor: one is made for every
+        time step.
+        """
+        instant = object.__new__(cls)
+        instant.__dict__.update(fields)
+        instant.__post_init__()
+        return instant
+
     def __post_init__(self) -> None:
+        own = self.__dict__
         for name in self.given:
-            if isinstance(value := getattr(self, name), np.ndarray):
-                object.__setattr__(self, name, _read_only(value))
+            if isinstance(value := own[name], np.ndarray) and value.flags.writeable:
+                own[name] = _read_only(value)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in self.given and name in self.__dict__:
@@ -161,13 +172,12 @@ class Moment(Instant):
     def stretch(self) -> Array:
         """Length by which each strand is stretched beyond its slack [m]; negative while it is slack."""
         wound = self.winch_ratio * self.winch_angle
-        passed = np.cumsum(
-            self.joint_angle, axis=1
-        )  # the rounding of a matrix product depends on the number of rows
+        # The rounding of a matrix product would depend on the number of rows.
+        passed = self.joint_angle.cumsum(axis=1)
         wound[:, :N_JOINTS] -= passed
         wound[:, N_JOINTS:] -= passed[:, -1:] + self.jaw_angle
-        radius = np.array(self.arm.pulley_radius)
-        return _SIGN * np.repeat(wound * radius, 2, axis=1) - self.slack
+        wound *= self.arm.pulley_radii
+        return _SIGN * wound.repeat(2, axis=1) - self.slack
 
     @property
     def tension(self) -> Array:
@@ -179,13 +189,13 @@ class Moment(Instant):
     def horn_torque(self) -> Array:
         """Torque of cables and effects on each motor's horn, without gearbox friction [N m], (n, 10)."""
         tension = self.tension
-        reach = np.array(self.arm.pulley_radius) * self.winch_ratio
+        reach = self.arm.pulley_radii * self.winch_ratio
         return reach * (tension[:, 0::2] - tension[:, 1::2]) - self.motor_torque
 
 
 def at_joints(per_cable: Array) -> Array:
     """Sum over the cables that pass or end at each joint, (n, 9), of one number a cable, (n, 10)."""
-    return np.cumsum(per_cable[:, ::-1], axis=1)[:, :0:-1]
+    return per_cable[:, ::-1].cumsum(axis=1)[:, :0:-1]
 
 
 def loops(per_strand: Array) -> Array:

@@ -139,9 +139,11 @@ class CableDynamics:
         else:
             self.gear_friction = self._friction[:, self._motor_v].copy()
         self.winch_ratio = 1.0 + np.array([d.tolerances.winch_radius for d in designs])
-        self.winch_reach = np.array(self.arm.pulley_radius) * self.winch_ratio
+        self.winch_ratio.setflags(write=False)
+        self.winch_reach = self.arm.pulley_radii * self.winch_ratio
         self.prior_runtime: Array | float = 0.0
         """How long earlier sessions ran in all [s], or (n, 1)"""
+        self._rubs: tuple[Array, ...] = (np.empty(0), np.empty(0))
         self._memory: list[Any] = []
         self.longest_step = np.full(len(designs), np.inf)
         """Longest time step that the effects' memories follow [s], (n,)"""
@@ -156,15 +158,18 @@ class CableDynamics:
         self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array
     ) -> Moment:
         """The present instant without effects."""
-        return Moment(
+        joints = self._qpos[:, self._joint_q], self._qvel[:, self._joint_v]
+        for each in (jaw := self._qpos[:, self._jaw_q], *joints):
+            each.setflags(write=False)
+        return Moment.of(
             arm=self.arm,
             dt=dt,
             time=time,
             motor_angle=motor_angle,
             motor_velocity=motor_velocity,
-            joint_angle=self._qpos[:, self._joint_q],
-            joint_velocity=self._qvel[:, self._joint_v],
-            jaw_angle=self._qpos[:, self._jaw_q],
+            joint_angle=joints[0],
+            joint_velocity=joints[1],
+            jaw_angle=jaw,
             winch_angle=motor_angle.copy(),
             slack=self.slack.copy(),
             stiffness=self.stiffness.copy(),
@@ -217,7 +222,11 @@ class CableDynamics:
         self.batch.step(ids=ids)
 
     def _rub(self, moment: Moment) -> None:
-        """Set the hinges' friction to this moment's."""
+        """Set the hinges' friction to this moment's, where it has changed."""
+        wanted = moment.joint_friction, moment.transition_velocity
+        if all(map(np.array_equal, wanted, self._rubs)):
+            return
+        self._rubs = tuple(each.copy() for each in wanted)
         reference, impedance, inverse_inertia = self._soft
         friction, v = moment.joint_friction, self._joint_v
         soft = softness(friction, inverse_inertia[:, v], moment.transition_velocity)
