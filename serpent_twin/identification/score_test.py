@@ -175,9 +175,12 @@ def full_fit(case: Case[Any], pieces: Any, base: Fit, found: Score, on_progress:
     starts = _starts(case.candidates[found.name], found.start)
     points = [base.point.having(found.name, values) for values in starts]
     some = case.take(pieces, base.used)
-    cost = np.nansum(case.residual(points, some) ** 2, axis=(1, 2))
-    start = points[int(np.argmin(np.where(cost > 0, cost, np.inf)))]
-    if not (cost > 0).any():
+    for rough in (True, False):
+        cost = np.nansum(case.residual(points, some, rough) ** 2, axis=(1, 2))
+        if (stable := cost > 0).any():
+            start = points[int(np.argmin(np.where(stable, cost, np.inf)))]
+            break
+    else:
         weak = _weaker(case.candidates[found.name], found.start, _WEAK)
         start = base.point.having(found.name, weak)
     return fit(
