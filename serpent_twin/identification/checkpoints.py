@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -47,14 +47,10 @@ class Checkpoints:
         """The score tests of a stage, made now or read back."""
         path = self._folder / f"{name}.npz"
         if path.exists():
-            rows = stored.json_in(self._read(path), "scores", list[_Score], str(path), _AGAIN)
-            return [
-                Score(r.name, r.share, r.excitation, np.array(r.start), r.unstable) for r in rows
-            ]
+            return _read_scores(path, self._read(path))
         made, took = self._timed(make)
         self._told.add(path)
-        rows = [{**vars(each), "start": each.start.tolist()} for each in made]
-        _save(path, {"scores": np.array(json.dumps(rows))} | took)
+        _save(path, _score_arrays(made) | took)
         return made
 
     def _timed(self, make: Callable[[], T]) -> tuple[T, dict[str, Any]]:
@@ -104,6 +100,26 @@ def _save(path: Path, arrays: dict[str, Any]) -> None:
     part.rename(path)
 
 
+def _score_arrays(scores: Sequence[Score]) -> dict[str, Any]:
+    rows = [{n: getattr(each, n) for n in _Score.__struct_fields__} for each in scores]
+    rows = [{**row, "start": list(map(float, row["start"]))} for row in rows]
+    beyond = np.array([each.beyond for each in scores], np.float32)
+    return {"scores": np.array(json.dumps(rows)), "beyond": beyond}
+
+
+def _read_scores(path: Path, arrays: stored.Arrays) -> list[Score]:
+    rows = stored.json_in(arrays, "scores", list[_Score], str(path), _AGAIN)
+    numbers = arrays["beyond"].shape[1:] if "beyond" in arrays else (0,)
+    wanted = {"beyond": Numbers((len(rows), *numbers[:1]))}
+    stored.require_arrays(
+        {k: v for k, v in arrays.items() if k in wanted}, wanted, str(path), _AGAIN
+    )
+    return [
+        Score(r.name, r.share, r.excitation, np.array(r.start), r.unstable, beyond)
+        for r, beyond in zip(rows, arrays["beyond"], strict=True)
+    ]
+
+
 def _fit_arrays(fit: Fit) -> dict[str, Any]:
     about = {
         "effects": {name: list(map(float, v)) for name, v in fit.point.effects.items()},
@@ -120,6 +136,7 @@ def _fit_arrays(fit: Fit) -> dict[str, Any]:
         "error": fit.error,
         "correlation": fit.correlation,
         "slope": fit.jacobian,
+        "residual": fit.residual,
         "noise": fit.noise,
     }
 
@@ -138,6 +155,7 @@ def _read_fit(path: Path, arrays: stored.Arrays) -> Fit:
         "error": Numbers((n,), unknown=True),
         "correlation": Numbers((n, n), unknown=True),
         "slope": Numbers((n, len(about.used), *rows[:1]), unknown=True),
+        "residual": Numbers((len(about.used), *rows[:1])),
     }
     wanted["noise"] = Numbers((arrays.get("noise", np.zeros(0)).size,), low=0.0)
     stored.require_arrays(arrays, wanted, str(path), _AGAIN)
@@ -150,6 +168,7 @@ def _read_fit(path: Path, arrays: stored.Arrays) -> Fit:
         correlation=arrays["correlation"],
         converged=about.converged,
         jacobian=arrays["slope"],
+        residual=arrays["residual"],
         noise=arrays["noise"],
         used=about.used,
         variance_inflation=about.variance_inflation,

@@ -56,6 +56,8 @@ class Fit:
     converged: bool
     jacobian: Array
     """Derivative of the residual by the moves on the segments `used`, (len(moves), S, n)"""
+    residual: Array
+    """On the segments `used`, (S, n)"""
     used: tuple[int, ...]
     noise: Array
     """What the residual was divided by, (channels,)"""
@@ -147,7 +149,17 @@ def fit(
         settled = settled or bool((late < _STILL).all())
     inflation, noise = problem.variance_inflation, case.noise
     return Fit(
-        at.point, free, at.cost, inflation, error, correlation, settled, jacobian, used, noise
+        point=at.point,
+        free=free,
+        cost=at.cost,
+        variance_inflation=inflation,
+        error=error,
+        correlation=correlation,
+        converged=settled,
+        jacobian=jacobian,
+        residual=at.residual,
+        used=used,
+        noise=noise,
     )
 
 

@@ -1,7 +1,7 @@
 """Select candidate effects by a score test, and fit the selected ones fully."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.free_parameters import free_parameters, steadied
+from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import Fit, OnProgress, fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Candidate, ParameterVector
@@ -37,12 +38,15 @@ class Score:
     """Its parameters where a full fit should begin"""
     unstable: bool = False
     """Whether no strength of it could be simulated"""
+    beyond: Array = field(default_factory=lambda: np.zeros(0, np.float32))
+    """What its best variant changes of the residual beyond the free parameters of the base, (N,); 0 where
+    none could be simulated"""
 
 
 def scores(case: Case[Any], pieces: Any, base: Fit, candidates: Sequence[Candidate]) -> list[Score]:
     """The score tests of candidates: one simulation per variant, side by side, with the base's Jacobian."""
     some = case.take(pieces, base.used)
-    residual = case.residual([base.point], some)[0]
+    residual, known = case.residual([base.point], some)[0], Information.of(case, base)
     tried = [[base.point.having(c.name, values) for values in _columns(c)] for c in candidates]
     every = [base.point, *(point for points in tried for point in points)]
     without, *changed = case.residual(every, some, rough=True)
@@ -51,30 +55,31 @@ def scores(case: Case[Any], pieces: Any, base: Fit, candidates: Sequence[Candida
         changes = np.array([changed.pop(0) - without for _ in points])
         weaker = partial(_weaker_point, base, candidate, points)
         changes = steadied(case, some, base.point, changes, weaker)
-        out.append(_score(case, base, residual, candidate, points, changes))
+        out.append(_score(known, residual, candidate, points, changes))
     return out
 
 
 def _score(
-    case: Case[Any],
-    base: Fit,
+    known: Information,
     residual: Array,
     candidate: Candidate,
     points: Sequence[ParameterVector],
     changes: Array,
 ) -> Score:
-    """The best variant of a candidate, from what each changes of the residual."""
-    best, most = Score(candidate.name, 0.0, 0.0, candidate.variants[0]), 0.0
-    for change, point in zip(changes, points, strict=True):
+    """The best variant of a candidate, from what each changes of the residual, (k, S, n)."""
+    flat = residual.ravel().astype(float)
+    none = np.zeros(flat.size, np.float32)
+    best, most = Score(candidate.name, 0.0, 0.0, candidate.variants[0], beyond=none), 0.0
+    for change, point in zip(changes.reshape(len(changes), -1), points, strict=True):
         if not np.isfinite(change).all():
             continue
-        share, size = _projected(base, case, residual, change)
-        most = max(most, float(np.sqrt((change**2).sum() / max((residual**2).sum(), 1e-30))))
+        left, share, size = known.projected(change.astype(float), flat)
+        most = max(most, float(np.linalg.norm(change) / max(np.linalg.norm(flat), 1e-15)))
         start = _scaled(candidate, point.effects[candidate.name], size)
         share = share if start is not None else 0.0
         start = point.effects[candidate.name] if start is None else start
-        if share > best.share:
-            best = Score(candidate.name, share, 0.0, start)
+        if share > best.share or not best.beyond.any():
+            best = Score(candidate.name, share, 0.0, start, beyond=left.astype(np.float32))
     unstable = not np.isfinite(changes).all(axis=(1, 2)).any()
     return replace(best, excitation=most, unstable=unstable)
 
@@ -110,25 +115,6 @@ def strengths(candidate: Candidate) -> list[int]:
     """The parameters that are its strength: those of both signs, else the first."""
     ranges = enumerate(candidate.ranges.values())
     return [k for k, r in ranges if r.fitted and r.low < 0] or [0]
-
-
-def _projected(base: Fit, case: Case[Any], residual: Array, change: Array) -> tuple[float, float]:
-    """Share of the squares that the change removes beyond the declared parameters and those of the
-    effects that are there, and its size.
-    """
-    free = np.zeros(len(base.free.effects))
-    prior = np.r_[[1 / case.declared[k].prior ** 2 for k in base.free.declared], free]
-    flat = base.jacobian.reshape(len(prior), -1)
-    weight = 1 / base.variance_inflation
-    normal = weight * (flat @ flat.T) + np.diag(prior)
-    d, r = change.ravel().astype(float), residual.ravel().astype(float)
-    free_d = d - flat.T @ np.linalg.solve(normal, weight * (flat @ d))
-    along = float(free_d @ d)
-    if along <= 0:
-        return 0.0, 0.0
-    lean = prior * np.r_[base.point.declared[list(base.free.declared)], free]
-    size = -float(free_d @ r - (flat @ d) @ np.linalg.solve(normal, lean)) / along
-    return size * size * along / float(r @ r), size
 
 
 def _scaled(candidate: Candidate, values: Array, size: float) -> Array | None:

@@ -120,6 +120,7 @@ def test_an_interval_of_two_coordinates_has_the_errors_of_both(arm):
         correlation,
         True,
         np.zeros(0),
+        np.zeros(0),
         (),
         np.ones(0),
     )

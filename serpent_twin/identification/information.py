@@ -1,0 +1,64 @@
+"""Compute what logs tell of parameters, to first order: the information matrix of a fit.
+
+With the residual's derivative J by the free parameters, the weight w of its numbers (one over the variance
+inflation) and the priors' inverse variances Λ, the information matrix is w J Jᵀ + Λ; its inverse is the
+posterior covariance. What a candidate changes of the residual counts only beyond what the free parameters
+can take up.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.identification.least_squares import Fit
+from serpent_twin.machines.case import Case
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """What a fit's residual, of N numbers, tells of its m free parameters."""
+
+    slopes: Array
+    """Derivative of the residual, (m, N)"""
+    weight: float
+    """Of each of the residual's numbers [1]"""
+    prior: Array
+    """Inverse variances; 0 for parameters without a prior, (m,)"""
+    lean: Array
+    """Deviations of the parameters from their prior means, (m,)"""
+
+    @classmethod
+    def of(cls, case: Case[Any], fit: Fit) -> "Information":
+        """That of a fit: its declared parameters have priors, those of its effects none."""
+        none, declared = np.zeros(len(fit.free.effects)), list(fit.free.declared)
+        return cls(
+            fit.jacobian.reshape(len(fit.free), -1),
+            1 / fit.variance_inflation,
+            np.r_[[1 / case.declared[k].prior ** 2 for k in declared], none],
+            np.r_[fit.point.declared[declared], none],
+        )
+
+    @cached_property
+    def matrix(self) -> Array:
+        """The information matrix, (m, m)."""
+        return self.weight * (self.slopes @ self.slopes.T) + np.diag(self.prior)
+
+    def beyond(self, change: Array) -> Array:
+        """What is left of changes of the residual, (…, N), once free parameters take up what they can."""
+        taken = np.linalg.solve(self.matrix, self.weight * (self.slopes @ change.T))
+        return change - (self.slopes.T @ taken).T
+
+    def projected(self, change: Array, residual: Array) -> tuple[Array, float, float]:
+        """What is left of a change, (N,), beyond the free parameters, the share of the residual's squares that
+        it removes, and the size of the step along it which removes most.
+        """
+        left = self.beyond(change)
+        along = float(left @ change)
+        if along <= 0:
+            return left, 0.0, 0.0
+        pull = (self.slopes @ change) @ np.linalg.solve(self.matrix, self.prior * self.lean)
+        size = -(float(left @ residual) - float(pull)) / along
+        return left, size * size * along / float(residual @ residual), size
