@@ -6,64 +6,32 @@ one line of results.jsonl. One takes minutes; the order of trials keeps the tabl
 ends, and the same command goes on.
 """
 
-import contextlib
-import shutil
 import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 from tqdm import tqdm
 
-from experiments.confusion.arms import SOURCES, Length
+from experiments.confusion.arms import SOURCES
+from experiments.confusion.config import Confusion
 from experiments.confusion.page import page
 from experiments.confusion.plan import Trial, chosen, plan
 from experiments.confusion.score import called, quantity, right, scores
+from experiments.confusion.trial import failed, run_before
 from serpent_twin import stored
 from serpent_twin.command_line import cli
-from serpent_twin.command_line.options import Checked, Seed, Steps
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification import Trace, trace
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import write
 from serpent_twin.runs.files import json_text, write_json, write_whole
 from serpent_twin.runs.processes import processes
 from serpent_twin.runs.provenance import provenance
 from serpent_twin.runs.run_lock import claimed
-from serpent_twin.stored import within
+from serpent_twin.runs.worker_pool import execute
 
 SETTINGS = "confusion.json"
-
-
-@dataclass(frozen=True)
-class Confusion(Checked):
-    """Inject faults into arms, trace them, and count what is named."""
-
-    out: Path = Path("confusion")
-    """Folder for results; the same command goes on where it stopped."""
-    source: Literal["twin", "bench"] = "twin"
-    """Who writes the logs: the twin itself, which flatters it, or the independent arm of the tests."""
-    rounds: Annotated[int, within(1, 10_000)] = 10
-    """Rounds of the plan: each effect once, two clean arms, a pair, the effects outside the catalogue."""
-    trials: Annotated[int, within(0, 1_000_000)] = 0
-    """At most so many of the plan's trials, those done before included; 0 for all."""
-    only: tuple[str, ...] = ()
-    """Only trials with these effects or of these kinds: clean, known, pair, outside."""
-    sessions: Annotated[int, within(2, 10_000)] = 4
-    """Sessions of each arm; the last one is held out."""
-    steps: Steps = 1200
-    """Control steps of each session."""
-    workers: Annotated[int, within(1, 1024)] = 1
-    """Trials side by side; a trace uses all cores by itself, so more helps little."""
-    budget_minutes: Annotated[float, within(0, 1e6, "min")] = 0.0
-    """Begin no trial after so long; 0 for no limit."""
-    seed: Seed = 0
-    """Of all that is drawn."""
-    keep: bool = False
-    """Keep every trial's logs and fits: tens of megabytes each."""
 
 
 def main(config: Confusion) -> None:  # noqa: D103 tyro would print it above the config's own
@@ -86,7 +54,7 @@ def _trials(config: Confusion) -> list[Trial]:
     return chosen(every, config.only, config.trials)
 
 
-class Row(stored.OpenForm, frozen=True):
+class TrialRow(stored.OpenForm, frozen=True):
     """What every row of results.jsonl has."""
 
     id: str
@@ -99,7 +67,7 @@ class Results:
     def __init__(self, path: Path) -> None:
         self.path = path
         lines = stored.read_json_lines(path) if path.exists() else []
-        ids = [stored.take(row, Row, str(path)).id for row in lines]
+        ids = [stored.take(row, TrialRow, str(path)).id for row in lines]
         self.rows: dict[str, dict[str, Any]] = dict(zip(ids, lines, strict=True))
 
     @property
@@ -124,73 +92,33 @@ def _run(config: Confusion, trials: Sequence[Trial], results: Results) -> None:
     done = len(trials) - len(missing)
     with tqdm(total=len(trials), initial=done, unit="arm", smoothing=0.1) as bar:
         bar.set_description("arms traced")
-        for row in _rows(config, missing):
-            results.add(row)
-            bar.write(_line(row))
-            bar.update()
+
+        def keep(_: Trial, row: dict[str, Any] | None) -> None:
+            if row is not None:
+                results.add(row)
+                bar.write(_line(row))
+                bar.update()
+
+        for trial in _execute(config, missing, keep):
+            keep(
+                trial,
+                failed(trial, "every process that tried it died, perhaps for want of memory"),
+            )
 
 
-def _rows(config: Confusion, trials: Sequence[Trial]) -> Iterator[dict[str, Any]]:
-    """Trials as they end; none begins after the budget."""
-    ends = time.monotonic() + 60 * (config.budget_minutes or 1e9)
+def _execute(
+    config: Confusion,
+    trials: Sequence[Trial],
+    keep: Callable[[Trial, dict[str, Any] | None], None],
+) -> list[Trial]:
+    """Run trials until the budget is spent; returns those that were given up."""
+    work = partial(run_before, time.time() + 60 * (config.budget_minutes or 1e9), config)
     if config.workers == 1:
         for trial in trials:
-            if time.monotonic() > ends:
-                return
-            yield run_trial(config, trial)
-        return
-    waiting, running = list(trials), set[Future[dict[str, Any]]]()
+            keep(trial, work(trial))
+        return []
     with processes(config.workers) as pool:
-        while running or (waiting and time.monotonic() < ends):
-            while waiting and len(running) < config.workers and time.monotonic() < ends:
-                running.add(pool.submit(partial(run_trial, config), waiting.pop(0)))
-            ended, running = wait(running, return_when=FIRST_COMPLETED)
-            yield from (job.result() for job in ended)
-
-
-def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
-    """Record an arm, trace it, and say what was there and what was found."""
-    folder = config.out / "trials" / trial.id
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        truth, found, recorded = _record_and_trace(config, trial, folder)
-    except SerpentError as error:
-        return {"id": trial.id, "kind": trial.kind, "name": trial.name, "failed": str(error)}
-    if not config.keep:
-        shutil.rmtree(folder / "logs", ignore_errors=True)
-        shutil.rmtree(folder / "trace" / "stages", ignore_errors=True)
-    return {
-        "id": trial.id,
-        "kind": trial.kind,
-        "name": trial.name,
-        "truth": truth,
-        "named": found["effects"],
-        "unexplained": bool(found["unexplained"]["is"]),
-        "depends_on": found["unexplained"]["depends_on"],
-        "error_mm": found["error_mm"],
-        "load_error_percent": found["load_error_percent"],
-        "seconds": found["seconds"],
-        "recording_seconds": recorded,
-    }
-
-
-def _record_and_trace(
-    config: Confusion, trial: Trial, folder: Path
-) -> tuple[dict[str, Any], dict[str, Any], float]:
-    """The truth, what diagnosis.json holds, and how long the recording took [s]."""
-    began, length = time.perf_counter(), Length(config.sessions, config.steps)
-    truth = SOURCES[config.source]().write(trial, folder / "logs", length, config.seed)
-    recorded = time.perf_counter() - began
-    with (folder / "trace.log").open("a") as said, _quiet(said):
-        found = trace(Trace(folder / "logs", folder / "trace", seed=config.seed))
-    return truth, found, recorded
-
-
-@contextlib.contextmanager
-def _quiet(said: Any) -> Iterator[None]:
-    """Let the trace talk to a file: many talk over each other on a screen."""
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-        yield
+        return execute(trials, work, pool, keep)
 
 
 def _line(row: dict[str, Any]) -> str:

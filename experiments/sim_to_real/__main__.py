@@ -4,24 +4,19 @@ readouts trained on the arm.
 Each arm is traced by its training sessions alone; all routes are then scored on its test session.
 """
 
-import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_EXCEPTION, wait
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from threading import RLock
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from experiments.close_the_loop.__main__ import LOGS, arm_folders
-from experiments.sim_to_real.arm import FOLLOWED, STEPS, study_arm
+from experiments.sim_to_real.arm import FOLLOWED
 from experiments.sim_to_real.conditions import CHANGES, changing, followed, in_conditions, recovery
 from experiments.sim_to_real.page import arm_table, page
-from experiments.sim_to_real.twins import CORRECTED, FULL, QUICK, Size
+from experiments.sim_to_real.side_by_side import progress, study_all
+from experiments.sim_to_real.twins import CORRECTED, FULL, QUICK
 from serpent_twin import stored
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed, Workers
@@ -30,7 +25,6 @@ from serpent_twin.estimators import load
 from serpent_twin.estimators.online import Online
 from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.files import write_json
-from serpent_twin.runs.processes import processes
 from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import session_files
@@ -69,9 +63,9 @@ def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the
     folders = _folders(config)
     size = QUICK if config.quick else FULL
     with claimed(config.out, SETTINGS, _settings(config, folders)):
-        found = _study_all(config, folders, size)
+        found = study_all(folders, config.out, config.seed, size, config.workers)
         chosen = _chosen(config, found)
-        with _progress(chosen, 7 + len(CHANGES), 0) as on_progress:
+        with progress(chosen, 7 + len(CHANGES), 0) as on_progress:
             hour = MINUTES if config.quick else HOUR
             others = _other_conditions(config, chosen, hour, on_progress)
             changes = _changes(config, chosen, on_progress)
@@ -85,36 +79,6 @@ def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the
         print(text_table(arm_table(found)))
         report = page(results, origin)
         print(f"{write(report, config.out)}: the figures. {report.lead}")
-
-
-def _study_all(config: SimToReal, folders: dict[str, Path], size: Size) -> dict[str, Any]:
-    """All arms, side by side; one that fails stops none that runs, and all that was done is kept."""
-    study = partial(_study, config, folders, size)
-    with processes(min(config.workers or os.cpu_count() or 1, len(folders))) as pool:
-        jobs = {name: pool.submit(study, name) for name in folders}
-        wait(jobs.values(), return_when=FIRST_EXCEPTION)
-        for job in jobs.values():
-            job.cancel()
-        wait(jobs.values())
-        return {name: job.result() for name, job in jobs.items() if not job.cancelled()}
-
-
-def _study(config: SimToReal, folders: dict[str, Path], size: Size, name: str) -> dict[str, Any]:
-    tqdm.set_lock(RLock())  # a semaphore of the system would be left behind by Ctrl-C
-    with _progress(name, STEPS, list(folders).index(name)) as on_progress:
-        return study_arm(folders[name], config.out / name, config.seed, size, on_progress)
-
-
-@contextmanager
-def _progress(name: str, steps: int, line: int) -> Iterator[Callable[[str], None]]:
-    """A bar that is told what begins."""
-    with tqdm(total=steps, unit="step", position=line, smoothing=0.1) as bar:
-
-        def on_progress(what: str) -> None:
-            bar.set_description_str(f"{name}, {what}", refresh=False)
-            bar.update()
-
-        yield on_progress
 
 
 def _folders(config: SimToReal) -> dict[str, Path]:

@@ -58,10 +58,12 @@ class _Desk(Generic[Job, Result]):
         self._waiting, self._deaths = deque(jobs), Counter[Job]()
         self._running: dict[Future[Result], Job] = {}
         self.given_up: list[Job] = []
+        self.error: Exception | None = None
+        """The first that a job raised; no job is handed out after it"""
 
     def hand_out(self) -> bool:
         """Fill the slots; False when nothing is left to do."""
-        while self._waiting and self._room():
+        while self._waiting and not self.error and self._room():
             job = self._waiting.popleft()
             self._running[self._pool.submit(self._work, job)] = job
         return bool(self._running)
@@ -79,6 +81,10 @@ class _Desk(Generic[Job, Result]):
                 result = future.result()
             except self._pool.died:
                 self._put_back(job)
+            except CancelledError:
+                raise
+            except Exception as error:  # raised once the other jobs at work are done
+                self.error = self.error or error
             else:
                 keep(job, result)
 
@@ -97,8 +103,9 @@ def execute(
 ) -> list[Job]:
     """Do all jobs, in any order; `keep` is given each result, here, as soon as it is there.
 
-    Returns the jobs that were given up, because each worker that tried them died. An error of a job is
-    raised. `tick` is called about once a second. Raises SerpentError when the workers are lost for good.
+    Returns the jobs that were given up, because each worker that tried them died. After an error of a job
+    no further one begins; those at work are finished and kept, then the error is raised. `tick` is called
+    about once a second. Raises SerpentError when the workers are lost for good.
     """
     desk = _Desk(jobs, work, pool)
     try:
@@ -110,4 +117,6 @@ def execute(
             "The workers were lost, and with them the points in flight. What was measured stays; the same "
             "command goes on from there."
         ) from error
+    if desk.error:
+        raise desk.error
     return desk.given_up

@@ -12,6 +12,7 @@ from experiments.close_the_loop import picture as close_the_loop_picture
 from experiments.confusion import __main__ as confusion
 from experiments.confusion import arms as confusion_arms
 from experiments.confusion import outside as confusion_outside
+from experiments.confusion import trial as confusion_trial
 from experiments.confusion.plan import KNOWN, PAIR, Trial
 from serpent_twin import effects
 from serpent_twin.arm.geometry import ARM, link_frames
@@ -116,7 +117,7 @@ def faked(monkeypatch):
             return diagnosis([(name, {first: estimate(0.0, -1e6, 1e6)})])
         return diagnosis(unexplained=name in confusion_outside.OUTSIDE)
 
-    monkeypatch.setattr(confusion, "trace", fake)
+    monkeypatch.setattr(confusion_trial, "trace", fake)
     return calls
 
 

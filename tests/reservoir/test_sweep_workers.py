@@ -50,6 +50,24 @@ def test_an_error_of_a_job_is_raised_and_lost_workers_are_said():
             worker_pool.execute([CancelledError()], work, pool, lambda job, result: None)
 
 
+def test_after_an_error_jobs_at_work_are_kept_and_no_further_one_begins():
+    began, failed, kept = [], threading.Event(), []
+
+    def work(job):
+        began.append(job)
+        if job == "bad":
+            failed.set()
+            raise ZeroDivisionError
+        assert failed.wait(10)
+        time.sleep(0.1)  # done after the error was taken back
+
+    with ThreadPoolExecutor(2) as threads, pytest.raises(ZeroDivisionError):
+        pool = Pool(lambda: threads, lambda: 2)
+        worker_pool.execute(["good", "bad", "late"], work, pool, lambda job, _: kept.append(job))
+    assert sorted(began) == ["bad", "good"]
+    assert kept == ["good"]
+
+
 def test_processes_end_with_their_parent_at_once():
     script = (
         "import signal\nfrom fragile import fragile\nfrom serpent_twin.runs.processes import processes\n"

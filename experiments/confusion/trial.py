@@ -1,0 +1,69 @@
+"""Run one trial: record an arm, trace it, and state what was there and what was found."""
+
+import contextlib
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from experiments.confusion.arms import SOURCES, Length
+from experiments.confusion.config import Confusion
+from experiments.confusion.plan import Trial
+from serpent_twin.errors import SerpentError
+from serpent_twin.identification import Trace, trace
+
+
+def run_before(end: float, config: Confusion, trial: Trial) -> dict[str, Any] | None:
+    """The row of a trial; None without a trial after the time `end`, in seconds as `time.time`."""
+    return None if time.time() > end else run_trial(config, trial)
+
+
+def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
+    """Record an arm, trace it, and say what was there and what was found."""
+    folder = config.out / "trials" / trial.id
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        truth, found, recorded = _record_and_trace(config, trial, folder)
+    except SerpentError as error:
+        return failed(trial, str(error))
+    if not config.keep:
+        shutil.rmtree(folder / "logs", ignore_errors=True)
+        shutil.rmtree(folder / "trace" / "stages", ignore_errors=True)
+    return {
+        "id": trial.id,
+        "kind": trial.kind,
+        "name": trial.name,
+        "truth": truth,
+        "named": found["effects"],
+        "unexplained": bool(found["unexplained"]["is"]),
+        "depends_on": found["unexplained"]["depends_on"],
+        "error_mm": found["error_mm"],
+        "load_error_percent": found["load_error_percent"],
+        "seconds": found["seconds"],
+        "recording_seconds": recorded,
+    }
+
+
+def failed(trial: Trial, why: str) -> dict[str, Any]:
+    """The row of a trial that did not reach its end."""
+    return {"id": trial.id, "kind": trial.kind, "name": trial.name, "failed": why}
+
+
+def _record_and_trace(
+    config: Confusion, trial: Trial, folder: Path
+) -> tuple[dict[str, Any], dict[str, Any], float]:
+    """The truth, what diagnosis.json holds, and how long the recording took [s]."""
+    began, length = time.perf_counter(), Length(config.sessions, config.steps)
+    truth = SOURCES[config.source]().write(trial, folder / "logs", length, config.seed)
+    recorded = time.perf_counter() - began
+    with (folder / "trace.log").open("a") as said, _quiet(said):
+        found = trace(Trace(folder / "logs", folder / "trace", seed=config.seed))
+    return truth, found, recorded
+
+
+@contextlib.contextmanager
+def _quiet(said: Any) -> Iterator[None]:
+    """Let the trace talk to a file: many talk over each other on a screen."""
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        yield
