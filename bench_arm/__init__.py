@@ -6,21 +6,21 @@ arms and sessions run side by side. `python -m bench_arm --help` records from th
 
 from .chain import Chain, chain
 from .effects import NAMES, NONE, TYPICAL, Effects, inject
-from .machine import Machine
+from .machine import ArmBatch
 from .parameters import BenchArm, draw
 from .record import Job, record, record_many
-from .session import Row, simulate
+from .session import SessionSpec, simulate
 
 __all__ = [
     "NAMES",
     "NONE",
     "TYPICAL",
+    "ArmBatch",
     "BenchArm",
     "Chain",
     "Effects",
     "Job",
-    "Machine",
-    "Row",
+    "SessionSpec",
     "chain",
     "draw",
     "inject",

@@ -11,7 +11,7 @@ from .cables import RADIUS, Strands
 from .chain import GRAVITY, Pose, chain
 from .effects import Effects
 from .parameters import BenchArm
-from .servo import Servos
+from .servo import ServoBatch
 
 NEWTON = 8  # most iterations of a step; two are common
 MIDDLE = 0.51  # of a step is where forces are taken: 0.5 keeps energy, more calms stiff modes
@@ -20,7 +20,7 @@ FLEX_DAMPING = 2e-3  # s: damping of a bending link over its stiffness
 _OUTER = np.maximum.outer(np.arange(N_JOINTS), np.arange(N_JOINTS))
 
 
-class Machine:
+class ArmBatch:
     """R arms side by side, each with its own parameters and effects.
 
     Motors step first, then the hinges with the cables at the motors' new angles; stiff terms
@@ -38,7 +38,7 @@ class Machine:
             np.array([e.payload for e in effects]), np.array([a.marker_offset for a in arms]), bends
         )
         self.joint = self.chain.joint
-        self.strands, self.servos = Strands(arms, effects), Servos(arms, effects)
+        self.strands, self.servos = Strands(arms, effects), ServoBatch(arms, effects)
         self.ratio = np.array([a.radius_ratio for a in arms])
         self.friction = np.array([a.joint_friction for a in arms])
         self.bristle = np.array([[a.bristle_stiffness] for a in arms])

@@ -11,7 +11,7 @@ from serpent_twin.sessions import session_files, write_session
 
 from .effects import NONE, Effects
 from .parameters import BenchArm
-from .session import Row, session, simulate
+from .session import SessionSpec, session, simulate
 
 SUBSTEPS = 80  # of 3.1 ms in a control period: markers converge to 0.03 mm
 
@@ -58,7 +58,7 @@ def record_many(
     order = sorted(range(len(jobs)), key=lambda i: _kind(jobs[i]))
     for _, group in groupby(order, key=lambda i: _kind(jobs[i])):
         rows = [(i, n) for i in group for n in range(1, jobs[i].sessions + 1)]
-        runs = [Row(jobs[i].arm, jobs[i].effects, n, jobs[i].seed) for i, n in rows]
+        runs = [SessionSpec(jobs[i].arm, jobs[i].effects, n, jobs[i].seed) for i, n in rows]
         results = simulate(runs, jobs[rows[0][0]].steps, substeps, progress)
         for (i, n), arrays in zip(rows, results, strict=True):
             folder = jobs[i].folder

@@ -13,7 +13,7 @@ from .parameters import BenchArm
 STALL, NO_LOAD = ARM.servo.stall_torque, ARM.servo.no_load_speed
 
 
-class Servos:
+class ServoBatch:
     """Ten servos in each of R rows: a lagged PI velocity loop, a torque limit, dry gear friction.
 
     Friction is Coulomb's law taken at the end of the step, so a servo below its breakaway torque

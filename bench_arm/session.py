@@ -12,7 +12,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.sessions import Session
 
 from .effects import Effects
-from .machine import Machine
+from .machine import ArmBatch
 from .parameters import BenchArm
 
 RATE = 4.0  # Hz, P
@@ -25,7 +25,7 @@ LOAD_UNIT = 1e-3  # XL430-W250 manual: 0.1 %
 
 
 @dataclass(frozen=True)
-class Row:
+class SessionSpec:
     """One session of one arm."""
 
     arm: BenchArm
@@ -37,7 +37,7 @@ class Row:
 
 
 def simulate(
-    rows: Sequence[Row], steps: int, substeps: int, progress: bool = False
+    rows: Sequence[SessionSpec], steps: int, substeps: int, progress: bool = False
 ) -> list[dict[str, Array]]:
     """Run sessions side by side and return the arrays of each log, by their names in `Session`.
 
@@ -45,7 +45,7 @@ def simulate(
     """
     clock = np.array([(row.number - 1) * steps / RATE for row in rows])
     period = 1 / RATE
-    machine = Machine([r.arm for r in rows], [r.effects for r in rows], period / substeps, clock)
+    machine = ArmBatch([r.arm for r in rows], [r.effects for r in rows], period / substeps, clock)
     seen = [_Sensors(row, steps) for row in rows]
     target = np.stack([sensor.target for sensor in seen])
     command = np.zeros((len(rows), N_MOTORS))
@@ -85,7 +85,7 @@ def control(target: Array, motor: Array) -> Array:
 class _Sensors:
     """One session's targets and noise, drawn beforehand so that effects cannot shift them."""
 
-    def __init__(self, row: Row, steps: int) -> None:
+    def __init__(self, row: SessionSpec, steps: int) -> None:
         goals, noise = (
             np.random.default_rng(s)
             for s in np.random.SeedSequence([row.seed, row.number]).spawn(2)
@@ -99,7 +99,7 @@ class _Sensors:
         self.effects = row.effects
 
 
-def _advance(machine: Machine, command: Array, substeps: int) -> Array:
+def _advance(machine: ArmBatch, command: Array, substeps: int) -> Array:
     """Move on by one control period; hinge angles along the way, (substeps + 1, R, H)."""
     path = [machine.q.copy()]
     for _ in range(substeps):
@@ -108,7 +108,7 @@ def _advance(machine: Machine, command: Array, substeps: int) -> Array:
     return np.stack(path)
 
 
-def _read(machine: Machine, path: Array, seen: Sequence[_Sensors], t: int) -> dict[str, Array]:
+def _read(machine: ArmBatch, path: Array, seen: Sequence[_Sensors], t: int) -> dict[str, Array]:
     """Row t of every log, (R, ...)."""
     servos = machine.servos
     marker = machine.markers(_delayed(path, [s.effects.mocap_latency for s in seen]))
@@ -133,7 +133,7 @@ def _delayed(path: Array, latency: Sequence[float]) -> Array:
     return late + (back - whole)[:, None] * (later - late)
 
 
-def _load(machine: Machine, effects: Sequence[Effects]) -> Array:
+def _load(machine: ArmBatch, effects: Sequence[Effects]) -> Array:
     """Load readings without noise [fraction of stall], (R, 10)."""
     servos = machine.servos
     loss = np.array([[e.gear_friction] for e in effects])

@@ -21,7 +21,7 @@ from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.score_test import scores
 from serpent_twin.machines.arm import ArmRig
 from serpent_twin.machines.arm.machine import ArmMachine
-from serpent_twin.machines.arm.pieces import Pieces
+from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import counted
 from serpent_twin.sim.cable_dynamics import side_by_side
@@ -50,7 +50,7 @@ def seconds(of: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def bare(arm: ArmMachine, points: list[ParameterVector], pieces: Pieces) -> float:
+def bare(arm: ArmMachine, points: list[ParameterVector], pieces: ArmPieces) -> float:
     """Seconds for the same physics alone."""
     models = [arm.vector.design(point).spec(motors=False).compile() for point in points]
     for model in models:
@@ -88,7 +88,7 @@ def main(config: TraceSpeed) -> None:
         f"{len(few)} and {counted(len(many), 'segment')}, {len(half)} and {counted(len(points), 'design')}"
     )
 
-    def simulated(of: list[ParameterVector], pieces: Pieces) -> float:
+    def simulated(of: list[ParameterVector], pieces: ArmPieces) -> float:
         return seconds(lambda: case.residual(of, pieces))
 
     ratio(

@@ -62,7 +62,7 @@ class Fuzz(Checked):
 
 
 @dataclass(frozen=True)
-class Source:
+class FuzzTarget:
     """Something that is read from outside."""
 
     name: str
@@ -109,7 +109,9 @@ def reworded(sample: bytes, rng: np.random.Generator) -> bytes:
     return ("," if b"," in sample else "\n").join(parts).encode()
 
 
-def examined(source: Source, number: int, rng: np.random.Generator, found: Path) -> Counter[str]:
+def examined(
+    source: FuzzTarget, number: int, rng: np.random.Generator, found: Path
+) -> Counter[str]:
     """How often mutants of a source were read, refused, or neither."""
     counts: Counter[str] = Counter(read=0, refused=0, other=0)
     for n, mutant in enumerate(mutants(source.samples, number, rng)):
@@ -122,7 +124,7 @@ def examined(source: Source, number: int, rng: np.random.Generator, found: Path)
     return counts
 
 
-def _taken(source: Source, mutant: bytes) -> tuple[str, BaseException | None]:
+def _taken(source: FuzzTarget, mutant: bytes) -> tuple[str, BaseException | None]:
     """Whether a mutant was read or refused; else the error, warnings and errors in callbacks included."""
     unseen: list[BaseException | None] = []
     before, sys.unraisablehook = sys.unraisablehook, lambda seen: unseen.append(seen.exc_value)
@@ -140,12 +142,12 @@ def _taken(source: Source, mutant: bytes) -> tuple[str, BaseException | None]:
     return ("other", unseen[0]) if unseen else (became, error)
 
 
-def sources(folder: Path) -> list[Source]:
+def sources(folder: Path) -> list[FuzzTarget]:
     """All that is read, with good samples; files are written into a folder."""
     return [*_packets(), *_logs(folder), *_texts(folder), *_readouts(folder)]
 
 
-def _packets() -> Iterator[Source]:
+def _packets() -> Iterator[FuzzTarget]:
     place, names = markers(np.zeros(9)), [f"m{n}" for n in range(9)]
     for version in _VERSIONS:
         streamed = (
@@ -154,15 +156,15 @@ def _packets() -> Iterator[Source]:
             packets.server_info(version, 1_000_000, 1511),
         )
         name = "NatNet " + ".".join(map(str, version))
-        yield Source(name, streamed, lambda data, version=version: _natnet(data, version))
+        yield FuzzTarget(name, streamed, lambda data, version=version: _natnet(data, version))
     responder = Responder(Servos(SimulatedMotors(Twin(), np.random.default_rng(0))))
     asked = [(i, p) for i in range(1, 10) for p in (b"", b"\x84\0\4\0", b"\x68\0\1\0\0\0")]
     group = [(0x82, b"\x84\0\4\0\1\2\3"), (0x83, b"\x68\0\4\0\1\1\0\0\0"), (0x8A, b"\x84\0\4\0\1")]
     wire = [protocol.instruction_packet(1, i, p) for i, p in asked]
     wire += [protocol.instruction_packet(0xFE, i, p) for i, p in group]
-    yield Source("instruction packets", tuple(wire), lambda data: _answer(responder, data))
+    yield FuzzTarget("instruction packets", tuple(wire), lambda data: _answer(responder, data))
     answers = tuple(protocol.status_packet(n, 0, bytes(27)) for n in range(1, 11))
-    yield Source("status packets", answers, lambda data: protocol.Parser().feed(data))
+    yield FuzzTarget("status packets", answers, lambda data: protocol.Parser().feed(data))
 
 
 def _natnet(packet: bytes, version: packets.Version) -> None:
@@ -183,16 +185,18 @@ def _answer(responder: Responder, data: bytes) -> None:
         responder.answer(packet)
 
 
-def _logs(folder: Path) -> Iterator[Source]:
+def _logs(folder: Path) -> Iterator[FuzzTarget]:
     path = collect(Collect(folder / "logs", sessions=3, steps=160))[0]
     session = read_session(path)[:40]
     short = write_session(folder / "short.parquet", session)
-    yield Source("session logs", (short.read_bytes(),), _file(folder / "session_01.parquet", _log))
+    yield FuzzTarget(
+        "session logs", (short.read_bytes(),), _file(folder / "session_01.parquet", _log)
+    )
     with Journal(folder / "torn.journal", session.metadata) as journal:
         for n in range(len(session)):
             journal.append({name: getattr(session, name)[n] for name in FIELDS})
     torn = (folder / "torn.journal").read_bytes()
-    yield Source("journals", (torn,), _file(folder / "cut.journal", read_journal))
+    yield FuzzTarget("journals", (torn,), _file(folder / "cut.journal", read_journal))
     names = ",".join(f"arm:m{n},arm:m{n},arm:m{n}" for n in range(1, 10))
     rows = [",".join(f"{x:.6f}" for x in marker.ravel()) for marker in session.marker]
     take = [
@@ -206,28 +210,34 @@ def _logs(folder: Path) -> Iterator[Source]:
         *(f"{n},{n / 4:.6f},{row}" for n, row in enumerate(rows)),
     ]
     csv = "\r\n".join([*take, ""]).encode()
-    yield Source("Motive takes", (csv,), _file(folder / "take.csv", read_take))
+    yield FuzzTarget("Motive takes", (csv,), _file(folder / "take.csv", read_take))
 
 
 def _log(path: Path) -> None:
     examine(read_session(path))
 
 
-def _texts(folder: Path) -> Iterator[Source]:
+def _texts(folder: Path) -> Iterator[FuzzTarget]:
     twin = folder / "twin.json"
     twin_model.write(twin, twin_model.NOMINAL_TWIN, {})
-    yield Source("twin.json", (twin.read_bytes(),), _file(folder / "t.json", twin_model.read), True)
+    yield FuzzTarget(
+        "twin.json", (twin.read_bytes(),), _file(folder / "t.json", twin_model.read), True
+    )
     setup = write_setup(ArmSetup("/dev/null", zero=(0,) * 10, path=folder / "arm.toml"))
-    yield Source("arm.toml", (setup.read_bytes(),), _file(folder / "a.toml", read_setup), True)
+    yield FuzzTarget("arm.toml", (setup.read_bytes(),), _file(folder / "a.toml", read_setup), True)
     turns = folder / "arm.turns.json"
     write_turns(turns, LastSeen(np.arange(10), np.zeros(10, int), True))
-    yield Source("turns", (turns.read_bytes(),), _file(folder / "a.turns.json", read_turns), True)
+    yield FuzzTarget(
+        "turns", (turns.read_bytes(),), _file(folder / "a.turns.json", read_turns), True
+    )
     frame = folder / "frame.json"
     IDENTITY.save(frame)
-    yield Source("frame.json", (frame.read_bytes(),), _file(folder / "f.json", Rigid.load), True)
+    yield FuzzTarget(
+        "frame.json", (frame.read_bytes(),), _file(folder / "f.json", Rigid.load), True
+    )
 
 
-def _readouts(folder: Path) -> Iterator[Source]:
+def _readouts(folder: Path) -> Iterator[FuzzTarget]:
     data = windows.cut([read_session(path) for path in session_files(folder / "logs")], 4)
     linear = find("linear")(4)
     linear.fit(data, data, np.random.default_rng(0), lambda *_: None)
@@ -248,7 +258,7 @@ def _readouts(folder: Path) -> Iterator[Source]:
 
     for name in ("readout.json", "learned.npz"):
         text = name.endswith("json")
-        yield Source(name, ((saved / name).read_bytes(),), of(name), text)
+        yield FuzzTarget(name, ((saved / name).read_bytes(),), of(name), text)
 
 
 def _file(path: Path, read: Callable[[Path], object]) -> Callable[[bytes], object]:

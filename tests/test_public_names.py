@@ -1,10 +1,14 @@
-"""Test that the package imports quickly, and that its public names exist."""
+"""Test that the package imports quickly, that its names exist, and that a class name has one meaning."""
 
+import ast
 import subprocess
 import sys
+from collections import defaultdict
+from pathlib import Path
 
 import serpent_twin
 
+ROOT = Path(__file__).parents[1]
 HEAVY = ("torch", "rerun", "mujoco", "dask", "matplotlib", "numpy")
 
 
@@ -26,3 +30,14 @@ def test_every_public_name_is_there_and_documented():
 
 def test_what_is_not_there_is_no_attribute():
     assert not hasattr(serpent_twin, "gripper")
+
+
+def test_no_class_name_is_defined_twice():
+    modules = defaultdict(list)
+    for folder in ("serpent_twin", "bench_arm", "benchmarks", "experiments"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.ClassDef):
+                    modules[node.name].append(str(path.relative_to(ROOT)))
+    assert len(modules) > 300, "the sources were not found"
+    assert {name: paths for name, paths in modules.items() if len(paths) > 1} == {}

@@ -18,7 +18,7 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
-from serpent_twin.identification.diagnosis import Estimate
+from serpent_twin.identification.diagnosis import ParameterEstimate
 from serpent_twin.reporting.report import Report, Section, Table, text_table, write
 from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash, provenance
@@ -134,7 +134,7 @@ def _row(name: str, found: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _lacked(effect: Mapping[str, Any]) -> str:
-    told = ", ".join(f"{name} {Estimate(**e)}" for name, e in effect["parameters"].items())
+    told = ", ".join(f"{name} {ParameterEstimate(**e)}" for name, e in effect["parameters"].items())
     return f"{effect['name'].replace('_', ' ')}: {told}"
 
 

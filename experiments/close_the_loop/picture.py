@@ -31,7 +31,7 @@ _CLEARLY = 0.95  # quantile over moments of how much better the corrected twin i
 
 
 @dataclass(frozen=True)
-class Moment:
+class Snapshot:
     """One row of a held-out session, as measured and as two twins have it."""
 
     arm: str
@@ -74,7 +74,7 @@ def picture(
     return Shown(Figure("overlay", drawing, caption(at)), numbers | off)
 
 
-def moment(arm: str, session: Session, corrected: twin_model.TwinModel) -> Moment:
+def moment(arm: str, session: Session, corrected: twin_model.TwinModel) -> Snapshot:
     """A moment at which the nominal twin is clearly off: only one in twenty shows more of a gain."""
     twins = {
         NOMINAL: replay_motors(session.time, session.motor_position),
@@ -93,7 +93,7 @@ def moment(arm: str, session: Session, corrected: twin_model.TwinModel) -> Momen
     joint = {MEASURED: seen} | {name: twin.joint_angle[row] for name, twin in twins.items()}
     marker = {MEASURED: session.marker[row]} | {n: t.marker[row] for n, t in twins.items()}
     means = {name: float(np.nanmean(each[_DROP:])) for name, each in off.items()}
-    return Moment(arm, session.name, float(session.time[row]), joint, marker, means)
+    return Snapshot(arm, session.name, float(session.time[row]), joint, marker, means)
 
 
 def _distances_mm(twin: Response, session: Session) -> Array:
@@ -109,7 +109,7 @@ def _distance_mm(a: Array, b: Array) -> float:
     return float(1e3 * np.nanmean(np.linalg.norm(a - b, axis=-1)))
 
 
-def draw(at: Moment) -> Drawing:
+def draw(at: Snapshot) -> Drawing:
     """Two side views, gravity downwards: links as lines, markers as dots."""
     drawing = Drawing(figsize=(5.4, 8), layout="constrained")
     for axes, (side, name) in zip(drawing.subplots(1, 2), ((1, "y"), (2, "z")), strict=True):
@@ -127,7 +127,7 @@ def draw(at: Moment) -> Drawing:
     return drawing
 
 
-def _arm(axes: Axes, at: Moment, who: str, side: int) -> None:
+def _arm(axes: Axes, at: Snapshot, who: str, side: int) -> None:
     line = 1e3 * bones(at.joint[who])
     label = who if who == MEASURED else f"{who}, {at.error_mm(who):.1f} mm off"
     axes.plot(line[:, side], line[:, 0], label=label, solid_capstyle="round", **STYLE[who])
@@ -143,7 +143,7 @@ def bones(q: Array) -> Array:
     return np.vstack([origin, end])
 
 
-def caption(at: Moment) -> str:
+def caption(at: Snapshot) -> str:
     """What is to be seen."""
     return (
         f"{at.arm}, {at.session}, held out, {at.time_s:.0f} s after its beginning: two side views. Only "

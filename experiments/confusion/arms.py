@@ -15,7 +15,7 @@ from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.effects import Effect, by_name, ranges
 from serpent_twin.machines.arm.catalogue import CATALOGUE
-from serpent_twin.recording.bench import Bench
+from serpent_twin.recording.simulated_arm import SimulatedArm
 from serpent_twin.runs.files import write_json
 from serpent_twin.sessions import Session, write_session
 from serpent_twin.sim.twin import Twin
@@ -36,7 +36,7 @@ class Length:
     """Control steps of each session, at 4 Hz"""
 
 
-class Source(Protocol):
+class LogSource(Protocol):
     """Where the logs come from."""
 
     known: tuple[str, ...]
@@ -74,9 +74,9 @@ def simulated(built: TwinModel, number: int, steps: int, rng: np.random.Generato
     """One session of a twin behind its simulated bus and cameras."""
     for_targets, for_loads, for_cameras = rng.spawn(3)
     twin = Twin(built, prior_runtime=(number - 1) * steps / RATE_HZ)
-    bench = Bench.of(twin, built.parameters, for_loads, for_cameras, MARKER_LOSS)
+    arm = SimulatedArm.of(twin, built.parameters, for_loads, for_cameras, MARKER_LOSS)
     about = {"backend": "sim", "arm": "confusion", "session": number}
-    return bench.session(random_targets(steps, for_targets), RATE_HZ, about)
+    return arm.session(random_targets(steps, for_targets), RATE_HZ, about)
 
 
 def draw(rng: np.random.Generator) -> TwinModel:

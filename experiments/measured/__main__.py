@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.measured.bench import BENCHES
+from experiments.measured.benchmark import BENCHMARKS
 from experiments.measured.changed import changed
 from experiments.measured.named import judge
 from experiments.measured.page import effect_told, page, table
@@ -58,7 +58,7 @@ def main(config: Measured) -> None:  # noqa: D103 tyro would print it above the 
 
 def _bench(config: Measured, name: str, runs: Asked) -> dict[str, Any]:
     """What results.json says of a machine: its first split, then every split, their spread, and changes."""
-    bench = BENCHES[name]
+    bench = BENCHMARKS[name]
     scored = [_split(config, name, *each) for each in runs.splits]
     corrected = [each["corrected"] for each in scored]
     training, judging = runs.splits[0]
@@ -81,7 +81,7 @@ def _split(
 ) -> dict[str, Any]:
     """One split's entry in results.json."""
     files = [str(r.path.name) for r in judging if r.path]
-    bench, out = BENCHES[name], _folder(config, name, judging)
+    bench, out = BENCHMARKS[name], _folder(config, name, judging)
     chosen_by = inner(training, bench) if config.held_out else (training, judging)
     wanted = Trace(config.data / name, out, rig=name, seed=config.seed, judge=", ".join(files))
     found, numbers = trace_sessions(wanted, machines.find(name), *chosen_by)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.measured.bench import BENCHES
+from experiments.measured.benchmark import BENCHMARKS
 from experiments.measured.page import effect_told
 from experiments.measured.split import by_time
 from serpent_twin import machines, stored
@@ -73,7 +73,7 @@ def _one(name: str, twin: Path, run: Recording, out: Path, seed: int) -> dict[st
         judge=judging[0].name,
     )
     found, numbers = trace_sessions(asked, machine.changed(twin), fitted, judging)
-    error = {stage: BENCHES[name].metric.of(each) for stage, each in found.comparisons.items()}
+    error = {stage: BENCHMARKS[name].metric.of(each) for stage, each in found.comparisons.items()}
     effects = numbers["effects"]
     return {
         "file": run.path.name,

@@ -13,7 +13,7 @@ import numpy as np
 
 from serpent_twin import machines
 from serpent_twin.identification.build_diagnosis import estimates
-from serpent_twin.identification.diagnosis import Estimate
+from serpent_twin.identification.diagnosis import ParameterEstimate
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import Fit, fit
 from serpent_twin.machines.case import Case
@@ -30,7 +30,7 @@ class Judged:
 
     comparisons: dict[str, Comparison]
     """nominal, calibrated, corrected"""
-    effects: dict[str, dict[str, Estimate]]
+    effects: dict[str, dict[str, ParameterEstimate]]
     """Parameters of each, fitted anew"""
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from experiments.measured.bench import BENCHES, Bench
+from experiments.measured.benchmark import BENCHMARKS, Benchmark
 from serpent_twin import machines
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Recording
@@ -31,7 +31,7 @@ def asked(data: Path, held_out: str = "") -> dict[str, Asked]:
     if held_out:
         return dict([_named(data, held_out)])
     found, missing = {}, []
-    for name, bench in BENCHES.items():
+    for name, bench in BENCHMARKS.items():
         if not any(file.match(bench.unchanged) for file in (data / name).glob("*.parquet")):
             named = bench.unchanged.removesuffix("*") + "*.parquet"
             missing.append(f"{data / name} holds no {named} ({bench.origin} has the originals)")
@@ -61,7 +61,7 @@ def split(runs: Sequence[Recording], patterns: Sequence[str]) -> Split:
     return training, judging
 
 
-def inner(training: Sequence[Recording], bench: Bench) -> Split:
+def inner(training: Sequence[Recording], bench: Benchmark) -> Split:
     """The split of training runs that chooses effects: the one in which most judge, or of one run."""
     if len(training) == 1:
         return by_time(training[0])
@@ -87,7 +87,7 @@ def by_time(run: Recording, share: float = 0.6) -> Split:
 def _runs(data: Path, name: str) -> Split:
     """A machine's runs as it was, and after something was changed."""
     runs: Sequence[Any] = machines.find(name).read(data / name)
-    unchanged = BENCHES[name].unchanged
+    unchanged = BENCHMARKS[name].unchanged
     same = [r for r in runs if r.path.match(unchanged)]
     if not same:
         raise SerpentError(
@@ -97,7 +97,7 @@ def _runs(data: Path, name: str) -> Split:
     return same, [r for r in runs if r not in same]
 
 
-def _patterns(runs: Sequence[Recording], bench: Bench) -> list[tuple[str, ...]]:
+def _patterns(runs: Sequence[Recording], bench: Benchmark) -> list[tuple[str, ...]]:
     """The bench's splits, as far as there are runs of these names; else every fourth run judges."""
     paths = [r.path for r in runs if r.path]
     known = [each for each in bench.splits if any(path.match(p) for path in paths for p in each)]
@@ -111,7 +111,7 @@ def _named(data: Path, held_out: str) -> tuple[str, Asked]:
     if not files:
         raise SerpentError(f"--held-out {held_out} names no file. Give a path with wildcards.")
     reasons = []
-    for name, bench in BENCHES.items():
+    for name, bench in BENCHMARKS.items():
         rig: Any = machines.find(name)
         try:
             judging = rig.read_files(files)

@@ -54,7 +54,7 @@ OnProgress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Real:
+class ArmWindows:
     """An arm's windows."""
 
     train: Windows
@@ -83,7 +83,7 @@ class Study:
     out: Path
     seed: int
     size: Size
-    real: Real
+    real: ArmWindows
     twins: Twins
     on_progress: OnProgress
 
@@ -133,7 +133,7 @@ def study_arm(
     out.mkdir(parents=True, exist_ok=True)
     on_progress("tracing")
     twins = trace_arm(folder, parts, out / "trace", seed, size)
-    study = Study(out, seed, size, Real(*parts.windows(WINDOW, DROP)), twins, on_progress)
+    study = Study(out, seed, size, ArmWindows(*parts.windows(WINDOW, DROP)), twins, on_progress)
     found = _routes(study) | _observers(study) | _diagnosed(twins.diagnosis)
     found["test_sessions"] = parts.names()["test"]
     found["windows"] = {"train": len(study.real.all.x), "test": len(study.real.test.x)}
@@ -195,7 +195,7 @@ def _from_scratch(study: Study, name: str) -> dict[str, float]:
     return errors
 
 
-def _rate(real: Real) -> float:
+def _rate(real: ArmWindows) -> float:
     assert real.train.rate_hz is not None
     return real.train.rate_hz
 

@@ -19,8 +19,8 @@ from serpent_twin.estimators import Belief, Estimator, Live
 from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.readouts.score import distances, score
 from serpent_twin.readouts.windows import bus_of, cut
-from serpent_twin.recording.bench import Bench, generators
 from serpent_twin.recording.loop import record
+from serpent_twin.recording.simulated_arm import SimulatedArm, generators
 from serpent_twin.sessions import Session
 from serpent_twin.sessions.session import session_from_rows
 from serpent_twin.sim.cable_dynamics import Variation
@@ -67,16 +67,16 @@ def loaded(design: TwinModel, more_kg: float) -> TwinModel:
     return design.with_effect(replace(held, mass=held.mass + more_kg)) if more_kg else design
 
 
-def _bench(arm: TwinModel, seed: list[int]) -> tuple[Bench, np.random.Generator]:
+def _simulated_arm(arm: TwinModel, seed: list[int]) -> tuple[SimulatedArm, np.random.Generator]:
     """A simulated arm, and what draws its targets."""
     for_targets, for_loads, for_cameras = generators(seed)
-    return Bench.of(Twin(arm), arm.parameters, for_loads, for_cameras), for_targets
+    return SimulatedArm.of(Twin(arm), arm.parameters, for_loads, for_cameras), for_targets
 
 
 def session_of(arm: TwinModel, condition: Condition, seed: int) -> Session:
     """A session of a simulated arm."""
-    bench, for_targets = _bench(loaded(arm, condition.more_kg), [seed, 17])
-    bus = bench.bus
+    simulated, for_targets = _simulated_arm(loaded(arm, condition.more_kg), [seed, 17])
+    bus = simulated.bus
     wide = replace(ARM, target_range=condition.wider * ARM.target_range)
     targets = random_targets(
         condition.rows, for_targets, wide, hold=round(1.25 * condition.rate_hz)
@@ -89,7 +89,7 @@ def session_of(arm: TwinModel, condition: Condition, seed: int) -> Session:
                 bus.reboot([2, 3, 7])
                 bus.wait(2.0)
             began = bus.time
-            for row in record(bus, bench.cameras, part, bench.gain, 1 / condition.rate_hz):
+            for row in record(bus, simulated.cameras, part, simulated.gain, 1 / condition.rate_hz):
                 rows.append(row | {"time": began + row["time"]})
     whole = _session(rows, condition.rate_hz)
     kept = np.ones(len(whole), bool)
@@ -136,7 +136,7 @@ def in_conditions(
 
 
 @dataclass(frozen=True)
-class Change:
+class ArmChange:
     """What becomes of an arm while it moves."""
 
     more_kg: float = 0.0
@@ -146,28 +146,28 @@ class Change:
 
 
 CHANGES = {
-    "payload": (Change(more_kg=MORE_KG), f"the gripper takes up {1e3 * MORE_KG:.0f} g"),
-    "tilt": (Change(tilt=(0.04, -0.03)), "the stand is knocked askew by 2.9°"),
+    "payload": (ArmChange(more_kg=MORE_KG), f"the gripper takes up {1e3 * MORE_KG:.0f} g"),
+    "tilt": (ArmChange(tilt=(0.04, -0.03)), "the stand is knocked askew by 2.9°"),
 }
 """Each with what happens, in words"""
 
 
-def changing(arm: TwinModel, rows: int, at: int, change: Change, seed: int) -> Session:
+def changing(arm: TwinModel, rows: int, at: int, change: ArmChange, seed: int) -> Session:
     """A session during which the arm changes, at a row."""
-    before, after = _held(arm, Change()), _held(arm, change)
-    bench, for_targets = _bench(before, [seed, 19])
-    bus, logged, targets = bench.bus, list[dict[str, Any]](), random_targets(rows, for_targets)
+    before, after = _held(arm, ArmChange()), _held(arm, change)
+    simulated, for_targets = _simulated_arm(before, [seed, 19])
+    bus, logged, targets = simulated.bus, list[dict[str, Any]](), random_targets(rows, for_targets)
     with bus:
         models = [each.spec().compile() for each in (before, after)]
         variation = Variation(bus.twin.batch, models)
-        for n, row in enumerate(record(bus, bench.cameras, targets, bench.gain, 0.25)):
+        for n, row in enumerate(record(bus, simulated.cameras, targets, simulated.gain, 0.25)):
             logged.append(row)
             if n == at:
                 variation.set(np.ones((1, 1)))
     return _session(logged, 4.0)
 
 
-def _held(arm: TwinModel, change: Change) -> TwinModel:
+def _held(arm: TwinModel, change: ArmChange) -> TwinModel:
     """The arm after a change, built as it is before one: with a payload and a tilt, however small."""
     tilted = arm.effect_of(BaseTilt)
     about_y, about_z = (max(abs(x), 1e-9) * (np.sign(x) or 1) for x in change.tilt)

@@ -25,7 +25,7 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import GIVEN, Checked, RateHz, Workers, used_only, when
 from serpent_twin.reporting.report import write
-from serpent_twin.reservoir.sweep.rows import Row
+from serpent_twin.reservoir.sweep.rows import SweepRow
 from serpent_twin.reservoir.sweep.run import Sweep, sweep
 from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash, provenance
@@ -99,7 +99,7 @@ def main(config: StiffnessSweep) -> None:  # noqa: D103 tyro would print it abov
 
 def measured(
     config: StiffnessSweep, plan: Plan
-) -> tuple[dict[str, list[Row]], list[dict[str, Any]]]:
+) -> tuple[dict[str, list[SweepRow]], list[dict[str, Any]]]:
     """All points of a plan, and what each took; what is there is not measured again."""
     named = plan.points()
     posed = list(dict.fromkeys(point for name in POSED for point in named[name]))

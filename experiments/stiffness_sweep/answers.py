@@ -23,7 +23,7 @@ from experiments.stiffness_sweep.trend import (
 )
 from serpent_twin.arrays import Array
 from serpent_twin.numerals import counted
-from serpent_twin.reservoir.sweep.rows import Row, error_of, steady_readouts, values
+from serpent_twin.reservoir.sweep.rows import SweepRow, error_of, steady_readouts, values
 
 SLACK, STIFFNESS = 0, 1
 _NOTHING = 0.01  # share of all capacity that counts as none
@@ -76,7 +76,7 @@ def noiseless_optimum(rows: Rows) -> Answer:
     return _optimal(rows, lambda row: row.noiseless_total, "in the body itself")
 
 
-def _optimal(rows: Rows, capacity: Callable[[Row], float], where: str) -> Answer:
+def _optimal(rows: Rows, capacity: Callable[[SweepRow], float], where: str) -> Answer:
     useful = values(rows[GRID], capacity)
     stiffness, rate = sorted({row.stiffness for row in rows[GRID]}), rows[GRID][0].rate
     found = [_optimum(useful, stiffness, rate)]

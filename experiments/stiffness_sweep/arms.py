@@ -43,7 +43,7 @@ class Placed(GridPoint):
 
 
 @dataclass(frozen=True)
-class Place:
+class ChartPosition:
     """Where an arm lies on the chart."""
 
     stiffness: float
@@ -54,7 +54,7 @@ class Place:
     """How it is known"""
 
 
-def place(sessions: Sequence[Session], twin: Path | None) -> Place:
+def place(sessions: Sequence[Session], twin: Path | None) -> ChartPosition:
     """Out of a twin.json if there is one, else first guesses from logged poses and loads."""
     if twin:
         return _median(twin_model.read(twin), f"its trace: {twin.parent.name}/{twin.name}")
@@ -63,14 +63,14 @@ def place(sessions: Sequence[Session], twin: Path | None) -> Place:
     return _median(start, f"first guesses from {counted(len(training), 'session')}")
 
 
-def _median(arm: twin_model.TwinModel, source: str) -> Place:
+def _median(arm: twin_model.TwinModel, source: str) -> ChartPosition:
     told, parts = arm.parameters, arm.tolerances
     stiffness = told.strand_stiffness * np.exp(np.median(parts.strand_stiffness))
     slack = told.strand_slack + np.median(parts.strand_slack)
-    return Place(float(stiffness), float(max(0.0, slack)), source)
+    return ChartPosition(float(stiffness), float(max(0.0, slack)), source)
 
 
-def placed(sessions: Sequence[Session], at: Place, plan: Plan) -> dict[str, Any]:
+def placed(sessions: Sequence[Session], at: ChartPosition, plan: Plan) -> dict[str, Any]:
     """What readouts and memory say of a logged arm, and of the twin at its place, in as many rows."""
     rows, rate = min(map(len, sessions)), sessions[0].rate_hz
     alike = replace(plan.measuring, sessions=len(sessions), session_steps=rows, session_rate=None)

@@ -13,7 +13,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.reporting.plot_style import INK, SOFT, label_logarithmic, styles, tidy
 from serpent_twin.reporting.report import Figure
 from serpent_twin.reservoir.sweep import figures as sweep_figures
-from serpent_twin.reservoir.sweep.rows import Row, error_of, readouts, values
+from serpent_twin.reservoir.sweep.rows import SweepRow, error_of, readouts, values
 
 SHADES = "viridis"
 _ARM = {"marker": "D", "ms": 6, "ls": "", "mec": INK, "mew": 0.8}
@@ -106,7 +106,7 @@ def _commands(rows: Rows) -> Figure:
     return Figure("commands", drawing, caption)
 
 
-def _by_stiffness(row: Row) -> float:
+def _by_stiffness(row: SweepRow) -> float:
     return row.stiffness
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from experiments.stiffness_sweep.plan import GRID, Plan
 from serpent_twin.command_line.options import used_only
 from serpent_twin.reservoir.sweep.point import GridPoint
-from serpent_twin.reservoir.sweep.rows import Row
+from serpent_twin.reservoir.sweep.rows import SweepRow
 from serpent_twin.reservoir.sweep.run import Sweep, sweep
 
 Errors = Mapping[GridPoint, Mapping[str, float]]
@@ -32,7 +32,7 @@ def networks(plan: Plan, out: Path, workers: int) -> dict[GridPoint, dict[str, f
     return found
 
 
-def added(rows: Sequence[Row], points: Sequence[GridPoint], errors: Errors) -> list[Row]:
+def added(rows: Sequence[SweepRow], points: Sequence[GridPoint], errors: Errors) -> list[SweepRow]:
     """The rows of points with what networks make of them, where they were trained."""
     return [
         replace(row, pose_mm={**row.pose_mm, **errors.get(point, {})})

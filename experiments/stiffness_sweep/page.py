@@ -14,7 +14,7 @@ from experiments.stiffness_sweep.transfer import worst
 from experiments.stiffness_sweep.trend import HELD, NOT, OPEN, TREND, Answer
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Report, Section, Table
-from serpent_twin.reservoir.sweep.rows import Row, error_of, readouts, steady_readouts, values
+from serpent_twin.reservoir.sweep.rows import SweepRow, error_of, readouts, steady_readouts, values
 
 _CRITERIA = (
     f"A trend counts from a rank correlation of {TREND:g} on: it held if the whole 95 % interval lies "
@@ -152,7 +152,7 @@ def _besides(rows: Rows) -> tuple[Table, ...]:
     return commands, ratio, noises
 
 
-def _measured(row: Row, names: Sequence[str]) -> tuple[str, ...]:
+def _measured(row: SweepRow, names: Sequence[str]) -> tuple[str, ...]:
     errors = [error_of(name)(row) for name in names]
     numbers = (row.useful_total, row.noiseless_total, row.mean_delay, row.consistency, *errors)
     return tuple(f"{number:.2f}" for number in numbers)
@@ -199,7 +199,7 @@ def _arms(arms: Mapping[str, Mapping[str, Any]]) -> Table:
     return Table(header, lines, note)
 
 
-def _failed(rows: Sequence[Row]) -> Table:
+def _failed(rows: Sequence[SweepRow]) -> Table:
     lines = tuple(
         (f"{r.stiffness / 1e3:.3g}", f"{1e3 * r.slack:g}", f"{r.seed}", r.failed) for r in rows
     )

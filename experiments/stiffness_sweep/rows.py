@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
-from serpent_twin.reservoir.sweep.rows import Row, row_of
+from serpent_twin.reservoir.sweep.rows import SweepRow, row_of
 
-Rows = Mapping[str, Sequence[Row]]
+Rows = Mapping[str, Sequence[SweepRow]]
 """By what the points are for"""
 
 
@@ -14,7 +14,7 @@ def rows_of(
     points: Mapping[str, Sequence[GridPoint]],
     found: Mapping[GridPoint, Mapping[str, Any]],
     measuring: Measuring,
-) -> dict[str, list[Row]]:
+) -> dict[str, list[SweepRow]]:
     """Rows by what they are for, out of what was found at each point."""
     return {
         name: [row_of(point, found[point], measuring) for point in of]

@@ -6,13 +6,13 @@ import signal
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.emulator.device import Running, running
-from serpent_twin.emulator.device.options import Options, build
+from serpent_twin.emulator.device.options import DeviceOptions, build
 from serpent_twin.emulator.device.orders import Orders
 
 __all__ = ["Running", "running"]
 
 
-def main(options: Options) -> None:
+def main(options: DeviceOptions) -> None:
     device = build(options)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, device.stop)

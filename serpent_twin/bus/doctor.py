@@ -13,7 +13,7 @@ from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, when
 from serpent_twin.hardware.dynamixel.bus import DynamixelBus
-from serpent_twin.hardware.dynamixel.examination import Diagnosis, examine
+from serpent_twin.hardware.dynamixel.examination import BusExamination, examine
 from serpent_twin.hardware.dynamixel.registers import MotorRegisters
 from serpent_twin.hardware.dynamixel.setup import (
     ArmSetup,
@@ -50,7 +50,7 @@ class Doctor(Checked):
     """JSON file for the figures and findings."""
 
 
-def describe(diagnosis: Diagnosis) -> str:
+def describe(diagnosis: BusExamination) -> str:
     """The diagnosis as a page of text."""
     lines = [f"{diagnosis.port}: {counted(len(diagnosis.motors), 'motor')} of the setup answer", ""]
     lines += [

@@ -20,7 +20,7 @@ from serpent_twin.effects.effect import (
     stack,
     stacked,
 )
-from serpent_twin.effects.moment import Driven, Geared, Instant, Moment, Wound
+from serpent_twin.effects.moment import Geared, Instant, Moment, TorqueDriven, Wound
 from serpent_twin.effects.registry import (
     KNOWN,
     Stored,
@@ -33,7 +33,6 @@ from serpent_twin.effects.registry import (
 
 __all__ = [
     "KNOWN",
-    "Driven",
     "Effect",
     "Geared",
     "Instant",
@@ -41,6 +40,7 @@ __all__ = [
     "Range",
     "Several",
     "Stored",
+    "TorqueDriven",
     "Wound",
     "act",
     "begin",

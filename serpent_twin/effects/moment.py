@@ -99,7 +99,7 @@ class Giving(Told, Protocol):
     """What the cables ask of each servo's horn [N m]"""
 
 
-class Driven(Protocol):
+class TorqueDriven(Protocol):
     """A moment of a machine whose drive gives a torque, not an angle."""
 
     drive_torque: Array

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from serpent_twin.effects.effect import WINDING, Effect, parameter
-from serpent_twin.effects.moment import Driven
+from serpent_twin.effects.moment import TorqueDriven
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class TorqueSaturation(Effect):
     stage: ClassVar[int] = WINDING
     needs: ClassVar[frozenset[str]] = frozenset({"drive_torque"})
 
-    def act(self, moment: Driven, memory: None) -> None:
+    def act(self, moment: TorqueDriven, memory: None) -> None:
         """Weaken the drive."""
         drive = moment.drive_torque
         moment.drive_torque = drive / (1 + self.rate * abs(drive))

@@ -21,7 +21,7 @@ SURE = 3.0
 
 
 @dataclass(frozen=True)
-class Trial:
+class CandidateTrial:
     """One candidate in one round."""
 
     score: Score
@@ -39,7 +39,7 @@ class Round:
     base: Fit
     errors: Errors
     """Of the base, held out"""
-    trials: dict[str, Trial]
+    trials: dict[str, CandidateTrial]
     accepted: str
     """Name of the candidate that was accepted, or nothing"""
 
@@ -50,7 +50,7 @@ class Round:
 
 
 @dataclass(frozen=True)
-class Search:
+class Selection:
     """All rounds and the resulting twin."""
 
     case: Case[Any]
@@ -60,7 +60,7 @@ class Search:
     rounds: tuple[Round, ...]
 
 
-def better_trial(one: Trial, other: Trial) -> Trial:
+def better_trial(one: CandidateTrial, other: CandidateTrial) -> CandidateTrial:
     """The trial that gains more, with the first one's score."""
     gains = [t.gain.relative if t.gain else -np.inf for t in (one, other)]
     return replace(one if gains[0] >= gains[1] else other, score=one.score)
@@ -81,7 +81,7 @@ def significant(found: Fit, name: str, candidate: Candidate) -> bool:
     return any(abs(found.point.effects[name][k]) > SURE * error[n] for n, k in ours)
 
 
-def why_not(name: str, trial: Trial, candidate: Candidate) -> str:
+def why_not(name: str, trial: CandidateTrial, candidate: Candidate) -> str:
     """Why a candidate is not accepted, or nothing."""
     if not trial.fit or not trial.gain:
         return f"to first order it would remove {100 * trial.score.share:.1f} % of the residual"
@@ -94,7 +94,7 @@ def why_not(name: str, trial: Trial, candidate: Candidate) -> str:
     )
 
 
-def best_trial(trials: dict[str, Trial], candidates: Mapping[str, Candidate]) -> str:
+def best_trial(trials: dict[str, CandidateTrial], candidates: Mapping[str, Candidate]) -> str:
     """The candidate with the greatest gain, if that is large enough, significant and within its range."""
     good = {
         name: trial.gain.relative
@@ -104,6 +104,6 @@ def best_trial(trials: dict[str, Trial], candidates: Mapping[str, Candidate]) ->
     return max(good, key=lambda name: good[name]) if good else ""
 
 
-def seen(trial: Trial) -> bool:
+def seen(trial: CandidateTrial) -> bool:
     """Whether the logs would show this candidate at all."""
     return trial.score.excitation > EXCITED

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.identification.acceptance import Round, Search, seen, why_not
+from serpent_twin.identification.acceptance import Round, Selection, seen, why_not
 from serpent_twin.identification.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
@@ -14,8 +14,8 @@ from serpent_twin.identification.diagnosis import (
     UNSTABLE,
     Calibrated,
     Diagnosis,
-    Estimate,
     Named,
+    ParameterEstimate,
     Tried,
     Unexplained,
 )
@@ -40,11 +40,13 @@ LOAD_BEYOND = 1.15
 _DRAWS = 4  # of twins that the data cannot distinguish
 
 
-def build_diagnosis(tracer: Tracer, search: Search, arm: str, files: Sequence[str]) -> Diagnosis:
+def build_diagnosis(
+    tracer: Tracer, selection: Selection, arm: str, files: Sequence[str]
+) -> Diagnosis:
     """The diagnosis: errors, effects with intervals, verdicts, and what is left."""
-    case, held_out, rng = search.case, tracer.held_out, np.random.default_rng([tracer.seed, 7])
-    final = search.final
-    points = {"nominal": None, "calibrated": search.calibrated.point, "corrected": final.point}
+    case, held_out, rng = selection.case, tracer.held_out, np.random.default_rng([tracer.seed, 7])
+    final = selection.final
+    points = {"nominal": None, "calibrated": selection.calibrated.point, "corrected": final.point}
     compared = {name: case.compare(point, held_out) for name, point in points.items()}
     found = {name: analyse(compared[name], rng) for name in ("calibrated", "corrected")}
     held = {name: errors(each) for name, each in compared.items()}
@@ -57,12 +59,12 @@ def build_diagnosis(tracer: Tracer, search: Search, arm: str, files: Sequence[st
     return Diagnosis(
         arm=arm,
         held_out=tuple(files),
-        effects=_named(case, search, held["calibrated"], held["corrected"], rng),
-        candidates=_tried(case, search),
+        effects=_named(case, selection, held["calibrated"], held["corrected"], rng),
+        candidates=_tried(case, selection),
         unexplained=_unexplained(found["corrected"], error, load, expected),
         error=error | {"noise_floor": noise.mean_floor, "expected": expected},
         load_error=load | {"noise_floor": noise.load_floor},
-        cautions=(*_cautions(case, search), *_unstable(case, search, tracer.training)),
+        cautions=(*_cautions(case, selection), *_unstable(case, selection, tracer.training)),
         calibration=_calibration(case, final),
         comparisons=compared,
         findings=found,
@@ -73,20 +75,20 @@ def build_diagnosis(tracer: Tracer, search: Search, arm: str, files: Sequence[st
 
 
 def _named(
-    case: Case, search: Search, before: Errors, after: Errors, rng: np.random.Generator
+    case: Case, selection: Selection, before: Errors, after: Errors, rng: np.random.Generator
 ) -> tuple[Named, ...]:
     """The effects found; the whole gain belongs to an effect that is alone."""
-    accepted = {each.accepted: each for each in search.rounds if each.accepted}
-    alone = len(search.final.point.effects) == 1
+    accepted = {each.accepted: each for each in selection.rounds if each.accepted}
+    alone = len(selection.final.point.effects) == 1
     named = []
-    for name in search.final.point.effects:
+    for name in selection.final.point.effects:
         found = accepted[name]
         gained = gain(before, after, rng, found.fitted) if alone else found.trials[name].gain
         assert gained is not None
         named.append(
             Named(
                 name=name,
-                parameters=estimates(case, search.final, name),
+                parameters=estimates(case, selection.final, name),
                 gain=gained.marker,
                 gain_load=gained.load,
                 probability_of_chance=gained.probability_of_chance,
@@ -95,7 +97,7 @@ def _named(
     return tuple(named)
 
 
-def estimates(case: Case, fit: Fit, name: str) -> dict[str, Estimate]:
+def estimates(case: Case, fit: Fit, name: str) -> dict[str, ParameterEstimate]:
     """Parameters of an effect with the intervals of a fit, clipped to their ranges."""
     out = {}
     for k, (parameter, allowed) in enumerate(case.candidates[name].ranges.items()):
@@ -103,33 +105,33 @@ def estimates(case: Case, fit: Fit, name: str) -> dict[str, Estimate]:
         low, high = value, value
         if (name, k) in fit.free.effects:
             _, low, high = fit.interval(name, k)
-        out[parameter] = Estimate(
+        out[parameter] = ParameterEstimate(
             value, max(low, allowed.low), min(high, allowed.high), allowed.unit
         )
     return out
 
 
-def _tried(case: Case, search: Search) -> tuple[Tried, ...]:
+def _tried(case: Case, selection: Selection) -> tuple[Tried, ...]:
     """Every candidate's verdict: of the last round in which it was fitted, else of the last."""
     out = {
         name: Tried(name, float("nan"), NOT_EXCITED, 0.0, None, why)
         for name, why in case.unseen.items()
     }
-    for each in search.rounds:
+    for each in selection.rounds:
         for name, trial in each.trials.items():
             if trial.gain is None and name in out and out[name].gain_by_segment is not None:
                 continue
-            verdict, why = _verdict(name, each, search, case)
+            verdict, why = _verdict(name, each, selection, case)
             by_segment = trial.gain.marker_by_segment if trial.gain else None
             out[name] = Tried(name, trial.error, verdict, trial.score.share, by_segment, why)
     ordered = sorted(out.values(), key=lambda t: (t.verdict != ACCEPTED, -t.score))
     return tuple(ordered)
 
 
-def _verdict(name: str, each: Round, search: Search, case: Case) -> tuple[str, str]:
+def _verdict(name: str, each: Round, selection: Selection, case: Case) -> tuple[str, str]:
     trial = each.trials[name]
     if name == each.accepted:
-        if name in search.final.point.effects:
+        if name in selection.final.point.effects:
             return ACCEPTED, "it betters logs that nothing was fitted to, beyond chance"
         return REJECTED, "beside the effects found later it is not worth its parameters"
     if trial.gain is None and trial.score.unstable:
@@ -163,27 +165,27 @@ def _unexplained(
     return Unexplained(is_, share, describe(found) if is_ else "")
 
 
-def _cautions(case: Case, search: Search) -> tuple[str, ...]:
-    told = indistinguishable(case, search.final)
-    if not search.final.converged:
+def _cautions(case: Case, selection: Selection) -> tuple[str, ...]:
+    told = indistinguishable(case, selection.final)
+    if not selection.final.converged:
         told.append("The last fit had not settled; its intervals are too narrow.")
     told += [f"{name}: {why}." for name, why in case.unseen.items()]
-    for name, values in search.final.point.effects.items():
+    for name, values in selection.final.point.effects.items():
         for parameter in at_bound(case.candidates[name], values):
             told.append(f"{name}'s {parameter} lies at the end of its range: doubt it.")
     return tuple(told)
 
 
-def _unstable(case: Case, search: Search, training: Any) -> list[str]:
+def _unstable(case: Case, selection: Selection, training: Any) -> list[str]:
     """What could not be computed because the simulation was unstable, in sentences."""
-    final = search.final
+    final = selection.final
     some = case.take(training, final.used)
     held = unstable(case, final.point, final.free, some, final.jacobian)
     told = [
         f"The twin's simulation became unstable at every step of {', '.join(held)} that was tried: the fit "
         "held what it stood at, and says nothing of it."
     ] * bool(held)
-    last = search.rounds[-1].trials if search.rounds else {}
+    last = selection.rounds[-1].trials if selection.rounds else {}
     told += [
         f"{name} was not tested: the simulation of a twin with it became unstable, also at smaller strengths."
         for name, trial in last.items()
@@ -207,11 +209,11 @@ def _calibrated(case: Case, fit: Fit, of: Quantity, k: int) -> Calibrated:
     change, off = float(fit.point.declared[those].sum()), NORMAL_95 * _error(fit, those)
     low, high = sorted((of.after(change - off), of.after(change + off)))
     return Calibrated(
-        Estimate(value, value - half, value + half, case.declared[k].unit),
+        ParameterEstimate(value, value - half, value + half, case.declared[k].unit),
         of.name,
         of.nominal,
         of.start,
-        Estimate(of.after(change), low, high, of.unit),
+        ParameterEstimate(of.after(change), low, high, of.unit),
     )
 
 

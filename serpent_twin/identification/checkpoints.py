@@ -71,7 +71,7 @@ class Checkpoints:
         return arrays
 
 
-class _Score(stored.Form, frozen=True):
+class _StoredScoreTest(stored.Form, frozen=True):
     """A score test as its file has it, see `Score`."""
 
     name: str
@@ -81,7 +81,7 @@ class _Score(stored.Form, frozen=True):
     unstable: bool
 
 
-class _Fit(stored.Form, frozen=True):
+class _StoredFit(stored.Form, frozen=True):
     """What a fit's file holds beside its arrays, see `Fit`."""
 
     effects: dict[str, tuple[Number, ...]]
@@ -101,14 +101,14 @@ def _save(path: Path, arrays: dict[str, Any]) -> None:
 
 
 def _score_arrays(scores: Sequence[Score]) -> dict[str, Any]:
-    rows = [{n: getattr(each, n) for n in _Score.__struct_fields__} for each in scores]
+    rows = [{n: getattr(each, n) for n in _StoredScoreTest.__struct_fields__} for each in scores]
     rows = [{**row, "start": list(map(float, row["start"]))} for row in rows]
     beyond = np.array([each.beyond for each in scores], np.float32)
     return {"scores": np.array(json.dumps(rows)), "beyond": beyond}
 
 
 def _read_scores(path: Path, arrays: stored.Arrays) -> list[Score]:
-    rows = stored.json_in(arrays, "scores", list[_Score], str(path), _AGAIN)
+    rows = stored.json_in(arrays, "scores", list[_StoredScoreTest], str(path), _AGAIN)
     numbers = arrays["beyond"].shape[1:] if "beyond" in arrays else (0,)
     wanted = {"beyond": Numbers((len(rows), *numbers[:1]))}
     stored.require_arrays(
@@ -142,7 +142,7 @@ def _fit_arrays(fit: Fit) -> dict[str, Any]:
 
 
 def _read_fit(path: Path, arrays: stored.Arrays) -> Fit:
-    about = stored.json_in(arrays, "about", _Fit, str(path), _AGAIN)
+    about = stored.json_in(arrays, "about", _StoredFit, str(path), _AGAIN)
     free = FreeParameters(about.moved, about.moved_effects)
     declared = arrays.get("declared", np.zeros(0)).size
     known = [k < declared for k in about.moved]

@@ -19,7 +19,7 @@ SUSPECT = 1.25
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ParameterEstimate:
     """One number of an effect with its 95 % interval."""
 
     value: float
@@ -44,7 +44,7 @@ class Estimate:
 class Calibrated:
     """A declared parameter before and after the fit."""
 
-    coordinate: Estimate
+    coordinate: ParameterEstimate
     """How far the fit moved it, in the fit's coordinates"""
     name: str
     """What it stands for, such as `strand stiffness 3+`"""
@@ -52,7 +52,7 @@ class Calibrated:
     """As declared before any log was seen, in the unit of `value`; NaN where nothing is"""
     start: float
     """Where the fit started, likewise"""
-    value: Estimate
+    value: ParameterEstimate
     """Where it ended"""
 
     def numbers(self) -> dict[str, Any]:
@@ -78,7 +78,7 @@ class Named:
     """An effect that the twin lacked."""
 
     name: str
-    parameters: Mapping[str, Estimate]
+    parameters: Mapping[str, ParameterEstimate]
     gain: float
     """By how much it betters the held-out marker error"""
     gain_load: float

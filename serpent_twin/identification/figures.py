@@ -199,7 +199,7 @@ def by_feature(twins: Mapping[str, Twin], name: str) -> Figure | None:
     rows, columns = (len(told), len(twins)) if pair else (1, len(told))
     drawing, panels = sheet(9, 3.1 * rows + 0.3, columns, rows)
     for row, dependence in zip(panels.reshape(len(told), -1), told, strict=True):
-        clouds = {stage: curve(c, dependence, f.place) for stage, (c, f) in twins.items()}
+        clouds = {stage: curve(c, dependence, f.joints) for stage, (c, f) in twins.items()}
         x, y = _span([c.x for c in clouds.values()], 0.003), _span([clouds[first].error], 0.002)
         for axes, (stage, drawn) in zip(row, clouds.items(), strict=True):
             _cloud(axes, drawn, STAGE_COLOUR[stage])
@@ -242,7 +242,7 @@ def _span(values: Sequence[Array], tail: float) -> tuple[float, float]:
 def place_and_time(twins: Mapping[str, Twin]) -> Figure:
     """The error of each joint or marker over time, with all twins on one scale."""
     drawing, panels = sheet(9, 0.8 + 2.2 * len(twins), columns=1, rows=len(twins))
-    shown = [marker_curve(comparison, found.place) for comparison, found in twins.values()]
+    shown = [marker_curve(comparison, found.joints) for comparison, found in twins.values()]
     names, _, label = shown[0]
     cells = [_cells(c, v) for (c, _), (_, v, _) in zip(twins.values(), shown, strict=True)]
     most, end = max(float(np.nanmax(each)) for each in cells), cells[0].shape[1] * _HEAT_S

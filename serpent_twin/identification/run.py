@@ -14,7 +14,7 @@ from serpent_twin import machines
 from serpent_twin.command_line.option_groups import Group
 from serpent_twin.command_line.options import ABSENT, Checked, Seed, when
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification.acceptance import Search
+from serpent_twin.identification.acceptance import Selection
 from serpent_twin.identification.build_diagnosis import build_diagnosis
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.diagnosis import Diagnosis
@@ -101,11 +101,11 @@ def trace_sessions(
     settings = _settings(config, training, judging)
     with claimed(config.out, SETTINGS, settings):
         began = time.perf_counter()
-        tracer, search, found = _run(config, rig, training, judging)
+        tracer, selection, found = _run(config, rig, training, judging)
         seconds = tracer.notes.seconds + time.perf_counter() - began
         numbers = found.numbers(seconds, tracer.notes.simulated + tracer.case.clock.seconds)
         if config.twins:
-            _write_twins(config, search, found.arm, settings)
+            _write_twins(config, selection, found.arm, settings)
         return found, _write(config, tracer, found, numbers, settings)
 
 
@@ -119,7 +119,7 @@ def _settings(config: Trace, training: Sequence[Log], judging: Sequence[Log]) ->
 
 def _run(
     config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
-) -> tuple[Tracer, Search, Diagnosis]:
+) -> tuple[Tracer, Selection, Diagnosis]:
     with tqdm(total=_STEPS, unit="step", desc="first guesses", smoothing=0.1) as bar:
 
         def on_progress(what: str) -> None:
@@ -132,13 +132,13 @@ def _run(
         tracer = Tracer(
             case, case.pieces(training), case.pieces(judging), notes, on_progress, config.seed
         )
-        search = tracer.search()
+        selection = tracer.select()
         on_progress("what is left")
         arm = str(training[0].metadata.get("arm", config.logs.name))
-        found = build_diagnosis(tracer, search, arm, [_file(s) for s in judging])
+        found = build_diagnosis(tracer, selection, arm, [_file(s) for s in judging])
         bar.total = bar.n
         bar.refresh()
-    return tracer, search, found
+    return tracer, selection, found
 
 
 def _file(session: Log) -> str:
@@ -178,11 +178,13 @@ def _write(
     return numbers
 
 
-def _write_twins(config: Trace, search: Search, arm: str, settings: Mapping[str, Any]) -> None:
+def _write_twins(
+    config: Trace, selection: Selection, arm: str, settings: Mapping[str, Any]
+) -> None:
     """Write the calibrated twin, and those that the logs cannot distinguish from the corrected one."""
     folder, rng = config.out / "twins", np.random.default_rng([config.seed, 11])
     folder.mkdir(exist_ok=True)
     about = {"arm": arm, "provenance": dict(settings) | provenance()}
-    search.case.write(search.calibrated.point, folder / "calibrated.json", about)
-    for n, point in enumerate(drawn(search.case, search.final, rng, config.twins), 1):
-        search.case.write(point, folder / f"drawn_{n:02d}.json", about)
+    selection.case.write(selection.calibrated.point, folder / "calibrated.json", about)
+    for n, point in enumerate(drawn(selection.case, selection.final, rng, config.twins), 1):
+        selection.case.write(point, folder / f"drawn_{n:02d}.json", about)

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.acceptance import (
+    CandidateTrial,
     Round,
-    Search,
-    Trial,
+    Selection,
     best_trial,
     better_trial,
     weakness,
@@ -55,7 +55,7 @@ class Tracer:
         self.notes, self.on_progress, self.seed = notes, on_progress, seed
         self.final: ParameterVector | None = None
 
-    def search(self) -> Search:
+    def select(self) -> Selection:
         """Calibrate, then add effects one by one while their gain is significant."""
         start = ParameterVector(np.zeros(len(self.case.declared)))
         opening, calibrated = self._calibrate(start)
@@ -75,13 +75,13 @@ class Tracer:
             base = polished
         final = self._sharpened(self._without_proxies(base, rounds))
         self.final = final.point
-        return Search(self.case, calibrated, final, tuple(rounds))
+        return Selection(self.case, calibrated, final, tuple(rounds))
 
     def _judged_again(self, done: Round, polished: Fit) -> Round:
         """A round after its accepted candidate was fitted again, which may reverse the acceptance."""
         after = self.errors(polished.point)
         if gave_up(done.errors, after):
-            trial = Trial(
+            trial = CandidateTrial(
                 replace(done.trials[done.accepted].score, unstable=True), None, None, after.marker
             )
             return replace(done, trials={**done.trials, done.accepted: trial}, accepted="")
@@ -185,10 +185,10 @@ class Tracer:
         before: Errors,
         stage: str,
         most: int | None = None,
-    ) -> dict[str, Trial]:
+    ) -> dict[str, CandidateTrial]:
         """Score tests of candidates on top of a fit, and full fits of the selected ones."""
         found = self._scores(f"scores_{stage}", case, begun, names)
-        trials = {name: Trial(s, None, None, before.marker) for name, s in found.items()}
+        trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
         chosen = worth_fitting(list(found.values()), case.candidates)[:most]
         for name in chosen:
             self.on_progress(f"{stage.replace('_', ', from the ')}: fitting {name}")
@@ -204,7 +204,7 @@ class Tracer:
                 continue
             rng = np.random.default_rng([self.seed, 1])
             better = gain(before, after, rng, among=len(chosen))
-            trials[name] = Trial(found[name], fitted, better, after.marker)
+            trials[name] = CandidateTrial(found[name], fitted, better, after.marker)
         return trials
 
     def _scores(

@@ -12,8 +12,8 @@ from serpent_twin.identification.diagnosis import (
     UNSTABLE,
     Calibrated,
     Diagnosis,
-    Estimate,
     Named,
+    ParameterEstimate,
     Tried,
 )
 from serpent_twin.identification.figures import ranked, spaced, stages
@@ -128,17 +128,17 @@ def _course(of: Calibrated, declared: bool) -> tuple[str, ...]:
     return (of.name, *(text.replace("-", "−") for text in (*numbers, ends)), unit)
 
 
-def _decimals(e: Estimate) -> int:
+def _decimals(e: ParameterEstimate) -> int:
     """Decimals that give the interval's half width two significant digits."""
     half = (e.high - e.low) / 2
     return int(np.clip(1 - np.floor(np.log10(half)), 0, 6)) if e.fitted else 3
 
 
-def _error(e: Estimate) -> float:
+def _error(e: ParameterEstimate) -> float:
     return (e.high - e.low) / 2 / NORMAL_95
 
 
-def interval(e: Estimate) -> str:
+def interval(e: ParameterEstimate) -> str:
     """Ends of the interval; empty where the value was not fitted."""
     return f"{_short(e.low)} … {_short(e.high)}" if e.fitted else ""
 

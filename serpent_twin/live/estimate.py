@@ -14,7 +14,7 @@ from serpent_twin.live.figures import Course, figures, told
 from serpent_twin.live.follower import Follower
 from serpent_twin.live.run import LivePlan, run
 from serpent_twin.recording import collect, lost_markers
-from serpent_twin.recording.collect import OF_ARM, REAL, SIMULATED, Real
+from serpent_twin.recording.collect import OF_ARM, REAL, SIMULATED, RealArm
 from serpent_twin.recording.ending import why
 from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash, provenance
@@ -79,7 +79,7 @@ class Estimate(Checked):
     """Write OUT/session_01.rrd for rerun."""
     view: Annotated[bool, _SHOWN] = False
     """Show it in rerun's viewer while it happens."""
-    real: Annotated[Real, REAL, when(backend="real")] = field(default_factory=Real)
+    real: Annotated[RealArm, REAL, when(backend="real")] = field(default_factory=RealArm)
     """The real arm, for --backend real."""
     parameters: Annotated[
         Parameters, SIMULATED, OF_ARM, when(markers=True, only=("marker_noise",))

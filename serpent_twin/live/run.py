@@ -70,8 +70,8 @@ def run(plan: LivePlan, follower: Follower, course: Course) -> None:
 
 def _simulate(plan: LivePlan, beside: Beside) -> None:
     drive = plan.drive
-    bench, targets = simulated.bench(drive, 1, drive.prior_runtime)
-    cameras = bench.cameras if plan.config.markers else NoMocap()
+    arm, targets = simulated.simulated_arm(drive, 1, drive.prior_runtime)
+    cameras = arm.cameras if plan.config.markers else NoMocap()
     markers = "simulated" if plan.config.markers else "none"
     about = collect.metadata(drive, 1) | {"markers": markers} | dict(beside.about)
     if drive.own:
@@ -81,10 +81,10 @@ def _simulate(plan: LivePlan, beside: Beside) -> None:
         stopped_by_signals(),
         tqdm(total=drive.steps, unit="row") as bar,
         sealed(plan.session, about, beside.columns, dict) as journal,
-        bench.bus,
+        arm.bus,
     ):
         period = 1 / drive.rate_hz
-        for row in record(bench.bus, cameras, targets, bench.gain, period, beside.further):
+        for row in record(arm.bus, cameras, targets, arm.gain, period, beside.further):
             journal.append(row)
             beside.see(row)
             bar.update()

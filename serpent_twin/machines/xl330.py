@@ -60,7 +60,7 @@ _CANDIDATES = (
 )
 
 
-class Driven(OpenForm, frozen=True):
+class DriveSettings(OpenForm, frozen=True):
     """How the servo was driven, in a log's metadata."""
 
     mass: Annotated[float, above(0.0, 100.0, "kg")]
@@ -234,11 +234,11 @@ class Xl330Rig:
 
     def read(self, folder: Path) -> list[Recording]:
         """The runs of a folder."""
-        return [_with_velocity(run) for run in read_folder(folder, _COLUMNS, Driven)]
+        return [_with_velocity(run) for run in read_folder(folder, _COLUMNS, DriveSettings)]
 
     def read_files(self, paths: Sequence[Path]) -> list[Recording]:
         """The runs of some files."""
-        return [_with_velocity(read(path, _COLUMNS, Driven)) for path in paths]
+        return [_with_velocity(read(path, _COLUMNS, DriveSettings)) for path in paths]
 
     def open(self, training: Sequence[Recording]) -> Case[Runs]:
         """The data sheet's numbers are the first guess."""

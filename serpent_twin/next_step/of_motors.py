@@ -8,7 +8,7 @@ from serpent_twin.runs.files import unused
 
 if TYPE_CHECKING:  # each command imports this module, which imports the others where it asks them
     from serpent_twin.hardware.natnet.live import NatNet
-    from serpent_twin.recording.collect import Real
+    from serpent_twin.recording.collect import RealArm
 
 
 def after_device(port: str) -> Words:
@@ -19,29 +19,29 @@ def after_device(port: str) -> Words:
 
 def after_doctor(port: str, where: Path) -> Words | None:
     """After nothing was found against a run: a short session."""
-    from serpent_twin.recording.collect import Real
+    from serpent_twin.recording.collect import RealArm
 
-    return first_run(Real(port, where), ["--port", port, *_setup(where)])
+    return first_run(RealArm(port, where), ["--port", port, *_setup(where)])
 
 
 def after_zero(where: Path) -> Words | None:
     """After the straight pose was set: a short session."""
-    from serpent_twin.recording.collect import Real
+    from serpent_twin.recording.collect import RealArm
 
-    return first_run(Real(setup=where), _setup(where))
+    return first_run(RealArm(setup=where), _setup(where))
 
 
 def after_frame(out: Path, natnet: "NatNet") -> Words:
     """After the base frame was found: a short session with cameras, or the setup of the arm first."""
-    from serpent_twin.recording.collect import Real
+    from serpent_twin.recording.collect import RealArm
 
-    frame = ["--frame", str(out)] if out != Real().frame else []
+    frame = ["--frame", str(out)] if out != RealArm().frame else []
     cameras = ["--mocap", "natnet", *flags(natnet, type(natnet)()), *frame]
-    step = first_run(Real(mocap="natnet", natnet=natnet, frame=out), cameras)
+    step = first_run(RealArm(mocap="natnet", natnet=natnet, frame=out), cameras)
     return step or ["serpent_twin.bus.doctor", "--help"]
 
 
-def first_run(real: "Real", options: Words) -> Words | None:
+def first_run(real: "RealArm", options: Words) -> Words | None:
     """Ten seconds of the real arm, or of what stands for it."""
     from serpent_twin.recording.collect import Collect, check
 
@@ -54,6 +54,6 @@ def first_run(real: "Real", options: Words) -> Words | None:
 
 
 def _setup(path: Path) -> Words:
-    from serpent_twin.recording.collect import Real
+    from serpent_twin.recording.collect import RealArm
 
-    return ["--setup", str(path)] if path != Real().setup else []
+    return ["--setup", str(path)] if path != RealArm().setup else []

@@ -24,7 +24,7 @@ OF_ARM = when(backend="sim", but=("controller_gain",))
 
 
 @dataclass(frozen=True)
-class Real:
+class RealArm:
     """Where the real arm and its cameras are."""
 
     port: str = ""
@@ -68,7 +68,7 @@ class Collect(Checked):
     twin: Annotated[Path | None, SIMULATED, _SIM] = None
     """The arm to simulate, in place of the parameters below: a twin.json, with all of its effects, or
     its twin.xml, which takes its noise and the controller's gain from them."""
-    real: Annotated[Real, REAL, when(backend="real")] = field(default_factory=Real)
+    real: Annotated[RealArm, REAL, when(backend="real")] = field(default_factory=RealArm)
     """The real arm, for --backend real."""
     parameters: Annotated[Parameters, SIMULATED, OF_ARM] = NOMINAL
     """For --backend sim: the arm's free parameters. The controller's gain is also the real arm's."""

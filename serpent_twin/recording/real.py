@@ -22,10 +22,10 @@ from serpent_twin.hardware.dynamixel.setup import (
     setup_to_run,
 )
 from serpent_twin.recording import lost_markers, run_folder
-from serpent_twin.recording.bench import generators
 from serpent_twin.recording.collect import Collect, metadata, session_path
 from serpent_twin.recording.ending import loop_times, sealed, stopped_by_signals
 from serpent_twin.recording.loop import NOTHING, Beside, Step, record
+from serpent_twin.recording.simulated_arm import generators
 from serpent_twin.recording.sunken import bring_back
 from serpent_twin.sessions import Journal
 

@@ -17,9 +17,9 @@ from serpent_twin.arm.control import random_targets
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.recording import run_folder
-from serpent_twin.recording.bench import Bench, generators
 from serpent_twin.recording.collect import Collect, metadata, session_path
 from serpent_twin.recording.loop import record
+from serpent_twin.recording.simulated_arm import SimulatedArm, generators
 from serpent_twin.runs.processes import processes
 from serpent_twin.sessions import Journal
 
@@ -30,24 +30,26 @@ def simulate_all(config: Collect, missing: list[int]) -> None:
         _simulate_all(config, missing, show)
 
 
-def bench(config: Collect, session: int, prior_runtime: float = 0.0) -> tuple[Bench, Array]:
+def simulated_arm(
+    config: Collect, session: int, prior_runtime: float = 0.0
+) -> tuple[SimulatedArm, Array]:
     """The simulated arm, which ran for so long before session 1 [s], and the joint targets of one session
     [rad], (steps, 9).
     """
     for_targets, for_loads, for_cameras = generators(config.seed, (session,))
-    arm = config.simulated()
+    file = config.simulated()
     prior_runtime += (session - 1) * config.steps / config.rate_hz
-    twin, parameters = arm.twin(prior_runtime), arm.design.parameters
-    there = Bench.of(twin, parameters, for_loads, for_cameras, config.marker_loss)
-    return there, random_targets(config.steps, for_targets)
+    twin, parameters = file.twin(prior_runtime), file.design.parameters
+    arm = SimulatedArm.of(twin, parameters, for_loads, for_cameras, config.marker_loss)
+    return arm, random_targets(config.steps, for_targets)
 
 
 def simulate_session(config: Collect, session: int, tick: Callable[[int], None]) -> Path:
     """Record one session of the twin; `tick` is given the number of rows logged so far."""
-    there, targets = bench(config, session)
+    arm, targets = simulated_arm(config, session)
     path = session_path(config, session)
-    with there.bus, Journal(path, metadata(config, session)) as journal:
-        rows = record(there.bus, there.cameras, targets, there.gain, 1 / config.rate_hz)
+    with arm.bus, Journal(path, metadata(config, session)) as journal:
+        rows = record(arm.bus, arm.cameras, targets, arm.gain, 1 / config.rate_hz)
         for n, row in enumerate(rows, 1):
             journal.append(row)
             tick(n)

@@ -9,7 +9,13 @@ reaches from one into another, and their rows count together.
 """
 
 from serpent_twin.reservoir.basis import Basis, basis, chance_cut
-from serpent_twin.reservoir.capacity import Capacities, Memory, capacities, memory, surrogate_cuts
+from serpent_twin.reservoir.capacity import (
+    Capacities,
+    LinearMemory,
+    capacities,
+    memory,
+    surrogate_cuts,
+)
 from serpent_twin.reservoir.consistency import (
     channel_consistency,
     consistency_spectrum,
@@ -28,7 +34,7 @@ __all__ = [
     "BeyondTaps",
     "Capacities",
     "Expansion",
-    "Memory",
+    "LinearMemory",
     "Product",
     "basis",
     "beyond_taps",

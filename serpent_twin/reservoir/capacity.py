@@ -13,13 +13,13 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.reservoir.basis import COARSEST, basis, fine_cut
 from serpent_twin.reservoir.inputs import aligned, check_inputs, check_means, check_white, in_a_row
-from serpent_twin.reservoir.targets import Indices, Product, blocks, checked_delays, search
+from serpent_twin.reservoir.targets import Indices, Product, blocks, checked_delays, target_products
 
 SURROGATES, MARGIN = 200, 1.2  # Kubota, Takahashi and Nakajima 2021
 
 
 @dataclass(frozen=True, eq=False)
-class Memory:
+class LinearMemory:
     """How well past inputs can be read linearly from the states."""
 
     profile: Array
@@ -68,7 +68,7 @@ class Capacities:
 
 def memory(
     states: Array, inputs: Array, delays: int, washout: int = 0, coarsest: float = COARSEST
-) -> Memory:
+) -> LinearMemory:
     """Linear memory of inputs (T, m), of any distribution, in states (T, N) at delays 0 … `delays` [rows].
 
     A state is the one after its row's input. Raises SerpentError when the rows are too few (chance above
@@ -80,13 +80,13 @@ def memory(
     span = basis(states)
     T, m = len(states), inputs.shape[-1]
     cut = fine_cut(T, span.rank, coarsest)
-    sought = search(m, 1, limits)
+    sought = target_products(m, 1, limits)
     found = [share.sum(axis=1) for share, _ in shares(span.Q, inputs, sought.terms, start)]
     profile = np.concatenate(found).reshape(m, delays + 1)
     kept = np.where(profile > cut, profile, 0.0)
     total = float(kept.sum())
     mean = float((kept @ np.arange(delays + 1)).sum() / total) if total else float("nan")
-    return Memory(profile, total, mean, T, span.rank, span.dropped, cut)
+    return LinearMemory(profile, total, mean, T, span.rank, span.dropped, cut)
 
 
 def capacities(
@@ -109,7 +109,7 @@ def capacities(
     check_inputs(inputs, degree, limits)
     span = basis(states)
     cut = fine_cut(len(states), span.rank, coarsest)
-    sought = search(inputs.shape[-1], degree, limits)
+    sought = target_products(inputs.shape[-1], degree, limits)
     found = [(c.sum(axis=1), mean) for c, mean in shares(span.Q, inputs, sought.terms, start)]
     capacity, mean = (np.concatenate(part) for part in zip(*found, strict=True))
     check_means(mean, sought, len(states))
@@ -162,7 +162,7 @@ def surrogate_cuts(
     limits = checked_delays(degree, delays)
     states, inputs, start = aligned(states, inputs, washout, limits)
     span = basis(states)
-    terms = search(inputs.shape[-1], degree, limits).terms
+    terms = target_products(inputs.shape[-1], degree, limits).terms
     pattern = -np.sort(-terms[..., 2], axis=1)
     kinds, first = np.unique(pattern, axis=0, return_index=True)
     highest = np.zeros(len(first))

@@ -15,7 +15,7 @@ from serpent_twin.numerals import counted
 from serpent_twin.reservoir.basis import COARSEST, fine_cut, varying
 from serpent_twin.reservoir.capacity import shares
 from serpent_twin.reservoir.inputs import aligned, check_inputs, check_means
-from serpent_twin.reservoir.targets import Product, checked_delays, search
+from serpent_twin.reservoir.targets import Product, checked_delays, target_products
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def expand(
     series, inputs, start = aligned(series, inputs, washout, limits, "series")
     check_inputs(inputs, degree, limits)
     cut = fine_cut(len(series), 1, coarsest)
-    sought = search(inputs.shape[-1], degree, limits)
+    sought = target_products(inputs.shape[-1], degree, limits)
     unit, variance = _unit(series)
     found = zip(*shares(unit, inputs, sought.terms, start), strict=True)
     share, mean = (np.concatenate(part) for part in found)

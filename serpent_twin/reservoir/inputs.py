@@ -12,7 +12,7 @@ from scipy.stats import norm
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
-from serpent_twin.reservoir.targets import Search, checked_delays, label, legendre
+from serpent_twin.reservoir.targets import TargetProducts, checked_delays, label, legendre
 
 FALSE_ALARM = 1e-6
 """Probability that one check of good inputs fails"""
@@ -103,7 +103,7 @@ def check_white(inputs: Array, delay: int) -> None:
     _check_pairs(((inputs - inputs.mean(axis=0)) / spread).T[:, None], delay)
 
 
-def check_means(mean: Array, sought: Search, rows: int) -> None:
+def check_means(mean: Array, sought: TargetProducts, rows: int) -> None:
     """Raise SerpentError if a product's mean (P,) over so many rows is not zero but for chance."""
     worst, limit = int(np.argmax(np.abs(mean))), chance(len(mean)) / np.sqrt(rows)
     if abs(mean[worst]) > limit:

@@ -27,12 +27,12 @@ Product = tuple[tuple[int, int, int], ...]
 """Factors of one target: input, delay [rows] and degree of each"""
 
 MOST = 1_000_000
-"""Products that one search may hold; at 20,000 rows of 99 channels they take about ten minutes."""
+"""Products that may be searched at once; at 20,000 rows of 99 channels they take about ten minutes."""
 _BLOCK = 1 << 20  # numbers in a block of targets: 8 MB, a processor's cache
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class TargetProducts:
     """Products of delayed inputs up to a total degree."""
 
     terms: Indices
@@ -64,7 +64,7 @@ def label(product: Product) -> str:
     return " ".join(f"P{d}(u{i}[{t}])" for (i, _, d), t in zip(product, when, strict=True))
 
 
-def search(inputs: int, degree: int, delays: Sequence[int]) -> Search:
+def target_products(inputs: int, degree: int, delays: Sequence[int]) -> TargetProducts:
     """All products of so many inputs up to a total degree.
 
     The products of total degree d take delays 0 … delays[d − 1] [rows]. Raises SerpentError when there is
@@ -79,7 +79,7 @@ def search(inputs: int, degree: int, delays: Sequence[int]) -> Search:
             f"of degree {1 + int(np.argmax(number))}; at most {MOST:,} are searched: lower that delay."
         )
     parts = [_of_degree(inputs, d + 1, k, degree) for d, k in enumerate(limits)]
-    return Search(np.concatenate(parts), limits)
+    return TargetProducts(np.concatenate(parts), limits)
 
 
 def checked_delays(degree: int, delays: Sequence[int]) -> tuple[int, ...]:

@@ -8,9 +8,9 @@ from serpent_twin.residual.comparison import Comparison, join
 from serpent_twin.residual.dependence import Dependence, depends_on
 from serpent_twin.residual.describe import describe
 from serpent_twin.residual.findings import Findings, analyse
+from serpent_twin.residual.joint_attribution import attribute_to_joints
 from serpent_twin.residual.measure import ANGLE, LOADS, MARKERS, TORQUE, Measure
 from serpent_twin.residual.noise import Noise, expected_distance, measurement_noise
-from serpent_twin.residual.place import place
 from serpent_twin.residual.size import load_size, marker_size
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Measure",
     "Noise",
     "analyse",
+    "attribute_to_joints",
     "depends_on",
     "describe",
     "expected_distance",
@@ -31,5 +32,4 @@ __all__ = [
     "load_size",
     "marker_size",
     "measurement_noise",
-    "place",
 ]

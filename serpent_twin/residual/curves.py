@@ -6,7 +6,7 @@ import numpy as np
 
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.dependence import Dependence, fitted
-from serpent_twin.residual.place import Place
+from serpent_twin.residual.joint_attribution import JointAttribution
 from serpent_twin.residual.spectrum import known
 
 BINS = 36
@@ -36,7 +36,7 @@ class Curve:
     """With its unit"""
 
 
-def curve(comparison: Comparison, dependence: Dependence, found: Place | None) -> Curve:
+def curve(comparison: Comparison, dependence: Dependence, found: JointAttribution | None) -> Curve:
     """The part of the residual that follows a feature most, over that feature."""
     feature = dependence.feature
     error, y_label = _error(comparison, dependence, found)
@@ -66,7 +66,7 @@ def curve(comparison: Comparison, dependence: Dependence, found: Place | None) -
 
 
 def _error(
-    comparison: Comparison, dependence: Dependence, found: Place | None
+    comparison: Comparison, dependence: Dependence, found: JointAttribution | None
 ) -> tuple[Array, str]:
     i, marker = dependence.index, comparison.marker
     if dependence.kind == "load":
@@ -95,7 +95,9 @@ def _along(dependence: Dependence, values: Array) -> Array:
     return values @ axes[:, -1]
 
 
-def marker_curve(comparison: Comparison, found: Place | None) -> tuple[tuple[str, ...], Array, str]:
+def marker_curve(
+    comparison: Comparison, found: JointAttribution | None
+) -> tuple[tuple[str, ...], Array, str]:
     """Names, error (S, T, K) and unit of the curves over time: rotations at joints, or markers."""
     if found is not None:
         return comparison.joint_names, np.degrees(known(found.rotation)), "extra rotation, rms [°]"

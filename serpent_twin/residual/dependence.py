@@ -6,8 +6,8 @@ import numpy as np
 
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.features import Feature, features
+from serpent_twin.residual.joint_attribution import JointAttribution, attribute_to_joints
 from serpent_twin.residual.noise import Noise, measurement_noise
-from serpent_twin.residual.place import Place, place
 from serpent_twin.residual.scoring import Bank, in_blocks, surrogates
 from serpent_twin.residual.shape import Shape, shape_of
 from serpent_twin.residual.spectrum import autocorrelation_rows
@@ -56,7 +56,7 @@ def depends_on(
     permutations: int = 199,
     most: int = 3,
     noise: Noise | None = None,
-    found: Place | None = None,
+    found: JointAttribution | None = None,
 ) -> list[Dependence]:
     """Features on which marker and load residuals depend, the greatest share first; empty if none.
 
@@ -66,7 +66,7 @@ def depends_on(
     what it leaves.
     """
     noise = noise or measurement_noise(comparison)
-    found = found or place(comparison, noise.marker)
+    found = found or attribute_to_joints(comparison, noise.marker)
     bank = Bank(features(comparison))
     parts = []
     if comparison.has_markers:

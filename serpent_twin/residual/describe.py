@@ -3,7 +3,7 @@
 import numpy as np
 
 from serpent_twin.residual.dependence import Dependence
-from serpent_twin.residual.findings import Change, Findings
+from serpent_twin.residual.findings import ErrorChange, Findings
 from serpent_twin.residual.noise import in_words
 from serpent_twin.residual.where import Where, listed
 
@@ -105,7 +105,7 @@ def hint(dependence: Dependence) -> str:
     return _HINTS.get(f"{kind} {dependence.shape.kind}", _HINTS[kind])
 
 
-def _changes(change: Change | None, what: str) -> list[str]:
+def _changes(change: ErrorChange | None, what: str) -> list[str]:
     """Sentences on a jump or drift, and on an oscillation."""
     if change is None:
         return []

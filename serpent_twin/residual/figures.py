@@ -148,7 +148,7 @@ def _dependence(comparison: Comparison, findings: Findings) -> Figure:
     told = [of[load] for load in (False, True) if load in of]
     drawing, panels = sheet(4.8 * len(told) + (2 if len(told) == 1 else 0), 3.9, columns=len(told))
     for axes, dependence in zip(np.atleast_1d(panels), told, strict=True):
-        drawn = curve(comparison, dependence, findings.place)
+        drawn = curve(comparison, dependence, findings.joints)
         axes.plot(drawn.x, drawn.error, ".", color=COLOURS[1], ms=3, alpha=0.25, mew=0)
         axes.fill_between(drawn.middle, drawn.low, drawn.high, color=COLOURS[2], alpha=0.25, lw=0)
         axes.plot(drawn.middle, drawn.mean, "-", color=COLOURS[2], lw=2.2)
@@ -170,7 +170,7 @@ def _dependence(comparison: Comparison, findings: Findings) -> Figure:
 def _heat(comparison: Comparison, findings: Findings) -> Figure:
     """The error of each joint or marker over time."""
     drawing, (axes,) = sheet(9, 3.7)
-    names, values, label = marker_curve(comparison, findings.place)
+    names, values, label = marker_curve(comparison, findings.joints)
     rows = min(max(1, round(4 / comparison.period)), values.shape[1])
     pieces = values.shape[1] // rows
     cut = values[:, : pieces * rows].reshape(len(values), pieces, rows, -1)

@@ -8,8 +8,8 @@ import numpy as np
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.dependence import Dependence, depends_on
 from serpent_twin.residual.drift import Drift, Jump, drift, jump
+from serpent_twin.residual.joint_attribution import JointAttribution, attribute_to_joints
 from serpent_twin.residual.noise import Noise, measurement_noise
-from serpent_twin.residual.place import Place, place
 from serpent_twin.residual.size import LoadSize, MarkerSize, load_size, marker_size
 from serpent_twin.residual.spectrum import Line, Spectrum, known, line, spectrum
 from serpent_twin.residual.where import Where, where
@@ -18,7 +18,7 @@ WORTH_SAYING = 0.03  # share of the variance
 
 
 @dataclass(frozen=True, eq=False)
-class Change:
+class ErrorChange:
     """How the error changes in time, for markers or loads."""
 
     channels: tuple[str, ...]
@@ -61,11 +61,11 @@ class Findings:
     """Size of the load error"""
     noise: Noise
     """Measurement noise"""
-    place: Place | None
+    joints: JointAttribution | None
     """By joint, where the geometry is known"""
-    marker_change: Change | None
+    marker_change: ErrorChange | None
     """Course in time of the markers' error"""
-    load_change: Change | None
+    load_change: ErrorChange | None
     """Course in time of the loads' error"""
     depends_on: list[Dependence]
     """On what it depends, the greatest share first"""
@@ -99,7 +99,7 @@ class Findings:
             f"{load.field}_error_{percent}": self.load.rms,
             f"{load.field}_error_by_motor_{percent}": self.load.by_motor.tolist(),
             f"{load.field}_noise_{percent}": self.noise.load_floor,
-            "share_by_joint": [] if self.place is None else self.place.share.tolist(),
+            "share_by_joint": [] if self.joints is None else self.joints.share.tolist(),
             "depends_on": [
                 {
                     "what": d.target,
@@ -118,13 +118,13 @@ class Findings:
 def analyse(comparison: Comparison, rng: np.random.Generator, permutations: int = 199) -> Findings:
     """Analyse the error of a comparison."""
     noise = measurement_noise(comparison)
-    found = place(comparison, noise.marker)
+    found = attribute_to_joints(comparison, noise.marker)
     depends = depends_on(comparison, rng, permutations, noise=noise, found=found)
     return Findings(
         marker=marker_size(comparison),
         load=load_size(comparison),
         noise=noise,
-        place=found,
+        joints=found,
         marker_change=_marker_change(comparison, found, rng, permutations),
         load_change=_load_change(comparison, rng, permutations),
         depends_on=depends,
@@ -139,8 +139,11 @@ class _Labels(NamedTuple):
 
 
 def _marker_change(
-    comparison: Comparison, found: Place | None, rng: np.random.Generator, permutations: int
-) -> Change | None:
+    comparison: Comparison,
+    found: JointAttribution | None,
+    rng: np.random.Generator,
+    permutations: int,
+) -> ErrorChange | None:
     if not comparison.has_markers:
         return None
     measure = comparison.marker
@@ -159,7 +162,7 @@ def _marker_change(
 
 def _load_change(
     comparison: Comparison, rng: np.random.Generator, permutations: int
-) -> Change | None:
+) -> ErrorChange | None:
     if not comparison.has_loads:
         return None
     measure = comparison.load
@@ -176,8 +179,8 @@ def _change(
     labels: _Labels,
     rng: np.random.Generator,
     permutations: int,
-) -> Change:
-    return Change(
+) -> ErrorChange:
+    return ErrorChange(
         *labels,
         drift(values, c.time, c.session),
         jump(values, c.time, c.session, rng, permutations),

@@ -27,7 +27,7 @@ _TOO_LITTLE = 0.02  # of the error's square in training folds left out: not wort
 
 
 @dataclass(frozen=True)
-class Options:
+class CorrectionOptions:
     """How the correction is learned."""
 
     lags: tuple[int, ...] = (0, 1, 2, 4)
@@ -146,7 +146,7 @@ def learn(
     training: Comparison,
     held_out: Comparison,
     rng: np.random.Generator,
-    options: Options = Options(),
+    options: CorrectionOptions = CorrectionOptions(),
 ) -> Learned:
     """Fit to the training comparison, then switch on only if the gain on held-out segments is significant."""
     size, dimension = training.marker_residual[0, 0].size, training.marker.dimension
@@ -182,7 +182,7 @@ def _judged(learned: Learned, held_out: Comparison, rng: np.random.Generator) ->
 
 
 def _candidates(
-    training: Comparison, rng: np.random.Generator, options: Options
+    training: Comparison, rng: np.random.Generator, options: CorrectionOptions
 ) -> Iterator[tuple[float, dict[str, Array]]]:
     """Share of the squared error left in folds of segments, and the fit, for every choice."""
     readings = np.concatenate(_readings(training), axis=-1)

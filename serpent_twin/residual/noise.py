@@ -17,8 +17,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from serpent_twin.residual.comparison import Array, Comparison
+from serpent_twin.residual.joint_attribution import joint_jacobian
 from serpent_twin.residual.measure import LOADS, MARKERS, Measure
-from serpent_twin.residual.place import joint_jacobian
 
 ORDER, GAIN = 4, 70.0  # 1² + 4² + 6² + 4² + 1²
 OVERLAP = 12870 / 70**2  # Σ of the squared autocorrelation of white noise's fourth differences

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from serpent_twin.residual.comparison import Array, Comparison
+from serpent_twin.residual.joint_attribution import JointAttribution
 from serpent_twin.residual.noise import Noise
-from serpent_twin.residual.place import Place
 from serpent_twin.residual.spectrum import known
 
 MOST_COMPONENTS = 8
@@ -30,7 +30,7 @@ class Targets:
     """Part of it that is noise, 0 where that is unknown, (K,)"""
 
 
-def marker_targets(c: Comparison, noise: Noise, found: Place | None) -> Targets:
+def marker_targets(c: Comparison, noise: Noise, found: JointAttribution | None) -> Targets:
     """All markers together, then each joint's rotation, then the size of each joint's error.
 
     A joint's rotation is measured in mm, by how far it moves the markers. Without joint geometry the

@@ -6,7 +6,7 @@ import numpy as np
 
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.dependence import Dependence, fitted
-from serpent_twin.residual.place import Place
+from serpent_twin.residual.joint_attribution import JointAttribution
 from serpent_twin.residual.spectrum import known
 
 VISIBLE = 0.35  # of the greatest part: it is named
@@ -26,7 +26,7 @@ class Where:
     """In words, within a sentence"""
 
 
-def where(comparison: Comparison, dependence: Dependence, found: Place | None) -> Where:
+def where(comparison: Comparison, dependence: Dependence, found: JointAttribution | None) -> Where:
     """Where the markers follow a feature; for a load, only its motor is named."""
     if dependence.kind == "load" or not comparison.has_markers:
         M, J = comparison.marker_residual.shape[2], len(comparison.joint_names)
@@ -34,7 +34,7 @@ def where(comparison: Comparison, dependence: Dependence, found: Place | None) -
     return where_along(comparison, dependence.feature.basis, found)
 
 
-def where_along(comparison: Comparison, basis: Array, found: Place | None) -> Where:
+def where_along(comparison: Comparison, basis: Array, found: JointAttribution | None) -> Where:
     """Where the markers follow a basis (S, T, P)."""
     measure = comparison.marker
     residual = measure.scale * known(comparison.marker_residual.reshape(*comparison.time.shape, -1))

@@ -162,7 +162,7 @@ def _one_of(folder: Path) -> str:
     )
 
 
-def _check_columns(path: Path, table: stored.Table) -> None:
+def _check_columns(path: Path, table: stored.ParquetTable) -> None:
     lacking = [c for c in COLUMNS if c not in table.columns]
     if lacking:
         raise SerpentError(

@@ -19,7 +19,7 @@ MOST_VALUES = 200_000_000
 
 
 @dataclass(frozen=True)
-class Table:
+class ParquetTable:
     """What a Parquet file holds."""
 
     columns: dict[str, NDArray[Any]]
@@ -29,7 +29,7 @@ class Table:
     rows: int
 
 
-def read_table(path: Path, advice: str = "") -> Table:
+def read_table(path: Path, advice: str = "") -> ParquetTable:
     """All columns of a file; raises a `SerpentError` that says what is wrong with it."""
     require_file(path, MOST_TABLE, advice)
     try:
@@ -51,7 +51,7 @@ def read_table(path: Path, advice: str = "") -> Table:
         raise SerpentError(
             f"{path} is not a whole Parquet file: torn, damaged or something else. {advice}".rstrip()
         ) from None
-    return Table(columns, schema.metadata or {}, table.num_rows)
+    return ParquetTable(columns, schema.metadata or {}, table.num_rows)
 
 
 def _require_room(path: Path, rows: int, columns: int, advice: str) -> None:

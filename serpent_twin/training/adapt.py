@@ -134,11 +134,11 @@ def earlier(out: Path) -> dict[str, Any] | None:
     if not path.exists():
         return None
     found = stored.read_json(path, advice=_AGAIN)
-    stored.take(found, _Scores, str(path), _AGAIN)
+    stored.take(found, _StoredScores, str(path), _AGAIN)
     return found
 
 
-class _Score(stored.OpenForm, frozen=True):
+class _StoredScore(stored.OpenForm, frozen=True):
     """What the report shows of a readout on the arm."""
 
     mean_mm: float
@@ -149,12 +149,12 @@ class _Score(stored.OpenForm, frozen=True):
     real_windows: int
 
 
-class _Scores(stored.Form, frozen=True):
+class _StoredScores(stored.Form, frozen=True):
     """What scores.json of an adaptation holds."""
 
     logs: str
     test_sessions: tuple[str, ...]
-    windows: dict[str, dict[str, _Score]]
+    windows: dict[str, dict[str, _StoredScore]]
     provenance: dict[str, Any]
 
     def __post_init__(self) -> None:

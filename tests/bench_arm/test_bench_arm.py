@@ -9,11 +9,11 @@ from bench_by_hand import LOOSE, SMOOTH, G, calm, com_places, hold_at, machine, 
 
 from bench_arm import (
     NONE,
+    ArmBatch,
     BenchArm,
     Effects,
     Job,
-    Machine,
-    Row,
+    SessionSpec,
     chain,
     draw,
     inject,
@@ -133,7 +133,7 @@ def test_halving_the_step_halves_the_error():
     command = np.random.default_rng(0).uniform(-1, 1, (10, 4, 10))
 
     def motion(substeps):
-        m = Machine(arms, [NONE] * 4, 0.25 / substeps, np.zeros(4))
+        m = ArmBatch(arms, [NONE] * 4, 0.25 / substeps, np.zeros(4))
         path = []
         for row in command:
             run(m, 0.25, row)
@@ -200,7 +200,7 @@ def test_many_arms_record_what_each_would_alone(tmp_path):
 def test_loads_and_motion_are_of_the_right_size():
     """Bounds from an arm with gravity moments of 0 … 0.4 N m and gears of 0.03 … 0.09 N m."""
     arms = [draw(np.random.default_rng(s)) for s in range(6)]
-    logs = simulate([Row(arm, NONE, 1, 0) for arm in arms], 60, 60)
+    logs = simulate([SessionSpec(arm, NONE, 1, 0) for arm in arms], 60, 60)
     load = np.mean([np.abs(log["motor_load"]).mean() for log in logs])
     assert 0.03 < load < 0.07
     for log in logs:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bench_by_hand import LOOSE, SMOOTH, com_places, hold_at, machine, run
 
-from bench_arm import NAMES, NONE, TYPICAL, BenchArm, Effects, Row, draw, inject, simulate
+from bench_arm import NAMES, NONE, TYPICAL, BenchArm, Effects, SessionSpec, draw, inject, simulate
 from bench_arm.cables import RADIUS, Strands
 from bench_arm.session import _delayed
 from serpent_twin.errors import SerpentError
@@ -18,9 +18,9 @@ def injected(name, strength=None):
 
 def test_zero_strength_and_company_change_not_one_bit():
     arm = draw(np.random.default_rng(4))
-    zero = [Row(arm, injected(name, 0.0), 1, 0) for name in NAMES]
-    strong = [Row(arm, injected(name), 1, 0) for name in NAMES if name != "link_flex"]
-    alone = simulate([Row(arm, NONE, 1, 0)], 8, 60)[0]
+    zero = [SessionSpec(arm, injected(name, 0.0), 1, 0) for name in NAMES]
+    strong = [SessionSpec(arm, injected(name), 1, 0) for name in NAMES if name != "link_flex"]
+    alone = simulate([SessionSpec(arm, NONE, 1, 0)], 8, 60)[0]
     for log in simulate(zero + strong, 8, 60)[: len(zero)]:
         for name, column in alone.items():
             assert np.array_equal(log[name], column, equal_nan=True), name
@@ -31,8 +31,8 @@ def shown():
     """Logs of one arm without and with each effect, in its fourth session."""
     arm = draw(np.random.default_rng(5))
     straight = [name for name in NAMES if name != "link_flex"]
-    rows = [Row(arm, effects, 4, 0) for effects in (NONE, *map(injected, straight))]
-    bent = simulate([Row(arm, injected("link_flex"), 4, 0)], 24, 60)
+    rows = [SessionSpec(arm, effects, 4, 0) for effects in (NONE, *map(injected, straight))]
+    bent = simulate([SessionSpec(arm, injected("link_flex"), 4, 0)], 24, 60)
     return dict(zip(("none", *straight, "link_flex"), simulate(rows, 24, 60) + bent, strict=True))
 
 
@@ -46,7 +46,7 @@ def test_an_effect_shows_where_it_should(name, shown):
 
 
 def test_a_payload_raises_the_loads():
-    logs = simulate([Row(SILENT, Effects(payload=p), 1, 0) for p in (0.0, 0.1)], 40, 60)
+    logs = simulate([SessionSpec(SILENT, Effects(payload=p), 1, 0) for p in (0.0, 0.1)], 40, 60)
     light, heavy = (np.abs(log["motor_load"][:, :9]).mean(0) for log in logs)
     assert (heavy[:7] > light[:7]).all()
 
@@ -134,7 +134,7 @@ def test_a_joint_sticks_inside_its_window_alone():
 
 def test_ripple_is_a_wave_over_one_motor_in_its_load():
     ripple = Effects(load_ripple=0.1, ripple_motor=6, ripple_periods=3.0)
-    plain, wavy = simulate([Row(SILENT, e, 1, 0) for e in (NONE, ripple)], 30, 60)
+    plain, wavy = simulate([SessionSpec(SILENT, e, 1, 0) for e in (NONE, ripple)], 30, 60)
     more = wavy["motor_load"] - plain["motor_load"]
     wave = 0.1 * np.sin(3 * plain["motor_position"][:, 5])
     assert more[:, 5] == pytest.approx(wave, abs=2.5e-3)  # the angle is read in counts

@@ -20,7 +20,7 @@ from serpent_twin.hardware.dynamixel.wire import Wire
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.hardware.protocol import CLEAR_POSITION, Instruction
 from serpent_twin.hardware.xl430 import POSITION_UNIT
-from serpent_twin.recording.collect import Collect, Real, collect
+from serpent_twin.recording.collect import Collect, RealArm, collect
 
 MOTORS = range(1, 11)
 STRAIGHT = ArmSetup(zero=(0,) * 10)
@@ -236,7 +236,7 @@ def test_the_doctor_says_of_turns_what_the_run_says(bench, capsys):
 def verdicts(bench: Bench) -> tuple[str | None, str | None]:
     """What the doctor objects, and what a run is refused with; None where nothing is."""
     port = bench.port or bench.device.port
-    real = Real(port=port, setup=bench.path)
+    real = RealArm(port=port, setup=bench.path)
     config = Collect(bench.path.parent / "logs", backend="real", real=real, sessions=1, steps=2)
     return (
         refusal(lambda: doctor.main(doctor.Doctor(port=port, setup=bench.path, reads=5))),

@@ -25,7 +25,7 @@ from sdk_client import (
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.emulator.device import running
 from serpent_twin.emulator.device.faults import KINDS, Fault, Strikes, named
-from serpent_twin.emulator.device.options import Options, build
+from serpent_twin.emulator.device.options import DeviceOptions, build
 from serpent_twin.emulator.device.orders import Orders
 from serpent_twin.emulator.device.responder import Responder, accesses
 from serpent_twin.errors import SerpentError
@@ -61,7 +61,7 @@ def test_faults_of_one_motors_answers(fault, good):
 
 def test_rates_are_rates_and_seeds_repeat_them():
     def struck():
-        device = build(Options(fault=("crc=0.2", "garbage=0.1@2"), seed=3))
+        device = build(DeviceOptions(fault=("crc=0.2", "garbage=0.1@2"), seed=3))
         packet = protocol.status_packet(2, 0, bytes(20))
         return [device.faults.strike(packet, 1 + n % 2) for n in range(2000)], device.faults.counts
 
@@ -129,11 +129,11 @@ FAST_READ = protocol.instruction_packet(254, 0x8A, bytes([BLOCK, 0, 4, 0, *IDS])
 
 
 def test_faults_of_a_motor_strike_its_part_of_a_fast_read():
-    whole = b"".join(data for data, _ in send(build(Options(lockstep=True)), FAST_READ))
+    whole = b"".join(data for data, _ in send(build(DeviceOptions(lockstep=True)), FAST_READ))
     assert len(protocol.Parser().feed(whole)) == 1
     results = {}
     for fault in ("drop=1@3", "truncate=1@3", "crc=1@3", "late=1@3/0.2", "doubled=1@3"):
-        device = build(Options(lockstep=True, fault=(fault,)))
+        device = build(DeviceOptions(lockstep=True, fault=(fault,)))
         for start in device.faults.events(Strikes.START):
             device.strike(start)
         sent = send(device, FAST_READ)
@@ -153,7 +153,7 @@ def test_faults_of_a_motor_strike_its_part_of_a_fast_read():
 
 
 def test_overlapping_brown_outs_end_with_the_last():
-    device = build(Options(lockstep=True))
+    device = build(DeviceOptions(lockstep=True))
     device.strike(named("voltage", motor=2, seconds=0.001))
     device.strike(named("voltage", motor=2, seconds=0.001))
     device.strike(named("voltage", motor=3, seconds=0.001))
@@ -164,7 +164,7 @@ def test_overlapping_brown_outs_end_with_the_last():
 
 
 def test_an_unplugged_port_is_not_unplugged_again():
-    device, said = build(Options(lockstep=True)), io.StringIO()
+    device, said = build(DeviceOptions(lockstep=True)), io.StringIO()
     device._orders = Orders(None, said)
     device._plug()
     assert device.obey("unplug - 0.001") == "done: unplug"
@@ -180,7 +180,7 @@ def test_an_unplugged_port_is_not_unplugged_again():
 
 
 def test_a_reboot_does_not_bring_a_missing_motor_back():
-    device = build(Options(lockstep=True))
+    device = build(DeviceOptions(lockstep=True))
     device.strike(named("missing", motor=3))
     device.strike(named("reboot", motor=3))
     device.servos.restarted.add(2)
@@ -201,7 +201,7 @@ GREEDY = [
 @pytest.mark.parametrize("wire", GREEDY)
 def test_a_greedy_read_costs_no_more_than_the_table_and_each_id_once(wire):
     (packet,) = protocol.Parser().feed(wire)
-    device = build(Options(lockstep=True))
+    device = build(DeviceOptions(lockstep=True))
     ids = [access.id for access in accesses(packet)]
     assert len(ids) == len(set(ids)) <= 10
     assert len(device.servos.table[0].places(0, 65_535)) == 662
@@ -250,7 +250,7 @@ def test_random_and_mutated_bytes_leave_it_alive_and_right():
 def test_any_write_leaves_the_servos_alive():
     """Straight to the servos, since on the wire it would change ids and baud rates."""
     rng = np.random.default_rng(10)
-    device = build(Options(lockstep=True))
+    device = build(DeviceOptions(lockstep=True))
     responder = Responder(device.servos, listens=lambda index: True)
     errors = Counter()
     for _ in range(4000):
@@ -272,7 +272,7 @@ def test_any_write_leaves_the_servos_alive():
 def test_an_arm_torn_apart_is_strung_anew_with_all_motors_tripped(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo writes its warning into a file where it runs
     stiff = replace(NOMINAL, strand_stiffness=1e6)
-    device = build(Options(lockstep=True, no_paced=True, parameters=stiff))
+    device = build(DeviceOptions(lockstep=True, no_paced=True, parameters=stiff))
     motors = device.servos.motors
     for table in device.servos.table:
         table["operating_mode"] = 1

@@ -11,7 +11,7 @@ from serpent_twin.bus.device import main
 from serpent_twin.command_line import cli
 from serpent_twin.emulator.device import running
 from serpent_twin.emulator.device.faults import KINDS
-from serpent_twin.emulator.device.options import Options, build
+from serpent_twin.emulator.device.options import DeviceOptions, build
 from serpent_twin.emulator.device.responder import Responder
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware import protocol
@@ -36,39 +36,39 @@ from serpent_twin.hardware.control_table import TABLE
 )
 def test_options_that_cannot_be_are_refused(options, match):
     with pytest.raises(SerpentError, match=match):
-        build(Options(**options))
+        build(DeviceOptions(**options))
 
 
 def test_a_link_does_not_replace_a_file(tmp_path):
     taken = tmp_path / "notes.txt"
     taken.write_text("mine")
     with pytest.raises(SerpentError, match="something else lies there"):
-        build(Options(link=taken))
+        build(DeviceOptions(link=taken))
     assert taken.read_text() == "mine"
 
 
 def test_a_link_is_taken_over_only_from_the_dead(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     link = Path("arm")
-    first = build(Options(link=link)).terminal
+    first = build(DeviceOptions(link=link)).terminal
     first.plug()
     with pytest.raises(SerpentError, match=r"arm leads to /dev/pts/.*another device"):
-        build(Options(link=link))
+        build(DeviceOptions(link=link))
     assert link.readlink() == Path(first.port)
     first.unplug()
     link.symlink_to("/dev/pts/987654")  # as a device leaves it that was killed
-    second = build(Options(link=link)).terminal
+    second = build(DeviceOptions(link=link)).terminal
     second.plug()
     assert link.readlink() == Path(second.port)
     second.unplug()
     with pytest.raises(SerpentError, match="nowhere/arm: there is no folder nowhere"):
-        build(Options(link=Path("nowhere/arm"), transcript=Path("events")))
+        build(DeviceOptions(link=Path("nowhere/arm"), transcript=Path("events")))
     assert not Path("events").exists()
 
 
 def test_a_transcript_replaces_no_file_and_knows_the_turns_that_a_reboot_loses(tmp_path):
     path = tmp_path / "events.jsonl"
-    device = build(Options(transcript=path, start_counts=(9000,)))
+    device = build(DeviceOptions(transcript=path, start_counts=(9000,)))
     device._transcript.read()
     device.servos.reboot(4)
     assert device.servos.write(5, TABLE["drive_mode"].address, b"\1") == OK
@@ -78,7 +78,7 @@ def test_a_transcript_replaces_no_file_and_knows_the_turns_that_a_reboot_loses(t
     assert [line["true_position"] for line in lines] == [[9000] * 10] * 2
     assert lines[1]["present_position"][3:6] == [9000, 9000 % 4096, -9000 % 4096]
     with pytest.raises(SerpentError, match=r"events.jsonl: something lies there already"):
-        build(Options(transcript=path))
+        build(DeviceOptions(transcript=path))
     assert len(path.read_text().splitlines()) == 2
 
 
@@ -93,7 +93,7 @@ def test_the_help_says_what_each_fault_means_and_what_is_not_simulated(capsys):
 
 
 def test_an_answer_is_given_as_it_was_before_what_it_answers():
-    servos = build(Options(lockstep=True)).servos
+    servos = build(DeviceOptions(lockstep=True)).servos
     responder = Responder(servos)
 
     def write(id, name, value):
@@ -113,7 +113,7 @@ def test_an_answer_is_given_as_it_was_before_what_it_answers():
 
 
 def test_positions_have_their_ranges_and_sense():
-    servos = build(Options(lockstep=True, start_counts=(5000,))).servos
+    servos = build(DeviceOptions(lockstep=True, start_counts=(5000,))).servos
     servos.table[0]["operating_mode"] = 4
     for value, error in ((1_048_575, OK), (1_048_576, LIMIT), (-1_048_576, LIMIT)):
         goal = TABLE["goal_position"]
@@ -127,7 +127,7 @@ def test_positions_have_their_ranges_and_sense():
 
 
 def test_the_straight_arm_reads_what_it_is_told_to():
-    device = build(Options(start_counts=tuple(range(2000, 12000, 1000))))
+    device = build(DeviceOptions(start_counts=tuple(range(2000, 12000, 1000))))
     words = device.servos.motors.registers().present_position
     assert words.tolist() == list(range(2000, 12000, 1000))
     device.servos.reboot(9)
@@ -140,10 +140,10 @@ def test_a_model_file_is_read_or_what_it_lacks_is_named(tmp_path):
     text = mjcf.build().to_xml()
     good, bad = tmp_path / "good.xml", tmp_path / "bad.xml"
     good.write_text(text)
-    assert build(Options(model=good)).servos.motors.twin.model.nu == 20
+    assert build(DeviceOptions(model=good)).servos.motors.twin.model.nu == 20
     bad.write_text(text.replace("joint4", "elbow"))
     with pytest.raises(SerpentError, match=r"joints must be .* missing or elsewhere: joint4"):
-        build(Options(model=bad))
+        build(DeviceOptions(model=bad))
 
 
 def test_realtime_ticks_advance_evenly_between_reads():

@@ -14,7 +14,7 @@ import pytest
 from sdk_client import IDS, OK, RANGE, Client, send, sync_read
 
 from serpent_twin.emulator.device import child, running
-from serpent_twin.emulator.device.options import Options, build
+from serpent_twin.emulator.device.options import DeviceOptions, build
 from serpent_twin.emulator.device.orders import Orders
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware import protocol
@@ -79,7 +79,7 @@ def test_unplugged_it_vanishes_and_comes_back_with_its_motors_powered():
 
 def test_wire_time_and_return_delay_are_kept():
     """24 bytes of request, then 27 + 11 per answer, at 10 bits a byte, and 500 µs per answer or none."""
-    device = build(Options(paced=True))
+    device = build(DeviceOptions(paced=True))
     for index, table in enumerate(device.servos.table):
         table["return_delay_time"] = 250 if index < 5 else 0
     device.servos.table[1]["baud_rate"] = BAUD_RATES.index(57_600)
@@ -95,7 +95,7 @@ def test_cameras_see_the_arm_while_a_host_is_busy():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    device, frames = build(Options(cameras=port)), []
+    device, frames = build(DeviceOptions(cameras=port)), []
     device._orders = Orders(None, io.StringIO())
     assert device._cameras
     device._cameras.send = lambda markers, time: frames.append(time) or True
@@ -124,7 +124,7 @@ def test_orders_end_where_the_terminal_is_not_ours():
 
 
 def test_a_machine_that_is_too_slow_leaves_out_time_instead_of_running_after_it():
-    device = build(Options())
+    device = build(DeviceOptions())
     device._steps_due()
     device._epoch -= 10.0
     assert device._steps_due() == pytest.approx(100, abs=5)  # 0.2 s in steps of 2 ms

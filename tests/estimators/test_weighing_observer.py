@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.sim_to_real.conditions import Change, Condition, changing, recovery, session_of
+from experiments.sim_to_real.conditions import ArmChange, Condition, changing, recovery, session_of
 from experiments.sim_to_real.conditions import followed as errors_of
 from serpent_twin.arm.geometry import joint_from_motor
 from serpent_twin.arm.parameters import NOMINAL
@@ -66,7 +66,7 @@ def test_an_arm_that_holds_more_is_followed_and_one_that_does_not_is_left_alone(
 
 
 def test_what_is_taken_up_on_the_way_is_weighed_without_markers(weighing):
-    session = changing(ARM, 600, 200, Change(more_kg=0.03), seed=5)
+    session = changing(ARM, 600, 200, ArmChange(more_kg=0.03), seed=5)
     live = weighing.live()
     error = np.array(list(errors_of(live, session)))
     grams = 30 * live.amount[0]

@@ -14,7 +14,7 @@ from experiments.measured import changed as measured_changed
 from experiments.measured import metric as measured_metric
 from experiments.measured import regression as measured_regression
 from experiments.measured import split as measured_split
-from experiments.measured.bench import BENCHES
+from experiments.measured.benchmark import BENCHMARKS
 from serpent_twin import machines
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.run import _file
@@ -134,7 +134,7 @@ def traced(monkeypatch):
 
 def test_results_hold_every_rig_its_splits_and_their_spread(data, traced, tmp_path, monkeypatch):
     for name, splits in {"xl330": (("kp200_*",), ("kp100_*",)), "jaw": (("tool_*_12.*",),)}.items():
-        monkeypatch.setitem(BENCHES, name, replace(BENCHES[name], splits=splits))
+        monkeypatch.setitem(BENCHMARKS, name, replace(BENCHMARKS[name], splits=splits))
     measured.main(measured.Measured(data, tmp_path / "out"))
     rigs = json.loads((tmp_path / "out" / "results.json").read_text())["rigs"]
     assert rigs["xl330"]["nominal"] == pytest.approx(3) and rigs["xl330"]["metric"] == "mae_deg"
@@ -176,7 +176,7 @@ def test_it_says_what_is_missing(data, traced, tmp_path, capsys):
 
 def test_runs_of_other_names_are_split_by_their_order():
     runs = [SimpleNamespace(path=Path(f"run_{n}.parquet")) for n in range(6)]
-    training, judging = measured_split.inner(runs, BENCHES["xl330"])
+    training, judging = measured_split.inner(runs, BENCHMARKS["xl330"])
     assert [r.path.stem for r in judging] == ["run_1", "run_5"] and len(training) == 4
 
 

@@ -7,7 +7,7 @@ import pytest
 from learning_sessions import make_windows
 
 from experiments.sim_to_real.conditions import (
-    Change,
+    ArmChange,
     Condition,
     changing,
     followed,
@@ -77,9 +77,9 @@ def test_more_payload_adds_to_what_is_held():
     assert loaded(held, 0.0) is held
 
 
-@pytest.mark.parametrize("change", [Change(more_kg=0.05), Change(tilt=(0.05, 0.0))])
+@pytest.mark.parametrize("change", [ArmChange(more_kg=0.05), ArmChange(tilt=(0.05, 0.0))])
 def test_a_change_shows_from_its_row_on_and_is_what_it_says(change):
-    none = changing(ARM, 80, 40, Change(), seed=1)
+    none = changing(ARM, 80, 40, ArmChange(), seed=1)
     change = changing(ARM, 80, 40, change, seed=1)
     off = 1e3 * abs(change.marker - none.marker).max(axis=(1, 2))
     assert off[:41].max() == 0 < 2.0 < off[50:].mean()

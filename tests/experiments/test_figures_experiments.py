@@ -52,7 +52,7 @@ def test_every_arm_has_a_look_of_its_own():
 
 def test_the_two_views_of_the_loop_are_legible():
     joint = {who: RNG.uniform(-0.3, 0.3, N_JOINTS) for who in picture.STYLE}
-    at = picture.Moment("arm_x", "session_04", 12.0, joint, {w: markers(q) for w, q in joint.items()},
+    at = picture.Snapshot("arm_x", "session_04", 12.0, joint, {w: markers(q) for w, q in joint.items()},
                         {picture.NOMINAL: 9.0, picture.CORRECTED: 1.0})  # fmt: skip
     assert not wrong(picture.draw(at))
 

@@ -29,7 +29,7 @@ from experiments.stiffness_sweep.plan import (
 from experiments.stiffness_sweep.trend import HELD, NOT, OPEN, correlation, over_seeds, trend
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.reservoir.sweep import drive
-from serpent_twin.reservoir.sweep.rows import Row, values
+from serpent_twin.reservoir.sweep.rows import SweepRow, values
 
 ROW = {
     "stiffness_n_m", "slack_m", "seed", "capacity_by_degree", "mean_delay_steps", "consistency", "pose_mm",
@@ -102,7 +102,7 @@ def made(stiffness, slack, seed, memory=-1.0, higher=1.0, gravity=0.0, peak=5.3,
     k = STIFFNESS.index(stiffness)
     noise = 1e-3 * np.random.default_rng(seed).standard_normal()
     first, second, third = 9 - higher * slack * 1e3, gravity, higher * slack * 1e3
-    return Row(
+    return SweepRow(
         stiffness, slack, 1e-3, rate, 0.07, 0.004, seed,
         capacity=np.array([first, second, third]) + noise,
         useful=np.array([5 - (k - peak) ** 2 / 10, 0.0, 0.0]),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from linear_case import GUST, SEGMENTS, START, LinearCase, case, every
 
-from serpent_twin.identification.acceptance import Trial, why_not
+from serpent_twin.identification.acceptance import CandidateTrial, why_not
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors, gain
@@ -144,7 +144,7 @@ def test_a_loss_is_told_as_a_loss(step, said):
     fitted = full_fit(arm, every(), base, found, print)
     ends = replace(fitted, point=fitted.point.having(GUST, np.array([10.0])))
     for made in (fitted, ends):
-        why = why_not(GUST, Trial(found, made, lost, 1.0), arm.candidates[GUST])
+        why = why_not(GUST, CandidateTrial(found, made, lost, 1.0), arm.candidates[GUST])
         assert why.startswith(f"{said} on held-out logs") or (step < -0.04 and not why)
         assert "-" not in why.replace("held-out", "") and "−" not in why
 

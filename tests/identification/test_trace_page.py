@@ -8,8 +8,8 @@ from made_diagnosis import CALIBRATION, NAN, PAYLOAD, TRIED, comparison, diagnos
 
 from serpent_twin.identification import figures, tables
 from serpent_twin.identification.diagnosis import (
-    Estimate,
     Named,
+    ParameterEstimate,
     Unexplained,
     key,
 )
@@ -18,7 +18,9 @@ from serpent_twin.machines.arm.vector import candidates
 from serpent_twin.reporting import report
 from serpent_twin.residual import ANGLE, TORQUE, marker_size
 
-TILT = Named("base_tilt", {"about_y": Estimate(-0.03, -0.04, -0.02, "rad")}, 0.8, 0.1, 0.002)
+TILT = Named(
+    "base_tilt", {"about_y": ParameterEstimate(-0.03, -0.04, -0.02, "rad")}, 0.8, 0.1, 0.002
+)
 
 
 REST = Unexplained(True, 0.37, "The markers follow motor 3's angle. Look for a hose.")

@@ -19,7 +19,7 @@ from serpent_twin.estimators.belief import Belief
 from serpent_twin.live.estimate import Estimate, estimate
 from serpent_twin.live.follower import LATENCY, Follower
 from serpent_twin.readouts.windows import Windows, cut
-from serpent_twin.recording.collect import Collect, Real, collect
+from serpent_twin.recording.collect import Collect, RealArm, collect
 from serpent_twin.sessions import Session, examine, read_session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
@@ -199,7 +199,7 @@ def test_over_the_wire_estimates_are_those_of_the_twin(models, tmp_path):
     )
     estimate(config)
     with running("--lockstep", "--load-noise", "0") as device:
-        real = Real(port=device.port, setup=tmp_path / "none.toml")
+        real = RealArm(port=device.port, setup=tmp_path / "none.toml")
         own = {"backend": "real", "real": real, "parameters": NOMINAL}
         found = estimate(replace(config, out=tmp_path / "real", **own))
     here, there = logged(tmp_path / "sim"), logged(tmp_path / "real")

@@ -87,17 +87,17 @@ def _trunk():
     return _bench(trunk, trunk.Trunk(shape(), known=both), log(goal), every=5)
 
 
-BENCHES = {
+BENCHMARKS = {
     "arm": Bench(candidates(), arms), "jaw": _jaw(), "trunk": _trunk(), "xl330": _servo(),
 }  # fmt: skip
-PAIRS = [(machine, name) for machine, bench in BENCHES.items() for name in bench.candidates]
+PAIRS = [(machine, name) for machine, bench in BENCHMARKS.items() for name in bench.candidates]
 of_machines = pytest.mark.parametrize(("machine", "name"), PAIRS)
 every = pytest.mark.parametrize("kind", KNOWN.values(), ids=KNOWN)
 
 
 def made(machine, name, times=1.0):
     """A candidate as its machine has it, its strength times a number."""
-    found = BENCHES[machine].candidates[name]
+    found = BENCHMARKS[machine].candidates[name]
     values = dict(zip(found.ranges, found.variants[0], strict=True))
     strength = next(iter(values))
     return KNOWN[name](**{**values, strength: float(times * values[strength])})
@@ -118,7 +118,7 @@ def test_what_the_arm_does_not_try_it_cannot_have(name):
 @of_machines
 def test_zero_is_the_nominal_twin_bit_for_bit(machine, name):
     """Alone, and beside a run that has it if both are of one structure."""
-    respond, zero, strong = BENCHES[machine].respond, KNOWN[name](), made(machine, name)
+    respond, zero, strong = BENCHMARKS[machine].respond, KNOWN[name](), made(machine, name)
     assert zero.absent and not strong.absent
     nominal = respond(())[0]
     assert_array_equal(respond((zero,))[0], nominal)
@@ -133,14 +133,14 @@ def test_zero_is_the_nominal_twin_bit_for_bit(machine, name):
 @of_machines
 def test_a_typical_strength_shows(machine, name):
     """By more than rounding: 10 µm, 0.01 % of the stall torque, 10 µrad or 10 µN m somewhere."""
-    respond, beside = BENCHES[machine].respond, BESIDE.get((machine, name), ())
+    respond, beside = BENCHMARKS[machine].respond, BESIDE.get((machine, name), ())
     shown = respond((*beside, made(machine, name))) - respond(beside)
     assert np.abs(shown).max() > 1e-5
 
 
 @of_machines
 def test_runs_side_by_side_are_the_runs_alone(machine, name):
-    respond = BENCHES[machine].respond
+    respond = BENCHMARKS[machine].respond
     one, other = (made(machine, name, times) for times in (1.0, 1.5))
     both = respond((one,), (other,))
     assert_allclose(both, np.concatenate([respond((one,)), respond((other,))]), rtol=0, atol=1e-9)
@@ -149,11 +149,11 @@ def test_runs_side_by_side_are_the_runs_alone(machine, name):
 @of_machines
 def test_a_second_at_the_end_of_the_range_is_finite(machine, name):
     """In places that are metres or radians, and not out of all proportion."""
-    found = BENCHES[machine].candidates[name]
+    found = BENCHMARKS[machine].candidates[name]
     values = dict(zip(found.ranges, found.variants[0], strict=True))
     strength, allowed = next(iter(found.ranges.items()))
     for least in (1e-4 * allowed.typical, allowed.high):
-        did = BENCHES[machine].respond((KNOWN[name](**{**values, strength: least}),))
+        did = BENCHMARKS[machine].respond((KNOWN[name](**{**values, strength: least}),))
         assert np.isfinite(did).all() and np.abs(did).max() < 10.0
 
 

@@ -14,7 +14,7 @@ from serpent_twin.emulator.device import running
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
 from serpent_twin.recording import real as real_module
-from serpent_twin.recording.collect import Collect, Real, collect
+from serpent_twin.recording.collect import Collect, RealArm, collect
 from serpent_twin.recording.real import loop_times
 from serpent_twin.sessions import examine, read_journal, read_session, recover
 
@@ -53,7 +53,7 @@ def test_over_the_wire_a_session_has_the_rows_of_the_twin(bench, tmp_path):
     _, setup = bench("--lockstep", "--load-noise", "0")
     config = Collect(tmp_path / "sim", sessions=1, steps=60, workers=1, parameters=QUIET)
     (simulated,) = collect(config)
-    real = Real(setup=setup)
+    real = RealArm(setup=setup)
     (wire,) = collect(Collect(tmp_path / "real", "real", sessions=1, steps=60, real=real))
     here, there = read_session(simulated), read_session(wire)
     for name in ("motor_position", "motor_velocity", "motor_load", "motor_velocity_command"):
@@ -134,7 +134,7 @@ def test_a_defect_of_ours_leaves_a_session_that_is_not_complete(bench, tmp_path,
         return ""
 
     monkeypatch.setattr(real_module, "_state", fail)
-    real = Real(setup=setup)
+    real = RealArm(setup=setup)
     with pytest.raises(ValueError, match="a defect"):
         collect(Collect(tmp_path / "logs", backend="real", real=real, sessions=1, steps=12))
     metadata = read_session(tmp_path / "logs" / "session_01.parquet").metadata
@@ -143,7 +143,7 @@ def test_a_defect_of_ours_leaves_a_session_that_is_not_complete(bench, tmp_path,
 
 def test_another_arm_or_zero_does_not_join_the_folder(bench, tmp_path):
     device, setup = bench("--lockstep")
-    real = Real(setup=setup)
+    real = RealArm(setup=setup)
     config = Collect(tmp_path / "logs", backend="real", real=real, sessions=1, steps=3)
     collect(config)
     write_setup(ArmSetup(device.port, zero=(5,) * 10, path=setup))
@@ -153,7 +153,9 @@ def test_another_arm_or_zero_does_not_join_the_folder(bench, tmp_path):
 
 def test_a_run_that_never_began_leaves_nothing(bench, tmp_path):
     device, setup = bench("--lockstep", "--fault", "wrong_model=1@4")
-    config = Collect(tmp_path / "logs", backend="real", real=Real(setup=setup), sessions=1, steps=3)
+    config = Collect(
+        tmp_path / "logs", backend="real", real=RealArm(setup=setup), sessions=1, steps=3
+    )
     with pytest.raises(SerpentError, match="motor 4 is model 1030"):
         collect(config)
     assert not (tmp_path / "logs").exists()
@@ -164,7 +166,7 @@ def test_a_run_that_never_began_leaves_nothing(bench, tmp_path):
 
 def test_simulated_motors_need_no_zero(bench, tmp_path):
     device, _ = bench("--lockstep")
-    real = Real(port=device.port, setup=tmp_path / "none.toml")
+    real = RealArm(port=device.port, setup=tmp_path / "none.toml")
     (path,) = collect(Collect(tmp_path / "logs", backend="real", real=real, sessions=1, steps=3))
     assert read_session(path).metadata["setup"]["zero"] == [0] * 10
     assert not list(tmp_path.glob("none*"))
@@ -172,7 +174,7 @@ def test_simulated_motors_need_no_zero(bench, tmp_path):
 
 def test_without_a_zero_nothing_moves_and_nothing_is_written(tmp_path):
     with pytest.raises(SerpentError, match=r"no zero.*bus\.zero --port /dev/null"):
-        real = Real(port="/dev/null", setup=tmp_path / "arm.toml")
+        real = RealArm(port="/dev/null", setup=tmp_path / "arm.toml")
         collect(Collect(tmp_path / "logs", backend="real", real=real))
     assert not list(tmp_path.iterdir())
 

@@ -14,7 +14,7 @@ from serpent_twin.hardware.dynamixel.registers import MotorRegisters
 from serpent_twin.hardware.dynamixel.setup import setup_to_run
 from serpent_twin.hardware.dynamixel.wire import Wire
 from serpent_twin.hardware.xl430 import POSITION_UNIT
-from serpent_twin.recording.collect import Collect, Real, collect
+from serpent_twin.recording.collect import Collect, RealArm, collect
 from serpent_twin.recording.loop import record
 from serpent_twin.recording.sunken import bring_back
 from serpent_twin.sessions import read_session
@@ -41,7 +41,7 @@ def session(arm, targets, rate_hz=4.0):
 
 def test_a_hundred_sessions_in_lockstep(quick, tmp_path):
     with running("--lockstep") as device:
-        real = Real(port=device.port, setup=tmp_path / "none.toml")
+        real = RealArm(port=device.port, setup=tmp_path / "none.toml")
         config = Collect(tmp_path / "logs", backend="real", real=real, sessions=90, steps=5)
         collect(config)
         for sessions in range(91, 101):  # the command given anew for each

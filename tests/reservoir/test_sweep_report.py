@@ -10,10 +10,10 @@ from sweep_cases import GRID, UNSTABLE
 from serpent_twin import sweep
 from serpent_twin.reporting.report import Figure
 from serpent_twin.reservoir.sweep.page import page
-from serpent_twin.reservoir.sweep.rows import Row
+from serpent_twin.reservoir.sweep.rows import SweepRow
 
 READOUTS = ("analytical", "linear", "residual", "mlp", "lstm", "decoder", "ensemble")
-ONE = Row(
+ONE = SweepRow(
     8e3, 3e-4, 1e-3, 4.0, 0.07, 0.015, 0,
     capacity=np.array([8.9, 0.4, 0.1]), useful=np.array([0.3, 0.1, 0.0]),
     noiseless=np.array([0.5, 0.2, 0.0]), memory=np.array([9.0, 1.1, 0.4, 0.4]), mean_delay=0.1,

@@ -5,9 +5,9 @@ import pytest
 from residual_cases import NOISE, PERIOD, SWAY, fading, found, made, only
 
 from serpent_twin.arm.geometry import joint_axis, link_frames, markers
-from serpent_twin.residual import Comparison, describe, place
+from serpent_twin.residual import Comparison, attribute_to_joints, describe
 from serpent_twin.residual.drift import drift
-from serpent_twin.residual.place import joint_jacobian
+from serpent_twin.residual.joint_attribution import joint_jacobian
 from serpent_twin.residual.spectrum import spectrum
 
 
@@ -111,7 +111,7 @@ def test_what_moves_a_marker_agrees_with_finite_differences():
 def test_the_joint_at_which_an_error_arises():
     wave = 0.02 * np.sin(np.linspace(0, 40, 160))
     c = made(5, turn=lambda q, *_: only(6, np.broadcast_to(wave, q.shape[:2])))
-    result = place(c, NOISE)
+    result = attribute_to_joints(c, NOISE)
     assert result.share.argmax() == 6 and result.share[6] > 0.85 * (1 - result.remainder)
     error = result.rotation[..., 6] - wave
     assert np.std(error) < NOISE / 0.05  # less than one marker a link away would give

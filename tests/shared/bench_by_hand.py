@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bench_arm import NONE, BenchArm, Machine
+from bench_arm import NONE, ArmBatch, BenchArm
 from serpent_twin.arm.geometry import ARM
 
 G = np.array([9.81, 0.0, 0.0])
@@ -12,7 +12,7 @@ STILL = np.zeros((1, 10))
 
 
 def machine(arm, effects=NONE, h=4e-3):
-    return Machine([arm], [effects], h, np.zeros(1))
+    return ArmBatch([arm], [effects], h, np.zeros(1))
 
 
 def run(m, seconds, command=STILL):

@@ -8,8 +8,8 @@ import numpy as np
 from serpent_twin.identification.diagnosis import (
     Calibrated,
     Diagnosis,
-    Estimate,
     Named,
+    ParameterEstimate,
     Tried,
     Unexplained,
 )
@@ -21,8 +21,8 @@ NAN = float("nan")
 PAYLOAD = Named(
     "payload",
     {
-        "mass": Estimate(0.0342, 0.0311, 0.0373, "kg"),
-        "place": Estimate(0.09, 0.09, 0.09, "m"),
+        "mass": ParameterEstimate(0.0342, 0.0311, 0.0373, "kg"),
+        "place": ParameterEstimate(0.09, 0.09, 0.09, "m"),
     },
     gain=2.5,
     gain_load=1.2,
@@ -36,14 +36,16 @@ TRIED = (
 )
 CALIBRATION = {
     "stiffness of cable1_plus": Calibrated(
-        Estimate(0.1, 0.08, 0.12, "log N/m"), "strand stiffness 1+", 18.8, 20.0,
-        Estimate(22.1034, 21.6657, 22.5499, "kN/m"),
+        ParameterEstimate(0.1, 0.08, 0.12, "log N/m"), "strand stiffness 1+", 18.8, 20.0,
+        ParameterEstimate(22.1034, 21.6657, 22.5499, "kN/m"),
     ),
     "slack of cable1_plus": Calibrated(
-        Estimate(-0.3, -0.5, -0.1, "mm"), "strand slack 1+", 0.389, 0.2, Estimate(-0.1, -0.3, 0.1, "mm")
+        ParameterEstimate(-0.3, -0.5, -0.1, "mm"), "strand slack 1+", 0.389, 0.2,
+        ParameterEstimate(-0.1, -0.3, 0.1, "mm"),
     ),
     "slack of cable1_minus": Calibrated(
-        Estimate(0.01, -0.4, 0.42, "mm"), "strand slack 1−", NAN, 0.2, Estimate(0.21, -0.2, 0.62, "mm")
+        ParameterEstimate(0.01, -0.4, 0.42, "mm"), "strand slack 1−", NAN, 0.2,
+        ParameterEstimate(0.21, -0.2, 0.62, "mm"),
     ),
 }  # fmt: skip
 

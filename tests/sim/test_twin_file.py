@@ -18,7 +18,7 @@ from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
 from serpent_twin.hardware.xl430 import VELOCITY_UNIT
-from serpent_twin.recording.collect import Collect, Real, collect
+from serpent_twin.recording.collect import Collect, RealArm, collect
 from serpent_twin.sessions import FIELDS, read_session
 from serpent_twin.sim import arm_file, twin_model
 from serpent_twin.sim.twin import Twin
@@ -103,7 +103,7 @@ def test_over_the_wire_a_session_has_the_rows_of_the_file_s_arm(logs, tmp_path):
     with running("--lockstep", "--model", str(folder / "twin.json")) as device:
         setup = tmp_path / "arm.toml"
         write_setup(ArmSetup(device.port, zero=(0,) * 10, path=setup))
-        real = Real(setup=setup)
+        real = RealArm(setup=setup)
         (wire,) = collect(Collect(tmp_path / "real", backend="real", real=real, **SHORT))
     there = read_session(wire)
     for name in ("motor_position", "motor_velocity", "motor_load", "motor_velocity_command"):

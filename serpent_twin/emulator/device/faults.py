@@ -22,7 +22,7 @@ class Strikes(StrEnum):
 
 
 @dataclass(frozen=True)
-class Kind:
+class FaultKind:
     """One thing that can go wrong."""
 
     name: str
@@ -35,20 +35,24 @@ class Kind:
 
 
 _KINDS = (
-    Kind("crc", Strikes.STATUS, "one bit of the packet is flipped"),
-    Kind("drop", Strikes.STATUS, "the packet is lost"),
-    Kind("truncate", Strikes.STATUS, "the packet breaks off"),
-    Kind("garbage", Strikes.STATUS, "random bytes come before the packet or instead of it"),
-    Kind("late", Strikes.STATUS, "the packet comes SECONDS later; others overtake it", 0.06),
-    Kind("deaf", Strikes.INSTRUCTION, "no motor receives the packet", of_motor=False),
-    Kind("missing", Strikes.CYCLE, "a motor is off the wire for SECONDS, or for ever"),
-    Kind("unplug", Strikes.CYCLE, "the port vanishes, and comes back after SECONDS", 1.0, False),
-    Kind("overload", Strikes.CYCLE, "a motor trips: error bit 5, torque off until a reboot"),
-    Kind("voltage", Strikes.CYCLE, "a motor reads 5.5 V for SECONDS: error bit 0", 0.5),
-    Kind("watchdog", Strikes.CYCLE, "a motor's bus watchdog trips: it stops, goals are locked"),
-    Kind("reboot", Strikes.CYCLE, "a motor restarts by itself: RAM and turns are lost", 0.3),
-    Kind("doubled", Strikes.START, "a second motor has the id: every answer comes twice"),
-    Kind("wrong_model", Strikes.START, "a motor is an XM430-W210, model number 1030"),
+    FaultKind("crc", Strikes.STATUS, "one bit of the packet is flipped"),
+    FaultKind("drop", Strikes.STATUS, "the packet is lost"),
+    FaultKind("truncate", Strikes.STATUS, "the packet breaks off"),
+    FaultKind("garbage", Strikes.STATUS, "random bytes come before the packet or instead of it"),
+    FaultKind("late", Strikes.STATUS, "the packet comes SECONDS later; others overtake it", 0.06),
+    FaultKind("deaf", Strikes.INSTRUCTION, "no motor receives the packet", of_motor=False),
+    FaultKind("missing", Strikes.CYCLE, "a motor is off the wire for SECONDS, or for ever"),
+    FaultKind(
+        "unplug", Strikes.CYCLE, "the port vanishes, and comes back after SECONDS", 1.0, False
+    ),
+    FaultKind("overload", Strikes.CYCLE, "a motor trips: error bit 5, torque off until a reboot"),
+    FaultKind("voltage", Strikes.CYCLE, "a motor reads 5.5 V for SECONDS: error bit 0", 0.5),
+    FaultKind(
+        "watchdog", Strikes.CYCLE, "a motor's bus watchdog trips: it stops, goals are locked"
+    ),
+    FaultKind("reboot", Strikes.CYCLE, "a motor restarts by itself: RAM and turns are lost", 0.3),
+    FaultKind("doubled", Strikes.START, "a second motor has the id: every answer comes twice"),
+    FaultKind("wrong_model", Strikes.START, "a motor is an XM430-W210, model number 1030"),
 )
 KINDS = {kind.name: kind for kind in _KINDS}
 """All faults by name."""
@@ -58,7 +62,7 @@ KINDS = {kind.name: kind for kind in _KINDS}
 class Fault:
     """A kind of fault, how often it strikes, whom, and for how long."""
 
-    kind: Kind
+    kind: FaultKind
     rate: float = 1.0
     """Probability for each of what it strikes [1]"""
     motor: int | None = None
@@ -127,7 +131,7 @@ def help_text() -> str:
     )
 
 
-def _meaning(kind: Kind) -> str:
+def _meaning(kind: FaultKind) -> str:
     usual = f" ({kind.seconds:g} unless told)" if isfinite(kind.seconds) else ""
     return f"{kind.name}, {kind.help}{usual}"
 

@@ -38,7 +38,7 @@ _TIME, _ARM = Group("time"), Group("simulated arm")
 
 
 @dataclass(frozen=True)
-class Options(Checked):
+class DeviceOptions(Checked):
     """Put ten simulated XL430-W250 with the arm on a pseudo-terminal, for any program of yours.
 
     Prints the port, serves until Ctrl-C, then prints what it counted as one line of JSON. A line
@@ -92,7 +92,7 @@ class Options(Checked):
     """The simulated arm's free parameters."""
 
 
-def build(options: Options) -> Device:
+def build(options: DeviceOptions) -> Device:
     """The device that the options describe; raises `SerpentError` on options that cannot be."""
     _check(options)
     faults = [Fault.parse(text) for text in options.fault]
@@ -118,14 +118,14 @@ def build(options: Options) -> Device:
     )
 
 
-def _cameras(options: Options, noise: float) -> SimulatedCameras | None:
+def _cameras(options: DeviceOptions, noise: float) -> SimulatedCameras | None:
     if not options.cameras:
         return None
     rng = np.random.default_rng([options.seed, 2])
     return SimulatedCameras(options.cameras, base_to_cameras=CAMERAS, rng=rng, noise=noise)
 
 
-def _check(options: Options) -> None:
+def _check(options: DeviceOptions) -> None:
     if len(options.start_counts) not in (1, N_MOTORS):
         raise SerpentError(
             f"--start-counts has {counted(len(options.start_counts), 'number')}; give 1 or {N_MOTORS}."

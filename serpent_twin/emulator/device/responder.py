@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from serpent_twin.arm.geometry import N_MOTORS
-from serpent_twin.emulator.device.memory import Memory
+from serpent_twin.emulator.device.control_table import ControlTable
 from serpent_twin.emulator.device.servos import Servos
 from serpent_twin.hardware import protocol
 from serpent_twin.hardware.control_table import BAUD_RATES, TABLE
@@ -42,7 +42,7 @@ class Voice:
     """Bits per second"""
 
     @classmethod
-    def of(cls, table: Memory) -> "Voice":
+    def of(cls, table: ControlTable) -> "Voice":
         """As it is now."""
         delay = table["return_delay_time"] * _DELAY_UNIT
         return cls(table["id"], table["status_return_level"], delay, BAUD_RATES[table["baud_rate"]])

@@ -7,7 +7,7 @@ written and read, and have no effect; PWM mode, the secondary id and backups are
 import numpy as np
 
 from serpent_twin.arm.geometry import N_MOTORS
-from serpent_twin.emulator.device.memory import Memory, Words
+from serpent_twin.emulator.device.control_table import ControlTable, Words
 from serpent_twin.emulator.motors import SimulatedMotors
 from serpent_twin.hardware import xl430
 from serpent_twin.hardware.control_table import FIRST_RAM_ADDRESS, TABLE, Item
@@ -50,7 +50,7 @@ class Servos:
 
     def __init__(self, motors: SimulatedMotors) -> None:
         self.motors = motors
-        self.table = [Memory() for _ in range(N_MOTORS)]
+        self.table = [ControlTable() for _ in range(N_MOTORS)]
         self.restarted: set[int] = set()
         """Who restarted since this was last emptied: a restart takes a while."""
         self._registered: list[tuple[int, bytes] | None] = [None] * N_MOTORS

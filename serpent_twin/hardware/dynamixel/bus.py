@@ -19,7 +19,7 @@ from serpent_twin.hardware.dynamixel.goals import Goals
 from serpent_twin.hardware.dynamixel.reader import (
     SLACK_IN_LOCKSTEP,
     NewClockError,
-    Reader,
+    StateReader,
     TransientError,
 )
 from serpent_twin.hardware.dynamixel.reading import Reading
@@ -58,7 +58,7 @@ class DynamixelBus:
         self._direction = np.array(setup.direction)
         self._connected = False
         self._guard = Guard(setup.limits)
-        self._reader = Reader(self.registers, self._now)
+        self._reader = StateReader(self.registers, self._now)
         self._goals = Goals(self.registers, self._reader, self.recovery, self._now)
         self._start = self._simulated_time = self._waited = 0.0
 

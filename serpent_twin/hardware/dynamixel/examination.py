@@ -32,7 +32,7 @@ reads 0.7²⁶ = 1e-4 of its readings do, and a session has 2,100 of them [1].""
 
 
 @dataclass(frozen=True)
-class Finding:
+class BusFinding:
     """Something a person should know."""
 
     level: Literal["error", "warning"]
@@ -42,14 +42,14 @@ class Finding:
 
 
 @dataclass
-class Diagnosis:
+class BusExamination:
     """What was found: one entry a motor, times in milliseconds, and the findings."""
 
     port: str
     motors: list[dict[str, int]] = field(default_factory=list)
     cycle_ms: dict[str, float] = field(default_factory=dict)
     latency_timer_ms: int | None = None
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[BusFinding] = field(default_factory=list)
 
     @property
     def refused(self) -> bool:
@@ -58,12 +58,12 @@ class Diagnosis:
 
     def add(self, level: Literal["error", "warning"], what: str, todo: str) -> None:
         """Enter a finding."""
-        self.findings.append(Finding(level, what, todo))
+        self.findings.append(BusFinding(level, what, todo))
 
 
-def examine(setup: ArmSetup, reads: int = 200) -> Diagnosis:
+def examine(setup: ArmSetup, reads: int = 200) -> BusExamination:
     """Examine everything on the bus, changing nothing but a Status Return Level of 0."""
-    diagnosis = Diagnosis(setup.port)
+    diagnosis = BusExamination(setup.port)
     _latency_timer(diagnosis)
     wire = Wire(setup.port, setup.baud)
     wire.open()
@@ -85,7 +85,7 @@ def examine(setup: ArmSetup, reads: int = 200) -> Diagnosis:
 
 
 @contextmanager
-def _as_finding(into: Diagnosis) -> Iterator[None]:
+def _as_finding(into: BusExamination) -> Iterator[None]:
     """Add what a check of the run refuses as a finding."""
     try:
         yield
@@ -96,7 +96,7 @@ def _as_finding(into: Diagnosis) -> Iterator[None]:
         into.add("error", what.rstrip("."), todo)
 
 
-def _examine_pose(registers: MotorRegisters, setup: ArmSetup, into: Diagnosis) -> None:
+def _examine_pose(registers: MotorRegisters, setup: ArmSetup, into: BusExamination) -> None:
     turns = TurnCounter(registers, setup)
     if lost := turns.find():
         what = f"{registers.name(lost)} lost turns while no program was connected"
@@ -105,7 +105,7 @@ def _examine_pose(registers: MotorRegisters, setup: ArmSetup, into: Diagnosis) -
         refuse_joint_beyond(turns.angle, setup.limits.joint_angle)
 
 
-def _roll_call(registers: MotorRegisters, setup: ArmSetup, into: Diagnosis) -> list[int]:
+def _roll_call(registers: MotorRegisters, setup: ArmSetup, into: BusExamination) -> list[int]:
     """Find which of the expected motors answer, and which others."""
     wire = registers.wire
     presences = {motor: registers.presence(motor) for motor in registers.motors}
@@ -114,7 +114,7 @@ def _roll_call(registers: MotorRegisters, setup: ArmSetup, into: Diagnosis) -> l
             into.add("error", presence.problem, "Check cable, supply and ids.")
     present = [motor for motor, presence in presences.items() if presence.answers]
     if not present and (todo := _other_rates(wire, setup)):
-        into.findings[:] = [Finding("error", "no motor answers at this baud rate", todo)]
+        into.findings[:] = [BusFinding("error", "no motor answers at this baud rate", todo)]
     strangers = sorted({id_ for id_, _ in wire.scan()} - set(setup.ids))
     if strangers:
         what = f"id {', '.join(map(str, strangers))} is on the bus, but not in the setup"
@@ -145,7 +145,9 @@ def _anybody_at(port: str, baud: int) -> bool:
         wire.close()
 
 
-def _examine_motor(registers: MotorRegisters, motor: int, setup: ArmSetup, into: Diagnosis) -> None:
+def _examine_motor(
+    registers: MotorRegisters, motor: int, setup: ArmSetup, into: BusExamination
+) -> None:
     _let_answer(registers, motor, into)
     get = {name: registers.get(motor, name) for name in _LOOKED_AT}
     into.motors.append({"motor": motor, "id": setup.ids[motor - 1]} | get)
@@ -156,7 +158,7 @@ def _examine_motor(registers: MotorRegisters, motor: int, setup: ArmSetup, into:
         into.add("warning", f"motor {motor}: {what}", todo)
 
 
-def _let_answer(registers: MotorRegisters, motor: int, into: Diagnosis) -> None:
+def _let_answer(registers: MotorRegisters, motor: int, into: BusExamination) -> None:
     """Make a motor answer that is set to answer pings alone, as a run does."""
     try:
         registers.get(motor, "status_return_level")
@@ -202,7 +204,7 @@ _LOOKED_AT = (
 )
 
 
-def _time_reads(wire: Wire, setup: ArmSetup, reads: int, into: Diagnosis) -> None:
+def _time_reads(wire: Wire, setup: ArmSetup, reads: int, into: BusExamination) -> None:
     times, failed = [], 0
     for _ in tqdm(range(reads), unit="read", leave=False):
         began = time.perf_counter()
@@ -228,7 +230,7 @@ def _time_reads(wire: Wire, setup: ArmSetup, reads: int, into: Diagnosis) -> Non
         into.add("warning", f"a read takes {into.cycle_ms['median']:.1f} ms", todo)
 
 
-def _latency_timer(into: Diagnosis) -> None:
+def _latency_timer(into: BusExamination) -> None:
     device = Path(into.port).resolve().name
     timer = Path(f"/sys/bus/usb-serial/devices/{device}/latency_timer")
     if timer.exists():

@@ -7,7 +7,7 @@ import numpy as np
 
 from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.hardware.control_table import TABLE
-from serpent_twin.hardware.dynamixel.reader import Reader, TransientError
+from serpent_twin.hardware.dynamixel.reader import StateReader, TransientError
 from serpent_twin.hardware.dynamixel.reading import Reading
 from serpent_twin.hardware.dynamixel.recovery import ADVICE, Recovery
 from serpent_twin.hardware.dynamixel.registers import TRIES, MotorRegisters
@@ -31,7 +31,7 @@ class Goals:
     def __init__(
         self,
         registers: MotorRegisters,
-        reader: Reader,
+        reader: StateReader,
         recovery: Recovery,
         now: Callable[[], float],
     ) -> None:

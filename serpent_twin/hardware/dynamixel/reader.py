@@ -35,7 +35,7 @@ class NewClockError(BusError):
         self.motors = motors
 
 
-class Reader:
+class StateReader:
     """Reads all motors in one request, and accepts readings that are complete, fresh and possible.
 
     A late answer looks like the answer to the next request; but each motor's Realtime Tick must advance

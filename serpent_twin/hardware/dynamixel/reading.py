@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.hardware.dynamixel.wire import Reply
+from serpent_twin.hardware.dynamixel.wire import StatusPacket
 from serpent_twin.hardware.xl430 import TICK_WRAP, TURN, Registers, Words
 
 ADDRESS, LENGTH = 120, 27
@@ -43,7 +43,9 @@ class Reading:
     had: float
 
 
-def decode(replies: Mapping[int, Reply], ids: tuple[int, ...], asked: float, had: float) -> Reading:
+def decode(
+    replies: Mapping[int, StatusPacket], ids: tuple[int, ...], asked: float, had: float
+) -> Reading:
     """A reading out of every motor's reply; Hardware Error Status is left zero."""
     rows = [_BLOCK.unpack(replies[motor].data) for motor in ids]
     columns: dict[str, Words] = dict(zip(_NAMES, np.array(rows, np.int64).T, strict=True))
@@ -58,7 +60,7 @@ def with_errors(reading: Reading, hardware_error: Words) -> Reading:
     return replace(reading, registers=replace(reading.registers, hardware_error=hardware_error))
 
 
-def decode_goals(replies: Mapping[int, Reply], ids: tuple[int, ...]) -> tuple[Words, Words]:
+def decode_goals(replies: Mapping[int, StatusPacket], ids: tuple[int, ...]) -> tuple[Words, Words]:
     """Goal Velocity and Realtime Tick out of every motor's goal block, (10,) each."""
     rows = [struct.unpack("<i12xH", replies[motor].data) for motor in ids]
     goal, tick = np.array(rows, np.int64).T
@@ -76,7 +78,7 @@ def tick_error(tick: Words, before: Words, elapsed: float) -> Array:
     return (error + wrap / 2) % wrap - wrap / 2
 
 
-def advance_of(replies: Mapping[int, Reply], ids: tuple[int, ...], before: Reading) -> Array:
+def advance_of(replies: Mapping[int, StatusPacket], ids: tuple[int, ...], before: Reading) -> Array:
     """Advance of the clocks of the motors that replied [s], (n,)."""
     ticks = {motor: _BLOCK.unpack(reply.data)[0] for motor, reply in replies.items()}
     then = dict(zip(ids, before.registers.realtime_tick, strict=True))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serpent_twin.hardware.control_table import MODEL_NUMBER, TABLE
-from serpent_twin.hardware.dynamixel.wire import Reply, Wire
+from serpent_twin.hardware.dynamixel.wire import StatusPacket, Wire
 from serpent_twin.hardware.motor_bus import BusError
 from serpent_twin.hardware.xl430 import Words
 
@@ -138,7 +138,7 @@ class MotorRegisters:
                 return False
         return True
 
-    def _ping_patiently(self, motor_id: int) -> tuple[list[Reply], bool]:
+    def _ping_patiently(self, motor_id: int) -> tuple[list[StatusPacket], bool]:
         garbled = False
         for _ in range(TRIES):
             corrupt = self.wire.counts["corrupt"]
@@ -147,7 +147,9 @@ class MotorRegisters:
             garbled |= self.wire.counts["corrupt"] > corrupt
         return [], garbled
 
-    def _insist(self, motor: int, what: str, ask: Callable[[int], Reply | None]) -> Reply:
+    def _insist(
+        self, motor: int, what: str, ask: Callable[[int], StatusPacket | None]
+    ) -> StatusPacket:
         refusal = 0
         for _ in range(TRIES):
             reply = ask(self.ids[motor - 1])

@@ -33,7 +33,7 @@ class PortLostError(BusError):
 
 
 @dataclass(frozen=True)
-class Reply:
+class StatusPacket:
     """One status packet."""
 
     error: int
@@ -41,7 +41,7 @@ class Reply:
     data: bytes
 
 
-_Found = list[tuple[int, Reply]]
+_Found = list[tuple[int, StatusPacket]]
 
 
 class Wire:
@@ -87,33 +87,35 @@ class Wire:
             os.close(self._lock)
             self._lock = -1
 
-    def ping(self, motor: int) -> list[Reply]:
+    def ping(self, motor: int) -> list[StatusPacket]:
         """All answers of an id: none if nobody has it, two if two motors do. Waits for all of them."""
         self._send(motor, Instruction.PING, b"")
         found = self._collect(3 * _OVERHEAD, stop=lambda replies: False)
         return [reply for id_, reply in found if id_ == motor and len(reply.data) == 3]
 
-    def scan(self, duration: float = 0.8) -> list[tuple[int, Reply]]:
+    def scan(self, duration: float = 0.8) -> list[tuple[int, StatusPacket]]:
         """All answers to a ping to everybody, by id; each motor waits 3 ms for every id before it."""
         self._send(BROADCAST, Instruction.PING, b"")
         return self._collect(0, lambda found: False, duration)
 
-    def read(self, motor: int, item: Item) -> Reply | None:
+    def read(self, motor: int, item: Item) -> StatusPacket | None:
         """A register of one motor."""
         params = item.address.to_bytes(2, "little") + item.size.to_bytes(2, "little")
         return self._ask(motor, Instruction.READ, params, item.size)
 
-    def write(self, motor: int, item: Item, value: int) -> Reply | None:
+    def write(self, motor: int, item: Item, value: int) -> StatusPacket | None:
         """Write a register; the answer's error byte says whether the motor took it."""
         return self._ask(
             motor, Instruction.WRITE, item.address.to_bytes(2, "little") + item.pack(value), 0
         )
 
-    def reboot(self, motor: int) -> Reply | None:
+    def reboot(self, motor: int) -> StatusPacket | None:
         """Restart a motor."""
         return self._ask(motor, Instruction.REBOOT, b"", 0)
 
-    def sync_read(self, motors: Sequence[int], address: int, length: int) -> dict[int, Reply]:
+    def sync_read(
+        self, motors: Sequence[int], address: int, length: int
+    ) -> dict[int, StatusPacket]:
         """The same block of many motors in one request: the complete answers, by id."""
         params = address.to_bytes(2, "little") + length.to_bytes(2, "little") + bytes(motors)
         self._send(BROADCAST, Instruction.SYNC_READ, params)
@@ -144,7 +146,7 @@ class Wire:
             self._receive(left)
         self._parser = Parser()
 
-    def _ask(self, motor: int, instruction: int, params: bytes, length: int) -> Reply | None:
+    def _ask(self, motor: int, instruction: int, params: bytes, length: int) -> StatusPacket | None:
         self._send(motor, instruction, params)
         replies = self._collect(
             length + _OVERHEAD, stop=lambda found: any(m == motor for m, _ in found)
@@ -231,7 +233,7 @@ def _serial(handler: PortHandler) -> serial.Serial:
 
 def _replies(packets: Iterable[Packet]) -> _Found:
     status = (p for p in packets if p.instruction == Instruction.STATUS and p.params)
-    return [(p.id, Reply(p.params[0], p.params[1:])) for p in status]
+    return [(p.id, StatusPacket(p.params[0], p.params[1:])) for p in status]
 
 
 def _cause(error: Exception) -> str:

@@ -64,17 +64,17 @@ class Model:
     """Name and id of each marker."""
 
 
-def opened(packet: bytes) -> tuple[int, "Reader"]:
+def opened(packet: bytes) -> tuple[int, "PacketReader"]:
     """The kind of a message and its body."""
     if len(packet) < 4:
         raise PacketError("shorter than its header")
     kind, size = struct.unpack_from("<HH", packet)
     if size > len(packet) - 4:
         raise PacketError("shorter than its header says")
-    return kind, Reader(packet[4 : 4 + size])
+    return kind, PacketReader(packet[4 : 4 + size])
 
 
-class Reader:
+class PacketReader:
     """A message's body, read from front to back."""
 
     def __init__(self, body: bytes) -> None:
@@ -118,13 +118,13 @@ class Reader:
         """The next `count` records, (count,)."""
         return np.frombuffer(self._body, dtype, count, self.skip(dtype.itemsize * count))
 
-    def part(self, size: int) -> "Reader":
+    def part(self, size: int) -> "PacketReader":
         """The next so many bytes as a body of their own."""
         start = self.skip(size)
-        return Reader(self._body[start : start + size])
+        return PacketReader(self._body[start : start + size])
 
 
-def server_info(body: Reader) -> ServerInfo:
+def server_info(body: PacketReader) -> ServerInfo:
     """The answer to a connect."""
     body.skip(256 + 4)  # name and version of the program
     major, minor, _, _ = body.unpack(_VERSION)
@@ -134,7 +134,7 @@ def server_info(body: Reader) -> ServerInfo:
     return ServerInfo((major, minor), float(tick_hz), bool(multicast))
 
 
-def frame_of_data(body: Reader, version: natnet.Version) -> FrameOfData:
+def frame_of_data(body: PacketReader, version: natnet.Version) -> FrameOfData:
     """The labelled markers of a frame and its stamps."""
     body.skip(4)  # frame number
     sized = version >= SIZED
@@ -154,7 +154,7 @@ def frame_of_data(body: Reader, version: natnet.Version) -> FrameOfData:
     return FrameOfData(time, ticks, markers)
 
 
-def models(body: Reader, version: natnet.Version) -> list[Model]:
+def models(body: PacketReader, version: natnet.Version) -> list[Model]:
     """What the server's assets, rigid bodies and marker sets, and their markers, are called."""
     found: list[Model] = []
     for _ in range(body.count(4)):
@@ -167,7 +167,7 @@ def models(body: Reader, version: natnet.Version) -> list[Model]:
     return found
 
 
-def _labelled(body: Reader, sized: bool) -> dict[natnet.Id, np.ndarray]:
+def _labelled(body: PacketReader, sized: bool) -> dict[natnet.Id, np.ndarray]:
     count = body.number()
     size = body.number() if sized else count * _MARKER.itemsize
     if size != count * _MARKER.itemsize:
@@ -183,7 +183,7 @@ def _labelled(body: Reader, sized: bool) -> dict[natnet.Id, np.ndarray]:
     return dict(zip(zip(model.tolist(), marker.tolist(), strict=True), place, strict=True))
 
 
-def _pass_list(body: Reader, sized: bool, passing: Callable[[Reader], object]) -> None:
+def _pass_list(body: PacketReader, sized: bool, passing: Callable[[PacketReader], object]) -> None:
     if sized:
         body.skip(4)
         body.skip(body.number())
@@ -192,29 +192,29 @@ def _pass_list(body: Reader, sized: bool, passing: Callable[[Reader], object]) -
             passing(body)
 
 
-def _pass_marker_set(body: Reader) -> None:
+def _pass_marker_set(body: PacketReader) -> None:
     body.text()
     body.skip(12 * body.count(12))
 
 
-def _pass_skeleton(body: Reader) -> None:
+def _pass_skeleton(body: PacketReader) -> None:
     body.skip(4)
     body.skip(_RIGID_BODY * body.count(_RIGID_BODY))
 
 
-def _pass_channels(body: Reader) -> None:
+def _pass_channels(body: PacketReader) -> None:
     body.skip(4)
     for _ in range(body.count(4)):
         body.skip(4 * body.count(4))
 
 
-def _marker_set(body: Reader, version: natnet.Version) -> list[Model]:
+def _marker_set(body: PacketReader, version: natnet.Version) -> list[Model]:
     name = body.text()
     names = [body.text() for _ in range(body.count(1))]
     return [Model(name, -1, tuple((label, n) for n, label in enumerate(names, 1)))]
 
 
-def _rigid_body(body: Reader, version: natnet.Version) -> list[Model]:
+def _rigid_body(body: PacketReader, version: natnet.Version) -> list[Model]:
     name, model = body.text(), body.number()
     body.skip(4 + 12 + (16 if version >= (4, 2) else 0))  # parent, offset, from 4.2 on rotation
     count = body.count(16)
@@ -223,7 +223,7 @@ def _rigid_body(body: Reader, version: natnet.Version) -> list[Model]:
     return [Model(name, model, tuple((label, n) for n, label in enumerate(names, 1) if label))]
 
 
-def _skeleton(body: Reader, version: natnet.Version) -> list[Model]:
+def _skeleton(body: PacketReader, version: natnet.Version) -> list[Model]:
     body.text()
     body.skip(4)
     for _ in range(body.count(20)):
@@ -231,7 +231,7 @@ def _skeleton(body: Reader, version: natnet.Version) -> list[Model]:
     return []
 
 
-def _asset(body: Reader, version: natnet.Version) -> list[Model]:
+def _asset(body: PacketReader, version: natnet.Version) -> list[Model]:
     name = body.text()
     body.skip(4)  # kind of asset
     model = body.number()
@@ -245,14 +245,14 @@ def _asset(body: Reader, version: natnet.Version) -> list[Model]:
     return [Model(name, model, tuple(markers))]
 
 
-def _force_plate(body: Reader, version: natnet.Version) -> list[Model]:
+def _force_plate(body: PacketReader, version: natnet.Version) -> list[Model]:
     body.skip(4)
     body.text()
     body.skip(4 * (2 + 3 + 144 + 12) + 8)  # size, origin, calibration, corners, kinds
     return _texts(body)
 
 
-def _device(body: Reader, version: natnet.Version) -> list[Model]:
+def _device(body: PacketReader, version: natnet.Version) -> list[Model]:
     body.skip(4)
     body.text()
     body.text()
@@ -260,19 +260,19 @@ def _device(body: Reader, version: natnet.Version) -> list[Model]:
     return _texts(body)
 
 
-def _camera(body: Reader, version: natnet.Version) -> list[Model]:
+def _camera(body: PacketReader, version: natnet.Version) -> list[Model]:
     body.text()
     body.skip(12 + 16)
     return []
 
 
-def _texts(body: Reader) -> list[Model]:
+def _texts(body: PacketReader) -> list[Model]:
     for _ in range(body.count(1)):
         body.text()
     return []
 
 
-_READERS: dict[int, Callable[[Reader, natnet.Version], list[Model]]] = {
+_READERS: dict[int, Callable[[PacketReader, natnet.Version], list[Model]]] = {
     natnet.MARKER_SET: _marker_set,
     1: _rigid_body,
     2: _skeleton,

@@ -152,7 +152,7 @@ class Stream:
         except PacketError:
             self.dropped["malformed"] += 1
 
-    def _hear_info(self, body: reading.Reader) -> None:
+    def _hear_info(self, body: reading.PacketReader) -> None:
         info = reading.server_info(body)
         if self._understood:
             self.dropped["unasked"] += info != self.info
@@ -164,7 +164,7 @@ class Stream:
                 self._send(natnet.message(natnet.REQUEST_MODEL, b""))
             self.info = info
 
-    def _hear_frame(self, body: reading.Reader, sender: Address) -> None:
+    def _hear_frame(self, body: reading.PacketReader, sender: Address) -> None:
         now = time.monotonic()
         if not self._may_stream(sender, now):
             self.dropped["from another port"] += 1

@@ -12,7 +12,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.arm.cable_law import cable_laws
 from serpent_twin.machines.arm.machine import ArmMachine
-from serpent_twin.machines.arm.pieces import Pieces
+from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.arm.recorder import recorded_by
 from serpent_twin.machines.arm.vector import candidates, vector
 from serpent_twin.machines.case import Case
@@ -47,7 +47,7 @@ class ArmRig:
                 )
         return sessions
 
-    def open(self, training: Sequence[Session]) -> Case[Pieces]:
+    def open(self, training: Sequence[Session]) -> Case[ArmPieces]:
         """First guesses: marker places and cable laws from poses and loads alone, then the hinges'
         friction and damping by trying nine of each.
         """
@@ -85,8 +85,8 @@ def _unseen(velocity: Array, known: Mapping[str, Candidate]) -> dict[str, str]:
 
 
 def _with_friction(
-    case: Case[Pieces], arm: ArmMachine, training: Sequence[Session]
-) -> Case[Pieces]:
+    case: Case[ArmPieces], arm: ArmMachine, training: Sequence[Session]
+) -> Case[ArmPieces]:
     """The case that starts from the best of the friction and damping values tried on a few segments."""
     pieces = case.pieces(training)
     some = case.take(pieces, range(0, len(pieces), max(1, len(pieces) // _TRIED)))

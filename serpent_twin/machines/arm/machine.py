@@ -10,7 +10,7 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_axis, link_frames
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
-from serpent_twin.machines.arm.pieces import Pieces, camera_noise, cut, past
+from serpent_twin.machines.arm.pieces import ArmPieces, camera_noise, cut, past
 from serpent_twin.machines.arm.quantities import quantities
 from serpent_twin.machines.arm.vector import Vector
 from serpent_twin.machines.machine import Candidate, Declared, Output, ParameterVector, Quantity
@@ -65,7 +65,7 @@ class ArmMachine:
         """The physical quantity of each coordinate."""
         return quantities(self.vector)
 
-    def pieces(self, sessions: Sequence[Session]) -> Pieces:
+    def pieces(self, sessions: Sequence[Session]) -> ArmPieces:
         """Cut sessions into segments of 40 s."""
         return cut(sessions, self.vector.start.tolerances.marker_offset)
 
@@ -78,20 +78,20 @@ class ArmMachine:
         return coarse_step([self.vector.design(point) for point in points])
 
     def respond(
-        self, points: Sequence[ParameterVector], pieces: Pieces, timestep: float | None = None
+        self, points: Sequence[ParameterVector], pieces: ArmPieces, timestep: float | None = None
     ) -> Array:
         """Markers and loads of the twins, (D, S, T, 37)."""
         did = self.simulate(points, pieces, timestep)
         return _channels(did.marker, did.load)
 
     def simulate(
-        self, points: Sequence[ParameterVector], pieces: Pieces, timestep: float | None = None
+        self, points: Sequence[ParameterVector], pieces: ArmPieces, timestep: float | None = None
     ) -> Response:
         """Responses of the twins at these parameter vectors in the segments, (D, S, T)."""
         designs = [self.vector.design(point) for point in points]
         return impose(designs, self._motion(pieces, designs), timestep or TIMESTEP)
 
-    def _motion(self, pieces: Pieces, designs: Sequence[TwinModel]) -> PrescribedMotion:
+    def _motion(self, pieces: ArmPieces, designs: Sequence[TwinModel]) -> PrescribedMotion:
         """What drives the twins in the segments."""
         return PrescribedMotion(
             pieces.motors,
@@ -102,14 +102,16 @@ class ArmMachine:
             past=past(pieces) if any(map(remember, designs)) else None,
         )
 
-    def derivatives(self, point: ParameterVector, pieces: Pieces, noise: Array) -> dict[str, Array]:
+    def derivatives(
+        self, point: ParameterVector, pieces: ArmPieces, noise: Array
+    ) -> dict[str, Array]:
         """By all coordinates, (S, T, 37) each; without those of cables and hinges where effects answer to a
         change so much that tangents, which leave that out, are wrong. Where effects act, a step of all
         coordinates at once is simulated to find out.
         """
         return self._along(point, pieces, noise) | self._still(point, pieces)
 
-    def _along(self, point: ParameterVector, pieces: Pieces, noise: Array) -> dict[str, Array]:
+    def _along(self, point: ParameterVector, pieces: ArmPieces, noise: Array) -> dict[str, Array]:
         """Derivatives by the parameters of cables and hinges; none where they fail."""
         moving, names = self.vector.moving, [each.name for each in self.declared]
         at = [names.index(name) for name in moving]
@@ -137,7 +139,7 @@ class ArmMachine:
         trusted = found @ told > _TRUSTED * np.linalg.norm(found) * np.linalg.norm(told)
         return by if trusted else {}
 
-    def _still(self, point: ParameterVector, pieces: Pieces) -> dict[str, Array]:
+    def _still(self, point: ParameterVector, pieces: ArmPieces) -> dict[str, Array]:
         """Derivatives by gear friction and marker places, which move nothing."""
         friction = self.vector.design(point)
         gear = friction.parameters.gear_friction * np.exp(friction.tolerances.gear_friction)
@@ -154,7 +156,7 @@ class ArmMachine:
             found[name][..., 3 * i : 3 * i + 3] = 1e-3 * rotation[..., i, :, axis]
         return found
 
-    def compare(self, point: ParameterVector | None, pieces: Pieces) -> Comparison:
+    def compare(self, point: ParameterVector | None, pieces: ArmPieces) -> Comparison:
         """Measured beside predicted, with the quantities on which the residual may depend."""
         did = self.simulate([point], pieces) if point else self._nominal(pieces)
         anchor, rotation = link_frames(did.joint_angle[0])
@@ -176,17 +178,17 @@ class ArmMachine:
             joint_axis=axis,
         )
 
-    def _nominal(self, pieces: Pieces) -> Response:
+    def _nominal(self, pieces: ArmPieces) -> Response:
         nominal = replace(self, vector=replace(self.vector, start=NOMINAL_TWIN))
         return nominal.simulate([ParameterVector(np.zeros(len(self.declared)))], pieces)
 
-    def pose_noise(self, pieces: Pieces) -> float:
+    def pose_noise(self, pieces: ArmPieces) -> float:
         """The cameras' [m]."""
         return camera_noise(pieces)
 
     def measured_again(
-        self, pieces: Pieces, point: ParameterVector, rng: np.random.Generator
-    ) -> Pieces:
+        self, pieces: ArmPieces, point: ParameterVector, rng: np.random.Generator
+    ) -> ArmPieces:
         """Joint angles at the start from markers with the cameras' noise."""
         noise = camera_noise(pieces) * rng.standard_normal(pieces.marker.shape)
         joint = pieces.joint_angle.copy()

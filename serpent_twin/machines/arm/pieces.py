@@ -20,7 +20,7 @@ SEGMENT = 40.0
 
 
 @dataclass(frozen=True)
-class Pieces:
+class ArmPieces:
     """S segments of T rows of logs of one rate."""
 
     session: tuple[str, ...]
@@ -47,7 +47,7 @@ class Pieces:
     def __len__(self) -> int:
         return len(self.session)
 
-    def take(self, which: Sequence[int]) -> "Pieces":
+    def take(self, which: Sequence[int]) -> "ArmPieces":
         """Some of the segments."""
         n = list(which)
         each = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -70,7 +70,7 @@ class Pieces:
         return np.abs(self.motors.velocity) > 2 * STANDING
 
 
-def cut(sessions: Sequence[Session], offset: Array) -> Pieces:
+def cut(sessions: Sequence[Session], offset: Array) -> ArmPieces:
     """All whole segments of sessions without gaps in time, the last of each ending with its session."""
     rows, parts = segments(sessions)
     prior_runtime = {s.name: s.prior_runtime for s in sessions}
@@ -80,7 +80,7 @@ def cut(sessions: Sequence[Session], offset: Array) -> Pieces:
     def of(name: str) -> Array:
         return np.array([getattr(s, name)[at : at + rows] for s, at in parts])
 
-    return Pieces(
+    return ArmPieces(
         session=tuple(s.name for s, _ in parts),
         began=np.array([at for _, at in parts]),
         motors=MotorTrajectory(of("time"), of("motor_position"), of("motor_velocity")),
@@ -105,7 +105,7 @@ def segments(sessions: Sequence[Session]) -> tuple[int, list[tuple[Session, int]
     return rows, parts
 
 
-def camera_noise(pieces: Pieces) -> float:
+def camera_noise(pieces: ArmPieces) -> float:
     """Standard deviation of a marker's coordinate [m]: what no pose explains."""
     few = slice(None, None, max(1, pieces.motors.time.size // 600))
     marker = pieces.marker.reshape(-1, N_JOINTS, 3)[few]
@@ -127,7 +127,7 @@ def _run(session: Session, offset: Array) -> MeasuredMotion:
     return MeasuredMotion(motors, joints_from_markers(session.marker, start, offset))
 
 
-def past(pieces: Pieces) -> MeasuredMotion:
+def past(pieces: ArmPieces) -> MeasuredMotion:
     """What happened in the session before each segment, (S, K); a short past repeats its first row."""
     most = max(1, int(pieces.began.max()))
     rows = [np.maximum(0, np.arange(most) - (most - int(at))) for at in pieces.began]

@@ -32,7 +32,7 @@ _MOST = 1e6  # of any number of a trunk, in SI units: beyond it a file is damage
 
 
 @dataclass(frozen=True)
-class Kind:
+class ParameterKind:
     """Numbers of one kind."""
 
     names: tuple[str, ...]
@@ -49,20 +49,20 @@ def _of(text: str, which: Sequence[object]) -> tuple[str, ...]:
 
 
 _PLACES = _of("marker of disk {}", [f"{k} along {axis}" for k in DISKS for axis in "xyz"])
-KINDS: Mapping[str, Kind] = {
-    "base": Kind(_of("base along {}", "xyz"), "mm", 1e-3, 10.0, 0.5),
-    "tilt": Kind(_of("tilt of the base about {}", "xz"), "°", np.pi / 180, 3.0, 0.2),
-    "length": Kind(_of("length of segment {}", DISKS), "mm", 1e-3, 10.0, 0.5),
-    "wound": Kind(_of("cable wound per radian, to disk {}", DISKS), "log m", 0.0, 0.1, 0.02),
-    "direction": Kind(_of("direction of motor {}'s cables", MOTORS), "°", np.pi / 180, 8.0, 0.5),
-    "hose": Kind(("stiffness of the hose",), "log N m²", 0.0, 1.0, 0.05),
-    "weight": Kind(("weight of the trunk",), "log kg", 0.0, 1.0, 0.05),
-    "pulled": Kind(_of("stretch of motor {}'s cables at rest", MOTORS), "mm", 1e-3, 3.0, 0.2),
-    "settles": Kind(("damping of the hose over its stiffness",), "log s", 0.0, 1.0, 0.1),
-    "rubs": Kind(("damping of the cables over their stiffness",), "log s", 0.0, 1.0, 0.1),
-    "end": Kind(("weight of the end over the hose's",), "log 1", 0.0, 1.0, 0.1),
-    "disk": Kind(_PLACES, "mm", 1e-3, 10.0, 0.5),
-    "zero": Kind(_of("zero of motor {}", MOTORS), "°", np.pi / 180, 3.0, 0.3),
+KINDS: Mapping[str, ParameterKind] = {
+    "base": ParameterKind(_of("base along {}", "xyz"), "mm", 1e-3, 10.0, 0.5),
+    "tilt": ParameterKind(_of("tilt of the base about {}", "xz"), "°", np.pi / 180, 3.0, 0.2),
+    "length": ParameterKind(_of("length of segment {}", DISKS), "mm", 1e-3, 10.0, 0.5),
+    "wound": ParameterKind(_of("cable wound per radian, to disk {}", DISKS), "log m", 0.0, 0.1, 0.02),
+    "direction": ParameterKind(_of("direction of motor {}'s cables", MOTORS), "°", np.pi / 180, 8.0, 0.5),
+    "hose": ParameterKind(("stiffness of the hose",), "log N m²", 0.0, 1.0, 0.05),
+    "weight": ParameterKind(("weight of the trunk",), "log kg", 0.0, 1.0, 0.05),
+    "pulled": ParameterKind(_of("stretch of motor {}'s cables at rest", MOTORS), "mm", 1e-3, 3.0, 0.2),
+    "settles": ParameterKind(("damping of the hose over its stiffness",), "log s", 0.0, 1.0, 0.1),
+    "rubs": ParameterKind(("damping of the cables over their stiffness",), "log s", 0.0, 1.0, 0.1),
+    "end": ParameterKind(("weight of the end over the hose's",), "log 1", 0.0, 1.0, 0.1),
+    "disk": ParameterKind(_PLACES, "mm", 1e-3, 10.0, 0.5),
+    "zero": ParameterKind(_of("zero of motor {}", MOTORS), "°", np.pi / 180, 3.0, 0.3),
 }  # fmt: skip
 _SHOWN = {"log m": ("mm", 1e3), "log s": ("ms", 1e3), "log N m²": ("N m²", 1.0), "log kg": ("kg", 1.0),
           "log 1": ("1", 1.0)}  # fmt: skip
@@ -140,7 +140,7 @@ def first_guess(runs: Sequence[Recording]) -> Shape:
     }
 
 
-def _values(kind: Kind) -> Any:
+def _values(kind: ParameterKind) -> Any:
     """How values of a kind are stored: those that are scaled by a factor are positive."""
     low = -_MOST if kind.scale else 1 / _MOST
     return Annotated[tuple[Annotated[float, within(low, _MOST)], ...], many(len(kind.names))]

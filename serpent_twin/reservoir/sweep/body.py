@@ -17,7 +17,7 @@ STREAMS = STREAMS_PER_CHANNEL * channels.COUNT
 
 
 @dataclass(frozen=True, eq=False)
-class Runs:
+class ReservoirResponse:
     """Response of one arm: B stretches of K command periods, replicas of the first n, and streams."""
 
     inputs: Array
@@ -36,7 +36,7 @@ class Runs:
     """The same after streams whose last inputs are alike, (STREAMS, 20)"""
 
 
-def simulate(point: GridPoint, measuring: Measuring) -> Runs:
+def simulate(point: GridPoint, measuring: Measuring) -> ReservoirResponse:
     """Drive a point's arm. Raises SerpentError when the simulation becomes unstable."""
     seeds = np.random.SeedSequence(point.seed).spawn(4)
     for_inputs, for_replicas, for_streams, for_noise = map(np.random.default_rng, seeds)
@@ -53,7 +53,7 @@ def simulate(point: GridPoint, measuring: Measuring) -> Runs:
     moved = move(np.concatenate([u, again]))
     noise = point.parameters.load_noise
     seen, last = (channels.read(m, noise, for_noise) for m in (moved, streamed))
-    return Runs(
+    return ReservoirResponse(
         inputs=u[:, 1:],
         motion=_some(moved, slice(None, B)),
         read=seen[:B],

@@ -11,7 +11,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.reporting import plot_style
 from serpent_twin.reporting.plot_style import SOFT, label_logarithmic, styles, tidy
 from serpent_twin.reporting.report import Figure
-from serpent_twin.reservoir.sweep.rows import Row, error_of, readouts
+from serpent_twin.reservoir.sweep.rows import SweepRow, error_of, readouts
 from serpent_twin.training.figures import looks
 
 if TYPE_CHECKING:
@@ -60,18 +60,18 @@ class Layout:
 
     along: str
     """Name of a row's number"""
-    panels: Mapping[str, Sequence[Row]]
+    panels: Mapping[str, Sequence[SweepRow]]
     """By their titles"""
     left_out: int = 0
     """Panels that are not drawn"""
 
 
-def layout(rows: Sequence[Row]) -> Layout:
+def layout(rows: Sequence[SweepRow]) -> Layout:
     """The axis that is varied most, the stiffness if none is; a panel for each set of the other values."""
     varied = {name: sorted({getattr(row, name) for row in rows}) for name in AXES}
     along = max(varied, key=lambda name: len(varied[name]))
     others = [name for name in AXES if name != along and len(varied[name]) > 1]
-    parts: dict[str, list[Row]] = {}
+    parts: dict[str, list[SweepRow]] = {}
     for row in sorted(rows, key=lambda row: [getattr(row, name) for name in others]):
         values = (f"{AXES[n].name} {AXES[n].text(getattr(row, n))} {AXES[n].unit}" for n in others)
         parts.setdefault(",\n".join(values), []).append(row)
@@ -110,7 +110,11 @@ def _logarithmic(of: Layout, name: str) -> bool:
 
 
 def curve(
-    axes: "Axes", rows: Sequence[Row], along: str, value: Callable[[Row], float], **style: Any
+    axes: "Axes",
+    rows: Sequence[SweepRow],
+    along: str,
+    value: Callable[[SweepRow], float],
+    **style: Any,
 ) -> None:
     """Means over seeds of a number against what is varied, where there are any, and how far seeds span."""
     of: dict[float, list[float]] = {}
@@ -123,7 +127,7 @@ def curve(
     axes.errorbar(at, mean, span if at else None, lw=1.8, ms=4.5, capsize=3, **style)
 
 
-def by_degree(rows: Sequence[Row], control: Sequence[Row]) -> Figure:
+def by_degree(rows: Sequence[SweepRow], control: Sequence[SweepRow]) -> Figure:
     """Capacity by degree; dotted, that on rigid cables, if it was measured."""
     of = layout(rows)
     drawing, panels = sheet(of, "capacity of motor angles and loads")
@@ -145,7 +149,7 @@ def by_degree(rows: Sequence[Row], control: Sequence[Row]) -> Figure:
     return Figure("capacity_by_degree", drawing, caption + _left_out(of))
 
 
-def memory(rows: Sequence[Row]) -> Figure:
+def memory(rows: Sequence[SweepRow]) -> Figure:
     """Linear memory at each delay, a line for each value of what is varied most."""
     from matplotlib.ticker import MaxNLocator
 
@@ -171,7 +175,7 @@ def memory(rows: Sequence[Row]) -> Figure:
 
 
 def pose_error(
-    rows: Sequence[Row], mark: Callable[[Layout, list["Axes"], str, str], None] | None = None
+    rows: Sequence[SweepRow], mark: Callable[[Layout, list["Axes"], str, str], None] | None = None
 ) -> Figure:
     """Pose error of every readout; `mark` adds further data to a readout's panels."""
     of = layout(rows)

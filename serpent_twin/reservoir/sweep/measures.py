@@ -9,14 +9,14 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.reservoir import Capacities, Expansion, label
 from serpent_twin.reservoir.sweep import channels
-from serpent_twin.reservoir.sweep.body import Runs
+from serpent_twin.reservoir.sweep.body import ReservoirResponse
 from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
 
 _SETTLED = 1e-6  # [standard deviations] a replica nearer than this is the same but for rounding
 _NAMED = 10  # products that a file names
 
 
-def measure(runs: Runs, point: GridPoint, measuring: Measuring) -> dict[str, Any]:
+def measure(runs: ReservoirResponse, point: GridPoint, measuring: Measuring) -> dict[str, Any]:
     """All measures by channel set, and of the markers and the body as such; JSON-ready but for rounding."""
     markers = runs.motion.marker.reshape(*runs.inputs.shape[:2], -1)
     found = reservoir.expand(markers, runs.inputs, *_search(measuring))
@@ -36,7 +36,7 @@ def measure(runs: Runs, point: GridPoint, measuring: Measuring) -> dict[str, Any
     }
 
 
-def _noiseless(runs: Runs) -> Array:
+def _noiseless(runs: ReservoirResponse) -> Array:
     """The body's response without sensor noise: joint angles and loads, (B, K, 19)."""
     return np.concatenate([runs.motion.joint_angle, runs.motion.load], axis=-1)
 
@@ -105,7 +105,7 @@ def _by_degree(totals: Array) -> dict[str, float]:
     return {str(degree): float(total) for degree, total in enumerate(totals) if degree}
 
 
-def _repeated(runs: Runs, of: slice, washout: int) -> dict[str, Any]:
+def _repeated(runs: ReservoirResponse, of: slice, washout: int) -> dict[str, Any]:
     """Consistency of the channels between replicas."""
     n = len(runs.replica_read)
     pair = np.stack([runs.read[:n, washout:, of], runs.replica_read[:, washout:, of]])
@@ -116,14 +116,14 @@ def _repeated(runs: Runs, of: slice, washout: int) -> dict[str, Any]:
     }
 
 
-def _told_apart(runs: Runs, of: slice, floor: Array) -> dict[str, int]:
+def _told_apart(runs: ReservoirResponse, of: slice, floor: Array) -> dict[str, int]:
     return {
         "kernel_rank": reservoir.state_rank(runs.differing[:, of], floor[of]),
         "generalisation_rank": reservoir.state_rank(runs.alike[:, of], floor[of]),
     }
 
 
-def _contraction(runs: Runs, period: float) -> float:
+def _contraction(runs: ReservoirResponse, period: float) -> float:
     """Rate [1/s] at which joints and loads, without noise, forget the pose where they began.
 
     NaN where they forget it within two command periods.

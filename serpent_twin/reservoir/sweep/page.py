@@ -9,9 +9,9 @@ from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Report, Section, Table
 from serpent_twin.reservoir.sweep import figures
 from serpent_twin.reservoir.sweep.figures import AXES, RIGID
-from serpent_twin.reservoir.sweep.rows import Row, error_of, readouts
+from serpent_twin.reservoir.sweep.rows import SweepRow, error_of, readouts
 
-_MEASURES: Mapping[str, Callable[[Row], float]] = {
+_MEASURES: Mapping[str, Callable[[SweepRow], float]] = {
     "capacity": lambda row: row.total,
     "beyond the taps": lambda row: row.useful_total,
     "mean delay, periods": lambda row: row.mean_delay,
@@ -25,7 +25,7 @@ _NOTE = (
 )
 
 
-def page(name: str, rows: Sequence[Row], facts: Mapping[str, str]) -> Report:
+def page(name: str, rows: Sequence[SweepRow], facts: Mapping[str, str]) -> Report:
     """The report of the points in a folder of that name."""
     grid = [row for row in rows if np.isfinite(row.stiffness)]
     rigid = [row for row in rows if not np.isfinite(row.stiffness)]
@@ -43,7 +43,7 @@ def page(name: str, rows: Sequence[Row], facts: Mapping[str, str]) -> Report:
     return Report(f"Sweep of {varied} in {name}", lead(rows), tuple(sections), facts)
 
 
-def lead(rows: Sequence[Row]) -> str:
+def lead(rows: Sequence[SweepRow]) -> str:
     """Describe where each measure is best, in a sentence or two."""
     told = []
     groups = _groups(rows)
@@ -64,7 +64,7 @@ def lead(rows: Sequence[Row]) -> str:
     return " ".join([measured, *told])
 
 
-def points_table(rows: Sequence[Row]) -> Table:
+def points_table(rows: Sequence[SweepRow]) -> Table:
     """One line a set of values, means over seeds."""
     varied, names = _varied(rows) or ["stiffness"], readouts(rows)
     body = any(np.isfinite(row.capacity).any() for row in rows)
@@ -78,7 +78,7 @@ def points_table(rows: Sequence[Row]) -> Table:
     return Table(header, lines, _NOTE)
 
 
-def failed_table(rows: Sequence[Row]) -> Table:
+def failed_table(rows: Sequence[SweepRow]) -> Table:
     """What failed at which point."""
     varied = _varied(rows) or ["stiffness"]
     header = (*(f"{AXES[n].name} {AXES[n].unit}" for n in varied), "seed", "what failed")
@@ -94,7 +94,7 @@ def facts(table: Mapping[str, Any]) -> dict[str, str]:
     return told | {"versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items())}
 
 
-def _varied(rows: Sequence[Row]) -> list[str]:
+def _varied(rows: Sequence[SweepRow]) -> list[str]:
     """What differs from point to point; on rigid cables only the commands and the noise count."""
     of = [row for row in rows if np.isfinite(row.stiffness)] or rows
     names = [name for name in AXES if len({getattr(row, name) for row in of}) > 1]
@@ -102,28 +102,28 @@ def _varied(rows: Sequence[Row]) -> list[str]:
     return stiffness + names
 
 
-def _same(rows: Sequence[Row]) -> str:
+def _same(rows: Sequence[SweepRow]) -> str:
     """What no point varies, in a sentence."""
     held = [n for n in AXES if rows and n not in _varied(rows)]
     told = [f"{AXES[n].name} {AXES[n].text(getattr(rows[0], n))} {AXES[n].unit}" for n in held]
     return f"The same at all points: {', '.join(told)}." if told else ""
 
 
-def _groups(rows: Sequence[Row]) -> dict[tuple[float, ...], list[Row]]:
+def _groups(rows: Sequence[SweepRow]) -> dict[tuple[float, ...], list[SweepRow]]:
     """Rows that differ by their seeds alone, by all that is varied."""
-    found: dict[tuple[float, ...], list[Row]] = {}
+    found: dict[tuple[float, ...], list[SweepRow]] = {}
     for row in rows:
         found.setdefault(tuple(getattr(row, name) for name in AXES), []).append(row)
     return found
 
 
-def _where(at: tuple[float, ...], rows: Sequence[Row]) -> str:
+def _where(at: tuple[float, ...], rows: Sequence[SweepRow]) -> str:
     values = dict(zip(AXES, at, strict=True))
     told = [f"{_value(n, values[n])} {AXES[n].unit}" for n in _varied(rows)]
     return f" at {', '.join(told)}" if told else ""
 
 
-def _place(row: Row, varied: Sequence[str]) -> tuple[str, ...]:
+def _place(row: SweepRow, varied: Sequence[str]) -> tuple[str, ...]:
     """Values of what is varied; a rigid cable has no slack, and its hinges' damping does not count."""
     rigid, of_cables = not np.isfinite(row.stiffness), ("slack", "damping")
     return tuple("" if rigid and n in of_cables else _value(n, getattr(row, n)) for n in varied)
@@ -133,12 +133,12 @@ def _value(name: str, value: float) -> str:
     return AXES[name].text(value) if np.isfinite(value) else RIGID
 
 
-def _mean(rows: Sequence[Row], value: Callable[[Row], float]) -> float:
+def _mean(rows: Sequence[SweepRow], value: Callable[[SweepRow], float]) -> float:
     known = [number for row in rows if np.isfinite(number := value(row))]
     return float(np.mean(known)) if known else float("nan")
 
 
-def _cell(rows: Sequence[Row], value: Callable[[Row], float]) -> str:
+def _cell(rows: Sequence[SweepRow], value: Callable[[SweepRow], float]) -> str:
     known = [number for row in rows if np.isfinite(number := value(row))]
     if not known:
         return ""

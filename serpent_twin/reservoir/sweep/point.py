@@ -14,7 +14,7 @@ from serpent_twin.estimators import find
 from serpent_twin.numerals import counted
 from serpent_twin.reservoir.basis import fine_cut
 from serpent_twin.reservoir.sweep import channels, drive
-from serpent_twin.reservoir.targets import search
+from serpent_twin.reservoir.targets import target_products
 from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.stored import within
 
@@ -152,7 +152,7 @@ class Measuring:
             self._check_body(steps)
 
     def _check_body(self, steps: int) -> None:
-        search(N_JOINTS, len(self.delays), self.delays)  # which refuses too many products
+        target_products(N_JOINTS, len(self.delays), self.delays)  # which refuses too many products
         longest = max(*self.delays, self.memory_delay, self.taps)
         if self.washout < longest:
             raise SerpentError(

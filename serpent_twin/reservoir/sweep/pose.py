@@ -11,7 +11,7 @@ from serpent_twin.arm import mjcf
 from serpent_twin.arm.control import random_targets
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import Windows
-from serpent_twin.recording.bench import Bench, generators
+from serpent_twin.recording.simulated_arm import SimulatedArm, generators
 from serpent_twin.reservoir.sweep.drive import steady_timestep
 from serpent_twin.reservoir.sweep.point import DROP, WINDOW, GridPoint, Measuring
 from serpent_twin.sessions import Session
@@ -39,9 +39,9 @@ def session(point: GridPoint, measuring: Measuring, number: int) -> Session:
     rate = measuring.session_rate or point.rate
     prior_runtime = (number - 1) * measuring.session_steps / rate
     twin = _twin(point, rate, prior_runtime)
-    bench = Bench.of(twin, point.parameters, for_loads, for_cameras)
+    arm = SimulatedArm.of(twin, point.parameters, for_loads, for_cameras)
     targets = random_targets(measuring.session_steps, for_targets)
-    return bench.session(targets, rate, {"session": number}, bench.gain * rate / PUBLISHED_RATE)
+    return arm.session(targets, rate, {"session": number}, arm.gain * rate / PUBLISHED_RATE)
 
 
 def _twin(point: GridPoint, rate: float, prior_runtime: float) -> Twin:

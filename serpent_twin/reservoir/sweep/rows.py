@@ -12,7 +12,7 @@ from serpent_twin.runs.files import finite
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class SweepRow:
     """One grid point: capacities of motor angles and loads together, and the pose error from them."""
 
     stiffness: float
@@ -99,12 +99,12 @@ class Row:
         return self.numbers() | how
 
 
-def row_of(point: GridPoint, content: Mapping[str, Any], measuring: Measuring) -> Row:
+def row_of(point: GridPoint, content: Mapping[str, Any], measuring: Measuring) -> SweepRow:
     """The row of a grid point's file."""
     body = content["body"]
     both = body["channels"]["both"] if body else None
     degrees, delays = len(measuring.delays), measuring.memory_delay + 1
-    return Row(
+    return SweepRow(
         stiffness=np.inf if point.stiffness is None else point.stiffness,
         slack=point.slack,
         damping=point.damping,
@@ -133,7 +133,7 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-def values(rows: Sequence[Row], value: Callable[[Row], float]) -> Array:
+def values(rows: Sequence[SweepRow], value: Callable[[SweepRow], float]) -> Array:
     """A number of every row by slack, stiffness and seed, ascending, (L, K, S); NaN where there is none."""
     axes = [sorted({at(row) for row in rows}) for at in (_slack, _stiffness, _seed)]
     found = np.full([len(axis) for axis in axes], np.nan)
@@ -143,29 +143,29 @@ def values(rows: Sequence[Row], value: Callable[[Row], float]) -> Array:
     return found
 
 
-def _slack(row: Row) -> float:
+def _slack(row: SweepRow) -> float:
     return row.slack
 
 
-def _stiffness(row: Row) -> float:
+def _stiffness(row: SweepRow) -> float:
     return row.stiffness
 
 
-def _seed(row: Row) -> int:
+def _seed(row: SweepRow) -> int:
     return row.seed
 
 
-def readouts(rows: Sequence[Row]) -> list[str]:
+def readouts(rows: Sequence[SweepRow]) -> list[str]:
     """Names of the readouts that were scored anywhere."""
     return list(dict.fromkeys(name for row in rows for name in row.pose_mm))
 
 
-def steady_readouts(rows: Sequence[Row]) -> list[str]:
+def steady_readouts(rows: Sequence[SweepRow]) -> list[str]:
     """Names of the readouts that were scored wherever any was."""
     scored = [row.pose_mm for row in rows if row.pose_mm]
     return [name for name in readouts(rows) if all(name in each for each in scored)]
 
 
-def error_of(readout: str) -> Callable[[Row], float]:
+def error_of(readout: str) -> Callable[[SweepRow], float]:
     """The function that takes a readout's error [mm] from a row."""
     return lambda row: row.pose_mm.get(readout, float("nan"))

@@ -11,7 +11,7 @@ from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import Rigid, fit_rigid
-from serpent_twin.sessions.markers.place import Fit, fit
+from serpent_twin.sessions.markers.marker_fit import MarkerFit, fit
 from serpent_twin.sessions.markers.posed import missed
 
 LABELS = "Correct the labels, in Motive or by --labels, and export or record again."
@@ -96,18 +96,18 @@ def _frames(marker: Array, start: Array) -> Iterator[Suspect]:
                 yield Suspect(text, advice(best), rank + 3 * bool(what), _undone(best, mirror))
 
 
-def _undone(best: Fit, mirror: Array) -> Undo:
+def _undone(best: MarkerFit, mirror: Array) -> Undo:
     return lambda marker: best.undone(marker * mirror)
 
 
-def _as_motor_1(best: Fit, start: Array) -> Fit:
+def _as_motor_1(best: MarkerFit, start: Array) -> MarkerFit:
     """The fit with the turn about joint 1, which no marker shows, from motor 1."""
     bend = float(np.mean(best.joint[:, 0] - start[:, 0]))
     c, s = np.cos(-bend), np.sin(-bend)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     to_base = Rigid(turn @ best.to_base.rotation, turn @ best.to_base.translation)
     joint = best.joint - bend * (np.arange(N_JOINTS) == 0)
-    return Fit(best.offset, best.rms, to_base, best.scale, joint)
+    return MarkerFit(best.offset, best.rms, to_base, best.scale, joint)
 
 
 def _spread(marker: Array) -> float:
@@ -115,7 +115,7 @@ def _spread(marker: Array) -> float:
     return float(np.sqrt(np.nanmean((marker - centre) ** 2)))
 
 
-def odd(best: Fit) -> list[str]:
+def odd(best: MarkerFit) -> list[str]:
     """What is odd about scale and frame of a fit, in words after `The markers are`."""
     words = []
     units = [unit for factor, unit in UNITS.items() if abs(best.scale / factor - 1) < 0.05]
@@ -130,7 +130,7 @@ def odd(best: Fit) -> list[str]:
     return words
 
 
-def advice(best: Fit) -> str:
+def advice(best: MarkerFit) -> str:
     """What to do about a fit's odd scale, frame or both."""
     if abs(best.scale - 1) <= ODD_SCALE:
         return FRAME

@@ -7,7 +7,7 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS, markers
 from serpent_twin.arrays import Array
 from serpent_twin.sessions.finding import Finding, spans_text
-from serpent_twin.sessions.markers import place, suspects
+from serpent_twin.sessions.markers import marker_fit, suspects
 from serpent_twin.sessions.markers.rows import BRIDGED, STILL, spread
 
 MISPLACED = 8e-3  # m: assembly is good to 4 along each axis, an arm with soft links seems 3.4 off
@@ -41,12 +41,12 @@ def _places(
     """Where all rows together say that the markers sit, and, if that is `doubted` [m], in which scale and
     frame.
     """
-    some = np.linspace(0, len(marker) - 1, min(len(marker), place.ROWS)).round().astype(int)
+    some = np.linspace(0, len(marker) - 1, min(len(marker), marker_fit.ROWS)).round().astype(int)
     marker, joint = marker[some], joint[some]
-    plain = place.fit(marker, joint)
+    plain = marker_fit.fit(marker, joint)
     if plain.misplaced > doubted:
-        scaled = place.fit(marker, joint, scale=True)
-        framed = place.fit(marker, joint, frame=True, scale=True)
+        scaled = marker_fit.fit(marker, joint, scale=True)
+        framed = marker_fit.fit(marker, joint, frame=True, scale=True)
         for best in (scaled, framed):
             words = suspects.odd(best)
             if words and best.misplaced < HALVED * plain.misplaced:

@@ -24,7 +24,7 @@ from serpent_twin.sessions import (
     session_files,
     write_session,
 )
-from serpent_twin.sessions.markers import FEWEST, place
+from serpent_twin.sessions.markers import FEWEST, marker_fit
 from serpent_twin.sessions.markers.together import DOUBTED, HALVED
 from serpent_twin.sessions.merge import agree
 from serpent_twin.sessions.merge.film import Film, sampled
@@ -207,12 +207,12 @@ def _own_frame(session: Session, filmed: Array, rigid: Rigid) -> tuple[Rigid, st
     seen = np.flatnonzero(np.isfinite(filmed).all(axis=-1).sum(axis=1) >= FEWEST)
     if len(seen) == 0:
         return rigid, "fitted on the arm's markers"
-    rows = seen[np.linspace(0, len(seen) - 1, min(len(seen), place.ROWS)).round().astype(int)]
+    rows = seen[np.linspace(0, len(seen) - 1, min(len(seen), marker_fit.ROWS)).round().astype(int)]
     start = joint_from_motor(session.motor_position[rows, :N_JOINTS])
-    by_twin = place.fit(filmed[rows], start, to_base=rigid)
+    by_twin = marker_fit.fit(filmed[rows], start, to_base=rigid)
     if by_twin.misplaced <= DOUBTED:
         return rigid, "fitted on the arm's markers"
-    by_joints = place.fit(filmed[rows], start, frame=True, to_base=rigid)
+    by_joints = marker_fit.fit(filmed[rows], start, frame=True, to_base=rigid)
     if by_joints.misplaced > HALVED * by_twin.misplaced:
         return rigid, "fitted on the arm's markers"
     return by_joints.to_base, "fitted on the arm's joints"

@@ -7,7 +7,7 @@ from experiments.measured.metric import MAE, RMSE, TIP_RMS, Metric
 
 
 @dataclass(frozen=True)
-class Bench:
+class Benchmark:
     """A machine's data, and how its twin is judged."""
 
     metric: Metric
@@ -26,22 +26,22 @@ class Bench:
     """Names of the files of the machine as it was; any other is of it after something was changed"""
 
 
-BENCHES: Mapping[str, Bench] = {
-    "xl330": Bench(
+BENCHMARKS: Mapping[str, Benchmark] = {
+    "xl330": Benchmark(
         MAE,
         (("kp200_*",), ("kp100_*",), ("kp800_*",)),
         reference=1.77,
         sketch=2.45,
         origin="github.com/Rhoban/bam, branch xl330, commit af22604",
     ),
-    "jaw": Bench(
+    "jaw": Benchmark(
         RMSE,
         (("tool_*_12.*", "tool_*_30.*", "tool_*_23.*"), ("tool_*_4?.*",)),
         reference=0.37,
         sketch=0.44,
         origin="github.com/MRDLab/mis-tool-characterization, commit 03658b2",
     ),
-    "trunk": Bench(
+    "trunk": Benchmark(
         TIP_RMS,
         (("controlled_2.*",), ("controlled_1.*",)),
         reference=9.9,

@@ -8,7 +8,7 @@ from serpent_twin.residual.comparison import Array, Comparison
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class JointAttribution:
     """The marker residual as small rotations of the joints, and what no rotation explains."""
 
     rotation: Array
@@ -37,7 +37,9 @@ def joint_jacobian(comparison: Comparison) -> Array:
     return np.moveaxis(turn * carries.T[:, :, None], 3, 4)
 
 
-def place(comparison: Comparison, noise: Array | float, rounds: int = 12) -> Place | None:
+def attribute_to_joints(
+    comparison: Comparison, noise: Array | float, rounds: int = 12
+) -> JointAttribution | None:
     """Joint rotations that explain the marker residual; None without markers or joint geometry.
 
     Each joint's rotations have a gaussian prior whose width is learned from all rows (automatic
@@ -62,14 +64,16 @@ def place(comparison: Comparison, noise: Array | float, rounds: int = 12) -> Pla
         spread = np.diagonal(covariance, axis1=2, axis2=3)
         width = np.mean(rotation**2 + spread, axis=(0, 1))
     resolved = np.einsum("stij,stji->i", covariance, gram, optimize=True) / (S * T)
-    return _place(rotation, resolved, H, y, weight > 0)
+    return _attribution(rotation, resolved, H, y, weight > 0)
 
 
-def _place(rotation: Array, resolved: Array, H: Array, y: Array, seen: np.ndarray) -> Place:
+def _attribution(
+    rotation: Array, resolved: Array, H: Array, y: Array, seen: np.ndarray
+) -> JointAttribution:
     """Shares by which each joint's rotation shortens the residual, given the others'."""
     moved = np.where(seen[..., None], H * rotation[..., None, :], 0.0)
     total = max(float(np.sum(y**2)), 1e-300)
     share = np.einsum("stkj,stk->j", moved, y) / total
     left = np.sum(np.where(seen, y - moved.sum(axis=-1), 0.0) ** 2) / total
     lever = np.sqrt(np.mean(H**2, axis=(0, 1, 2)) * 3)
-    return Place(rotation, resolved, lever, share, float(left))
+    return JointAttribution(rotation, resolved, lever, share, float(left))

@@ -24,7 +24,7 @@ def generators(
 
 
 @dataclass(frozen=True)
-class Bench:
+class SimulatedArm:
     """A twin behind a simulated bus, and cameras that measure it."""
 
     bus: SimulatedBus
@@ -42,7 +42,7 @@ class Bench:
         for_loads: np.random.Generator,
         for_cameras: np.random.Generator,
         marker_loss: float = 0.0,
-    ) -> "Bench":
+    ) -> "SimulatedArm":
         """With the noise and the gain of an arm's parameters; a share of the marker readings is lost."""
         bus = SimulatedBus(twin, for_loads, parameters.load_noise)
         cameras = SimulatedMocap(twin, for_cameras, parameters.marker_noise, marker_loss)

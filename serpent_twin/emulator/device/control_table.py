@@ -17,7 +17,7 @@ _FIRST_INDIRECT = min(_POINTER)
 Words = Sequence[tuple[Item, int]]
 
 
-class Memory:
+class ControlTable:
     """One control table: registers by name, and by address as the wire asks for them."""
 
     def __init__(self) -> None:

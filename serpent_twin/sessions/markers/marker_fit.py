@@ -23,7 +23,7 @@ _GLOBAL = 6  # turn about x and y, shift, scale; a turn about z is one of joint 
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class MarkerFit:
     """What explains rows of markers best: marker = scale × (where the arm has it, in another frame)."""
 
     offset: Array
@@ -64,7 +64,7 @@ def fit(
     scale: bool = False,
     to_base: Rigid = IDENTITY,
     scaled: float = 1.0,
-) -> Fit:
+) -> MarkerFit:
     """Least squares over all joint angles and marker offsets, and, if asked for, frame and scale.
 
     `marker` (N, 9, 3) [m], NaN where lost; `start` (N, 9) are first guesses of the joint angles [rad], as
@@ -91,7 +91,7 @@ def fit(
         to_base, scaled = _moved_by(to_base, scaled, step)
     error, *_ = linearised(to_base.apply(marker / scaled), joint, offset)
     freedom = max(1, np.isfinite(marker).sum() - n * N_JOINTS)
-    return Fit(offset, float(np.sqrt((error**2).sum() / freedom)), to_base, scaled, joint)
+    return MarkerFit(offset, float(np.sqrt((error**2).sum() / freedom)), to_base, scaled, joint)
 
 
 def _by_frame(place: Array) -> Array:
