@@ -52,8 +52,8 @@ class Information:
         return change - (self.slopes.T @ taken).T
 
     def projected(self, change: Array, residual: Array) -> tuple[Array, float, float]:
-        """What is left of a change, (N,), beyond the free parameters, the share of the residual's squares that
-        it removes, and the size of the step along it which removes most.
+        """What is left of a change, (N,), beyond the free parameters, the share of the residual's squares
+        that it removes, and the size of the step along it which removes most.
         """
         left = self.beyond(change)
         along = float(left @ change)
