@@ -1,6 +1,7 @@
-"""Write numbers for a reader: counted nouns, and no number that is longer than what it says."""
+"""Write numbers and lists for a reader: counted nouns, and no number that is longer than what it says."""
 
 import re
+from collections.abc import Iterable
 from decimal import Decimal
 from typing import Any
 
@@ -11,6 +12,12 @@ _LONG = 24
 def counted(count: int, noun: str, more: str = "") -> str:
     """A number of things, such as `1 session` or `3 sessions`; `more` is a plural without a plain s."""
     return f"{count} {noun if count == 1 else more or noun + 's'}"
+
+
+def listed(items: Iterable[object]) -> str:
+    """Items as text for a sentence: `3`, `3 and 7`, `1, 2 and 4`; nothing for none."""
+    texts = [str(item) for item in items]
+    return " and ".join(filter(None, [", ".join(texts[:-1]), *texts[-1:]]))
 
 
 def number(value: Any) -> str:

@@ -6,7 +6,7 @@ import re
 import pytest
 from paths import ROOT
 
-from serpent_twin.numerals import counted
+from serpent_twin.numerals import counted, listed
 
 NOUNS = ("sessions", "rows", "windows", "points", "epochs", "files", "frames", "characters", "segments",
          "arms", "runs", "channels", "coordinates")  # fmt: skip
@@ -25,6 +25,11 @@ NOUNS = ("sessions", "rows", "windows", "points", "epochs", "files", "frames", "
 )
 def test_a_noun_is_counted(said, counts):
     assert counted(*counts) == said
+
+
+def test_items_are_listed():
+    assert listed([]) == "" and listed(["cable"]) == "cable"
+    assert listed([3, 7]) == "3 and 7" and listed(range(3)) == "0, 1 and 2"
 
 
 def test_no_text_counts_by_itself():

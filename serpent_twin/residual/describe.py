@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from serpent_twin.numerals import listed
 from serpent_twin.residual.dependence import Dependence
 from serpent_twin.residual.findings import ErrorChange, Findings
 from serpent_twin.residual.noise import in_words
-from serpent_twin.residual.where import Where, listed
+from serpent_twin.residual.where import Where
 
 AT_THE_NOISE = 1.08  # times the noise floor: no error is left
 NOT_SMALL = 0.1  # share of the variance above the noise that deserves a sentence of its own

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from serpent_twin.numerals import listed
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.dependence import Dependence, fitted
 from serpent_twin.residual.joint_attribution import JointAttribution
@@ -69,8 +70,3 @@ def _span(comparison: Comparison, seen: np.ndarray) -> str:
     names = [comparison.marker_names[i] for i in seen]
     together = len(seen) > 2 and np.all(np.diff(seen) == 1)
     return f"seen from {names[0]} to {names[-1]}" if together else f"seen at {listed(names)}"
-
-
-def listed(names: list[str]) -> str:
-    """Names with commas and a last and."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -1,6 +1,5 @@
 """State what was found in a session, in one sentence with the rows."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -48,9 +47,3 @@ def spans_text(rows: NDArray[np.int64], bridged: int) -> str:
     for first, stop in stretches(~mask):
         mask[first:stop] = stop - first <= bridged and first > 0
     return rows_text(mask)
-
-
-def listed(numbers: Sequence[int] | NDArray[np.int64]) -> str:
-    """Numbers as text: `3`, `3 and 7`, `1, 2 and 4`."""
-    *most, last = [str(n) for n in numbers]
-    return f"{', '.join(most)} and {last}" if most else last

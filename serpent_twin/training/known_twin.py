@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from serpent_twin.estimators import available, find
+from serpent_twin.numerals import listed
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
@@ -62,11 +63,6 @@ class KnownTwin:
 def has_twin(name: str) -> bool:
     """Whether a readout simulates the arm."""
     return find(name).trained.takes("twin")
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names as text for a sentence."""
-    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def known_twin(sessions: Split, path: Path | None = None) -> KnownTwin:

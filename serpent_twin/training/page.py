@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.numerals import counted
+from serpent_twin.numerals import counted, listed
 from serpent_twin.readouts.score import step_means
 from serpent_twin.readouts.windows import Windows
 from serpent_twin.reporting.report import Figure, Report, Section, Table
 from serpent_twin.training import figures
-from serpent_twin.training.known_twin import listed
 from serpent_twin.training.tables import (
     PEER,
     adapt_table,

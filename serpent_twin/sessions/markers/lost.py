@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from serpent_twin.numerals import counted
-from serpent_twin.sessions.finding import Finding, listed, longest, rows_text, stretches
+from serpent_twin.numerals import counted, listed
+from serpent_twin.sessions.finding import Finding, longest, rows_text, stretches
 from serpent_twin.sessions.session import Session
 
 LOST_SECONDS = 1.0  # a marker lost for longer than this leaves a gap worth a warning

@@ -4,7 +4,8 @@ import numpy as np
 
 from serpent_twin.arm.geometry import markers
 from serpent_twin.arrays import Array
-from serpent_twin.sessions.finding import listed, spans_text
+from serpent_twin.numerals import listed
+from serpent_twin.sessions.finding import spans_text
 from serpent_twin.sessions.markers import suspects
 from serpent_twin.sessions.markers.posed import CLOSE, posed
 
