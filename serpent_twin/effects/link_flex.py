@@ -30,7 +30,9 @@ class LinkFlex(Effect):
     compliance: float = parameter("rad/(N m)", high=0.2, typical=0.03)
     """[rad/(N m)]"""
 
-    shows_in: ClassVar[str] = "markers that sag further out than the joints' angles say"
+    shows_in: ClassVar[str] = (
+        "markers that sag more than the joints' angles explain, more so further out"
+    )
     confused_with: ClassVar[tuple[str, ...]] = ("payload",)
 
     def edit(self, spec: mujoco.MjSpec) -> None:

@@ -34,7 +34,9 @@ Case = AnyCase[Any]
 BEYOND = 2.0
 """Times the error of a twin that lacks nothing, above which an error is unexplained in any case"""
 FOLLOWS = 0.25
-"""Share of what is above the noise that must follow something, for an error that is only suspect"""
+"""Share of the squared error above the noise that must depend on a feature, for a suspect error to be
+unexplained
+"""
 LOAD_BEYOND = 1.15
 """Times the loads' noise"""
 _DRAWS = 4  # of twins that the data cannot distinguish
@@ -77,7 +79,7 @@ def build_diagnosis(
 def _named(
     case: Case, selection: Selection, before: Errors, after: Errors, rng: np.random.Generator
 ) -> tuple[Named, ...]:
-    """The effects found; the whole gain belongs to an effect that is alone."""
+    """The effects found; a single effect has the whole gain."""
     accepted = {each.accepted: each for each in selection.rounds if each.accepted}
     alone = len(selection.final.point.effects) == 1
     named = []
@@ -132,7 +134,7 @@ def _verdict(name: str, each: Round, selection: Selection, case: Case) -> tuple[
     trial = each.trials[name]
     if name == each.accepted:
         if name in selection.final.point.effects:
-            return ACCEPTED, "it betters logs that nothing was fitted to, beyond chance"
+            return ACCEPTED, "it improves the fit to held-out logs, beyond chance"
         return REJECTED, "beside the effects found later it is not worth its parameters"
     if trial.gain is None and trial.score.unstable:
         return (
@@ -168,7 +170,7 @@ def _unexplained(
 def _cautions(case: Case, selection: Selection) -> tuple[str, ...]:
     told = indistinguishable(case, selection.final)
     if not selection.final.converged:
-        told.append("The last fit had not settled; its intervals are too narrow.")
+        told.append("The last fit has not converged; its intervals are too narrow.")
     told += [f"{name}: {why}." for name, why in case.unseen.items()]
     for name, values in selection.final.point.effects.items():
         for parameter in at_bound(case.candidates[name], values):
@@ -183,7 +185,7 @@ def _unstable(case: Case, selection: Selection, training: Any) -> list[str]:
     held = unstable(case, final.point, final.free, some, final.jacobian)
     told = [
         f"The twin's simulation became unstable at every step of {', '.join(held)} that was tried: the fit "
-        "held what it stood at, and says nothing of it."
+        "held its value, which these logs therefore do not determine."
     ] * bool(held)
     last = selection.rounds[-1].trials if selection.rounds else {}
     told += [

@@ -20,7 +20,7 @@ from serpent_twin.stored import Numbers, above, within
 T = TypeVar("T")
 Number = Annotated[float, within(-1e12, 1e12)]
 Index = Annotated[int, within(0, 1_000_000)]
-_AGAIN = "Delete it, and the same command makes it anew."
+_AGAIN = "Delete it; the same command makes it again."
 
 
 class Checkpoints:
@@ -29,7 +29,7 @@ class Checkpoints:
     def __init__(self, folder: Path, clock: Stopwatch) -> None:
         self._folder, self._clock = folder, clock
         self.seconds, self.simulated = 0.0, 0.0
-        """What the stages took that an earlier run finished, and how much of it simulation did [s]"""
+        """Time of the stages that an earlier run finished, and the simulation's part of it [s]"""
         self._told = set[Path]()
         folder.mkdir(parents=True, exist_ok=True)
 

@@ -34,6 +34,6 @@ def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[
         named = ", ".join(names[n] for n in blind[:_LISTED])
         more = f" and {blind.size - _LISTED} more parameters" if blind.size > _LISTED else ""
         told.append(
-            f"The logs do not tell {named}{more}: they say nothing of it, or each segment another value."
+            f"The logs do not determine {named}{more}: they hardly depend on it, or segments disagree on it."
         )
     return told

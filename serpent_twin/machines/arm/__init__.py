@@ -77,10 +77,10 @@ def moving(velocity: Array) -> Array:
 
 
 def _unseen(velocity: Array, known: Mapping[str, Candidate]) -> dict[str, str]:
-    """Candidates that the logs cannot show: none, unless no motor turns."""
+    """Candidates that the logs cannot show: all if no motor turns, else none."""
     if moving(velocity).any():
         return {}
-    why = "no motor moves in these logs, and a pose alone tells no effect from a parameter"
+    why = "no motor moves in these logs, and a pose alone cannot distinguish an effect from a parameter"
     return dict.fromkeys(known, why)
 
 
