@@ -19,7 +19,7 @@ class ClampSlip(Effect):
     """Above a tension, the grip, a strand's clamp yields: it lengthens for good by rate (T − grip) dt.
 
     Ends of cables are clamped by screws, by friction alone; a clamp tightened too little slips like a
-    viscoplastic (Bingham) element. Clamps are taken as tightened anew before each session.
+    viscoplastic (Bingham) element. Clamps are assumed to be tightened again before each session.
     Source: Bingham, An Investigation of the Laws of Plastic Flow, 1916. A strand that slips by half a
     millimetre in a session, of 5 to 10 N, shows clearly.
     """

@@ -20,7 +20,7 @@ class Range:
     low: float
     high: float
     typical: float
-    """What an arm of this size may well have: where a fit starts, and how far its first step goes"""
+    """A plausible value in an arm of this size: where a fit starts, and how far its first step goes"""
     fitted: bool = True
     """Whether logs identify it; else it is given, or tried at the few values of `variants`"""
 
@@ -35,8 +35,8 @@ SMOOTH = 0.2
 is never off by more than 5 %."""
 _UNKNOWN = 0.005  # [s] as the simulation's own
 COMMAND, SERVO, WINDING, CABLE, LOSS = range(5)
-"""Order in a time step: what servos are told, where they go, what winds the cables, what cables are, what
-rubs by their tension."""
+"""Order in a time step: goals of the servos, their angles, the winding of the cables, the cables' properties,
+friction by their tension."""
 
 
 def parameter(
@@ -62,16 +62,17 @@ class Effect:
     """
 
     shows_in: ClassVar[str] = ""
-    """What in a log betrays it, in words."""
+    """How it shows in a log, in words."""
     confused_with: ClassVar[tuple[str, ...]] = ()
     """Names of effects that look like it."""
     remembers: ClassVar[bool] = False
     """Whether its memory is longer than a segment, so that a session must be run through; an effect with a
-    memory must say so, or that it is not."""
+    memory must declare True or False."""
     stage: ClassVar[int] = CABLE
     """When in a time step it acts."""
     needs: ClassVar[frozenset[str]] = frozenset()
-    """Names of what it acts on and not every machine has: elements of the model, quantities of the moment."""
+    """Names of what it acts on that not every machine has: elements of the model, quantities of the
+    moment."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

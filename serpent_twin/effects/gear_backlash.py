@@ -12,7 +12,8 @@ from serpent_twin.effects.moment import Wound
 
 @dataclass(frozen=True)
 class GearBacklash(Effect):
-    """The winch keeps still while the motor's measured angle turns inside a gap, else is dragged along.
+    """The winch keeps still while the motor's measured angle turns inside a gap, and is dragged along
+    otherwise.
 
     The play operator: w follows m so that |m − w| ≤ gap / 2, and moves no more than it must. It holds
     its output inside the gap, which a dead band does not. Something else than the gear holds the

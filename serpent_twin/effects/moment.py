@@ -81,7 +81,7 @@ class Told(Protocol):
     goal: Array
     """Goal angles of the servos [rad]"""
     motor_angle: Array
-    """Where they stand [rad]"""
+    """Angles of the servos [rad]"""
 
     def tell(self, goal: Array) -> None:
         """Give the servos another goal [rad], reached at once unless a later effect makes them yield."""
@@ -96,7 +96,7 @@ class Giving(Told, Protocol):
     """A moment of a machine whose servos yield to its cables."""
 
     cable_torque: Array
-    """What the cables ask of each servo's horn [N m]"""
+    """Torque of the cables on each servo's horn [N m]"""
 
 
 class TorqueDriven(Protocol):
@@ -136,7 +136,7 @@ class Moment(Instant):
     """[rad], (n, 1)"""
 
     winch_angle: Array
-    """What winds the cables [rad]; the motors' angles, unless the gears play"""
+    """Angles that wind the cables [rad]; the motors' angles, unless the gears have backlash"""
     slack: Array
     """Stretch that a strand takes up before it pulls [m]"""
     stiffness: Array
@@ -157,7 +157,7 @@ class Moment(Instant):
     winch_ratio: Array | float = 1.0
     """Winch radius over the radius of the cable's pulleys [1]; of the first block, as all below"""
     prior_runtime: Array | float = 0.0
-    """How long earlier sessions ran in all [s], or (n, 1)"""
+    """Total time of earlier sessions [s], or (n, 1)"""
 
     def add_joint_friction(self, torque: Array, transition_velocity: Array | float) -> None:
         """Add friction to the hinges [N m], regularised below a velocity of its own [rad/s]: near rest,

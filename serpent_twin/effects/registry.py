@@ -71,7 +71,7 @@ def restored(entry: Stored) -> Effect:
 
 
 def require_distinct(entries: Sequence[Stored]) -> None:
-    """Refuse an effect that is there twice."""
+    """Refuse an effect that is given twice."""
     kinds = [to_builtins(entry)["name"] for entry in entries]
     if twice := sorted({name for name in kinds if kinds.count(name) > 1}):
         raise SerpentError(f"effects has {', '.join(twice)} twice.")

@@ -43,18 +43,18 @@ if TYPE_CHECKING:
 
 BLOCKS = 10
 FREE, HELD = 1e-9, 1e12
-"""Penalties that leave a weight to the windows, and that leave nothing of it"""
+"""The penalty that leaves a weight free, and the penalty that makes it zero"""
 SHARP = 5.0
-"""Motion has a direction from a fifth of its usual speed on; blunter ones did worse on logged arms"""
+"""Motion has a direction above a fifth of its usual speed; larger thresholds did worse on logged arms"""
 
 
 @dataclass
 class Adapted(TrainedEstimator):
     """Ours: a trained readout, unchanged, and a ridge on its residual in windows of another arm.
 
-    Cross-validation over contiguous blocks of these windows chooses the penalty, by the mean marker
-    distance; the offset alone is among its choices. Without a gain beyond its standard error over the
-    blocks there is no correction. The validation windows are not used.
+    Cross-validation over contiguous blocks of these windows chooses the penalty, by the mean marker distance;
+    the offset alone is among its choices. If the gain does not exceed its standard error over the blocks,
+    there is no correction. The validation windows are not used.
     """
 
     name: ClassVar[str] = "adapted"
@@ -67,7 +67,7 @@ class Adapted(TrainedEstimator):
     penalties: Annotated[tuple[Penalty, ...], many(1, 100)] = tuple(10.0**k for k in range(-6, 3))
     """Penalties per window to choose from"""
     blocks: Annotated[int, within(2, 1000)] = BLOCKS
-    """Blocks of consecutive windows, each of which judges once"""
+    """Blocks of consecutive windows, each of which is the test once"""
 
     @classmethod
     def of(cls, base: Estimator) -> Self:
@@ -125,7 +125,9 @@ class Adapted(TrainedEstimator):
         return self.corrected(self.corrects.follow(session), session.x)
 
     def live(self, prior_runtime: float = 0.0) -> "LiveAdapted":
-        """An estimator for one session of an arm that ran for so long before [s]; no marker starts it."""
+        """An estimator for one session of an arm after `prior_runtime` in earlier sessions [s]; no marker
+        starts it.
+        """
         return LiveAdapted(self, prior_runtime)
 
     def corrected(self, belief: Belief, x: Array) -> Belief:

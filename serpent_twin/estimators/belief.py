@@ -19,7 +19,7 @@ class Belief:
     """[m], (N, 9, 3)"""
     covariance: Array
     """Of what measured markers are off by, the cameras' noise included [m²], (N, 9, 3, 3); NaN where a
-    readout does not know
+    readout states none
     """
 
     @property
@@ -44,7 +44,7 @@ class Belief:
 
 
 def unknown() -> Belief:
-    """One row of which nothing is known."""
+    """One row of NaN: nothing is known."""
     return Belief(np.full((1, N_JOINTS, 3), np.nan), np.full((1, N_JOINTS, 3, 3), np.nan))
 
 

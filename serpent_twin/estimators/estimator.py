@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from serpent_twin.sim.twin_model import TwinModel
 
 Weighed = dict[str, dict[str, float | str]]
-"""Value, standard deviation and unit of parameters by name, JSON-ready"""
+"""Value, standard deviation and unit of parameters by name, ready for JSON"""
 
 
 class Live(ABC):
@@ -28,7 +28,9 @@ class Live(ABC):
         """The markers now, a belief of one row; None until there are enough readings."""
 
     def correct(self, marker: Array) -> None:  # noqa: B027 - most learn nothing from markers
-        """Learn from the markers measured with the last reading [m], (9, 3), NaN where lost; or do not."""
+        """Learn from the markers measured with the last reading [m], (9, 3), NaN where lost; most estimators
+        ignore them.
+        """
 
     def weighed(self) -> Weighed:
         """The arm's parameters identified so far; none, if it identifies none."""
@@ -51,14 +53,14 @@ class Estimator(ABC):
 
     @abstractmethod
     def live(self, prior_runtime: float = 0.0) -> Live:
-        """Follow one session of an arm that ran for so long before [s]; no marker starts it.
+        """Follow one session of an arm after `prior_runtime` in earlier sessions [s]; no marker starts it.
 
         An estimator without a twin ignores the prior runtime.
         """
 
     @property
     def name(self) -> str:
-        """How the command line and the tables call it."""
+        """Its name on the command line and in tables."""
         return self.trained.name
 
     @property

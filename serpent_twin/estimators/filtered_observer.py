@@ -40,12 +40,12 @@ class FilteredObserver(Observer):
     """Of each joint in a control step, to choose from [rad]"""
 
     def wanted(self) -> Wanted:
-        """The scatter that was chosen [rad], and the error with each that was tried [mm]."""
+        """The chosen scatter [rad], and the error with each scatter tried [mm]."""
         chosen = {"scatter": numbers(low=0.0), "tried_mm": numbers(len(self.scatters), low=0.0)}
         return super().wanted() | chosen
 
     def live(self, prior_runtime: float = 0.0) -> LiveObserver:
-        """An estimator for one session of an arm that ran for so long before [s]."""
+        """An estimator for one session of an arm after `prior_runtime` in earlier sessions [s]."""
         scatter = float(self.learned.get("scatter", 0.0))
         if not scatter:
             return LiveObserver(self, prior_runtime)

@@ -27,9 +27,9 @@ from serpent_twin.sim.response import Response
 SETTLE = 2.0
 """Seconds that the twin hangs before the first reading"""
 TRUST = 40.0
-"""Seconds over which the loads say how far the twin can be trusted"""
+"""Seconds over which the loads' error sets the inflation of the covariance"""
 TURNING = 2 * STANDING
-"""[rad/s] faster than this, gear friction has one sign and a load says something"""
+"""[rad/s] faster than this, gear friction has one sign and a load is informative"""
 
 
 @dataclass
@@ -47,7 +47,7 @@ class Observer(TrainedEstimator):
     twin: Mapping[str, Any] = field(
         default_factory=lambda: twin_model.to_dict(twin_model.NOMINAL_TWIN)
     )
-    """The design, as twin.json holds it; the nominal one by default"""
+    """The twin model, as twin.json holds it; the nominal one by default"""
 
     def __post_init__(self) -> None:
         self.twin = twin_model.to_dict(twin_model.from_dict(self.twin))
@@ -75,7 +75,7 @@ class Observer(TrainedEstimator):
         return super().follow(session)
 
     def live(self, prior_runtime: float = 0.0) -> "LiveObserver":
-        """An estimator for one session of an arm that ran for so long before [s]."""
+        """An estimator for one session of an arm after `prior_runtime` in earlier sessions [s]."""
         return LiveObserver(self, prior_runtime)
 
     def require_rate(self, rate_hz: float) -> None:
@@ -83,7 +83,7 @@ class Observer(TrainedEstimator):
 
     @property
     def takes_twin(self) -> bool:
-        """An observer has a twin, which another can replace."""
+        """True: another twin can replace the observer's."""
         return True
 
     def with_twin(self, arm: twin_model.TwinModel) -> Self:

@@ -24,7 +24,7 @@ class Forgetting:
     """How fast a correction learns and forgets."""
 
     weights_s: float = 60.0
-    """Time watched after which a measurement counts 1/e in the weights [s]"""
+    """Time with measured markers after which a measurement counts 1/e in the weights [s]"""
     spread_s: float = 15.0
     """The same in the covariance [s]"""
     ridge: float = 0.1

@@ -23,13 +23,14 @@ from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.stored import many, within
 
 PRIOR = 1.0
-"""Standard deviation of what nobody has told yet, in typical values of the parameter"""
+"""Standard deviation at the start, in typical values of the parameter"""
 WALK = 0.045
-"""By how much it may change in a second, in the same"""
+"""Standard deviation of its change in a second, in the same unit"""
 NEAR = 0.05
-"""How far neighbours are from the twin, in the same; where an arm buckles, far ones tell of another pose"""
+"""How far neighbours are from the twin, in the same unit; where an arm buckles, far ones are in another
+pose"""
 FURTHEST = 5.0
-"""How far it may be from what the twin has, in the same"""
+"""How far it may be from the twin's value, in the same unit"""
 COST = 1.1
 """Times the least error on the validation sessions that following faster may cost"""
 
@@ -61,15 +62,15 @@ class WeighingObserver(Observer):
         3.0,
         1.0,
     )
-    """Times the loads' variance that is reckoned with, for it is no white noise; to choose from"""
+    """Inflations of the loads' variance to choose from: their noise is not white"""
 
     def wanted(self) -> Wanted:
-        """The loads' noise, and the error with each caution [mm], none first."""
+        """The loads' noise, and the error with each inflation [mm], none first."""
         chosen = {"noise": divisors(N_MOTORS), "tried_mm": numbers(1 + len(self.cautions), low=0.0)}
         return super().wanted() | chosen
 
     def live(self, prior_runtime: float = 0.0) -> LiveObserver:
-        """An estimator for one session of an arm that ran for so long before [s]."""
+        """An estimator for one session of an arm after `prior_runtime` in earlier sessions [s]."""
         if "noise" not in self.learned:
             return LiveObserver(self, prior_runtime)
         return LiveWeighing(self, prior_runtime)
@@ -98,7 +99,7 @@ class Followed:
     name: str
     within: Range
     value: float
-    """What the twin has"""
+    """The twin's value"""
 
     @property
     def typical(self) -> float:

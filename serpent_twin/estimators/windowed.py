@@ -13,7 +13,7 @@ from serpent_twin.readouts import Readout
 from serpent_twin.readouts.windows import SessionWindows
 
 GAP = 1.5
-"""Periods after which a reading is no neighbour of the one before"""
+"""Periods after which a reading no longer continues the window of the one before"""
 
 
 class WindowEstimator(Estimator):
@@ -34,14 +34,14 @@ class WindowEstimator(Estimator):
         return Belief(marker, np.broadcast_to(covariance, (len(marker), N_JOINTS, 3, 3)))
 
     def live(self, prior_runtime: float = 0.0) -> "LiveWindows":
-        """Follow one session; no marker starts it, and how long the arm ran before is ignored."""
+        """Follow one session; no marker starts it, and the arm's prior runtime is ignored."""
         return LiveWindows(self._readout)
 
 
 class RecentWindow:
     """The window that ends at the newest reading.
 
-    A gap in time begins it anew, if the period of the rows is known.
+    A gap in time empties it, if the period of the rows is known.
     """
 
     def __init__(self, window: int, rate_hz: float | None = None) -> None:

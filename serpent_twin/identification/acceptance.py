@@ -13,11 +13,11 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Candidate
 
 WORTH_IT = 0.04
-"""Relative gain on held-out logs, markers and loads weighing alike, that an effect must bring"""
+"""Least relative gain on held-out logs of an accepted effect, markers and loads with equal weight"""
 CHANCE = 0.01
-"""Most probability of chance of an accepted effect"""
+"""Greatest probability that the gain of an accepted effect is due to chance"""
 SURE = 3.0
-"""Standard errors by which an accepted strength is not zero"""
+"""Least distance of an accepted strength from zero, in standard errors"""
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class CandidateTrial:
 
     score: Score
     fit: Fit | None
-    """None if it was not worth a full fit"""
+    """None if it was not fitted fully"""
     gain: Gain | None
     error: float
-    """Held-out, with it if it was fitted, else without"""
+    """Held-out error, of the twin with it if it was fitted, else of the twin without"""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Round:
 
     base: Fit
     errors: Errors
-    """Of the base, held out"""
+    """Held-out errors of the base"""
     trials: dict[str, CandidateTrial]
     accepted: str
     """Name of the candidate that was accepted, or nothing"""
@@ -67,7 +67,7 @@ def better_trial(one: CandidateTrial, other: CandidateTrial) -> CandidateTrial:
 
 
 def weakness(found: Gain) -> str:
-    """Why a gain does not count, or nothing."""
+    """Why a gain is not accepted; empty if it is."""
     if found.relative <= WORTH_IT:
         return ": not worth its parameters"
     return ", which may be chance" if found.probability_of_chance >= CHANCE else ""
@@ -82,7 +82,7 @@ def significant(found: Fit, name: str, candidate: Candidate) -> bool:
 
 
 def why_not(name: str, trial: CandidateTrial, candidate: Candidate) -> str:
-    """Why a candidate is not accepted, or nothing."""
+    """Why a candidate is not accepted; empty if it is."""
     if not trial.fit or not trial.gain:
         return f"to first order it would remove {100 * trial.score.share:.1f} % of the residual"
     if ends := too_strong(candidate, trial.fit.point.effects[name]):

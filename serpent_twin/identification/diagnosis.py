@@ -13,7 +13,7 @@ from serpent_twin.residual.noise import in_words
 ACCEPTED, REJECTED, NOT_EXCITED = "accepted", "rejected", "not excited"
 UNSTABLE = "unstable"
 UNTESTED = (NOT_EXCITED, UNSTABLE)
-"""Verdicts on candidates of which these logs, or the simulation, let nothing be said"""
+"""Verdicts on candidates that these logs, or the simulation, leave undecided"""
 SUSPECT = 1.25
 """Times the error of a twin that lacks nothing, above which an error is suspect"""
 
@@ -49,7 +49,7 @@ class Calibrated:
     name: str
     """What it stands for, such as `strand stiffness 3+`"""
     nominal: float
-    """As declared before any log was seen, in the unit of `value`; NaN where nothing is"""
+    """As declared before any log was read, in the unit of `value`; NaN where nothing is declared"""
     start: float
     """Where the fit started, likewise"""
     value: ParameterEstimate
@@ -80,11 +80,11 @@ class Named:
     name: str
     parameters: Mapping[str, ParameterEstimate]
     gain: float
-    """By how much it betters the held-out marker error"""
+    """By how much it reduces the held-out marker error"""
     gain_load: float
-    """By how much it betters the held-out load error"""
+    """By how much it reduces the held-out load error"""
     probability_of_chance: float
-    """Of no gain at all, by paired bootstrap over held-out segments [1]"""
+    """Probability of no gain at all, by paired bootstrap over held-out segments [1]"""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Tried:
 
     name: str
     error: float
-    """Held-out marker error with it; of the twin without it, where it was not worth a full fit"""
+    """Held-out marker error with it; of the twin without it, where it was not fitted fully"""
     verdict: str
     """accepted, rejected, not excited or unstable"""
     score: float
@@ -110,7 +110,7 @@ class Unexplained:
 
     is_: bool
     share: float
-    """Share of the corrected twin's squared error that a twin which lacks nothing would not make [1]"""
+    """Share of the corrected twin's squared error beyond that of a twin that lacks nothing [1]"""
     depends_on: str
     """In words: on what it depends, and where to look"""
 

@@ -1,4 +1,4 @@
-"""Compute what logs tell of parameters, to first order: the information matrix of a fit.
+"""Compute what logs determine of parameters, to first order: the information matrix of a fit.
 
 With the residual's derivative J by the free parameters, the weight w of its numbers (one over the variance
 inflation) and the priors' inverse variances Λ, the information matrix is w J Jᵀ + Λ; its inverse is the
@@ -19,12 +19,12 @@ from serpent_twin.machines.case import Case
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """What a fit's residual, of N numbers, tells of its m free parameters."""
+    """The information that a fit's residual, of N numbers, holds on its m free parameters."""
 
     slopes: Array
     """Derivative of the residual, (m, N)"""
     weight: float
-    """Of each of the residual's numbers [1]"""
+    """Weight of each of the residual's numbers [1]"""
     prior: Array
     """Inverse variances; 0 for parameters without a prior, (m,)"""
     lean: Array

@@ -20,13 +20,14 @@ from serpent_twin.machines.machine import ParameterVector
 _DAMPINGS = ((0.0,), (0.3, 3.0))
 """Levenberg's, tried in turn; those of a group side by side"""
 _SETTLED = 0.5
-"""A step that betters the cost by less, about half a standard error, is the last"""
+"""A step that reduces the cost by less, about half a standard error, is the last"""
 _SMALL_SHARE = 5e-4
-"""Nor does one that betters it by less than this share have a next one"""
+"""A step that reduces the cost by less than this share is the last, too"""
 _SETTLED_SHARE = 1e-2
-"""A derivative that betters the cost by less than this share is the last: another gains about a tenth"""
+"""A derivative whose steps reduce the cost by less than this share is the last: another gains about a tenth
+"""
 _STILL = 0.5
-"""But one that moved its effects by fewer standard errors has"""
+"""A fit has also converged if its last derivative changed its effects by fewer standard errors"""
 NORMAL_95 = 1.96
 """Standard errors from the middle to the end of a 95 % interval"""
 SIMPLIFIED = 0.01
@@ -46,16 +47,16 @@ class Fit:
     point: ParameterVector
     free: FreeParameters
     cost: float
-    """Weighted squares over the segments `used`, divided by `worth`, priors included"""
+    """Weighted squares over the segments `used`, divided by `variance_inflation`, priors included"""
     variance_inflation: float
-    """So many of the residual's numbers weigh as one"""
+    """How many of the residual's correlated numbers count as one independent number"""
     error: Array
-    """Standard errors of the moves, in their coordinates, (len(moves),)"""
+    """Standard errors of the free parameters, in their coordinates, (len(free),)"""
     correlation: Array
-    """Of the moves' errors, (len(moves), len(moves))"""
+    """Of these errors, (len(free), len(free))"""
     converged: bool
     jacobian: Array
-    """Derivative of the residual by the moves on the segments `used`, (len(moves), S, n)"""
+    """Derivative of the residual by the free parameters on the segments `used`, (len(free), S, n)"""
     residual: Array
     """On the segments `used`, (S, n)"""
     used: tuple[int, ...]
@@ -198,7 +199,7 @@ class _Problem:
         self.variance_inflation = 1.0
 
     def begin(self, start: ParameterVector) -> tuple[_At, Array]:
-        """The start and the derivative there; from here on the data have their effective weight."""
+        """The start and the derivative there; afterwards the data have their effective weight."""
         residual, jacobian = self._jacobian(start)
         self.variance_inflation = (
             self.known.variance_inflation

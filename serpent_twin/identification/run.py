@@ -51,16 +51,17 @@ class Trace(Checked):
     rig: Annotated[str, arg(help=f"The kind of machine: {machines.described()}.")] = "arm"
     """Name of the kind of machine."""
     held_out: Annotated[int, within(1, 10_000), _SESSIONS, when(judge=ABSENT)] = 1
-    """Sessions, the last ones, that nothing is fitted to and that judge."""
+    """Number of held-out sessions, the last ones: nothing is fitted to them, and they are the test."""
     judge: Annotated[str, _SESSIONS] = ""
-    """Names of the files that judge in place of the last ones, such as kp200_*.parquet."""
+    """Names of the held-out files, in place of the last ones, such as kp200_*.parquet."""
     sessions: Annotated[int, within(0, 10_000), _SESSIONS] = 0
-    """Use only the first so many sessions; 0 for all."""
+    """Use only this many sessions, the first ones; 0 for all."""
     seed: Seed = 0
     """Seed of bootstrap and permutations."""
     twins: Annotated[int, within(0, 1000)] = 0
-    """Also write so many twins that the logs do not tell from the corrected one, OUT/twins/drawn_NN.json:
-    drawn as the fit is uncertain. And OUT/twins/calibrated.json, without effects. May be asked for later."""
+    """Also write this many twins that the logs cannot distinguish from the corrected one, drawn from the
+    uncertainty of the fit: OUT/twins/drawn_NN.json; and OUT/twins/calibrated.json, without effects. A later
+    run of the same command can add them."""
 
 
 def trace(config: Trace) -> dict[str, Any]:

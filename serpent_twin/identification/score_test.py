@@ -15,7 +15,7 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Candidate, ParameterVector
 
 EXCITED = 0.02
-"""An effect whose typical strength moves the residual by less than this share of its rms is not seen"""
+"""An effect whose typical strength changes the residual by less than this share of its rms is not excited"""
 _WORTH_A_FIT = 0.015
 """Share of the residual's squares that a candidate must remove in the score test"""
 _BESIDE_THE_BEST = 0.1
@@ -33,7 +33,7 @@ class Score:
     share: float
     """Of the residual's squares, beyond what the declared parameters take up [1]"""
     excitation: float
-    """How far its typical strength moves the residual, as a share of the residual's rms [1]"""
+    """How much its typical strength changes the residual, as a share of the residual's rms [1]"""
     start: Array
     """Its parameters where a full fit should begin"""
     unstable: bool = False

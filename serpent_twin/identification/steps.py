@@ -36,7 +36,7 @@ from serpent_twin.numerals import counted
 
 _MOST_EFFECTS = 6
 _PLAIN = 0.3
-"""Relative gain of a candidate so plain that none need be sought that calibration had swallowed"""
+"""Relative gain of a candidate above which those that calibration may have absorbed are not tried"""
 
 
 class Tracer:

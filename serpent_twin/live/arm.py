@@ -1,4 +1,4 @@
-"""Choose the arm that a live estimate simulates, and say whether the readout was trained on that one."""
+"""Choose the arm that a live estimate simulates, and state whether the readout was trained on that arm."""
 
 from collections import Counter
 from dataclasses import dataclass, replace

@@ -32,9 +32,9 @@ from serpent_twin.reporting.rerun_layout import KEY, LOADS, TEN, Plot, blueprint
 from serpent_twin.reporting.rerun_recording import ESTIMATED, MEASURED, Writer, hue
 
 EVERY = 0.2
-"""Rows are drawn together, so often [s]"""
+"""Interval at which rows are drawn together [s]"""
 MOST = 500
-"""So many at once"""
+"""Most rows drawn at once"""
 PORT = 9876
 """Where rerun's viewer listens"""
 _EXPECTED, _LATENCY = (200, 200, 200), (120, 160, 255)

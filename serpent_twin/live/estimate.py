@@ -41,7 +41,7 @@ class Estimate(Checked):
 
     The arm follows random joint targets as in `collect`. OUT gets the log with the estimates as further
     columns (session_01.parquet), what is known at the end (results.json), and a recording for rerun
-    (session_01.rrd). A run that is stopped keeps its rows; it is not gone on with.
+    (session_01.rrd). A run that is stopped keeps its rows; it cannot be continued.
     """
 
     model: Path
@@ -61,12 +61,12 @@ class Estimate(Checked):
     """Control steps, that is rows."""
     rate_hz: RateHz = 4.0
     """Control steps per second. A readout of windows takes the rate it was trained for; an observer takes
-    any, but how sure it is holds at its own."""
+    any, but its stated uncertainty holds for the rate it was trained for."""
     seed: Seed = 0
     """Seed of targets and noise."""
     prior_runtime_h: Annotated[float, within(0.0, 1e5, "h")] = 0.0
-    """How long the arm has run before since its cables were strung [h], for effects that wear it: of the
-    simulated arm, and of a readout's twin. 0: the cables are new, or nothing wears."""
+    """How long the arm has run since its cables were strung [h], for effects of wear in the simulated arm and
+    in a readout's twin. 0: the cables are new, or nothing wears."""
     arm: str = ""
     """Name of the arm, stored in the log; without: twin, or the setup file's name."""
     markers: Annotated[bool, SIMULATED, when(backend="sim")] = True

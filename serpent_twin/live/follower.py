@@ -75,7 +75,9 @@ class Follower:
         return belief
 
     def _warm_up(self, estimator: Estimator) -> None:
-        """Let the estimator load all that it needs before a motor turns, and check that it gives numbers."""
+        """Let the estimator load all that it needs before a motor turns, and check that its estimates are
+        finite.
+        """
         live, still = estimator.live(), np.zeros(N_MOTORS)
         for k in range(estimator.warm_up_rows):
             now = BusReading(k / (estimator.trained.rate_hz or 4.0), still, still, still, still)

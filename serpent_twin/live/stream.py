@@ -23,7 +23,7 @@ from serpent_twin.live.follower import LATENCY, MARKERS
 from serpent_twin.recording.loop import Row
 
 START = 60.0
-"""So long may the drawing process take to start [s]"""
+"""Longest time that the drawing process may take to start [s]"""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Sample(NamedTuple):
 
 
 class RerunStream:
-    """Rows on their way to rerun; a context manager. What goes wrong on the way stops no arm."""
+    """Rows on their way to rerun; a context manager. A failure of the drawing never stops the arm."""
 
     def __init__(self, page: Page) -> None:
         self._page, self._gone = page, False

@@ -61,7 +61,7 @@ class Case(Generic[P]):
 
     @property
     def candidates(self) -> Mapping[str, Candidate]:
-        """What the machine may have and its nominal twin lacks."""
+        """The candidates: effects that the machine may have and its nominal twin lacks."""
         return self.machine.candidates
 
     @property
@@ -102,7 +102,7 @@ class Case(Generic[P]):
 
     def jacobian(self, point: ParameterVector, pieces: P) -> Array:
         """Derivatives of the residual by the declared parameters, (P, S, T · C); NaN for those that only
-        finite differences tell.
+        finite differences give.
         """
         names, measured = [each.name for each in self.declared], pieces.measured
         shape = (len(names), len(pieces), measured[0].size)

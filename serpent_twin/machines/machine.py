@@ -49,7 +49,7 @@ class Quantity:
     of: tuple[str, ...] = ()
     """Names of the coordinates that add up to its change"""
     nominal: float = float("nan")
-    """As declared before any log was seen; NaN where nothing is"""
+    """As declared before any log was read; NaN where nothing is declared"""
 
     def after(self, change: float) -> float:
         """Its value after a total change of its coordinates."""
@@ -69,7 +69,7 @@ class Output:
     noise: float
     """Least standard deviation by which its error is weighed, in the unit of the measure's arrays"""
     alike: str = ""
-    """Channels of one such name are weighed alike; nothing: by itself"""
+    """Channels with the same name have the same weight; empty: a channel has its own"""
 
 
 @dataclass(frozen=True)
@@ -80,11 +80,11 @@ class Candidate:
     ranges: Mapping[str, Range]
     """Its parameters, the strength first"""
     variants: tuple[Array, ...]
-    """Values of all parameters that it may well have: where fits start"""
+    """Plausible values of all parameters: where fits start"""
     about: str = ""
     """What it is, in a sentence"""
     shows_in: str = ""
-    """What in a log betrays it"""
+    """How it shows in a log"""
     confused_with: tuple[str, ...] = ()
     """Names of candidates that look like it"""
 
@@ -113,7 +113,7 @@ class ParameterVector:
     declared: Array
     """(P,), all 0 at the start"""
     effects: Mapping[str, Array] = field(default_factory=dict)
-    """All parameters of each effect that is there, by name, in the order of its ranges"""
+    """All parameters of each effect that is present, by name, in the order of its ranges"""
 
     def having(self, name: str, values: Array) -> "ParameterVector":
         """The same vector with one effect's parameters set."""
@@ -181,12 +181,12 @@ class Machine(Protocol[P]):
 
     @property
     def quantities(self) -> Sequence[Quantity]:
-        """What each of them stands for."""
+        """The physical quantity of each coordinate."""
         ...
 
     @property
     def candidates(self) -> Mapping[str, Candidate]:
-        """What the machine may have."""
+        """The candidates: effects that the machine may have."""
         ...
 
     @property
@@ -196,7 +196,7 @@ class Machine(Protocol[P]):
 
     @property
     def segments(self) -> tuple[int, int]:
-        """How many segments a fit uses at most while it searches, enough to tell effects apart, and the last
+        """How many segments a fit uses at most while it searches, enough to distinguish effects, and the last
         fit.
         """
         ...
@@ -254,7 +254,7 @@ class Log(Protocol):
 
     @property
     def name(self) -> str:
-        """By which people call it."""
+        """Its name in reports."""
         ...
 
     @property
@@ -272,9 +272,9 @@ class Rig(Protocol):
     """One kind of machine, and its logs."""
 
     name: str
-    """By which the command line knows it"""
+    """Its name on the command line"""
     about: str
-    """What it is, for people who choose one"""
+    """A description for the command line's help"""
 
     def read(self, folder: Path) -> Sequence[Log]:
         """A folder's sessions; raises a `SerpentError` on logs that are not of this machine."""

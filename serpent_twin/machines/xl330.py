@@ -120,7 +120,7 @@ class Xl330(RunMachine):
 
     @property
     def candidates(self) -> Mapping[str, Candidate]:
-        """What the servo may have."""
+        """The candidates: effects that the servo may have."""
         return _KNOWN
 
     def spec(

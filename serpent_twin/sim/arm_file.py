@@ -59,7 +59,7 @@ class ArmFile:
         return f"{self.path} is MJCF, which lacks the effects that only twin.json can hold."
 
     def twin(self, prior_runtime: float = 0.0) -> Twin:
-        """A twin of the arm, which ran for so long before [s]."""
+        """A twin of the arm, after `prior_runtime` in earlier sessions [s]."""
         return Twin(self.design, model=self.model, prior_runtime=prior_runtime)
 
 

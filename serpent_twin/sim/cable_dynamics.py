@@ -62,7 +62,7 @@ _DERIVED = (
     "dof_solref",
     "dof_solimp",
 )
-"""By what MuJoCo scales its constraints, and what hinge friction is softened by in turn"""
+"""MuJoCo's scale of constraints, and the softening of hinge friction that follows from it"""
 
 
 class Variation:
@@ -142,14 +142,14 @@ class CableDynamics:
         self.winch_ratio.setflags(write=False)
         self.winch_reach = self.arm.pulley_radii * self.winch_ratio
         self.prior_runtime: Array | float = 0.0
-        """How long earlier sessions ran in all [s], or (n, 1)"""
+        """Total time of earlier sessions [s], or (n, 1)"""
         self._rubs: tuple[Array, ...] = (np.empty(0), np.empty(0))
         self._memory: list[Any] = []
         self.longest_step = np.full(len(designs), np.inf)
         """Longest time step that the effects' memories follow [s], (n,)"""
 
     def start(self, time: Array, motor_angle: Array, motor_velocity: Array) -> None:
-        """Begin anew: reset the effects' memories. Arrays are (n, 1), (n, 10), (n, 10)."""
+        """Begin a run: reset the effects' memories. Arrays are (n, 1), (n, 10), (n, 10)."""
         moment = self.moment(time, motor_angle, motor_velocity, 0.0)
         self._memory = effects.begin(self._effects, moment)
         self.longest_step = effects.longest_step(self._effects, moment, len(time))

@@ -41,7 +41,7 @@ class PrescribedMotion:
     servo_lag: float = 0.0
     """Time constant with which a motor takes up a new velocity after each row [s]"""
     prior_runtime: Array | float = 0.0
-    """How long the arm's sessions before each one ran in all [s], or (B,)"""
+    """Total time of the arm's sessions before each one [s], or (B,)"""
     past: MeasuredMotion | None = None
     """K rows before each stretch, (B, K), from which effects that remember have their memory; a shorter past
     repeats its first row. Without one, they begin with the first row.
@@ -96,7 +96,9 @@ def hasten(model: mujoco.MjModel) -> None:
 
 
 def alike(designs: Sequence[TwinModel]) -> list[list[int]]:
-    """Groups of twin models, by index, that can step side by side: one structure, effects of like memory."""
+    """Groups of twin models, by index, that can step side by side: they have one structure, and all or none
+    of them have a memory longer than a segment.
+    """
     of_kinds: dict[frozenset[type], tuple[object, ...]] = {}
     groups: dict[tuple[object, ...], list[int]] = {}
     for n, design in enumerate(designs):
@@ -126,7 +128,7 @@ def coarse_step(designs: Sequence[TwinModel]) -> float:
 
 
 def _threads(designs: Sequence[TwinModel], motion: PrescribedMotion) -> int:
-    """How many threads pay: while effects act in between, those of few runs would fall asleep."""
+    """The fastest number of threads: one for few runs on which effects act between steps, else one a core."""
     few = len(designs) * len(motion.motors.time) < _FEW
     acting = any(effect.acts() for design in designs for effect in design.active)
     return 1 if few and acting else os.cpu_count() or 1

@@ -139,7 +139,7 @@ class DrivenArms:
         self._batch.forward(ids=stable)
 
     def differentiate(self, by: Differences) -> None:
-        """Carry tangents along from here on, of runs that all have the first one's model."""
+        """Carry tangents along with the motion from now, of runs that all have the first one's model."""
         self._tangents = Tangents(self._batch, self._models[0], by)
 
     def changes(self) -> tuple[Array, Array]:
@@ -181,7 +181,7 @@ class DrivenArms:
 
 
 class _Path:
-    """How motors go from row to row: they take up the new velocity that ends at the measured angle."""
+    """Motion of motors between rows: each takes up the constant velocity that ends at the measured angle."""
 
     def __init__(self, before: Array, after: Array, old: Array, period: Array, lag: float) -> None:
         self._before, self._old, self._lag = before, old, lag

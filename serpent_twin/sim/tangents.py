@@ -135,7 +135,7 @@ class Tangents:
         self._recent = deque([self._position.copy()], maxlen=2 + int(1.5 * longest))  # newest first
 
     def place(self) -> None:
-        """Begin anew from a measured pose, which no parameter changes."""
+        """Begin again from a measured pose, which no parameter changes."""
         self._position[...], self._velocity[...] = 0.0, 0.0
         self._recent.clear()
         self._recent.append(self._position.copy())
@@ -198,7 +198,7 @@ class Tangents:
         return np.moveaxis(out, -1, 0)
 
     def _before(self, delay: float) -> Array:
-        """Changes of the joints' angles so long ago [s], no longer than since the runs were placed."""
+        """Changes of the joints' angles a time ago [s], at most the time since the runs were placed."""
         at = min(delay / self._dt, len(self._recent) - 1.0) if delay else 0.0
         newer, share = int(at), at % 1.0
         older = min(newer + 1, len(self._recent) - 1)

@@ -31,8 +31,7 @@ class Twin:
     """`nsim` runs of one arm, stepped side by side; every array below has their rows in front.
 
     A run starts straight and hanging, at rest, all angles zero. Readings are of the present
-    instant. All of the state lies in MuJoCo's state rows, the servos' goals, and the effects'
-    memories.
+    instant. The whole state is in MuJoCo's state rows, the servos' goals, and the effects' memories.
     """
 
     def __init__(
@@ -43,8 +42,8 @@ class Twin:
         model: mujoco.MjModel | None = None,
         prior_runtime: float = 0.0,
     ) -> None:
-        """`model` replaces the compiled spec of the twin model; `prior_runtime` is how long the arm has
-        run in earlier sessions [s], for effects of wear.
+        """`model` replaces the compiled spec of the twin model; `prior_runtime` is the total time of the
+        arm's earlier sessions [s], for effects of wear.
         """
         self.model = model or design.spec().compile()
         self.design, self.arm = design, design.arm
@@ -131,9 +130,9 @@ class Twin:
     def advance(self, velocity: ArrayLike, duration: float) -> Array:
         """Hold goal velocities [rad/s], broadcast to (nsim, 10), for a duration [s].
 
-        Returns the drives' torques in every substep [N m], (nsim, substeps, 10).
-        The servo's integral is the angle by which a motor is behind its integrated goal; it stops
-        growing where it alone would ask for the stall torque, as firmware prevents wind-up.
+        Returns the drives' torques in every substep [N m], (nsim, substeps, 10). The servo's integral is the
+        angle by which a motor is behind its integrated goal; it stops growing where it alone would demand the
+        stall torque, as firmware prevents wind-up.
         """
         velocity = np.broadcast_to(np.asarray(velocity, float), self._goal.shape)
         substeps = self.substeps(duration)

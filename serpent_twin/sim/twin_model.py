@@ -49,13 +49,13 @@ class TwinModel:
     tolerances: Deviations = EXACT
     """Part by part"""
     effects: Several = ()
-    """What the nominal twin leaves out; absent ones change nothing"""
+    """Effects that the nominal twin leaves out; absent ones change nothing"""
     arm: Arm = ARM
     """Geometry and masses"""
 
     @cached_property
     def active(self) -> Several:
-        """The effects that are there."""
+        """The effects that are present."""
         return tuple(effect for effect in self.effects if not effect.absent)
 
     @property
@@ -184,7 +184,7 @@ def _taken(values: dict[str, Any], where: str) -> TwinFile:
 
 
 def _of_now(values: dict[str, Any]) -> dict[str, Any]:
-    """A file without a version, with the keys added since."""
+    """Content of a file without a version, completed by the keys added since."""
     groups = [name for name, value in values.items() if isinstance(value, dict)]
     values = {n: dict(v) if n in groups else v for n, v in values.items()}
     for added in _LATER:

@@ -52,7 +52,7 @@ def cable_laws(
 
     None where a motor hardly moved, and for the gripper's unless its motor's load follows the arm's
     motion: then the jaw is held, and its zero is in the slacks. Stiffnesses that the data hardly
-    determine are drawn to the others' median by a prior.
+    determine are pulled towards the others' median by a prior.
     """
     wound = np.cumsum(joint_angle, axis=-1)
     wound = np.concatenate([wound, wound[:, -1:]], axis=-1)

@@ -33,7 +33,7 @@ from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 _CAMERA, _LOAD = 1e-4, 2e-3  # [m], [fraction of stall] least noise
 _PROBE = 0  # seed of the signs of the step that tests tangents
 _PROBED = 0.1  # that step, as a share of the parameters' steps
-_TRUSTED = 0.93  # cosine of what it does and what the tangents say, from which they are taken
+_TRUSTED = 0.93  # least cosine between what it changes and what the tangents predict, for tangents to be used
 OUTPUTS = (
     *(
         Output(f"marker {i}{axis}", MARKERS, _CAMERA, alike=f"marker {i}")
@@ -53,7 +53,7 @@ class ArmMachine:
     candidates: Mapping[str, Candidate]
     outputs: tuple[Output, ...] = OUTPUTS
     segments: tuple[int, int] = (7, 12)
-    """How many a fit uses while it searches, and the last"""
+    """How many segments a fit uses while it searches, and the last fit"""
 
     @property
     def declared(self) -> Sequence[Declared]:
@@ -74,7 +74,7 @@ class ArmMachine:
         return alike([self.vector.design(point) for point in points])
 
     def coarse_step(self, points: Sequence[ParameterVector]) -> float:
-        """As long as the strands' stiffness bears [s]."""
+        """As long as is stable at the strands' stiffness [s]."""
         return coarse_step([self.vector.design(point) for point in points])
 
     def respond(

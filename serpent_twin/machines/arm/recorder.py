@@ -16,15 +16,13 @@ from serpent_twin.sessions import Session
 from serpent_twin.sim.prescribed_motion import servo_lag
 
 _SURE = 0.9
-"""Share of the commands' variance that the published controller must explain to be the one that made them"""
+"""Share of the commands' variance that the published controller must explain to be taken as their source"""
 
 
 def recorded_by(
     parameters: Parameters, sessions: Sequence[Session], marker_noise: float
 ) -> Parameters:
-    """The parameters with the controller's gain, the servos' lag and the cameras' noise [m] as the logs have
-    them.
-    """
+    """The parameters with the controller's gain, the servos' lag and the cameras' noise [m] from the logs."""
     gain = controller_gain(sessions)
     return replace(
         parameters,

@@ -54,7 +54,7 @@ class Vector:
     """The fit's coordinates, and the twin model of any parameter vector."""
 
     start: TwinModel
-    """The design at all coordinates zero"""
+    """The twin model at all coordinates zero"""
     declared: tuple[Declared, ...]
     """Those of `NAMES`, in its order"""
 

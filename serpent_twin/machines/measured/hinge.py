@@ -40,12 +40,12 @@ class HingeMoment(Instant):
     joint_velocity: Array
     """Of the hinge [rad/s]"""
     asked_torque: Array
-    """What the load asks of the hinge [N m]"""
+    """Torque of the load on the hinge [N m]"""
 
     winch_angle: Array
-    """What turns the machine's first cable [rad]; the drive's angle, unless it plays"""
+    """Angle that winds the machine's first cable [rad]; the drive's angle, unless the drive has play"""
     drive_torque: Array
-    """What the drive gives [N m]"""
+    """Torque of the drive [N m]"""
     gear_friction: Array
     """Coulomb friction of the hinge [N m]"""
 
@@ -56,13 +56,13 @@ class HingeMoment(Instant):
 
 
 class AngleMoment(HingeMoment):
-    """Of a machine whose drive follows its logged angle, whatever torque that takes."""
+    """A moment of a machine whose drive follows its logged angle, whatever torque that takes."""
 
     given = HingeMoment.given | {"drive_torque"}
 
 
 class TorqueMoment(HingeMoment):
-    """Of a machine whose drive gives a torque to the hinge itself: there is no cable to wind."""
+    """A moment of a machine whose drive turns the hinge itself, by a torque: there is no cable to wind."""
 
     given = HingeMoment.given | {"winch_angle"}
 

@@ -1,4 +1,4 @@
-"""Make a machine whose logs are runs of columns one that can be traced."""
+"""Make a machine whose logs are runs of columns traceable."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -43,9 +43,9 @@ class RunMachine(ABC):
     outputs: tuple[Output, ...]
     """All coordinates of each marker, then perhaps others of one measure: torques, motors' angles"""
     every: int
-    """Of so many rows, one is used"""
+    """One row is used of this many"""
     block: float
-    """Seconds that are judged as one: longer than the correlation time of errors"""
+    """Seconds of a block that is judged as one sample: longer than the correlation time of errors"""
     window: tuple[float, float] | None
     """Seconds into which a run is cut, and those simulated before each; None for whole runs"""
     segments: tuple[int, int]
@@ -54,7 +54,7 @@ class RunMachine(ABC):
     @property
     @abstractmethod
     def first(self) -> Mapping[str, Any]:
-        """First guesses from the logs; `declared` counts from them."""
+        """First guesses from the logs; the coordinates `declared` are relative to them."""
 
     @property
     @abstractmethod
@@ -64,12 +64,12 @@ class RunMachine(ABC):
     @property
     @abstractmethod
     def quantities(self) -> tuple[Quantity, ...]:
-        """What each of them stands for."""
+        """The physical quantity of each coordinate."""
 
     @property
     @abstractmethod
     def candidates(self) -> Mapping[str, Candidate]:
-        """What the machine may have."""
+        """The candidates: effects that the machine may have."""
 
     @abstractmethod
     def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
@@ -118,7 +118,7 @@ class RunMachine(ABC):
     def measured_again(
         self, pieces: Runs, point: ParameterVector, rng: np.random.Generator
     ) -> Runs:
-        """The same: runs start from what drives them, or from an encoder."""
+        """The same segments: runs start from what drives them, or from an encoder."""
         return pieces
 
     def compare(self, point: ParameterVector | None, pieces: Runs) -> Comparison:

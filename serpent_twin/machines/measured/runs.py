@@ -68,7 +68,7 @@ def windows(
 def cut(
     recordings: Sequence[Recording], drives: Sequence[str], outputs: Sequence[str], every: int = 1
 ) -> Runs:
-    """Runs out of recordings, of every so many rows."""
+    """Stack recordings as runs, taking one row of `every`."""
     longest = max(len(r.columns["time"][::every]) for r in recordings)
 
     def padded(values: Array, last: float | None = None) -> Array:

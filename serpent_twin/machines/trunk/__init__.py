@@ -93,9 +93,9 @@ class Trunk(RunMachine):
     start: Shape
     """At all coordinates zero"""
     kinds: tuple[str, ...] = tuple(KINDS)
-    """Which kinds of numbers a fit moves"""
+    """Which kinds of numbers are fitted"""
     fixed: tuple[Effect, ...] = ()
-    """Effects that are there"""
+    """Effects that are present"""
     known: Mapping[str, Candidate] = field(default_factory=lambda: _sized(_CANDIDATES))
     """The candidates"""
     name: str = "trunk"
@@ -116,7 +116,7 @@ class Trunk(RunMachine):
 
     @property
     def candidates(self) -> Mapping[str, Candidate]:
-        """What the trunk may have."""
+        """The candidates: effects that the trunk may have."""
         return self.known
 
     @property
@@ -173,7 +173,7 @@ class TrunkRig:
         return [turned(read(path, _COLUMNS)) for path in paths]
 
     def changed(self, twin: Path) -> "TrunkRig":
-        """The rig of a trunk to which something was done since a trace wrote this twin.json."""
+        """The rig of a trunk that was changed since a trace wrote this twin.json."""
         return TrunkRig(twin=twin)
 
     def open(self, training: Sequence[Recording]) -> Case[Runs]:

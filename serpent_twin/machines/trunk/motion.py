@@ -28,7 +28,7 @@ class TrunkMoment(Instant):
     motor_velocity: Array
     """Rate of the servos' goal angles [rad/s]"""
     cable_torque: Array
-    """What the cables ask of each servo's horn [N m]"""
+    """Torque of the cables on each servo's horn [N m]"""
 
     goal: Array
     """Goal angles of the servos [rad]; they stand there, unless an effect changes that"""
