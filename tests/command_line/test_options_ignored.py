@@ -60,7 +60,7 @@ IGNORED = {
     ],
     "Doctor": [({}, set()), ({"live": True}, {"reads", "out"})],
     "Zero": [({}, set())],
-    "Options": [
+    "DeviceOptions": [
         ({}, {"rate_hz", "controller_gain", "marker_noise"}),
         ({"lockstep": True}, {"realtime", "cameras", "controller_gain", "marker_noise"}),
         ({"no_paced": True}, {"paced", "rate_hz", "controller_gain", "marker_noise"}),
