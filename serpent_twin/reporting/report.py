@@ -2,7 +2,7 @@
 
 import base64
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -74,7 +74,7 @@ class Report:
 def write(report: Report, folder: Path) -> Path:
     """Write report.html, which needs no other file, report.md and figures/; returns the HTML."""
     images = {
-        block.name: _png(block.drawing)
+        block.name: as_png(block.drawing)
         for section in report.sections
         for block in section.blocks
         if isinstance(block, Figure)
@@ -105,7 +105,8 @@ def _is_number(cell: str) -> bool:
     return not cell or cell[0] in "0123456789−-+–<>±" or cell.lower() == "nan"
 
 
-def _png(drawing: "Drawing") -> bytes:
+def as_png(drawing: "Drawing") -> bytes:
+    """The drawing as the bytes of a PNG file."""
     file = io.BytesIO()
     drawing.savefig(file, format="png", dpi=160, bbox_inches="tight", metadata={"Software": None})
     return file.getvalue()
@@ -124,14 +125,20 @@ def _html(report: Report, images: Mapping[str, bytes]) -> str:
 
 
 def _markdown(report: Report) -> str:
-    parts = [f"# {report.title}", report.lead]
-    for section in report.sections:
-        parts += [f"## {section.title}", section.text]
-        for block in section.blocks:
-            parts.append(_table_markdown(block) if isinstance(block, Table) else _image(block))
+    parts = [f"# {report.title}", report.lead, sections_in_markdown(report.sections)]
     parts += ["## Where this comes from"] if report.facts else []
     parts.append("\n".join(f"- {name}: `{value}`" for name, value in report.facts.items()))
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def sections_in_markdown(sections: Sequence[Section]) -> str:
+    """The sections as Markdown, without a heading where one has no title; drawings are figures/NAME.png."""
+    parts = []
+    for section in sections:
+        parts += [section.title and f"## {section.title}", section.text]
+        for block in section.blocks:
+            parts.append(_table_markdown(block) if isinstance(block, Table) else _image(block))
+    return "\n\n".join(part for part in parts if part)
 
 
 def _image(figure: Figure) -> str:

@@ -1,0 +1,114 @@
+"""Write the pages of docs/results/ from what the measuring commands stored.
+
+A command that measures is a package with a module `result_page`; its function of that name makes the page out
+of its results. These lie beside the page, as JSON, and this command writes the page again from them alone.
+"""
+
+import importlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from serpent_twin import stored
+from serpent_twin.command_line import cli
+from serpent_twin.command_line.options import Checked
+from serpent_twin.errors import SerpentError
+from serpent_twin.reporting.report import Figure, Section, as_png, sections_in_markdown
+from serpent_twin.runs.files import json_text, write_json, write_whole
+from serpent_twin.runs.provenance import provenance
+
+PAGES = Path(__file__).resolve().parents[1] / "docs" / "results"
+_ORIGIN = ("measured_by", "date", "versions", "git_commit")
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a page says besides where its numbers come from."""
+
+    title: str
+    """The heading"""
+    command: str
+    """Which measures all of it again, as it is typed"""
+    data: str
+    """What was measured"""
+    sections: tuple[Section, ...]
+    """Text, tables and figures"""
+
+
+@dataclass(frozen=True)
+class ResultPage(Checked):
+    """Write pages of results again, from the results stored beside them."""
+
+    pages: tuple[Path, ...] = ()
+    """Pages, such as docs/results/speed.md; without, all that have results beside them."""
+
+
+def main(config: ResultPage) -> None:  # noqa: D103 tyro would print it above the config's own
+    for page in config.pages or sorted(path.with_suffix(".md") for path in PAGES.glob("*.json")):
+        if not results_of(page).exists():
+            raise SerpentError(
+                f"{results_of(page)} does not exist. The command that measures writes it, with --page {page}."
+            )
+        publish(stored.read_json(results_of(page)), page)
+        print(page)
+
+
+def results_of(page: Path) -> Path:
+    """Where the results of a page lie."""
+    return page.with_suffix(".json")
+
+
+def store(path: Path, package: str, figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Write a package's results.json and return it; figures that it already has keep date and commit."""
+    found = json.loads(json_text(figures))
+    if path.exists():
+        before = stored.read_json(path)
+        if {name: each for name, each in before.items() if name not in _ORIGIN} == found:
+            return before
+    today = datetime.now(UTC).date().isoformat()
+    results = found | {"measured_by": package, "date": today} | provenance()
+    write_json(path, results)
+    return results
+
+
+def publish(results: Mapping[str, Any], page: Path | None) -> None:
+    """Write the page of some results, its figures and, beside it, the results; nothing without a path."""
+    if page is None:
+        return
+    page.parent.mkdir(parents=True, exist_ok=True)
+    made = _made(results)
+    blocks = [block for section in made.sections for block in section.blocks]
+    for figure in (block for block in blocks if isinstance(block, Figure)):
+        (page.parent / "figures").mkdir(exist_ok=True)
+        write_whole(page.parent / "figures" / f"{figure.name}.png", as_png(figure.drawing))
+    write_json(results_of(page), results)
+    write_whole(page, markdown(results))
+
+
+def markdown(results: Mapping[str, Any]) -> str:
+    """The page of some results."""
+    page = _made(results)
+    versions = ", ".join(f"{name} {number}" for name, number in results["versions"].items())
+    head = {
+        "command": f"`{page.command}`",
+        "data": page.data,
+        "measured": f"{results['date']}, commit {results['git_commit']}",
+        "versions": versions,
+    }
+    rows = "\n".join(f"| {name} | {text} |" for name, text in head.items())
+    return (
+        f"# {page.title}\n\n| | |\n| --- | --- |\n{rows}\n\n{sections_in_markdown(page.sections)}\n"
+    )
+
+
+def _made(results: Mapping[str, Any]) -> Page:
+    module = importlib.import_module(f"{results['measured_by']}.result_page")
+    made: Callable[[Mapping[str, Any]], Page] = module.result_page
+    return made(results)
+
+
+if __name__ == "__main__":
+    cli.run(main)
