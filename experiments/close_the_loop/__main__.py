@@ -12,16 +12,16 @@ from typing import Annotated, Any
 
 from tqdm import tqdm
 
+from experiments.close_the_loop.page import page, table
 from experiments.close_the_loop.picture import picture
+from experiments.result_page import publish, store
 from serpent_twin import stored
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
-from serpent_twin.identification.diagnosis import ParameterEstimate
-from serpent_twin.reporting.report import Report, Section, Table, text_table, write
-from serpent_twin.runs.files import write_json
-from serpent_twin.runs.provenance import file_hash, provenance
+from serpent_twin.reporting.report import text_table, write
+from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import session_files
 from serpent_twin.stored import within
@@ -30,7 +30,8 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARED, OWN = ROOT.parent / "shared" / "logs", ROOT / "data"
 LOGS = Path(os.path.relpath(SHARED if SHARED.is_dir() else OWN))
 SETTINGS = "close_the_loop.json"
-STAGES = ("nominal", "calibrated", "corrected")
+KEPT = ("held_out", "effects", "unexplained", "error_mm", "load_error_percent", "seconds")
+"""Of a diagnosis.json, in results.json"""
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,8 @@ class CloseTheLoop(Checked):
     """Use only the first so many sessions of each arm, the last of them held out; 0 for all."""
     seed: Seed = 0
     """Of bootstrap and permutations."""
+    page: Path | None = None
+    """Also write the results as a page, such as docs/results/closing-the-loop.md."""
 
 
 def main(config: CloseTheLoop) -> None:  # noqa: D103 tyro would print it above the config's own
@@ -57,11 +60,15 @@ def main(config: CloseTheLoop) -> None:  # noqa: D103 tyro would print it above 
             found[name] = diagnose(config, name, folder)
         print(text_table(table(found)))
         shown = picture(found, folders, config.out)
-        results = {"arms": found, "overlay": shown.numbers if shown else None}
-        origin = provenance() | {"settings": _settings(config, folders)}
-        write_json(config.out / "results.json", results | origin)
-        report = page(found, origin, shown.figure if shown else None)
+        figures = {
+            "arms": {name: _kept(each) for name, each in found.items()},
+            "overlay": shown.numbers if shown else None,
+            "settings": _settings(config, folders),
+        }
+        results = store(config.out / "results.json", "experiments.close_the_loop", figures)
+        report = page(results, shown.figure if shown else None)
         print(f"{write(report, config.out)}: before and after. {report.lead}")
+    publish(results, config.page)
 
 
 def arm_folders(logs: Path, arms: Sequence[str]) -> dict[str, Path]:
@@ -89,6 +96,10 @@ def diagnose(config: CloseTheLoop, name: str, folder: Path) -> dict[str, Any]:
     return trace(Trace(folder, out, sessions=config.sessions, seed=config.seed))
 
 
+def _kept(diagnosis: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: diagnosis[name] for name in KEPT}
+
+
 def _settings(config: CloseTheLoop, folders: Mapping[str, Path]) -> dict[str, Any]:
     hashes = session_hashes(folders, config.sessions)
     return {"sessions": config.sessions, "seed": config.seed, "input_sha256": hashes}
@@ -98,72 +109,6 @@ def session_hashes(folders: Mapping[str, Path], sessions: int) -> dict[str, dict
     """SHA-256 of the first so many sessions of each arm, all for 0, by arm and file."""
     used = {name: session_files(path)[: sessions or None] for name, path in folders.items()}
     return {name: {p.name: file_hash(p) for p in paths} for name, paths in used.items()}
-
-
-def table(found: Mapping[str, dict[str, Any]]) -> Table:
-    """One row an arm: errors before and after, what was missing, what is left."""
-    header = (
-        "arm",
-        *(f"{stage} [mm]" for stage in STAGES),
-        "cameras alone [mm]",
-        *(f"loads {stage} [% of stall]" for stage in STAGES),
-        "what the twin lacked",
-        "unexplained",
-    )
-    rows = tuple(_row(name, each) for name, each in found.items())
-    note = (
-        "Held-out sessions, to which nothing was fitted; motor angles imposed, 40 s segments. mm: mean "
-        "marker distance; %: root mean square of the load error, of the stall torque. In brackets, 95 % "
-        "intervals."
-    )
-    return Table(header, rows, note)
-
-
-def _row(name: str, found: dict[str, Any]) -> tuple[str, ...]:
-    error, load = found["error_mm"], found["load_error_percent"]
-    rest = found["unexplained"]
-    left = f"{100 * rest['share']:.0f} % of the squared error" if rest["is"] else "no"
-    return (
-        name,
-        *(f"{error[stage]:.2f}" for stage in STAGES),
-        "–" if error["noise_floor"] is None else f"{error['noise_floor']:.2f}",
-        *(f"{load[stage]:.2f}" for stage in STAGES),
-        "; ".join(map(_lacked, found["effects"])) or "nothing known",
-        left,
-    )
-
-
-def _lacked(effect: Mapping[str, Any]) -> str:
-    told = ", ".join(f"{name} {ParameterEstimate(**e)}" for name, e in effect["parameters"].items())
-    return f"{effect['name'].replace('_', ' ')}: {told}"
-
-
-def page(found: Mapping[str, dict[str, Any]], origin: Mapping[str, Any], figure: Any) -> Report:
-    """The report."""
-    what = [f"{name}: {each['unexplained']['depends_on']}" for name, each in found.items()
-            if each["unexplained"]["is"]]  # fmt: skip
-    sections = [Section("Before and after", "", (table(found),))]
-    if figure:
-        sections.append(Section("One moment", "", (figure,)))
-    if what:
-        sections.append(Section("What stays unexplained", "\n\n".join(what)))
-    facts = {"commit": str(origin["git_commit"])}
-    facts |= {k: str(v) for k, v in origin["settings"].items() if k != "input_sha256"}
-    facts |= {f"seconds, {name}": f"{each['seconds']:.0f}" for name, each in found.items()}
-    return Report(f"The loop closed on {', '.join(found)}", lead(found), tuple(sections), facts)
-
-
-def lead(found: Mapping[str, dict[str, Any]]) -> str:
-    """One sentence that the numbers support."""
-    said = []
-    for name, each in found.items():
-        error = each["error_mm"]
-        named = " and ".join(e["name"].replace("_", " ") for e in each["effects"])
-        why = f"it lacked {named}" if named else "no effect was named"
-        if each["unexplained"]["is"]:
-            why += ", and a part stays unexplained"
-        said.append(f"{name}, {error['nominal']:.1f} → {error['corrected']:.2f} mm ({why})")
-    return f"Marker error on held-out sessions, nominal → corrected: {'; '.join(said)}."
 
 
 if __name__ == "__main__":

@@ -19,19 +19,21 @@ from experiments.confusion.config import Confusion
 from experiments.confusion.page import page
 from experiments.confusion.plan import Trial, chosen, plan
 from experiments.confusion.score import called, quantity, right, scores
+from experiments.result_page import publish, store
 from experiments.confusion.trial import failed, run_before
 from serpent_twin import stored
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import write
-from serpent_twin.runs.files import json_text, write_json, write_whole
+from serpent_twin.runs.files import json_text, write_whole
 from serpent_twin.runs.processes import processes
-from serpent_twin.runs.provenance import provenance
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.runs.worker_pool import execute
 
 SETTINGS = "confusion.json"
+KEPT = ("id", "kind", "name", "truth", "named", "unexplained", "error_mm", "seconds")
+"""Of a row of results.jsonl, in results.json"""
 
 
 def main(config: Confusion) -> None:  # noqa: D103 tyro would print it above the config's own
@@ -148,10 +150,9 @@ def _publish(
         print("Not run: " + ", ".join(missing))
     if not rows:
         return
-    figures = (
-        scores(rows) | {"not_run": missing, "failed": failed, "settings": settings} | provenance()
-    )
-    write_json(config.out / "results.json", figures)
+    figures = scores(rows) | {"not_run": missing, "failed": failed, "settings": settings}
+    figures["rows"] = [{name: row[name] for name in KEPT} for row in rows]
+    figures = store(config.out / "results.json", "experiments.confusion", figures)
     facts = {name: str(value) for name, value in settings.items()}
     facts |= {
         "commit": str(figures["git_commit"]),
@@ -161,6 +162,7 @@ def _publish(
     report = page(rows, figures, facts)
     print(report.lead)
     print(f"{write(report, config.out)}: the table and the figures.")
+    publish(figures, config.page)
 
 
 if __name__ == "__main__":

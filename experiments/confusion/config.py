@@ -34,3 +34,5 @@ class Confusion(Checked):
     """Of all that is drawn."""
     keep: bool = False
     """Keep every trial's logs and fits: tens of megabytes each."""
+    page: Path | None = None
+    """Also write the results as a page, such as docs/results/confusion.md."""

@@ -32,18 +32,18 @@ def page(rows: Sequence[Row], figures: Mapping[str, Any], facts: Mapping[str, st
     found = limits(rows)
     sections = [
         Section("What was there, and what was called", _MATRIX, (_picture(rows), _counts(rows))),
-        Section("How the aims are met", "", (_aims(rows, figures),)),
+        Section("How the aims are met", "", (aims_table(rows, figures),)),
     ]
     if found:
         sections.append(
-            Section("How weak a fault is noticed", _LIMITS, (_curves(found), _limits(found)))
+            Section("How weak a fault is noticed", _LIMITS, (_curves(found), limits_table(found)))
         )
-    sections.append(Section("How good the strengths are", "", (_strengths(rows),)))
+    sections.append(Section("How good the strengths are", "", (strengths_table(rows),)))
     if others := [r for r in rows if r["kind"] in (PAIR, OUTSIDE)]:
-        sections.append(Section("Pairs, and what the catalogue lacks", "", (_each(others),)))
+        sections.append(Section("Pairs, and what the catalogue lacks", "", (arms_table(others),)))
     if bad := [r for r in rows if r["kind"] in (CLEAN, KNOWN) and not right(r)]:
         sections.append(
-            Section("Every arm of the catalogue that was called wrongly", "", (_each(bad),))
+            Section("Every arm of the catalogue that was called wrongly", "", (arms_table(bad),))
         )
     return Report(
         f"What the trace confuses, over {counted(len(rows), 'arm')}",
@@ -111,7 +111,8 @@ def _counts(rows: Sequence[Row]) -> Table:
     return Table(("there", *columns), cells, "Columns: what was called.")
 
 
-def _aims(rows: Sequence[Row], figures: Mapping[str, Any]) -> Table:
+def aims_table(rows: Sequence[Row], figures: Mapping[str, Any]) -> Table:
+    """The rates beside what is wanted."""
     clean = [r for r in rows if r["kind"] == CLEAN]
     above = figures["named_right_above_limit"]
     lines = (
@@ -127,7 +128,8 @@ def _aims(rows: Sequence[Row], figures: Mapping[str, Any]) -> Table:
     return Table(("", "aim", "found"), tuple((a, b, str(c)) for a, b, c in lines), note)
 
 
-def _limits(found: Sequence[Limit]) -> Table:
+def limits_table(found: Sequence[Limit]) -> Table:
+    """From which strength on each effect is named."""
     lines = tuple((each.name.replace("_", " "), each.said, str(each.right),
                    f"{each.strength.min():.3g} … {quantity(each.strength.max(), each.unit)}")
                   for each in found)  # fmt: skip
@@ -154,7 +156,8 @@ def _curves(found: Sequence[Limit]) -> Figure:
     return Figure("limits", drawing, "Every arm with one effect; the dotted line is the limit.")
 
 
-def _strengths(rows: Sequence[Row]) -> Table:
+def strengths_table(rows: Sequence[Row]) -> Table:
+    """How often intervals hold the true strength."""
     lines = tuple((name.replace("_", " "), str(held)) for name, held in coverage(rows).items())
     note = (
         f"Of effects that were there and named. Strength within 10 % of the truth: {within(rows)}."
@@ -162,7 +165,8 @@ def _strengths(rows: Sequence[Row]) -> Table:
     return Table(("effect", "true strength within the 95 % interval"), lines, note)
 
 
-def _each(rows: Sequence[Row]) -> Table:
+def arms_table(rows: Sequence[Row]) -> Table:
+    """One row an arm: what it had, and what it was called."""
     lines = []
     for row in rows:
         strengths = ", ".join(quantity(e["strength"], e["unit"]) for e in row["truth"]["effects"])

@@ -16,6 +16,7 @@ from experiments.measured.named import judge
 from experiments.measured.page import effect_told, page, table
 from experiments.measured.regression import regressions
 from experiments.measured.split import Asked, asked, inner
+from experiments.result_page import publish, store
 from serpent_twin import machines
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
@@ -23,8 +24,6 @@ from serpent_twin.identification import Trace
 from serpent_twin.identification.run import trace_sessions
 from serpent_twin.machines.measured import Recording
 from serpent_twin.reporting.report import text_table, write
-from serpent_twin.runs.files import write_json
-from serpent_twin.runs.provenance import provenance
 
 STAGES = ("nominal", "calibrated", "corrected")
 
@@ -44,16 +43,21 @@ class Measured(Checked):
     """
     seed: Seed = 0
     """Of bootstrap and permutations."""
+    page: Path | None = None
+    """Also write the results as a page, such as docs/results/measured-machines.md."""
 
 
 def main(config: Measured) -> None:  # noqa: D103 tyro would print it above the config's own
     config.out.mkdir(parents=True, exist_ok=True)
     several = asked(config.data, config.held_out)
     found = {name: _bench(config, name, each) for name, each in several.items()}
-    write_json(config.out / "results.json", {"rigs": found} | provenance())
+    settings = {"held_out": config.held_out, "seed": config.seed}
+    figures = {"rigs": found, "settings": settings}
+    results = store(config.out / "results.json", "experiments.measured", figures)
     print(text_table(table(found)))
     report = page(found)
     print(f"{write(report, config.out)}: {report.lead}")
+    publish(results, config.page)
 
 
 def _bench(config: Measured, name: str, runs: Asked) -> dict[str, Any]:

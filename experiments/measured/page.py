@@ -54,7 +54,7 @@ def _splits(name: str, of: Mapping[str, Any]) -> list[tuple[str, ...]]:
             " / ".join(f"{v:.2f}" for v in each["regression"].values()),
             f"{of['sketch']:.2f}",
             f"{of['reference']:.2f}",
-            _lacked(each),
+            lacked(each),
             _rejected(each),
         )
         for each in of["splits"]
@@ -69,7 +69,7 @@ def _changes(name: str, of: Mapping[str, Any]) -> list[tuple[str, ...]]:
             _heading(_metric(of)),
             *(f"{each[stage]:.2f}" for stage in ("before", "rezeroed", "after")),
             *("", "", ""),
-            _lacked(each),
+            lacked(each),
             _rejected(each),
         )
         for each in of["changed"]
@@ -133,7 +133,7 @@ def _change_said(name: str, each: Mapping[str, Any], metric: Metric) -> str:
     before, zeroed, after = (metric.told(each[k]) for k in ("before", "rezeroed", "after"))
     course = f"The twin of the {name} as it was leaves {before}, calibrated anew {zeroed}"
     course += f", with what was found {after}." if each["found"] else "."
-    return f"{_listed([each['file']])}: {_lacked(each)}.{load} {course}"
+    return f"{_listed([each['file']])}: {lacked(each)}.{load} {course}"
 
 
 def _bars(found: Found) -> Figure:
@@ -174,7 +174,8 @@ def _heading(metric: Metric) -> str:
     return f"{metric.short} {metric.unit}"
 
 
-def _lacked(each: Mapping[str, Any]) -> str:
+def lacked(each: Mapping[str, Any]) -> str:
+    """Name the effects that a twin lacked, with their numbers."""
     return "; ".join(each["found"]) or "nothing that is beyond chance"
 
 

@@ -20,10 +20,8 @@ LABELS = {
     "ensemble": "ensemble of three of these",
 }
 READOUTS = tuple(LABELS)
-_TEXT = (
-    "Mean marker error on the last session of each arm, on which no readout was trained, ± its standard "
-    "deviation over all markers and steps, in mm."
-)
+_TEXT = """Mean marker error on the last session of each arm, on which no readout was trained, ± its
+standard deviation over all markers and steps, in mm."""
 
 
 def result_page(results: Mapping[str, Any]) -> Page:

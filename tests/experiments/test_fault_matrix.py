@@ -6,8 +6,9 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from experiments import fault_matrix
-from experiments.fault_matrix_page import LABELS, markdown
+from experiments.fault_matrix import __main__ as fault_matrix
+from experiments.fault_matrix.result_page import LABELS
+from experiments.result_page import markdown
 from serpent_twin.emulator.device.verify import check_rows, read_transcript
 
 
@@ -75,8 +76,9 @@ def test_the_page_has_a_row_for_each_fault_and_the_times_of_a_cycle(run):
     times = {"median": 6.54, "p99": 7.0, "times_its_bytes": 1.384}
     cycle = dict.fromkeys(("in_process", "over_the_wire", "over_the_wire_at_1_mbd"), times)
     result = run[0] | {"struck": {"drop": 3}, "rows_interrupted": 2, "recoveries": 5}
-    results = {"faults": {"drop": result}, "cycle_ms": cycle, "git_commit": "abc"}
-    page = markdown(results | {"config": {"cycles": 40, "rate_hz": 50.0}})
+    origin = {"measured_by": "experiments.fault_matrix", "date": "2026-11-23", "git_commit": "abc"}
+    results = {"faults": {"drop": result}, "cycle_ms": cycle} | origin
+    page = markdown(results | {"settings": {"cycles": 40, "rate_hz": 50.0}, "versions": {"a": "1"}})
     assert f"| dropped, 0.5 % | 3 | 40 | 0 | 0 | 5 | 2 | {result['stop_s']:.2f} |" in page
     assert "40 cycles" in page and "50 Hz" in page and "1.38 ×" in page
     assert set(LABELS) == set(fault_matrix.FAULTS)

@@ -9,7 +9,7 @@ from figure_checks import wrong
 from made_diagnosis import diagnosis
 
 from experiments.close_the_loop import picture
-from experiments.close_the_loop.__main__ import page as loop_page
+from experiments.close_the_loop.page import page as loop_page
 from experiments.sim_to_real import figures as routes
 from serpent_twin.arm.geometry import N_JOINTS, markers
 from serpent_twin.identification.page import page
@@ -65,5 +65,5 @@ def test_titles_name_what_was_given():
         name: made_up() | {"load_error_percent": made_up()["error_mm"]}
         for name in ("arm_a", "arm_b")
     }
-    origin = {"git_commit": "abc", "settings": {}}
-    assert loop_page(found, origin, None).title == "The loop closed on arm_a, arm_b"
+    results = {"arms": found, "git_commit": "abc", "settings": {}}
+    assert loop_page(results, None).title == "The loop closed on arm_a, arm_b"

@@ -9,7 +9,7 @@ from diagnoses import ERRORS, diagnosis
 from learning_sessions import make_session
 from trainings import write
 
-from experiments.close_the_loop import __main__ as close_the_loop
+from experiments.close_the_loop import page as close_the_loop
 from experiments.sim_to_real import page
 
 UNIT = re.compile(r"\[(mm|ms|s|Hz|%|% of stall)\]$|, (mm|s|mrad)$")

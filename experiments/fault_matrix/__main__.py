@@ -12,14 +12,14 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from tqdm import tqdm
 
-from experiments.fault_matrix_page import markdown
+from experiments.result_page import publish, store
 from serpent_twin.arm.control import joint_p_control, random_targets
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.command_line import cli
@@ -30,8 +30,6 @@ from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel import DynamixelBus
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
-from serpent_twin.runs.files import write_json, write_whole
-from serpent_twin.runs.provenance import provenance
 from serpent_twin.sessions import read_journal, read_session, recover
 from serpent_twin.stored import within
 
@@ -96,11 +94,10 @@ def main(config: FaultMatrix) -> None:  # noqa: D103 tyro would print it above t
     cycle = cycle_times(config.seed)
     for name, figures in cycle.items():
         print(f"cycle {name:24} median {figures['median']:6.2f} ms   p99 {figures['p99']:6.2f} ms")
-    settings = {k: v for k, v in asdict(config).items() if k != "page"} | {"out": ""}
-    results = {"faults": table, "cycle_ms": cycle, "config": settings} | provenance()
-    write_json(config.out / "results.json", results, indent=2)
-    if config.page:
-        write_whole(config.page, markdown(results))
+    settings = {key: getattr(config, key) for key in ("cycles", "rate_hz", "seed")}
+    figures = {"faults": table, "cycle_ms": cycle, "settings": settings}
+    results = store(config.out / "results.json", "experiments.fault_matrix", figures)
+    publish(results, config.page)
     ratio = cycle["over_the_wire_at_1_mbd"]["times_its_bytes"]
     print(f"a cycle at 1 MBd takes {ratio:.2f} × the time of its bytes, {BYTES_MS:.2f} ms")
     print(f"\n{verdict(table)}")

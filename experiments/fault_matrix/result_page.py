@@ -1,0 +1,78 @@
+"""Write the results of the fault matrix as a page of docs/results/."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from experiments.result_page import Page
+from serpent_twin.reporting.report import Section, Table
+
+LABELS = {
+    "none": "none",
+    "crc": "CRC, 0.5 % of answers",
+    "drop": "dropped, 0.5 %",
+    "truncate": "truncated, 0.5 %",
+    "garbage": "garbage, 0.5 %",
+    "late": "late by 60 ms, 0.5 %",
+    "very_late": "late by 150 ms, 0.5 %",
+    "deaf": "requests lost, 1 %",
+    "all_of_the_wire": "five of these at once, 0.2 % each",
+    "missing_for_a_moment": "a motor gone for 0.3 s",
+    "watchdog": "a watchdog trips",
+    "reboot": "a motor restarts, its turns lost",
+    "unplug": "unplugged for 0.5 s",
+    "missing": "a motor gone for good",
+    "overload": "overload",
+    "voltage": "low voltage",
+}
+HEADER = (
+    "fault",
+    "occurrences",
+    "rows",
+    "lost",
+    "wrong or stale",
+    "recoveries",
+    "marked rows",
+    "rest after kill -9, s",
+)
+_TEXT = """Every fault was run through {cycles} cycles of the whole collect loop at {rate_hz:g} Hz in
+real time, on the [emulator](../emulator.md). Each row of the log was compared, word for word, with the
+true state of the motors:"""
+_NOTES = """"Rest" means that no motor is driven any more. The time is counted from the kill. For the
+faults that no program can recover from (a motor gone for good, overload, low voltage), it is counted
+from the fault. These runs end with a sentence that names the motor and the cause, and with a sealed
+log.
+
+"Marked rows" follow an interval in which a command was not in force throughout; the log marks them."""
+_CYCLE = """One cycle of read, command and check takes {in_process:.1f} ms in process and {wire:.1f} ms
+over the wire. With the wire paced to 1 MBd it takes {paced:.1f} ms, which is {ratio:.2f} × the time of
+its bytes."""
+
+
+def result_page(results: Mapping[str, Any]) -> Page:
+    """The page of a results.json."""
+    settings, cycle = results["settings"], results["cycle_ms"]
+    times = _CYCLE.format(
+        in_process=cycle["in_process"]["median"],
+        wire=cycle["over_the_wire"]["median"],
+        paced=cycle["over_the_wire_at_1_mbd"]["median"],
+        ratio=cycle["over_the_wire_at_1_mbd"]["times_its_bytes"],
+    )
+    rows = tuple(_row(LABELS[name], row) for name, row in results["faults"].items())
+    sections = (
+        Section("", _TEXT.format(**settings), (Table(HEADER, rows, _NOTES),)),
+        Section("", times),
+    )
+    command = "python -m experiments.fault_matrix --out faults"
+    return Page("Fault matrix", command, "a simulated device on a pseudo-terminal", sections)
+
+
+def _row(label: str, row: Mapping[str, Any]) -> tuple[str, ...]:
+    counts = (
+        sum(row["struck"].values()),
+        row["rows"],
+        row["rows_lost"],
+        row["rows_wrong"],
+        row["recoveries"],
+        row["rows_interrupted"],
+    )
+    return (label, *map(str, counts), f"{row['stop_s']:.2f}")
