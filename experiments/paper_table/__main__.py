@@ -10,21 +10,24 @@ come from.
 
 import tempfile
 from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
+from experiments.paper_table.result_page import error_table, sensitivity_table
+from experiments.result_page import publish, store
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import GIVEN, Checked, Seed, when
-from serpent_twin.numerals import counted
 from serpent_twin.recording.collect import Collect, collect
-from serpent_twin.runs.files import json_text, write_json
-from serpent_twin.runs.provenance import git_commit, provenance
+from serpent_twin.reporting.report import text_table
+from serpent_twin.runs.files import json_text
+from serpent_twin.runs.provenance import git_commit
 from serpent_twin.stored import read_json_lines, within
 from serpent_twin.training.train import Train, train
 
@@ -59,6 +62,8 @@ class PaperTable(Checked):
     """Largest relative error of a mean that is good enough."""
     seed: Seed = 0
     """Seed of the design and of every run."""
+    page: Path | None = None
+    """Also write the results as a page, such as docs/results/paper-table.md."""
 
 
 FULL = {"sessions": 23, "steps": 2100}
@@ -93,16 +98,18 @@ def run(config: PaperTable, parameters: Parameters, full: bool) -> dict:
     with tempfile.TemporaryDirectory() as folder:
         errors = measure(Path(folder), parameters, config.seed, full)
     with (config.out / "runs.jsonl").open("a") as file:
-        made = {"key": key, "errors": errors, "git_commit": git_commit()}
+        today = datetime.now(UTC).date().isoformat()
+        made = {"key": key, "errors": errors, "git_commit": git_commit(), "date": today}
         file.write(json_text(made, indent=None))
     print("full " if full else "short", _line(errors), flush=True)
     return errors
 
 
 def stored(config: PaperTable) -> list[dict]:
-    """All runs made so far, each its key and its errors."""
+    """All runs made so far, each its key and its errors; earlier ones know not all of today's parameters."""
     path = config.out / "runs.jsonl"
-    return read_json_lines(path) if path.exists() else []
+    runs = read_json_lines(path) if path.exists() else []
+    return [run | {"key": asdict(Parameters()) | run["key"]} for run in runs]
 
 
 def short_runs(config: PaperTable) -> tuple[NDArray, NDArray]:
@@ -137,8 +144,10 @@ def features(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([np.ones((len(x), 1)), x, x[:, i] * x[:, j]], axis=1)
 
 
-def emulate(points: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Ridge weights, (45, readouts), of the log errors, the strength by leave-one-out."""
+def emulate(
+    points: NDArray[np.float64], errors: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float]:
+    """Ridge weights, (45, readouts), of the log errors, and their leave-one-out error."""
     phi, y = features(points), np.log(errors)
     penalty = np.diag([0.0] + [1.0] * 8 + [4.0] * 36)
 
@@ -149,10 +158,7 @@ def emulate(points: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray
         return float((((y - phi @ weights) / (1 - leverage)[:, None]) ** 2).mean()), weights
 
     loss, weights = min((solve(s) for s in np.logspace(-3, 1, 17)), key=lambda found: found[0])
-    print(
-        f"emulator: leave-one-out error {100 * np.sqrt(loss):.1f} % over {counted(len(points), 'short run')}"
-    )
-    return weights
+    return weights, float(np.sqrt(loss))
 
 
 NOISE = list(RANGES).index("marker_noise")
@@ -204,7 +210,11 @@ def full_runs(config: PaperTable) -> list[dict]:
     """Parameters and errors of all full runs made so far, the one nearest to the paper first."""
     found = [r for r in stored(config) if r["key"]["full"] and r["key"]["seed"] == config.seed]
     runs = [
-        {"parameters": {n: r["key"][n] for n in asdict(NOMINAL)}, "errors": r["errors"]}
+        {
+            "parameters": {n: r["key"][n] for n in asdict(NOMINAL)},
+            "errors": r["errors"],
+            "run": {"git_commit": r.get("git_commit"), "date": r.get("date")},
+        }
         for r in found
     ]
     return sorted(runs, key=lambda one: worst(one["errors"]))
@@ -215,7 +225,7 @@ def fit(config: PaperTable) -> dict:
     for point in qmc.Sobol(len(RANGES), seed=config.seed).random(config.design):
         run(config, parameters_at(point), full=False)
     points, errors = short_runs(config)
-    weights = emulate(points, errors)
+    weights, _ = emulate(points, errors)
     if not full_runs(config):
         goal = np.array([PAPER_MM[name] / FULL_TO_SHORT[name] for name in EMULATED])
         nearest = np.argmin((np.log(errors / goal) ** 2).sum(axis=1))
@@ -232,41 +242,38 @@ def worst(errors: dict) -> float:
     return max(abs(errors[name]["mean_mm"] / mm - 1) for name, mm in PAPER_MM.items())
 
 
-def print_table(errors: dict) -> None:
-    """Paper beside twin, means and both readings of the published ±."""
-    print(f"\n{'':12}{'paper, mm':>16}{'twin, mm':>16}{'± of step means':>18}{'off by':>9}")
-    for name, mm in PAPER_MM.items():
-        e = errors[name]
-        paper, twin = f"{mm} ± {PAPER_STD_MM[name]}", f"{e['mean_mm']:.1f} ± {e['std_mm']:.1f}"
-        steps, off = f"{e['std_of_step_means_mm']:.1f}", f"{e['mean_mm'] / mm - 1:+.0%}"
-        print(f"{name:12}{paper:>16}{twin:>16}{steps:>18}{off:>9}")
-
-
-def print_sensitivity(config: PaperTable) -> None:
-    """By how much each error changes from a parameter's lower to its upper bound, others midway."""
-    weights = emulate(*short_runs(config))
-    print(f"\n{'from low to high':18}" + "".join(f"{name:>12}" for name in EMULATED))
-    for row, (name, (low, high)) in zip(weights[1:9], RANGES.items(), strict=True):
-        change = "".join(f"{np.expm1(w):>+12.0%}" for w in row)
-        print(f"{name:18}{change}   {low:g} … {high:g}")
+def sensitivity(config: PaperTable) -> dict[str, Any]:
+    """By which share each error changes from a parameter's lower to its upper bound, others midway."""
+    points, errors = short_runs(config)
+    weights, left_out = emulate(points, errors)
+    changes = {
+        name: dict(zip(EMULATED, np.expm1(row).tolist(), strict=True))
+        for name, row in zip(RANGES, weights[1:9], strict=True)
+    }
+    return {"short_runs": len(points), "leave_one_out_error": left_out, "change": changes}
 
 
 def main(config: PaperTable) -> None:
-    """Fit, print the table, and write result.json beside the runs."""
+    """Fit, print the tables, and write results.json beside the runs."""
     config.out.mkdir(parents=True, exist_ok=True)
-    before = len(stored(config))
     nominal = {"parameters": asdict(NOMINAL), "errors": {}}
     found = fit(config) if config.design else nominal | {"errors": run(config, NOMINAL, full=True)}
-    print_table(found["errors"])
-    if config.design:
-        print_sensitivity(config)
-    if len(stored(config)) == before:
-        return
-    result = found | {"paper_mm": PAPER_MM}
-    settings = {key: str(value) for key, value in asdict(config).items() if key != "out"}
-    result |= {"config": settings} | provenance()
-    write_json(config.out / "result.json", result, indent=2)
-    print(f"\nParameters: {found['parameters']}\nWritten to {config.out / 'result.json'}")
+    names = ("design", "full", "close", "seed")
+    figures = found | {
+        "paper_mm": PAPER_MM,
+        "paper_std_mm": PAPER_STD_MM,
+        "ranges": RANGES,
+        "sensitivity": sensitivity(config) if config.design else None,
+        "full_size": FULL,
+        "short_size": SHORT | {"epochs": SHORT_TRAINING["epochs"]},
+        "settings": {name: getattr(config, name) for name in names},
+    }
+    results = store(config.out / "results.json", "experiments.paper_table", figures)
+    print(f"\n{text_table(error_table(results))}")
+    if results["sensitivity"]:
+        print(f"\n{text_table(sensitivity_table(results))}")
+    print(f"\nParameters: {found['parameters']}")
+    publish(results, config.page)
 
 
 if __name__ == "__main__":

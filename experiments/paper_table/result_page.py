@@ -1,0 +1,106 @@
+"""Write the fit to the published table as a page."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from experiments.result_page import Page
+from serpent_twin.numerals import counted
+from serpent_twin.reporting.report import Section, Table
+
+LABELS = {
+    "mlp": "PRC-MLP",
+    "lstm": "LSTM",
+    "no_load": "No-load",
+    "linear": "PRC-LIN",
+    "analytical": "Analytical",
+}
+"""The published names, in the published order"""
+UNITS = {
+    "strand_stiffness": (1e-3, "kN/m"),
+    "strand_slack": (1e3, "mm"),
+    "joint_friction": (1e3, "mN m"),
+    "joint_damping": (1e3, "mN m s/rad"),
+    "gear_friction": (1e3, "mN m"),
+    "controller_gain": (1.0, "1/s"),
+    "marker_noise": (1e3, "mm"),
+    "load_noise": (1e2, "%"),
+}
+_TEXT = """The only published measurement of the real arm is a table of mean marker errors, one for each
+of five pose readouts. The free parameters of the twin are fitted to it; the nominal twin is the stored
+run whose full simulation comes nearest to all of them. The published ± may be over all markers and
+steps, or over steps of each step's mean: both are shown. [Trust and
+limits](../trust-and-limits.md#the-fit-to-the-published-table) says what to make of it."""
+_SENSITIVITY = """How much each mean error of a short run changes when one parameter goes from its lower
+to its upper bound, with the others midway. The values are from an emulator with quadratic terms, whose
+leave-one-out error over {runs} is {error:.1f} %. A short run has {sessions} sessions × {steps:,} steps
+and {epochs} epochs."""
+
+
+def result_page(results: Mapping[str, Any]) -> Page:
+    """The page of a results.json."""
+    size, run = results["full_size"], results.get("run") or {}
+    data = f"{size['sessions']} sessions × {size['steps']:,} steps of the twin, scored on the last"
+    if run.get("date"):
+        data += f"; run of {run['date']}, commit {run['git_commit']}"
+    sections = [
+        Section("", _TEXT, (error_table(results),)),
+        Section("Parameters", "", (_parameter_table(results),)),
+    ]
+    if found := results["sensitivity"]:
+        runs, error = counted(found["short_runs"], "short run"), 100 * found["leave_one_out_error"]
+        text = _SENSITIVITY.format(runs=runs, error=error, **results["short_size"])
+        title = "What the table determines"
+        sections.append(Section(title, text, (sensitivity_table(results),)))
+    command = "python -m experiments.paper_table"
+    return Page("The paper's table", command, data, tuple(sections))
+
+
+def error_table(results: Mapping[str, Any]) -> Table:
+    """Paper beside twin: means, and both readings of the published ±."""
+    rows = []
+    for name, label in LABELS.items():
+        mm, found = results["paper_mm"][name], results["errors"][name]
+        steps, off = found["std_of_step_means_mm"], _change(found["mean_mm"] / mm - 1)
+        twin = f"{found['mean_mm']:.1f} ± {found['std_mm']:.1f}"
+        paper = f"{mm} ± {results['paper_std_mm'][name]}"
+        rows.append((label, paper, twin, f"{steps:.1f}", off))
+    header = ("readout", "paper [mm]", "twin [mm]", "twin, ± of step means [mm]", "off by")
+    return Table(header, tuple(rows))
+
+
+def _parameter_table(results: Mapping[str, Any]) -> Table:
+    rows = tuple(
+        (_label(name), _told(results["parameters"][name], name), _range(results, name))
+        for name in UNITS
+    )
+    return Table(("parameter", "nominal twin", "range of the short runs"), rows)
+
+
+def sensitivity_table(results: Mapping[str, Any]) -> Table:
+    """Change of each error from a parameter's lower to its upper bound."""
+    changes = results["sensitivity"]["change"]
+    rows = tuple(
+        (f"{_label(name)} {_range(results, name)}", *map(_change, of.values()))
+        for name, of in changes.items()
+    )
+    return Table(("from low to high", *next(iter(changes.values()))), rows)
+
+
+def _range(results: Mapping[str, Any], name: str) -> str:
+    low, high = results["ranges"][name]
+    scale, unit = UNITS[name]
+    return f"{scale * low:.3g} … {scale * high:.3g} {unit}"
+
+
+def _told(value: float, name: str) -> str:
+    scale, unit = UNITS[name]
+    return f"{scale * value:.3g} {unit}"
+
+
+def _label(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _change(share: float) -> str:
+    percent = round(100 * share)
+    return f"{percent:+d} %".replace("-", "−") if percent else "0 %"

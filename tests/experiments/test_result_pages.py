@@ -1,0 +1,122 @@
+"""Test that each page of results is written from stored results alone, and holds their numbers."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from diagnoses import ERRORS, diagnosis, estimate
+from paths import ROOT
+
+from experiments import result_page
+from experiments.confusion.plan import CLEAN, KNOWN
+from experiments.paper_table import __main__ as paper_table
+from experiments.result_page import ResultPage, main, markdown, publish, store
+from serpent_twin.errors import SerpentError
+
+ORIGIN = {"date": "2026-11-23", "git_commit": "abc", "versions": {"mujoco": "3.17.0"}}
+
+
+def page(package, **figures):
+    return markdown(figures | ORIGIN | {"measured_by": package})
+
+
+def readouts(**errors):
+    scores = {
+        name: {"mean_mm": mm, "std_mm": 1.0, "stopped_after_epochs": None}
+        for name, mm in errors.items()
+    }
+    settings = {"seed": 0, "epochs": None, "input_sha256": {}}
+    return {"arms": {"arm_x": {"rows": [600, 600, 400], "readouts": scores}}, "settings": settings}
+
+
+def test_pages_that_have_results_beside_them_are_what_these_say():
+    found = sorted((ROOT / "docs" / "results").glob("*.json"))
+    assert len(found) >= 3
+    for results in found:
+        written = results.with_suffix(".md").read_text()
+        assert written == markdown(json.loads(results.read_text())), results.stem
+
+
+def test_a_page_is_written_again_from_the_results_beside_it(tmp_path, capsys):
+    results = store(tmp_path / "results.json", "experiments.readout_table", readouts(linear=4.25))
+    path = tmp_path / "docs" / "readouts.md"
+    publish(results, path)
+    first = path.read_text()
+    assert f"{results['date']}, commit {results['git_commit']}" in first
+    path.unlink()
+    main(ResultPage((path,)))
+    assert path.read_text() == first and str(path) in capsys.readouterr().out
+    with pytest.raises(SerpentError, match=r"other\.json does not exist"):
+        main(ResultPage((tmp_path / "other.md",)))
+
+
+def test_figures_that_are_stored_keep_their_date(tmp_path, monkeypatch):
+    path = tmp_path / "results.json"
+    first = store(path, "experiments.readout_table", readouts(linear=4.25))
+    monkeypatch.setattr(result_page, "provenance", lambda: {"git_commit": "later", "versions": {}})
+    assert store(path, "experiments.readout_table", readouts(linear=4.25)) == first
+    assert store(path, "experiments.readout_table", readouts(linear=4))["git_commit"] == "later"
+
+
+def test_the_readouts_page_has_every_readout_of_every_arm():
+    text = page("experiments.readout_table", **readouts(linear=4.25, ensemble=1.26))
+    assert "| linear, as published | 4.2 ± 1.0 |" in text
+    assert "arm_x, 1 session × 400 rows, 2 sessions × 600 rows" in text
+
+
+def test_the_page_of_the_loop_has_what_each_twin_lacked_and_what_is_left():
+    clear = diagnosis([("payload", {"mass": estimate(0.15, 0.14, 0.16)})])
+    arms = {"arm_x": clear, "arm_y": diagnosis(unexplained=True)}
+    settings = {
+        "sessions": 2,
+        "seed": 0,
+        "input_sha256": {"arm_x": {"a": "", "b": ""}, "arm_y": {}},
+    }
+    text = page("experiments.close_the_loop", arms=arms, settings=settings)
+    assert "| arm_x | 9.00 | 3.00 | 1.00 |" in text and "mass 0.15 kg [0.14 … 0.16]" in text
+    assert "arm_y: joint 4" in text and "arm_x: 2 sessions, judged by session_02.parquet" in text
+
+
+def test_the_page_of_injected_effects_says_what_each_arm_was_called():
+    def row(kind, name, named):
+        effects = [{"name": name, "variant": "", "strength": 0.1, "unit": "kg", "strong": ["mass"],
+                    "parameters": {"mass": 0.1}}] if kind == KNOWN else []  # fmt: skip
+        told = [{"name": n, "parameters": {"mass": estimate(0.1, 0.09, 0.11)}} for n in named]
+        return {"id": f"{name}-00", "kind": kind, "name": name, "truth": {"effects": effects},
+                "named": told, "unexplained": False, "error_mm": ERRORS}  # fmt: skip
+
+    rows = [row(CLEAN, "none", []), row(KNOWN, "payload", ["payload"]), row(KNOWN, "creep", [])]
+    above = {"named_right_above_limit": {"count": 0, "of": 0}}
+    settings = {"source": "bench", "sessions": 2, "steps": 600, "seed": 0}
+    rest = {"settings": settings, "not_run": ["a"], "failed": {}}
+    text = page("experiments.confusion", rows=rows, **above, **rest)
+    assert "--source bench --sessions 2 --steps 600 --trials 3`" in text
+    assert "| payload-00 | 0.1 kg | payload | 3.00 | 1.00 | yes |" in text
+    assert "| creep-00 | 0.1 kg | nothing | 3.00 | 1.00 | no |" in text
+
+
+def test_the_page_of_measured_machines_has_splits_changes_and_what_was_rejected():
+    split = {"held_out": ["a.parquet"], "nominal": 44.3, "calibrated": 13.2, "corrected": 9.1,
+             "regression": {"commands": 11.3}, "found": ["payload (mass 0.1 [0.09 … 0.11] kg)"],
+             "rejected": ["joint_friction"], "unexplained": "It grows with the bend."}  # fmt: skip
+    after = {"file": "heavy.parquet", "before": 11.1, "rezeroed": 10.5, "after": 8.5, "found": [],
+             "rejected": [], "payload_ratio": {"value": 0.9, "low": 0.3, "high": 1.4}}  # fmt: skip
+    trunk = {"metric": "tip_rms_mm", "reference": 9.9, "reference_by": "a map", "splits": [split]}
+    rigs = {"trunk": trunk | {"changed": [after]}}
+    text = page("experiments.measured", rigs=rigs, settings={"held_out": "", "seed": 0})
+    assert "| trunk | a | 44.30 mm | 13.20 mm | 9.10 mm | 11.30 mm (commands) | 9.90 mm |" in text
+    assert "| trunk, changed | the end of heavy | 11.10 mm | 10.50 mm | 8.50 mm |  |  |" in text
+    assert "0.9 [0.3 … 1.4] × the machine's own weight" in text and "joint friction" in text
+    assert "the trunk's is a map" in text and "It grows with the bend." in text
+
+
+def test_the_papers_table_is_written_from_the_stored_runs_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(paper_table, "measure", None)  # a run would call it
+    runs = Path(paper_table.__file__).with_name("runs.jsonl")
+    shutil.copy(runs, tmp_path)
+    paper_table.main(paper_table.PaperTable(tmp_path, page=tmp_path / "page.md"))
+    text = (tmp_path / "page.md").read_text()
+    assert "| PRC-MLP | 4.3 ± 3.6 | 4.1 ± 3.5 | 1.8 | −4 % |" in text
+    assert "| joint damping 0.5 … 5 mN m s/rad | 0 % | +2 % | −2 % | −4 % |" in text
+    assert (tmp_path / "runs.jsonl").read_bytes() == runs.read_bytes()
