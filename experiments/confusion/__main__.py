@@ -19,8 +19,8 @@ from experiments.confusion.config import Confusion
 from experiments.confusion.page import page
 from experiments.confusion.plan import Trial, chosen, plan
 from experiments.confusion.score import called, quantity, right, scores
-from experiments.result_page import publish, store
 from experiments.confusion.trial import failed, run_before
+from experiments.result_page import publish, store
 from serpent_twin import stored
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError

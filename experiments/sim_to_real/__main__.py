@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from experiments.close_the_loop.__main__ import LOGS, arm_folders
+from experiments.result_page import publish, store
 from experiments.sim_to_real.arm import FOLLOWED
 from experiments.sim_to_real.conditions import CHANGES, changing, followed, in_conditions, recovery
 from experiments.sim_to_real.page import arm_table, page
@@ -25,7 +26,7 @@ from serpent_twin.estimators import load
 from serpent_twin.estimators.online import Online
 from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.files import write_json
-from serpent_twin.runs.provenance import file_hash, provenance
+from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import session_files
 from serpent_twin.sim import twin_model
@@ -57,6 +58,8 @@ class SimToReal(Checked):
     """Arms studied side by side; 0 for one a core."""
     quick: bool = False
     """A quick look: few and short simulated sessions, a 10-minute condition in place of the hour."""
+    page: Path | None = None
+    """Also write the results as a page, such as docs/results/sim-to-real.md."""
 
 
 def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the config's own
@@ -69,16 +72,17 @@ def main(config: SimToReal) -> None:  # noqa: D103 tyro would print it above the
             hour = MINUTES if config.quick else HOUR
             others = _other_conditions(config, chosen, hour, on_progress)
             changes = _changes(config, chosen, on_progress)
-        origin = provenance() | {"settings": _settings(config, folders)}
-        results = {
+        figures = {
             "arms": found,
             "conditions": {"arm": chosen, "readouts": others},
             "changes": changes,
+            "settings": _settings(config, folders),
         }
-        write_json(config.out / "results.json", results | origin)
+        results = store(config.out / "results.json", "experiments.sim_to_real", figures)
         print(text_table(arm_table(found)))
-        report = page(results, origin)
+        report = page(results)
         print(f"{write(report, config.out)}: the figures. {report.lead}")
+        publish(results, config.page)
 
 
 def _folders(config: SimToReal) -> dict[str, Path]:

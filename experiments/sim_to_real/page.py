@@ -16,10 +16,17 @@ _UNIT = (
 )
 
 
-def page(results: Mapping[str, Any], origin: Mapping[str, Any]) -> Report:
+def page(results: Mapping[str, Any]) -> Report:
     """The report."""
     arms = results["arms"]
-    sections = (
+    title = f"From simulation to {', '.join(arms)}"
+    return Report(title, lead(arms), sections(results), _facts(results))
+
+
+def sections(results: Mapping[str, Any]) -> tuple[Section, ...]:
+    """All tables and figures."""
+    arms = results["arms"]
+    return (
         Section("The routes", _UNIT, (arm_table(arms),)),
         Section("Without one real window", _claims(arms), (zero_table(arms),)),
         Section("With few real windows", "", (Figure("curves", curves(arms), _CURVES),)),
@@ -32,7 +39,6 @@ def page(results: Mapping[str, Any], origin: Mapping[str, Any]) -> Report:
         Section("An arm that changes on the way", _CHANGES, _changes(results)),
         Section("What an estimate costs", "", (cost_table(arms),)),
     )
-    return Report(f"From simulation to {', '.join(arms)}", lead(arms), sections, _facts(origin))
 
 
 _CURVES = (

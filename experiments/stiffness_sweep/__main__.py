@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from tqdm import tqdm
 
 from experiments.close_the_loop.__main__ import LOGS, arm_folders, session_hashes
+from experiments.result_page import publish, store
 from experiments.stiffness_sweep.answers import answers
 from experiments.stiffness_sweep.arms import place, placed
 from experiments.stiffness_sweep.engine import engine_ratio, seconds_per_point
@@ -28,7 +29,7 @@ from serpent_twin.reporting.report import write
 from serpent_twin.reservoir.sweep.rows import SweepRow
 from serpent_twin.reservoir.sweep.run import Sweep, sweep
 from serpent_twin.runs.files import write_json
-from serpent_twin.runs.provenance import file_hash, provenance
+from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import Session
 from serpent_twin.stored import within
@@ -60,6 +61,8 @@ class StiffnessSweep(Checked):
     """Test readouts trained on one arm on every other."""
     workers: Workers = 0
     """Processes side by side; 0 for one a core."""
+    page: Path | None = None
+    """Also write the results as a page, such as docs/results/stiffness-sweep.md."""
 
 
 def main(config: StiffnessSweep) -> None:  # noqa: D103 tyro would print it above the config's own
@@ -75,24 +78,23 @@ def main(config: StiffnessSweep) -> None:  # noqa: D103 tyro would print it abov
         crossed = None
         if config.transfer:
             crossed = _kept(config.out / "transfer.json", lambda: matrix(plan, logs))
-        origin = provenance() | {"settings": about}
         found = answers(rows)
-        results = {
+        figures = {
             "points": len(costs),
             "seconds_per_point": seconds_per_point(costs),
             "engine_ratio": ratio,
-            "table": [row.crossed_numbers() for row in rows[GRID]],
-            "besides": {
-                k: [r.crossed_numbers() for r in of] for k, of in rows.items() if k != GRID
-            },
+            "table": [row.numbers() for row in rows[GRID]],
+            "besides": {k: [r.numbers() for r in of] for k, of in rows.items() if k != GRID},
             "answers": [answer.stored() for answer in found],
             "arms": arms,
             "transfer": crossed,
-            "provenance": origin,
+            "quick": config.quick,
+            "settings": about,
         }
-        write_json(config.out / "results.json", results)
+        results = store(config.out / "results.json", "experiments.stiffness_sweep", figures)
         report = page(rows, found, arms, crossed, _facts(results))
         path = write(report, config.out)
+    publish(results, config.page)
     print(reasons(found))
     print(f"{path}: the figures. {report.lead}")
 
@@ -168,14 +170,13 @@ def _kept(path: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
 
 
 def _facts(results: Mapping[str, Any]) -> dict[str, str]:
-    origin = results["provenance"]
-    plan = origin["settings"]["plan"]
+    plan = results["settings"]["plan"]
     return {
         "points": f"{results['points']}, {results['seconds_per_point']:.1f} s each on one core",
         "steps of each": f"{plan['steps']:,}",
         "speed": f"{results['engine_ratio']:.2f} × a bare multi-threaded MuJoCo rollout in the same run",
-        "commit": str(origin["git_commit"]),
-        "versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items()),
+        "commit": str(results["git_commit"]),
+        "versions": ", ".join(f"{k} {v}" for k, v in results["versions"].items()),
     }
 
 

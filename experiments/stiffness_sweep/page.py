@@ -32,8 +32,19 @@ def page(
     facts: Mapping[str, str],
 ) -> Report:
     """The report."""
+    parts = sections(rows, answers, arms, transfer)
+    return Report(_title(rows, arms), lead(rows, answers), parts, facts)
+
+
+def sections(
+    rows: Rows,
+    answers: Sequence[Answer],
+    arms: Mapping[str, Mapping[str, Any]],
+    transfer: Mapping[str, Any] | None,
+) -> tuple[Section, ...]:
+    """All tables and figures."""
     drawn = figures(rows, arms, transfer)
-    sections = [
+    parts = [
         Section("What was expected, and what came", _CRITERIA, (answers_table(answers),)),
         Section("What the verdicts rest on", reasons(answers)),
         Section("Where it is best", "", (drawn["maps"],)),
@@ -44,12 +55,12 @@ def page(
     ]
     if arms:
         shown = (drawn["arms_memory"],) if "arms_memory" in drawn else ()
-        sections.append(Section("Logged arms", _told(arms), (_arms(arms), *shown)))
+        parts.append(Section("Logged arms", _told(arms), (_arms(arms), *shown)))
     if transfer:
-        sections.append(Section("Readouts on other arms", worst(transfer), (drawn["transfer"],)))
+        parts.append(Section("Readouts on other arms", worst(transfer), (drawn["transfer"],)))
     if failed := [row for row in rows[GRID] if row.failed]:
-        sections.append(Section("What could not be measured", "", (_failed(failed),)))
-    return Report(_title(rows, arms), lead(rows, answers), tuple(sections), facts)
+        parts.append(Section("What could not be measured", "", (_failed(failed),)))
+    return tuple(parts)
 
 
 def _title(rows: Rows, arms: Mapping[str, Any]) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from paths import DATA
 
+from experiments.result_page import markdown
 from experiments.stiffness_sweep import __main__ as stiffness_sweep
 from experiments.stiffness_sweep import answers as answering
 from experiments.stiffness_sweep import engine
@@ -29,7 +30,8 @@ from experiments.stiffness_sweep.plan import (
 from experiments.stiffness_sweep.trend import HELD, NOT, OPEN, correlation, over_seeds, trend
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.reservoir.sweep import drive
-from serpent_twin.reservoir.sweep.rows import SweepRow, values
+from serpent_twin.reservoir.sweep.rows import SweepRow, row_from, values
+from serpent_twin.runs.files import json_text
 
 ROW = {
     "stiffness_n_m", "slack_m", "seed", "capacity_by_degree", "mean_delay_steps", "consistency", "pose_mm",
@@ -41,7 +43,9 @@ FIGURES = {"capacity_by_degree", "memory_profile", "pose_error", "maps", "comman
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
     out = tmp_path_factory.mktemp("stiffness") / "out"
-    config = stiffness_sweep.StiffnessSweep(out, quick=True, logs=DATA, sessions=3)
+    config = stiffness_sweep.StiffnessSweep(
+        out, quick=True, logs=DATA, sessions=3, page=out / "docs" / "stiffness-sweep.md"
+    )
     stiffness_sweep.main(config)
     return config, json.loads((out / "results.json").read_text())
 
@@ -59,10 +63,14 @@ def test_a_quick_sweep_writes_results_report_and_figures(ran):
         assert len(row["capacity_by_degree"]) == 3 and 0 < row["consistency"] <= 1
         network = {"mlp"} if row["stiffness_n_m"] != 1.2e4 else set()
         assert set(row["pose_mm"]) == {"analytical", "linear", "residual"} | network
-    assert results["provenance"]["versions"]["mujoco"]
+    assert results["versions"]["mujoco"]
     assert {path.stem for path in (config.out / "figures").iterdir()} >= FIGURES
     page = (config.out / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= len(FIGURES) and 'src="http' not in page
+    written = config.page.read_text()
+    assert written == markdown(results) and all(a["why"] in written for a in results["answers"])
+    drawn = {path.stem for path in (config.page.parent / "figures").iterdir()}
+    assert drawn == FIGURES | {"arms_memory"}
 
 
 @pytest.mark.slow
@@ -170,6 +178,13 @@ def test_failed_points_are_left_out_of_a_trend():
     some[0] = replace(some[0], mean_delay=float("nan"))
     delay = values(some, lambda row: row.mean_delay)
     assert over_seeds(delay, lambda v: trend(v, -1)).value < -0.9
+
+
+def test_a_row_is_read_again_as_it_was_stored():
+    some = [*rows()[GRID][:2], replace(rows()[RATIO][0], stiffness=np.inf, mean_delay=np.nan)]
+    for row in some:
+        again = row_from(json.loads(json_text(row.numbers())))
+        np.testing.assert_equal(vars(again), vars(row))
 
 
 def test_rank_correlation_is_scipys():

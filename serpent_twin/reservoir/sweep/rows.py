@@ -75,28 +75,26 @@ class SweepRow:
         return float(self.capacity[1::2].sum())
 
     def numbers(self) -> dict[str, Any]:
-        """Entries of results.json."""
+        """All of it, as the results.json of an experiment has it; `row_from` reads it again."""
         return {
             "stiffness_n_m": self.stiffness if np.isfinite(self.stiffness) else None,
             "slack_m": self.slack,
-            "seed": self.seed,
-            "capacity_by_degree": finite(self.capacity),
-            "mean_delay_steps": finite(self.mean_delay),
-            "consistency": finite(self.consistency),
-            "pose_mm": finite(self.pose_mm),
-        }
-
-    def crossed_numbers(self) -> dict[str, Any]:
-        """As results.json has what is measured besides the grid."""
-        how = {
             "damping_n_m_s_per_rad": self.damping,
             "rate_hz": self.rate,
             "amplitude_rad": self.amplitude,
             "load_noise": self.load_noise,
+            "seed": self.seed,
+            "capacity_by_degree": finite(self.capacity),
             "useful_by_degree": finite(self.useful),
             "useful_by_degree_noiseless": finite(self.noiseless),
+            "memory_by_delay": finite(self.memory),
+            "mean_delay_steps": finite(self.mean_delay),
+            "forgetting_per_s": finite(self.forgetting),
+            "consistency": finite(self.consistency),
+            "marker_overlap": finite(self.overlap),
+            "pose_mm": finite(self.pose_mm),
+            "failed": self.failed,
         }
-        return self.numbers() | how
 
 
 def row_of(point: GridPoint, content: Mapping[str, Any], measuring: Measuring) -> SweepRow:
@@ -125,12 +123,40 @@ def row_of(point: GridPoint, content: Mapping[str, Any], measuring: Measuring) -
     )
 
 
+def row_from(numbers: Mapping[str, Any]) -> SweepRow:
+    """The row whose `numbers` these are."""
+    stiffness = numbers["stiffness_n_m"]
+    return SweepRow(
+        stiffness=np.inf if stiffness is None else stiffness,
+        slack=numbers["slack_m"],
+        damping=numbers["damping_n_m_s_per_rad"],
+        rate=numbers["rate_hz"],
+        amplitude=numbers["amplitude_rad"],
+        load_noise=numbers["load_noise"],
+        seed=numbers["seed"],
+        capacity=_numbers(numbers["capacity_by_degree"]),
+        useful=_numbers(numbers["useful_by_degree"]),
+        noiseless=_numbers(numbers["useful_by_degree_noiseless"]),
+        memory=_numbers(numbers["memory_by_delay"]),
+        mean_delay=_number(numbers["mean_delay_steps"]),
+        forgetting=_number(numbers["forgetting_per_s"]),
+        consistency=_number(numbers["consistency"]),
+        overlap=_number(numbers["marker_overlap"]),
+        pose_mm={name: _number(mm) for name, mm in numbers["pose_mm"].items()},
+        failed=numbers["failed"],
+    )
+
+
 def _degrees(of: Mapping[str, Any]) -> Array:
     return np.array(list(of["by_degree"].values()))
 
 
 def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
+
+
+def _numbers(of: Sequence[float | None]) -> Array:
+    return np.array([_number(each) for each in of])
 
 
 def values(rows: Sequence[SweepRow], value: Callable[[SweepRow], float]) -> Array:
