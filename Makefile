@@ -3,7 +3,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 SIDE_BY_SIDE := --numprocesses 2 --dist loadfile --no-loadscope-reorder --durations 30
 
-.PHONY: setup demo test test-fast lint bench faults fuzz loop sweep model clean
+.PHONY: setup demo test test-fast lint bench faults fuzz loop sweep pages model clean
 
 help:           ## Say what can be made
 	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  .*##' $(MAKEFILE_LIST) | sed 's/:.*##/ —/'
@@ -49,6 +49,9 @@ loop: setup  ## Find what the twin lacks of the arm in data/: some five minutes
 
 sweep: setup  ## What stiffness does, in a few short points: some two minutes
 	$(BIN)/python -m experiments.stiffness_sweep --quick --logs data --out out/stiffness_sweep
+
+pages: setup  ## Write the pages of docs/results/ again from the results beside them, without a measurement
+	$(BIN)/python -m experiments.result_page
 
 model: setup  ## Write model/ anew after a change of numbers or shapes
 	$(BIN)/python -m serpent_twin.mjcf

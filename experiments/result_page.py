@@ -25,7 +25,7 @@ _ORIGIN = ("measured_by", "date", "versions", "git_commit")
 
 
 @dataclass(frozen=True)
-class Page:
+class PageContent:
     """What a page says besides where its numbers come from."""
 
     title: str
@@ -104,9 +104,9 @@ def markdown(results: Mapping[str, Any]) -> str:
     )
 
 
-def _made(results: Mapping[str, Any]) -> Page:
+def _made(results: Mapping[str, Any]) -> PageContent:
     module = importlib.import_module(f"{results['measured_by']}.result_page")
-    made: Callable[[Mapping[str, Any]], Page] = module.result_page
+    made: Callable[[Mapping[str, Any]], PageContent] = module.result_page
     return made(results)
 
 

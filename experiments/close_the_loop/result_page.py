@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from experiments.close_the_loop.page import table, unexplained
-from experiments.result_page import Page
+from experiments.result_page import PageContent
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Section
 
 
-def result_page(results: Mapping[str, Any]) -> Page:
+def result_page(results: Mapping[str, Any]) -> PageContent:
     """The page of a results.json."""
     arms, settings = results["arms"], results["settings"]
     command = "python -m experiments.close_the_loop --logs LOGS"
@@ -21,4 +21,6 @@ def result_page(results: Mapping[str, Any]) -> Page:
     sections = [Section("", "", (table(arms),))]
     if left := unexplained(arms):
         sections.append(Section("What stays unexplained", left))
-    return Page(f"Closing the loop on {counted(len(arms), 'arm')}", command, data, tuple(sections))
+    return PageContent(
+        f"Closing the loop on {counted(len(arms), 'arm')}", command, data, tuple(sections)
+    )

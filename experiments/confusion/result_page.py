@@ -5,7 +5,7 @@ from typing import Any
 
 from experiments.confusion.page import aims_table, arms_table, limits_table, strengths_table
 from experiments.confusion.score import limits
-from experiments.result_page import Page
+from experiments.result_page import PageContent
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Section
 
@@ -19,7 +19,7 @@ effects were named and nothing else; of an effect outside the catalogue, that th
 unexplained."""
 
 
-def result_page(results: Mapping[str, Any]) -> Page:
+def result_page(results: Mapping[str, Any]) -> PageContent:
     """The page of a results.json."""
     rows, settings = results["rows"], results["settings"]
     size = f"--sessions {settings['sessions']} --steps {settings['steps']}"
@@ -40,4 +40,4 @@ def result_page(results: Mapping[str, Any]) -> Page:
     if results["failed"]:
         told = (f"{name}: {why}" for name, why in results["failed"].items())
         sections.append(Section("Arms that could not be traced", "\n\n".join(told)))
-    return Page("Injected effects", command, data, tuple(sections))
+    return PageContent("Injected effects", command, data, tuple(sections))

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from experiments.result_page import Page
+from experiments.result_page import PageContent
 from serpent_twin.reporting.report import Section, Table
 
 LABELS = {
@@ -48,7 +48,7 @@ over the wire. With the wire paced to 1 MBd it takes {paced:.1f} ms, which is {r
 its bytes."""
 
 
-def result_page(results: Mapping[str, Any]) -> Page:
+def result_page(results: Mapping[str, Any]) -> PageContent:
     """The page of a results.json."""
     settings, cycle = results["settings"], results["cycle_ms"]
     times = _CYCLE.format(
@@ -63,7 +63,7 @@ def result_page(results: Mapping[str, Any]) -> Page:
         Section("", times),
     )
     command = "python -m experiments.fault_matrix --out faults"
-    return Page("Fault matrix", command, "a simulated device on a pseudo-terminal", sections)
+    return PageContent("Fault matrix", command, "a simulated device on a pseudo-terminal", sections)
 
 
 def _row(label: str, row: Mapping[str, Any]) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from typing import Any
 
 from experiments.measured.metric import METRICS, Metric
 from experiments.measured.page import Found, lacked
-from experiments.result_page import Page
+from experiments.result_page import PageContent
 from serpent_twin.reporting.report import Section, Table
 
 _HEADER = ("machine", "judged by", "nominal", "calibrated", "corrected", "regression", "reference")
@@ -19,7 +19,7 @@ _LACKED = """Effects are in the order in which they were found, with 95 % interv
 was rejected gave no gain beyond chance."""
 
 
-def result_page(results: Mapping[str, Any]) -> Page:
+def result_page(results: Mapping[str, Any]) -> PageContent:
     """The page of a results.json."""
     found, settings = results["rigs"], results["settings"]
     command = "python -m experiments.measured --data measured"
@@ -33,7 +33,7 @@ def result_page(results: Mapping[str, Any]) -> Page:
         Section("What the twins lacked", _LACKED, (_lacked_table(found),)),
         Section("What is left", _left(found)),
     )
-    return Page("Measured machines", f"{command} --out measured_out", data, sections)
+    return PageContent("Measured machines", f"{command} --out measured_out", data, sections)
 
 
 def _errors_text(found: Found) -> str:

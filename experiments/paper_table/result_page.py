@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from experiments.result_page import Page
+from experiments.result_page import PageContent
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Section, Table
 
@@ -36,7 +36,7 @@ leave-one-out error over {runs} is {error:.1f} %. A short run has {sessions} ses
 and {epochs} epochs."""
 
 
-def result_page(results: Mapping[str, Any]) -> Page:
+def result_page(results: Mapping[str, Any]) -> PageContent:
     """The page of a results.json."""
     size, run = results["full_size"], results.get("run") or {}
     data = f"{size['sessions']} sessions × {size['steps']:,} steps of the twin, scored on the last"
@@ -52,7 +52,7 @@ def result_page(results: Mapping[str, Any]) -> Page:
         title = "What the table determines"
         sections.append(Section(title, text, (sensitivity_table(results),)))
     command = "python -m experiments.paper_table"
-    return Page("The paper's table", command, data, tuple(sections))
+    return PageContent("The paper's table", command, data, tuple(sections))
 
 
 def error_table(results: Mapping[str, Any]) -> Table:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
-from experiments.result_page import Page
+from experiments.result_page import PageContent
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Section, Table
 
@@ -24,14 +24,16 @@ _TEXT = """Mean marker error on the last session of each arm, on which no readou
 standard deviation over all markers and steps, in mm."""
 
 
-def result_page(results: Mapping[str, Any]) -> Page:
+def result_page(results: Mapping[str, Any]) -> PageContent:
     """The page of a results.json."""
     arms = results["arms"]
     epochs = results["settings"]["epochs"]
     option = f" --epochs {epochs}" if epochs else ""
     command = f"python -m experiments.readout_table --logs LOGS{option} --out readout_table"
     data = "; ".join(f"{name}, {_sessions(of['rows'])}" for name, of in arms.items())
-    return Page("Readouts' pose errors", command, data, (Section("", _TEXT, (error_table(arms),)),))
+    return PageContent(
+        "Readouts' pose errors", command, data, (Section("", _TEXT, (error_table(arms),)),)
+    )
 
 
 def error_table(arms: Mapping[str, Any]) -> Table:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from experiments.result_page import Page
+from experiments.result_page import PageContent
 from experiments.stiffness_sweep.answers import answers
 from experiments.stiffness_sweep.page import lead, sections
 from experiments.stiffness_sweep.plan import GRID
@@ -15,7 +15,7 @@ point takes {steps:,} command periods and runs at {ratio:.2f} × the rate of a b
 rollout."""
 
 
-def result_page(results: Mapping[str, Any]) -> Page:
+def result_page(results: Mapping[str, Any]) -> PageContent:
     """The page of a results.json."""
     named = {GRID: results["table"], **results["besides"]}
     rows = {name: [row_from(each) for each in of] for name, of in named.items()}
@@ -34,4 +34,4 @@ def result_page(results: Mapping[str, Any]) -> Page:
     quick = " --quick" if results["quick"] else ""
     command = f"python -m experiments.stiffness_sweep --logs LOGS --twins TRACES{quick} --out OUT"
     beside = f"; the logs of {', '.join(arms)}" if arms else ""
-    return Page("Stiffness sweep", command, f"simulated arms{beside}", parts)
+    return PageContent("Stiffness sweep", command, f"simulated arms{beside}", parts)
