@@ -27,7 +27,7 @@ from serpent_twin.sim.twin_model import TwinModel
 
 
 def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None) -> str:
-    """Write the recording of a session log, unless it is there; returns what to say of its readout."""
+    """Write the recording of a session log, unless it is there; returns a note on its readout."""
     seen = sessions.read_session(session)
     sessions.refuse_damaged([seen])
     corrected = corrected_twin(twin, seen) if twin else None
@@ -91,7 +91,7 @@ def _already_there(out: Path, identity: str) -> bool:
         return False
     try:
         found = [entry.recording_id for entry in RrdReader(out).recordings()]
-    except Exception:  # whatever the reader says of a foreign file, it is not ours to replace
+    except Exception:  # a foreign file is never replaced
         found = []
     if identity in found:
         return True

@@ -1,10 +1,10 @@
 """Build the arm's MJCF model.
 
-Ten motor hinges, nine arm hinges, the jaw; coordinates in that order. Cables are fixed tendons,
-which is exact: constant pulley radii make a loop's stretch linear in the angles,
-r_j (m_j − q_1 − … − q_j). Each loop is two tendons, + and −, whose springs pull only. Cable damping
-is nowhere on the tendons, because MuJoCo's tendon damping acts on a slack tendon, too.
-The base frame's +x points down in the world; the sensors speak in the base frame.
+Ten motor hinges, nine arm hinges, the jaw; coordinates in that order. Cables are fixed tendons, which is
+exact: constant pulley radii make a loop's stretch linear in the angles, r_j (m_j − q_1 − … − q_j). Each loop
+is two tendons, + and −, whose springs pull only. Cable damping is nowhere on the tendons, because MuJoCo's
+tendon damping acts on a slack tendon, too. The base frame's +x points down in the world; the sensors'
+readings are in the base frame.
 """
 
 import xml.etree.ElementTree as ET

@@ -33,7 +33,7 @@ def run(
             description = sys.modules["__main__"].__doc__
             commands = {name: grouped(each, name) for name, each in main.items()}
             tyro.extras.subcommand_cli_from_dict(commands, description=description, **how)
-        sys.stdout.flush()  # so that a reader who left is noticed here
+        sys.stdout.flush()  # so that a closed pipe is noticed here
     except SerpentError as error:
         fail(" ".join([str(error), *getattr(error, "__notes__", ())]))
     except BrokenPipeError:  # the reader of our output, such as head, has enough

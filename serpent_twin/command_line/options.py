@@ -92,7 +92,7 @@ class Option:
     limits: tuple[Meta, ...]
     """Of its number, or of each of its numbers: `within`"""
     uses: tuple[tuple[Use, Any], ...]
-    """When it is used, each with the config that says so"""
+    """When it is used, each with the config that declares it"""
 
     @property
     def flag(self) -> str:

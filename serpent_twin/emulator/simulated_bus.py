@@ -80,8 +80,8 @@ class SimulatedBus:
         return MotorState.from_registers(self.read_registers(), self.time, zero)
 
     def read_registers(self) -> Registers:
-        """Registers 70 and 120 … 146 of all motors at the present instant; the load's noise is
-        drawn anew when time has passed, not when it is read again.
+        """Registers 70 and 120 … 146 of all motors at the present instant; new noise of the load is drawn
+        when time has passed, not when it is read again.
         """
         return self.motors.registers()
 

@@ -52,7 +52,7 @@ class Rigid:
 
     @classmethod
     def load(cls, path: Path) -> "Rigid":
-        """Read what `save` wrote, or raise a `SerpentError` that says what is wrong with it."""
+        """Read what `save` wrote, or raise a `SerpentError` that states what is wrong with it."""
         found = stored.read_json(path, FrameFile, _AGAIN)
         rotation = np.array(found.rotation)
         if not _is_rotation(rotation):

@@ -27,8 +27,8 @@ class Limits:
     velocity: float = xl430.VELOCITY_LIMIT * xl430.VELOCITY_UNIT
     """Greatest motor velocity that is ever sent [rad/s]"""
     joint_angle: float = np.deg2rad(60.0)
-    """Greatest angle of a joint or the jaw, told from the motors by stiff cables [rad]; targets end at
-    22.5°"""
+    """Greatest angle of a joint or the jaw, computed from the motors' angles by stiff cables [rad]; targets
+    end at 22.5°"""
     load: float = 0.9
     """Share of the stall torque that no motor may hold for longer than `load_time` [1]"""
     load_time: float = 1.0

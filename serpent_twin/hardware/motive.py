@@ -52,7 +52,7 @@ class Take:
 
 
 def read_take(path: Path | str) -> Take:
-    """Read the markers of a Motive CSV, or raise a `SerpentError` that says what is wrong with it."""
+    """Read the markers of a Motive CSV, or raise a `SerpentError` that states what is wrong with it."""
     path = Path(path)
     if not path.is_file():
         raise SerpentError(f"There is no file {path}. Name a CSV that Motive exported.")

@@ -12,14 +12,14 @@ from itertools import pairwise
 HEADER = b"\xff\xff\xfd\x00"
 BROADCAST = 0xFE
 MAX_LENGTH = 1024
-"""Longest length field that is believed, as in the vendor's SDK; a longer one is noise."""
+"""Longest accepted length field, as in the vendor's SDK; a longer one is noise."""
 ALERT = 0x80  # in the error byte: Hardware Error Status (70) is not 0
 CLEAR_POSITION = b"\x01DXL\x22"  # parameters of the Clear instruction: forget the turns
 _FIXED = 7  # bytes before the instruction: header, id, length
 
 
 class Instruction(IntEnum):
-    """What a packet asks for, or that it answers."""
+    """The instruction of a packet, or that it is a status packet."""
 
     PING = 0x01
     READ = 0x02

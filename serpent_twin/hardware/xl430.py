@@ -75,7 +75,7 @@ class MotorState:
         """Convert raw words to SI units.
 
         An angle counts from position `zero` [counts], (10,), and positive where `direction`, (10,)
-        of ±1, times the servo's own sense says so.
+        of ±1, times the servo's own sense is positive.
         """
         direction = np.asarray(direction)
         return cls(

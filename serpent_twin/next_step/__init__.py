@@ -1,7 +1,7 @@
 """Suggest the next command when a command has ended.
 
 Each function names the command that README's path has next, with the paths of the run that has ended, and
-asks that command's own checks first: a step that would be refused is not printed.
+runs that command's own checks first: a step that would be refused is not printed.
 """
 
 from serpent_twin.next_step.of_logs import (

@@ -10,7 +10,7 @@ from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.next_step.words import Words, allowed, at_rate, flags, named_after, typed
 from serpent_twin.runs.files import unused
 
-if TYPE_CHECKING:  # each command imports this module, which imports the others where it asks them
+if TYPE_CHECKING:  # each command imports this module, which imports the others when it checks them
     from serpent_twin.identification import Trace
     from serpent_twin.live.estimate import Estimate
     from serpent_twin.reservoir.sweep.run import Sweep
@@ -51,7 +51,7 @@ def after_recovery(path: Path) -> Words | None:
 
 
 def after_training(plan: "TrainingPlan", scores: Mapping[str, Any]) -> Words | None:
-    """After training: trace an arm whose twin nobody has fitted, else follow it by the best readout."""
+    """After training: trace an arm whose twin has not been fitted, else follow it by the best readout."""
     if not plan.twin.settled and not plan.adaptation and (step := trace(plan)):
         return step
     return estimate(plan, scores)

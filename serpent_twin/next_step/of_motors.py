@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from serpent_twin.next_step.words import Words, allowed, flags
 from serpent_twin.runs.files import unused
 
-if TYPE_CHECKING:  # each command imports this module, which imports the others where it asks them
+if TYPE_CHECKING:  # each command imports this module, which imports the others when it checks them
     from serpent_twin.hardware.natnet.live import NatNet
     from serpent_twin.recording.collect import RealArm
 

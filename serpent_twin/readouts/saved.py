@@ -86,7 +86,7 @@ class SavedAbout(stored.Form, frozen=True):
 
 
 def read_about(folder: Path) -> SavedAbout:
-    """What readout.json in a folder says; raises a `SerpentError` that names what is wrong with it."""
+    """Content of readout.json in a folder; raises a `SerpentError` that names what is wrong with it."""
     path = folder / ABOUT
     if not path.exists():
         raise SerpentError(

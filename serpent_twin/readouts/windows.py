@@ -55,7 +55,7 @@ class SourceLog:
     arm: str
     """What the log calls the arm"""
     readings_sha256: str
-    """Of what its motors read, the same for a log that was written anew"""
+    """Of its motor readings, the same for a log that was written again"""
     model_sha256: str = ""
     """Fingerprint of the arm that was simulated; empty if none was"""
     use: str = "train"

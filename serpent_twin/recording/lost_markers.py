@@ -84,7 +84,7 @@ def build_diagnosis(paths: Sequence[Path]) -> None:
 
 
 def _lost_for_good(told: Mapping[str, Any]) -> str:
-    """Which markers were lost to the end, for so long that it is no accident; or nothing."""
+    """Which markers were lost to the end, for longer than by chance; empty if none."""
     since = np.array([np.nan if t is None else t for t in told["to_the_end_since_s"]])
     lasted = told["end_s"] - since
     if np.isfinite(since).all() and lasted.min() >= SILENT:

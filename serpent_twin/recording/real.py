@@ -33,7 +33,7 @@ FURTHER = ("motor1_tick_ms", "recoveries")
 """Columns of every real log: motor 1's own clock, and what the bus overcame since the row before."""
 FURTHER_OF_CAMERAS = ("camera_time", "marker_age")
 MOST_EVENTS = 200
-"""So many of the things overcome are told one by one in a log's metadata; all are counted."""
+"""How many of the faults overcome are listed one by one in a log's metadata; all are counted."""
 
 Show = Callable[[int, str], None]
 

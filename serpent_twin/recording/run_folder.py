@@ -14,7 +14,7 @@ from serpent_twin.sessions import FIELDS, read_session, recover
 def missing(paths: Sequence[Path]) -> list[int]:
     """Indices of the sessions that are not there in full.
 
-    A session of which a part is there moves to the folder `partial`, so that it can be recorded anew.
+    A session of which a part is there moves to the folder `partial`, so that it can be recorded again.
     """
     return [index for index, path in enumerate(paths) if not _is_complete(path)]
 

@@ -33,8 +33,8 @@ def simulate_all(config: Collect, missing: list[int]) -> None:
 def simulated_arm(
     config: Collect, session: int, prior_runtime: float = 0.0
 ) -> tuple[SimulatedArm, Array]:
-    """The simulated arm, which ran for so long before session 1 [s], and the joint targets of one session
-    [rad], (steps, 9).
+    """The simulated arm, which ran for `prior_runtime` before session 1 [s], and the joint targets of one
+    session [rad], (steps, 9).
     """
     for_targets, for_loads, for_cameras = generators(config.seed, (session,))
     file = config.simulated()

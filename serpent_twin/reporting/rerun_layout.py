@@ -53,7 +53,7 @@ def key(looks: Mapping[str, str]) -> rr.TextDocument:
 
 
 def loads() -> rrb.TimeSeriesView:
-    """The ten motors' loads, whose legend asks for a height of `TEN`."""
+    """The ten motors' loads, whose legend needs a height of `TEN`."""
     name = "Motor load [% of stall]"
     return rrb.TimeSeriesView(origin=LOADS, name=name, plot_legend=_legend())
 

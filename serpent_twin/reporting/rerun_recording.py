@@ -174,7 +174,7 @@ class Writer:
     def about(
         self, session: sessions.Session, twins: list[Overlay], guess: EstimatedMarkers | None
     ) -> None:
-        """A page that says what is shown."""
+        """A page that describes what is shown."""
         last = twins[-1]
         lines = [
             f"### {session.metadata.get('arm')}, {session.name}",

@@ -1,6 +1,6 @@
 """Find where, when and on what the twin's error depends.
 
-`Comparison` holds measured rows beside predicted ones; `analyse` finds, `describe` says, `figures`
+`Comparison` holds measured rows beside predicted ones; `analyse` finds, `describe` puts into words, `figures`
 draws. `learned` is the last resort: a correction without physics.
 """
 

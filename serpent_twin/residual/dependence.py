@@ -15,7 +15,8 @@ from serpent_twin.residual.targets import Targets, load_targets, marker_targets
 
 LEAST_SHARE = 0.02  # of a residual's variance that is reported in a sentence
 PREFERENCE = {"markers": 0.6, "joint": 1.0, "size": 0.4, "load": 1.0}
-"""A single joint says more than all markers; an error's size says less than its course."""
+"""A single joint is more informative than all markers; an error's size is less informative than its
+course."""
 ALIKE = 0.85  # of the best feature's share: not distinguished from it
 
 

@@ -1,4 +1,4 @@
-"""Describe the error in sentences, and say where to look for its cause."""
+"""Describe the error in sentences, and state where to look for its cause."""
 
 import numpy as np
 

@@ -12,7 +12,7 @@ class JointAttribution:
     """The marker residual as small rotations of the joints, and what no rotation explains."""
 
     rotation: Array
-    """Extra rotation of each joint that the markers ask for [rad], (S, T, J)"""
+    """Additional rotation of each joint that explains the markers [rad], (S, T, J)"""
     resolved: Array
     """Share of a true rotation at each joint that `rotation` shows, the noise being what it is, (J,)"""
     lever: Array

@@ -24,8 +24,8 @@ ORDER, GAIN = 4, 70.0  # 1² + 4² + 6² + 4² + 1²
 OVERLAP = 12870 / 70**2  # Σ of the squared autocorrelation of white noise's fourth differences
 MAD_TO_STD = 1.4826  # of a gaussian
 FEWEST = 150
-"""Known fourth differences from which noise is told: with so many, made-up noise was found within a half, and
-with half as many it was 0 in one of four cases"""
+"""Least number of known fourth differences for an estimate: with this many, simulated noise was found within
+a half, and with half as many it was 0 in one of four cases"""
 UNKNOWN = "unknown: too few rows"
 """What is said of a noise that is NaN"""
 
@@ -40,7 +40,7 @@ class Noise:
     """Of each motor's load [fraction of the stall torque], (N,)"""
     jitter: Array
     """Of one coordinate of each marker [m], (M,): noise, and what moves from row to row like it, such as
-    a machine that sticks and slips a little otherwise every time"""
+    a machine that sticks and slips a little differently every time"""
     load_jitter: Array
     """Of each motor's load, from one row to the next [fraction of the stall torque], (N,)"""
     of_marker: Measure = MARKERS
@@ -83,9 +83,7 @@ def in_words(noise: float | None, unit: str) -> str:
 
 
 def expected_distance(std: Array | float, dimension: int = 3) -> Array:
-    """Mean length of a vector of so many gaussian numbers of this standard deviation: of three,
-    2 σ √(2/π).
-    """
+    """Mean length of a gaussian vector with this standard deviation of a component: of three, 2 σ √(2/π)."""
     mean = np.sqrt(2) * gamma((dimension + 1) / 2) / gamma(dimension / 2)
     return mean * np.asarray(std, float)
 

@@ -28,7 +28,7 @@ class Shape:
 
 
 def shape_of(feature: Feature, error: Array, effective_rows: float) -> Shape:
-    """Shape of an error's (S, T) dependence on a feature; rows count as so many independent ones."""
+    """Shape of an error's (S, T) dependence on a feature, from `effective_rows` independent rows."""
     if feature.kind == "direction":
         return Shape("step", "with its sign")
     if feature.kind in ("reversal", "group", "past") or feature.name.startswith("time since"):

@@ -57,7 +57,7 @@ def file_hash(path: Path) -> str:
 
 
 def model_hash(model: mujoco.MjModel) -> str:
-    """SHA-256 of a compiled model, hexadecimal: of all fields that do not say where its files lie."""
+    """SHA-256 of a compiled model, hexadecimal: of all fields but the paths of its files."""
     digest = hashlib.sha256()
     for owner in (model, model.opt):
         for name in sorted(n for n in dir(owner) if not n.startswith("_")):

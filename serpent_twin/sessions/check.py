@@ -24,7 +24,7 @@ REBOOTS = 5  # jumps of a motor in one session that are reported one by one
 FARTHEST_MARKER = 1.0  # m: nearly twice the arm's length
 
 _KNOWN: WeakKeyDictionary[Session, tuple[Finding, ...]] = WeakKeyDictionary()
-"""What was found in sessions that are still in use: each step of a command asks again."""
+"""Findings of sessions that are still in use: each step of a command checks them again."""
 
 
 def examine(session: Session) -> list[Finding]:

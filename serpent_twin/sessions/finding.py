@@ -41,7 +41,7 @@ def rows_text(mask: Mask, most: int = 4) -> str:
 
 
 def spans_text(rows: NDArray[np.int64], bridged: int) -> str:
-    """Rows, sorted, as text, with gaps of up to so many rows filled."""
+    """Rows, sorted, as text, with short gaps filled."""
     mask = np.zeros(rows[-1] + 1, bool)
     mask[rows] = True
     for first, stop in stretches(~mask):

@@ -18,7 +18,7 @@ Words = Sequence[tuple[Item, int]]
 
 
 class ControlTable:
-    """One control table: registers by name, and by address as the wire asks for them."""
+    """One control table: registers by name, and by address as on the wire."""
 
     def __init__(self) -> None:
         self._bytes = bytearray(LAST_ADDRESS + 1)

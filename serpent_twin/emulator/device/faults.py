@@ -31,7 +31,7 @@ class FaultKind:
     seconds: float = inf
     """How long it lasts by default [s]"""
     of_motor: bool = True
-    """Whether it befalls one motor; else all, or the port"""
+    """Whether it affects one motor; else all, or the port"""
 
 
 _KINDS = (

@@ -81,7 +81,7 @@ class Device:
     def serve(self, orders: Orders, until_eof: bool = False) -> None:
         """Answer until `stop`, or until there can be no more orders.
 
-        The port is announced to `orders`, and again when it was plugged in anew.
+        The port is announced to `orders`, and again after it was plugged in again.
         """
         self._orders = orders
         self._epoch = time.monotonic()

@@ -84,7 +84,7 @@ class Terminal:
         return self._outgoing[0][0] if self._outgoing else None
 
     def flush(self, now: float) -> None:
-        """Send what is due. Where nobody reads, bytes are lost, as on a wire."""
+        """Send what is due. Without a reader, bytes are lost, as on a wire."""
         due = []
         while self._outgoing and self._outgoing[0][0] <= now:
             due.append(heapq.heappop(self._outgoing)[2])

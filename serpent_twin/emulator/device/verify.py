@@ -13,7 +13,7 @@ from serpent_twin.sessions import Session
 from serpent_twin.stored import contents, parse_json
 
 STALE = 0.03
-"""Between the moment a row tells and the moment when the device was read [s]."""
+"""Between the time in a row and the time when the device was read [s]."""
 MOST_BYTES = 1_000_000_000
 """Of a transcript"""
 Event = dict[str, Any]

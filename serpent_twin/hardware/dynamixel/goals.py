@@ -16,14 +16,14 @@ from serpent_twin.hardware.motor_bus import BusError
 from serpent_twin.hardware.xl430 import Words
 
 UNSURE_AFTER = 0.1
-"""Goals are read back when the last ones that are known to have arrived are this old [s]. Each reading tells
-it of those sent before it, by Velocity Trajectory (136): a fast loop has no need to ask.
+"""Goals are read back when the last ones that are known to have arrived are this old [s]. Each reading
+confirms those sent before it, by Velocity Trajectory (136): a fast loop need not read them.
 """
 _GOAL = TABLE["goal_velocity"]
 
 
 class Goals:
-    """Goal velocities of all motors: sent in one packet that nobody answers, and therefore checked.
+    """Goal velocities of all motors: sent in one packet that no motor answers, and therefore checked.
 
     `words`, (10,), are in force; `driven` says whether the motors are switched on.
     """
@@ -65,9 +65,8 @@ class Goals:
             self._wire.sync_write(_GOAL, dict.fromkeys(self._registers.ids, 0))
 
     def verify(self, always: bool = False) -> None:
-        """Read goals back if that is needed, and write those anew that did not arrive.
-
-        A motor that stays silent here is left to the next reading.
+        """Read goals back if that is needed, and write those again that did not arrive. A motor that does not
+        answer here is left to the next reading.
         """
         if not always and self._now() - self._arrived < UNSURE_AFTER:
             return
@@ -95,7 +94,7 @@ class Goals:
             self._recovery.note("firmware", "Velocity Trajectory (136) is not the goal: not used")
 
     def bring_back(self, motors: Sequence[int]) -> None:
-        """Motors, from 1, whose clock began anew, or whose torque went off without an error."""
+        """Motors, from 1, whose clock was reset, or whose torque went off without an error."""
         self._reader.forget()
         if self._recovery.revive(motors, self.words if self.driven else None):
             return

@@ -33,7 +33,7 @@ FURTHEST = TURN // 4
 STORE_EVERY = 0.25
 """Turns are written to the file this often at most [s]."""
 SETTLED, SETTLING = 0.3, 3.0
-"""A limp arm sinks: it has come to rest when it stood for so long, and is waited for at most so long [s]."""
+"""A limp arm sinks: for how long it must stand still to be at rest, and how long to wait for that [s]."""
 POWER_MARK = "indirect_data_28"
 """A register in RAM that nothing else uses: set once the turns are stored, zero again after a loss of
 power. A: no real servo has shown yet that it keeps the byte as long as it keeps its turns."""

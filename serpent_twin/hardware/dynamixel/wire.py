@@ -47,8 +47,8 @@ _Found = list[tuple[int, StatusPacket]]
 class Wire:
     """Requests to motors, each sent once; incomplete answers count as missing.
 
-    `counts` holds how many answers were corrupt, missing, or nobody's; `owed`, how many may still come
-    after a group read.
+    `counts` holds how many answers were corrupt, missing, or from no known motor; `owed`, how many may still
+    come after a group read.
     """
 
     def __init__(self, port: str, baud: int, latency: float = LATENCY) -> None:
@@ -88,7 +88,7 @@ class Wire:
             self._lock = -1
 
     def ping(self, motor: int) -> list[StatusPacket]:
-        """All answers of an id: none if nobody has it, two if two motors do. Waits for all of them."""
+        """All answers of an id: none if no motor has it, two if two have. Waits for all of them."""
         self._send(motor, Instruction.PING, b"")
         found = self._collect(3 * _OVERHEAD, stop=lambda replies: False)
         return [reply for id_, reply in found if id_ == motor and len(reply.data) == 3]
@@ -104,7 +104,7 @@ class Wire:
         return self._ask(motor, Instruction.READ, params, item.size)
 
     def write(self, motor: int, item: Item, value: int) -> StatusPacket | None:
-        """Write a register; the answer's error byte says whether the motor took it."""
+        """Write a register; the answer's error byte states whether the motor accepted it."""
         return self._ask(
             motor, Instruction.WRITE, item.address.to_bytes(2, "little") + item.pack(value), 0
         )
@@ -134,7 +134,7 @@ class Wire:
         return {m: r for m, r in whole.items() if len(r.data) == length}
 
     def sync_write(self, item: Item, values: Mapping[int, int]) -> None:
-        """Write a register of many motors in one packet, which nobody answers."""
+        """Write a register of many motors in one packet, which no motor answers."""
         params = item.address.to_bytes(2, "little") + item.size.to_bytes(2, "little")
         params += b"".join(bytes([motor]) + item.pack(value) for motor, value in values.items())
         self._send(BROADCAST, Instruction.SYNC_WRITE, params)

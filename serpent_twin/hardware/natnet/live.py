@@ -15,7 +15,7 @@ from serpent_twin.hardware.natnet.labels import chosen, ids_by_name
 from serpent_twin.hardware.natnet.packets import Id
 from serpent_twin.hardware.natnet.stream import STALE, Frame, NatNet, Stream
 
-REVIVED = 1.0  # s without any of the arm's markers after which the server is asked anew
+REVIVED = 1.0  # s without any of the arm's markers after which the stream is requested again
 
 _HERE = NatNet()
 
@@ -26,7 +26,7 @@ class NatNetMocap:
     """A `Mocap` on Motive's live stream, NatNet 3.0 and later; a context manager.
 
     A thread receives; `read` only returns the newest frame. When none has come for `STALE` seconds, all
-    markers are NaN and `stale_reads` counts; the server is asked anew until its stream is back.
+    markers are NaN and `stale_reads` counts; the stream is requested again until it is back.
     """
 
     def __init__(self, config: NatNet = _HERE, frame: Rigid = IDENTITY) -> None:

@@ -27,7 +27,7 @@ def message(kind: int, body: bytes) -> bytes:
 
 
 def server_info(version: Version, tick_hz: int, data_port: int) -> bytes:
-    """Answer to a connect: who the server is, its clock, and that it sends unicast."""
+    """Answer to a connect: the server's name and clock, and that it sends unicast."""
     name = b"serpent-twin cameras".ljust(256, b"\0")
     versions = struct.pack("<4B4B", 3, 1, 0, 0, *version, 0, 0)
     return message(

@@ -86,7 +86,7 @@ class PacketReader:
         return len(self._body) - self._at
 
     def skip(self, size: int) -> int:
-        """Pass over so many bytes; returns where they begin."""
+        """Skip `size` bytes; returns where they begin."""
         if size > self.left:
             raise PacketError("ends too early")
         self._at += size
@@ -97,7 +97,7 @@ class PacketReader:
         return struct.unpack_from("<I", self._body, self.skip(4))[0]
 
     def count(self, least: int) -> int:
-        """The next number, of elements of so many bytes at least."""
+        """The next count, of elements of at least `least` bytes each."""
         count = self.number()
         if count * least > self.left:
             raise PacketError("counts more than it holds")
@@ -119,7 +119,7 @@ class PacketReader:
         return np.frombuffer(self._body, dtype, count, self.skip(dtype.itemsize * count))
 
     def part(self, size: int) -> "PacketReader":
-        """The next so many bytes as a body of their own."""
+        """The next `size` bytes as a body of their own."""
         start = self.skip(size)
         return PacketReader(self._body[start : start + size])
 

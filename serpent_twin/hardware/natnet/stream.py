@@ -38,7 +38,7 @@ KEPT = 240  # frames of the ring: two seconds at 120 Hz
 ALIVE = 0.5  # s between two messages to a unicast server, which drops clients that are silent
 BUFFER = 4 << 20  # bytes asked of the system, so that a flood of other packets displaces no frame
 LARGEST = 1 << 16  # bytes of a datagram
-READABLE = (3, 4)  # major versions of NatNet whose frames say which marker is lost
+READABLE = (3, 4)  # major versions of NatNet whose frames flag lost markers
 
 Address = tuple[str, int]
 
@@ -91,7 +91,7 @@ class Stream:
         self.info: ServerInfo | None = None
         self.dropped: Counter[str] = Counter()
         self.unreadable: natnet.Version | None = None
-        """NatNet's version, if the server speaks one that cannot be read."""
+        """NatNet's version, if the server uses one that cannot be read."""
         self.strangers: Counter[str] = Counter()
         """Other addresses that answered, and how often."""
         self._addresses = _resolved(config.server)

@@ -49,7 +49,7 @@ class Plateau:
     """The published schedule: Adam, its rate × 0.1 after three rises in a row, until it is tiny."""
 
     epochs: int
-    """Give up after so many passes even if the rate has not become tiny"""
+    """Most passes, also if the rate has not become tiny"""
     own_epochs: int = 0
     """As many as the readout itself allows; with fewer `epochs`, training may be cut short"""
     batch: int = 512
@@ -75,7 +75,7 @@ class OneCycle:
     epochs: int
     """Passes over the training windows"""
     own_epochs: int = 0
-    """As many as the readout itself asks for; with fewer `epochs`, training is cut short"""
+    """As many as the readout itself sets; with fewer `epochs`, training is cut short"""
     batch: int = 512
     """Windows per step"""
     rate: float = 1e-3

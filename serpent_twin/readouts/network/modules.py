@@ -85,7 +85,7 @@ class ChainModule(nn.Module):
             nn.init.zeros_(value)  # begin with the ridge's angles
         self.nominal = torch.tensor(ARM.markers_in_links, dtype=torch.float32)
         self.place = nn.Parameter(torch.zeros(N_JOINTS, 3))  # in marker_half: Adam's steps are of 1
-        self.network = [network]  # in a list, lest its weights be counted twice
+        self.network = [network]  # in a list, so that its weights are not counted twice
         self.joint_half = torch.tensor(joint_half, dtype=torch.float32)
         self.marker_half = torch.tensor(marker_half, dtype=torch.float32)
 

@@ -29,7 +29,7 @@ LONGEST = 0.01
 their spread, loads by a tenth of a percent of the stall torque."""
 LIMITS = Limits()
 LONGER = 0.9
-"""Share of a time step to ask of `impose`, which may take steps longer than it is told, by up to 1 / 0.9"""
+"""Share of the longest time step to request: steps may be longer than requested by up to 1 / 0.9"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,9 @@ class Motion:
 
 
 def check(rate: float, amplitude: float) -> None:
-    """Raise SerpentError if targets of ± an amplitude [rad], anew at a rate [Hz], are not safe to command."""
+    """Raise SerpentError if targets of ± an amplitude [rad], new ones at a rate [Hz], are not safe to
+    command.
+    """
     if not 0 < rate <= 100:
         raise SerpentError(f"The rate is {rate:g} Hz; give one above 0 and up to 100.")
     if not 0 < amplitude <= LIMITS.joint_angle:

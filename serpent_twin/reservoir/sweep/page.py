@@ -1,4 +1,4 @@
-"""Report a sweep: its points with units, what bodies compute and remember, how well poses are told."""
+"""Report a sweep: its points with units, what bodies compute and remember, how well poses are estimated."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

@@ -114,7 +114,7 @@ class Measuring:
     memory_delay: Annotated[int, within(0, 1000), _OF_BODY] = 16
     """Greatest delay of the linear memory, in command periods."""
     taps: Annotated[int, within(1, 100), _OF_BODY] = 4
-    """Last commands that a readout knows anyway, H; streams for the generalisation rank share as many."""
+    """Last commands that a readout is given anyway, H; streams for the generalisation rank share as many."""
     stretches: Annotated[int, within(1, 10_000), _OF_BODY] = 40
     """Runs side by side that share the steps."""
     washout: Annotated[int, within(0, 10_000), _OF_BODY] = 24

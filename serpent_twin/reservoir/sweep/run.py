@@ -195,7 +195,7 @@ def _gather(config: Sweep, points: Sequence[GridPoint]) -> dict[str, Any]:
 
 
 class _PointFile(stored.Form, frozen=True):
-    """What the file of a point holds; what could not be measured is null, and `failed` says why."""
+    """What the file of a point holds; what could not be measured is null, and `failed` states why."""
 
     point: dict[str, Any]
     arm: dict[str, Any]

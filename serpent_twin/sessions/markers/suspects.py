@@ -24,8 +24,8 @@ GLUED = "Put it back where it belongs, or label it anew."
 AXES = "xyz"
 ROWS = 16  # rows on which each suspect is tried
 UNITS = {1e3: "millimetres", 1e2: "centimetres", 1 / 0.0254: "inches", 1e-3: "kilometres"}
-ODD_SCALE, ODD_TURN, ODD_SHIFT = 0.015, np.radians(6), 6e-3  # reported from here on: 1, rad, m
-ALIKE, SPARE = 1.5, 5e-4  # a simpler fault may leave so many times the least, + m
+ODD_SCALE, ODD_TURN, ODD_SHIFT = 0.015, np.radians(6), 6e-3  # reported from these values: 1, rad, m
+ALIKE, SPARE = 1.5, 5e-4  # a simpler fault may leave this many times the least, + m
 
 Undo = Callable[[Array], Array]
 
@@ -46,7 +46,7 @@ class Suspect:
 
 def found(marker: Array, start: Array, possible: float) -> tuple[Suspect, float] | None:
     """The simplest fault without which rows (N, 9, 3) are within `possible` [m] of a pose, and what then
-    remains [m]; None if no single fault is it.
+    remains [m]; None if no single fault explains them.
     """
     some = np.unique(np.linspace(0, len(marker) - 1, min(ROWS, len(marker))).round().astype(int))
     marker, start = marker[some], start[some]

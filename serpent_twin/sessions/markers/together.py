@@ -38,9 +38,7 @@ def faults(marker: Array, start: Array, joint: Array, looked: np.ndarray) -> Ite
 def _places(
     marker: Array, joint: Array, doubted: float = DOUBTED, where: str = ""
 ) -> Iterator[Finding]:
-    """Where all rows together say that the markers sit, and, if that is `doubted` [m], in which scale and
-    frame.
-    """
+    """Where the markers sit by all rows together, and, if that is `doubted` [m], in which scale and frame."""
     some = np.linspace(0, len(marker) - 1, min(len(marker), marker_fit.ROWS)).round().astype(int)
     marker, joint = marker[some], joint[some]
     plain = marker_fit.fit(marker, joint)

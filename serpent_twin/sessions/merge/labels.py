@@ -123,7 +123,7 @@ def track(
     """A film of markers 1 … 9 put together from all columns, and the source of each marker's frames.
 
     `expected` (T, 9, 3) is the prediction in the cameras' frame, NaN outside of the session;
-    `owner` maps columns to markers, for good if trusted. Where labels break off or swap, stretches
+    `owner` maps columns to markers, fixed if trusted. Where labels break off or swap, stretches
     of other columns step in; what is near no marker, such as a reflection, stays out. The second
     result has, for each marker, the number of frames by column.
     """
