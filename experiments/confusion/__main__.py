@@ -1,7 +1,7 @@
 """Measure whether the trace names an arm's fault, how small a fault it detects, and when it is wrong.
 
 Every effect of the catalogue at several strengths, pairs, effects outside the catalogue, and none, in
-arms whose other numbers and noises are drawn anew for each. A trial is one arm: recorded, traced, and
+arms whose other numbers and noises are drawn for each. A trial is one arm: recorded, traced, and
 one line of results.jsonl. One takes minutes; the order of trials keeps the table balanced whenever it
 ends, and the same command goes on.
 """

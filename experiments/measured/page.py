@@ -131,7 +131,7 @@ def _change_said(name: str, each: Mapping[str, Any], metric: Metric) -> str:
     if ratio := each["payload_ratio"]:
         load = f" The load is {_interval(ratio)} of the {name}'s own weight."
     before, zeroed, after = (metric.told(each[k]) for k in ("before", "rezeroed", "after"))
-    course = f"The twin of the {name} as it was leaves {before}, calibrated anew {zeroed}"
+    course = f"The twin of the {name} as it was leaves {before}, calibrated again {zeroed}"
     course += f", with what was found {after}." if each["found"] else "."
     return f"{_listed([each['file']])}: {lacked(each)}.{load} {course}"
 

@@ -53,7 +53,7 @@ class PaperTable(Checked):
     """Fit the nominal parameters to the paper's results table, or check those in force."""
 
     out: Path = Path(__file__).parent
-    """Folder of the runs and the result; another one starts the fit anew."""
+    """Folder of the runs and the result; another one starts the fit again."""
     design: Annotated[int, within(0, 10_000)] = 8
     """Short runs at least that teach the emulator; 0 to judge the nominal parameters only."""
     full: Annotated[int, within(1, 10_000), when(design=GIVEN)] = 4

@@ -19,7 +19,7 @@ from serpent_twin.reservoir.sweep.rows import SweepRow, error_of, readouts, stea
 _CRITERIA = (
     f"A trend counts from a rank correlation of {TREND:g} on: it held if the whole 95 % interval lies "
     "beyond, did not hold if none of it does, and else cannot be told. Intervals, in brackets, are over "
-    "seeds, drawn anew; one seed tells nothing."
+    "resampled seeds; one seed has no interval."
 )
 _WORD = {HELD: "confirmed", NOT: "contradicted", OPEN: "open"}
 

@@ -138,7 +138,7 @@ class Trainable(ABC):
             raise SerpentError(
                 f"the readout {self.name} takes windows of {counted(self.window, 'row')}, "
                 f"{counted(expected, 'number')} each; "
-                f"got an array of shape {x.shape}. Cut the windows anew or train for that window."
+                f"got an array of shape {x.shape}. Cut the windows again or train for that window."
             )
 
 

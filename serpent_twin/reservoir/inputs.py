@@ -109,7 +109,7 @@ def check_means(mean: Array, sought: TargetProducts, rows: int) -> None:
     if abs(mean[worst]) > limit:
         raise SerpentError(
             f"The inputs are not independent: the product {label(sought.product(worst))} has mean "
-            f"{mean[worst]:.3f}, by chance below {limit:.3f}; draw every input anew in every row."
+            f"{mean[worst]:.3f}, by chance below {limit:.3f}; draw every input again in every row."
         )
 
 
@@ -159,6 +159,6 @@ def _dependent(where: tuple[np.intp, ...], score: float, limit: float, rows: int
     root = np.sqrt(rows - k)
     return (
         f"Input {later} is not independent of {other} {when}: its degree {a + 1} and the other's degree "
-        f"{b + 1} correlate {score / root:.3f}, by chance below {limit / root:.3f}; draw every input anew "
+        f"{b + 1} correlate {score / root:.3f}, by chance below {limit / root:.3f}; draw every input again "
         "in every row, or keep one row per draw."
     )

@@ -27,7 +27,7 @@ from serpent_twin.training.training_run import COST, judged, training_time
 FOLDER, SETTINGS, SCORES = "adapted", "adapt.json", "scores.json"
 NONE, ALL = "0", "all"
 SAME_RATE = 1.05
-_AGAIN = "Delete it, and the same command with --adapt makes it anew."
+_AGAIN = "Delete it, and the same command with --adapt makes it again."
 
 
 @dataclass(frozen=True)

@@ -114,7 +114,7 @@ class TrainingRun:
             told = "; ".join(f"{key} was {found.get(key)}, now {wanted[key]}" for key in differing)
             raise SerpentError(
                 f"{self.folder} holds a readout with other settings: {told}. Choose another --out, "
-                "or delete that folder to train it anew."
+                "or delete that folder to train it again."
             )
         return True
 

@@ -1,6 +1,6 @@
 """Compute confidence intervals of mean errors, and test whether two differ beyond chance.
 
-Errors of neighbouring rows are alike, so whole blocks of rows are drawn anew: a moving-block bootstrap
+Errors of neighbouring rows are alike, so whole blocks of rows are resampled: a moving-block bootstrap
 (Künsch, Annals of Statistics 17 (1989) 1217) with Student's t for the number of blocks. A block is five
 integrated autocorrelation times long, the sum of autocorrelations being cut off as Sokal (Cargèse lectures,
 1996) does. Of eight test sessions or more, whole sessions are drawn. Of made-up errors with an autoregression

@@ -55,7 +55,7 @@ def turned(axis: str, degrees: float) -> Callable[[Array], Array]:
 
 
 LABELS = r"'\d', given as marker \d, looks like marker \d"
-FRAME = r"by the frame file|Find the base frame anew"
+FRAME = r"by the frame file|Find the base frame again"
 FAULTS = {
     "scaled by 1.2": Fault(lambda m: 1.2 * m, r"1\.(2\d*|19\d) times as far apart as the arm's"),
     "scaled by 1.03": Fault(lambda m: 1.03 * m, r"1\.03\d* times as far apart"),

@@ -110,7 +110,7 @@ def named(
         raise SerpentError(f"the fault {name} is for motor {motor}; there are 1 … {N_MOTORS}.")
     if motor is not None and not kind.of_motor:
         raise SerpentError(
-            f"the fault {name} befalls no single motor; leave out the {motor}, or order it as "
+            f"the fault {name} affects no single motor; leave out the {motor}, or order it as "
             f"`{name} - SECONDS`."
         )
     seconds = kind.seconds if seconds is None else seconds

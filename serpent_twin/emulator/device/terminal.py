@@ -104,7 +104,7 @@ def _require_free(link: Path) -> None:
         if link.exists():
             raise SerpentError(
                 f"--link {link} leads to {link.readlink()}, which is alive: another device may serve "
-                "it. End that device, or name another path; remove the link if it is nobody's."
+                "it. End that device, or name another path; remove the link if no device serves it."
             )
     elif os.path.lexists(link):
         raise SerpentError(f"--link {link}: something else lies there; name a path that is free.")

@@ -42,7 +42,7 @@ def of_setting(motor: int, words: Mapping[str, int], setup: ArmSetup) -> Iterato
         stored = getattr(setup, name)
         if stored and stored[motor - 1] != words[name]:
             what = f"{name} is {words[name]}, was {stored[motor - 1]} when zero was set"
-            todo = f"Set {name} back, or set the arm's zero anew. {zero_again(setup)}"
+            todo = f"Set {name} back, or set the arm's zero again. {zero_again(setup)}"
             yield Objection(motor, what, todo)
     if words["drive_mode"] & ~REVERSE:
         what = f"drive_mode is {words['drive_mode']}"

@@ -102,7 +102,7 @@ class Goals:
         if off:
             named = self._registers.name(off)
             raise BusError(f"the torque of {named} was switched off from elsewhere. {ADVICE}")
-        self._recovery.note("clock", f"the clock of {self._registers.name(motors)} was set anew")
+        self._recovery.note("clock", f"the clock of {self._registers.name(motors)} was set again")
 
     def _repair(self, motors: np.ndarray) -> bool:
         """Make motors follow their goals again; returns whether anything was wrong with them."""

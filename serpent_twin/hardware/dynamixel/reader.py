@@ -31,7 +31,7 @@ class NewClockError(BusError):
     """The clocks of `motors`, numbered from 1, run on from another time: they may have restarted."""
 
     def __init__(self, motors: list[int]) -> None:
-        super().__init__(f"the clock of motors {motors} began anew.")
+        super().__init__(f"the clock of motors {motors} was reset.")
         self.motors = motors
 
 

@@ -125,7 +125,7 @@ def zero_again(setup: ArmSetup) -> str:
     command = f"python -m serpent_twin.bus.zero --port {setup.port}"
     command += f" --setup {setup.path}" if setup.path else ""
     if is_pseudo_terminal(setup.port):
-        return f"If the simulated arm is bent, start the device anew; then run {command}."
+        return f"If the simulated arm is bent, restart the device; then run {command}."
     return f"Hang the arm straight, then run {command}."
 
 

@@ -32,7 +32,7 @@ from serpent_twin.runs.worker_pool import Pool, execute
 from serpent_twin.stored import same_in_json, within
 
 SETTINGS = "sweep.json"
-_ANEW = "Delete it, and the same command measures it anew."
+_AGAIN = "Delete it, and the same command measures it again."
 _GRID, _WHERE = Group("grid"), Group("computing")
 
 
@@ -206,8 +206,8 @@ class _PointFile(stored.Form, frozen=True):
 
 
 def _read(path: Path) -> dict[str, Any]:
-    found = stored.read_json(path, advice=_ANEW)
-    stored.take(found, _PointFile, str(path), _ANEW)
+    found = stored.read_json(path, advice=_AGAIN)
+    stored.take(found, _PointFile, str(path), _AGAIN)
     return found
 
 

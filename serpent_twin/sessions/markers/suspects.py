@@ -15,12 +15,12 @@ from serpent_twin.sessions.markers.marker_fit import MarkerFit, fit
 from serpent_twin.sessions.markers.posed import missed
 
 LABELS = "Correct the labels, in Motive or by --labels, and export or record again."
-FRAME = "Find the base frame anew: python -m serpent_twin.mocap frame --help."
+FRAME = "Find the base frame again: python -m serpent_twin.mocap frame --help."
 CAMERAS = (
     "Calibrate the cameras with their wand's true length, or name the unit that the numbers have."
 )
 COLUMNS = "Correct what wrote these columns."
-GLUED = "Put it back where it belongs, or label it anew."
+GLUED = "Put it back where it belongs, or label it again."
 AXES = "xyz"
 ROWS = 16  # rows on which each suspect is tried
 UNITS = {1e3: "millimetres", 1e2: "centimetres", 1 / 0.0254: "inches", 1e-3: "kilometres"}

@@ -63,7 +63,7 @@ def _places(
         yield Finding(
             "error",
             f"The markers scatter by {1e3 * plain.rms:.1f} mm a coordinate about every pose of the arm"
-            f"{where}; up to {1e3 * SCATTER:.0f} mm is believed. Calibrate the cameras anew.",
+            f"{where}; up to {1e3 * SCATTER:.0f} mm is accepted. Calibrate the cameras again.",
         )
 
 

@@ -68,7 +68,7 @@ def refuse_frame(given: Rigid, source: str, fitted: Rigid, points: Array) -> Non
             f"by the {source}, the markers are {1e3 * off:.0f} mm away from where the motors say they "
             f"are, and turned by {np.degrees(turned):.0f}°; up to "
             f"{1e3 * FRAME_OFF:.0f} mm and {np.degrees(FRAME_TURNED):.0f}° are believed. The cameras "
-            "were calibrated anew, or it is another base's frame: find it again, or leave it out."
+            "were calibrated again, or it is another base's frame: find it again, or leave it out."
         )
 
 
