@@ -11,7 +11,7 @@ from serpent_twin.errors import SerpentError
 
 @dataclass(frozen=True)
 class Effects:
-    """Laws by strength; zero strength is absence, whatever the rest says."""
+    """Laws by strength; zero strength is absence, whatever the other values are."""
 
     payload: float = 0.0
     """Point mass in the gripper, on link 9's long axis 90 mm behind joint 9 [kg]."""
@@ -41,8 +41,8 @@ class Effects:
     cable_stiffening: float = 0.0
     """1/x₀ of T = k x (1 + x/x₀) [1/m]."""
     clamp_slip: float = 0.0
-    """Rate at which a strand lengthens for good per tension beyond the threshold [m/(N s)]. Clamps are
-    tightened anew before every session."""
+    """Rate at which a strand lengthens permanently per tension beyond the threshold [m/(N s)]. Clamps are
+    tightened again before every session."""
     clamp_threshold: float = 5.0
     """Tension that the clamp holds [N]."""
     clamp_strand: int = 0

@@ -60,7 +60,7 @@ def motion(steps: int) -> np.ndarray:
 
 
 def bare(sessions: int, control: np.ndarray) -> float:
-    """Seconds that MuJoCo's rollout on all cores takes for so many sessions."""
+    """Seconds that MuJoCo's rollout on all cores takes for these sessions."""
     model = mjcf.build().compile()
     data = [mujoco.MjData(model) for _ in range(THREADS)]
     full = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -84,7 +84,7 @@ def collected(sessions: int, steps: int) -> float:
 
 
 def peak_memory(steps: int) -> float:
-    """Peak resident memory of one collecting process [MB] for a session of so many steps."""
+    """Peak resident memory of one collecting process [MB] for a session of `steps` steps."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "serpent_twin.collect", "--out", f"{folder}/logs"]
         command += ["--sessions", "1", "--steps", str(steps)]

@@ -77,7 +77,7 @@ def counting() -> float:
 
 
 def swept(count: int, steps: int) -> tuple[float, float]:
-    """Seconds and peak memory [MB], all processes together, of a sweep over so many seeds."""
+    """Seconds and peak memory [MB], all processes together, of a sweep over these seeds."""
     few = {"delays": "4 2 0", "coarsest": "1", "sessions": "3", "session-steps": "200"}
     flags = [f"--{name} {value}" for name, value in few.items()] + [f"--steps {steps}"]
     seeds = [str(seed) for seed in range(count)]

@@ -49,7 +49,7 @@ def steps(out: Path) -> list[tuple[str, list[Any]]]:
 
 
 def main(config: Demo) -> None:
-    """Run the demo, say where its results are and what to type next."""
+    """Run the demo, and print where its results are and what to type next."""
     start = time.perf_counter()
     for title, command in steps(config.out):
         words = ["-m", *map(str, command)]

@@ -45,7 +45,7 @@ class CloseTheLoop(Checked):
     arms: tuple[str, ...] = ()
     """Which arms, by the names of their folders; all without."""
     sessions: Annotated[int, within(0, 10_000)] = 4
-    """Use only the first so many sessions of each arm, the last of them held out; 0 for all."""
+    """Use only this many sessions of each arm, the first ones, the last of them held out; 0 for all."""
     seed: Seed = 0
     """Of bootstrap and permutations."""
     page: Path | None = None
@@ -88,7 +88,7 @@ def arm_folders(logs: Path, arms: Sequence[str]) -> dict[str, Path]:
 
 
 def diagnose(config: CloseTheLoop, name: str, folder: Path) -> dict[str, Any]:
-    """What diagnosis.json says of an arm; a finished trace is not done again."""
+    """Content of an arm's diagnosis.json; a finished trace is not repeated."""
     out = config.out / name
     done = out / "diagnosis.json"
     if done.exists():
@@ -106,7 +106,7 @@ def _settings(config: CloseTheLoop, folders: Mapping[str, Path]) -> dict[str, An
 
 
 def session_hashes(folders: Mapping[str, Path], sessions: int) -> dict[str, dict[str, str]]:
-    """SHA-256 of the first so many sessions of each arm, all for 0, by arm and file."""
+    """SHA-256 of each arm's first sessions, as many as are used, by arm and file."""
     used = {name: session_files(path)[: sessions or None] for name, path in folders.items()}
     return {name: {p.name: file_hash(p) for p in paths} for name, paths in used.items()}
 

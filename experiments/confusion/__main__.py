@@ -139,7 +139,7 @@ def _line(row: dict[str, Any]) -> str:
 def _publish(
     config: Confusion, trials: Sequence[Trial], results: Results, settings: dict[str, Any]
 ) -> None:
-    """Write results.json and the report over all rows, and say what was not run."""
+    """Write results.json and the report over all rows, and print what was not run."""
     rows, failed = results.scored, results.failed
     missing = [trial.id for trial in trials if trial.id not in results.rows]
     print(

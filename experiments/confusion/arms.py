@@ -24,7 +24,7 @@ from serpent_twin.sim.twin_model import TwinModel
 RATE_HZ = 4.0
 MARKER_LOSS = 0.002
 Truth = dict[str, Any]
-"""What a recording hides: `effects`, each as `_truth` tells it, and the arm."""
+"""The truth of a recording: `effects`, each as from `_truth`, and the arm."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def _told(name: str, effect: Effect) -> Truth:
 
 
 def _truth(name: str, parameters: dict[str, float], strength: float) -> Truth:
-    """What is told of an effect; `strong` names the parameters to be compared with their intervals."""
+    """The entry of an effect; `strong` names the parameters to be compared with their intervals."""
     kind = CATALOGUE.get(name) or OUTSIDE.get(name)
     known = kind is not None and name in CATALOGUE
     return {

@@ -15,11 +15,11 @@ class Confusion(Checked):
     out: Path = Path("confusion")
     """Folder for results; the same command goes on where it stopped."""
     source: Literal["twin", "bench"] = "twin"
-    """Who writes the logs: the twin itself, which flatters it, or the independent arm of the tests."""
+    """What writes the logs: the twin itself, which is too favourable, or the independent arm of the tests."""
     rounds: Annotated[int, within(1, 10_000)] = 10
     """Rounds of the plan: each effect once, two clean arms, a pair, the effects outside the catalogue."""
     trials: Annotated[int, within(0, 1_000_000)] = 0
-    """At most so many of the plan's trials, those done before included; 0 for all."""
+    """At most this many of the plan's trials, finished ones included; 0 for all."""
     only: tuple[str, ...] = ()
     """Only trials with these effects or of these kinds: clean, known, pair, outside."""
     sessions: Annotated[int, within(2, 10_000)] = 4
@@ -29,9 +29,9 @@ class Confusion(Checked):
     workers: Annotated[int, within(1, 1024)] = 1
     """Trials side by side; a trace uses all cores by itself, so more helps little."""
     budget_minutes: Annotated[float, within(0, 1e6, "min")] = 0.0
-    """Begin no trial after so long; 0 for no limit."""
+    """Begin no trial after this time; 0 for no limit."""
     seed: Seed = 0
-    """Of all that is drawn."""
+    """Seed of all random draws."""
     keep: bool = False
     """Keep every trial's logs and fits: tens of megabytes each."""
     page: Path | None = None

@@ -20,7 +20,7 @@ _WEIGHT = 0.02  # of the slope's square: keeps it finite where right and wrong d
 
 
 def called(row: Row) -> str:
-    """What the trace says of an arm: one name, several, unexplained or nothing."""
+    """The trace's answer on an arm: one name, several, unexplained or nothing."""
     named = row["named"]
     if named:
         return named[0]["name"] if len(named) == 1 else SEVERAL
@@ -28,7 +28,7 @@ def called(row: Row) -> str:
 
 
 def right(row: Row) -> bool:
-    """Whether all is named that is there and nothing else; outside the catalogue, that nothing is."""
+    """Whether exactly the injected effects are named; for an effect outside the catalogue, none."""
     if row["kind"] == OUTSIDE:
         return called(row) == UNEXPLAINED
     wanted = {effect["name"] for effect in row["truth"]["effects"]}
@@ -55,7 +55,7 @@ def _by_kind(rows: Sequence[Row]) -> Any:
 
 @dataclass(frozen=True)
 class Share:
-    """So many out of so many, with a 95 % interval (Wilson)."""
+    """A count out of a total, with a 95 % interval (Wilson)."""
 
     count: int
     of: int
@@ -138,9 +138,8 @@ def _limit(name: str, rows: Sequence[Row]) -> Limit:
 
 
 def detection_limit(strength: Array, correct: Array, unit: str) -> tuple[float, str]:
-    """Where a logistic curve over the logarithm of the strength reaches 95 %, and how to say it.
-
-    Only a limit within the strengths tried is a number; NaN comes with what the trials do tell.
+    """Where a logistic curve over the logarithm of the strength reaches 95 %, and this as text. Only a limit
+    within the strengths tried is a number; with NaN, the text states what the trials show.
     """
     low, high = quantity(strength.min(), unit), quantity(strength.max(), unit)
     if len(strength) < _FEWEST:

@@ -20,7 +20,7 @@ def run_before(end: float, config: Confusion, trial: Trial) -> dict[str, Any] | 
 
 
 def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
-    """Record an arm, trace it, and say what was there and what was found."""
+    """Record an arm, trace it, and return what was injected and what was found."""
     folder = config.out / "trials" / trial.id
     folder.mkdir(parents=True, exist_ok=True)
     try:

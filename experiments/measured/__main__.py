@@ -61,7 +61,7 @@ def main(config: Measured) -> None:  # noqa: D103 tyro would print it above the 
 
 
 def _bench(config: Measured, name: str, runs: Asked) -> dict[str, Any]:
-    """What results.json says of a machine: its first split, then every split, their spread, and changes."""
+    """A machine's entry in results.json: its first split, then every split, their spread, and changes."""
     bench = BENCHMARKS[name]
     scored = [_split(config, name, *each) for each in runs.splits]
     corrected = [each["corrected"] for each in scored]

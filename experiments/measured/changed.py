@@ -37,7 +37,7 @@ def changed(
     out: Path,
     seed: int,
 ) -> list[dict[str, Any]]:
-    """What results.json says of each run after a change; effects are those of a trace's twin.json."""
+    """The entry in results.json of each run after a change; effects are those of a trace's twin.json."""
     if not runs:
         return []
     before = _before(name, twin, unchanged, out / name / "unchanged" / "twin.json")
@@ -45,7 +45,7 @@ def changed(
 
 
 def _before(name: str, twin: Path, runs: Sequence[Recording], path: Path) -> Path:
-    """The twin of the machine as it was, fitted anew to all its runs, with its parameters' errors."""
+    """The twin of the machine as it was, fitted again to all its runs, with its parameters' errors."""
     of = {run.name: file_hash(run.path) for run in runs if run.path} | {"twin": _digest(twin)}
     if path.exists() and read_twin(path, name).fitted_to == of:
         return path

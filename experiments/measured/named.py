@@ -1,6 +1,6 @@
 """Score a twin on files that did not exist when its effects were chosen.
 
-The effects are those that a trace on the other runs accepts; all parameters are then fitted anew to all of
+The effects are those that a trace on the other runs accepts; all parameters are then fitted again to all of
 the other runs.
 """
 
@@ -26,12 +26,12 @@ _DERIVATIVES = 3
 
 @dataclass(frozen=True)
 class Judged:
-    """A twin on files that nothing was fitted to, nor chosen by."""
+    """Scores of a twin on files that were used neither to fit nor to choose anything."""
 
     comparisons: dict[str, Comparison]
     """nominal, calibrated, corrected"""
     effects: dict[str, dict[str, ParameterEstimate]]
-    """Parameters of each, fitted anew"""
+    """Parameters of each, fitted again"""
 
 
 def judge(

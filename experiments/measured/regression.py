@@ -45,7 +45,7 @@ def _jaw_with_torque(run: Recording) -> Array:
 
 
 def _commands(delay: float, degree: int) -> Features:
-    """The trunk's six commands, so many seconds late, and their products."""
+    """The trunk's six commands, delayed by a time [s], and their products."""
 
     def features(run: Recording) -> Array:
         time = run.columns["time"]
@@ -61,7 +61,7 @@ def _motor_angles(run: Recording) -> Array:
 
 
 def _products(values: Sequence[Array], degree: int) -> Array:
-    """All products of up to so many of the values, (T, features)."""
+    """All products of the values up to a degree, (T, features)."""
     chosen = [
         each
         for size in range(1, degree + 1)
@@ -103,7 +103,7 @@ several reads what the twin has to predict
 def regressions(
     rig: str, training: Sequence[Recording], judging: Sequence[Recording], metric: Metric
 ) -> dict[str, float]:
-    """Errors on the judging runs, in the metric, by what the regression knows."""
+    """Errors on the test runs, in the metric, by the inputs of the regression."""
     if rig not in KNOWN:
         return {}
     outputs, kinds = KNOWN[rig]

@@ -173,7 +173,7 @@ def expected(
 ) -> NDArray[np.float64]:
     """Errors of a full run [mm], (5,), a step away from one that was made, at a marker noise [m].
 
-    The emulator says by which factor each error changes; LSTM is taken to change as MLP does. White
+    The emulator gives the factor by which each error changes; LSTM is taken to change as MLP does. White
     noise of the measured markers is not emulated: it adds to any estimate's error in quadrature.
     """
     here = place(Parameters(**anchor["parameters"]))

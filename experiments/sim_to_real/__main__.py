@@ -38,7 +38,7 @@ CHANGING = (1600, 600)  # rows, and the row at which the arm changes
 
 @dataclass(frozen=True)
 class SimToReal(Checked):
-    """Compare what mended twins and real windows are worth to pose estimates.
+    """Compare corrected twins with real windows as training data of pose estimates.
 
     OUT gets results.json, report.html, report.md, figures, each arm's trace, logs of its twins and all
     trained readouts. The same command goes on where it stopped.

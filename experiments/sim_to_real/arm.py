@@ -67,7 +67,7 @@ class ArmWindows:
         return joined(self.train, self.validate)
 
     def few(self, count: str) -> Windows:
-        """The first so many of them."""
+        """The first `count` of them."""
         return self.all if count == ALL else self.all.first(int(count))
 
     @property
@@ -186,7 +186,7 @@ def _routes(study: Study) -> dict[str, Any]:
 
 
 def _from_scratch(study: Study, name: str) -> dict[str, float]:
-    """Trained on the arm's first windows alone, the last fifth of which steers."""
+    """Trained on the arm's first windows alone, the last fifth of which is for early stopping."""
     errors = {}
     for count in study.real.counts[:-1]:
         few, learned = study.real.few(count), 4 * int(count) // 5

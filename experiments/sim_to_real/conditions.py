@@ -1,7 +1,7 @@
 """Measure the error of each route in conditions that no readout was trained for.
 
-The arm is simulated here: it is a twin that the logs do not tell from the corrected one, with which the
-observer goes on. So an error of all twins is not in these figures; the logged arm's are elsewhere.
+The arm is simulated here: it is a twin that the logs cannot distinguish from the corrected one, which the
+observer uses. So an error of all twins is not in these figures; the logged arm's are elsewhere.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -49,7 +49,7 @@ class Condition:
 
 
 def conditions(hour: int) -> tuple[Condition, ...]:
-    """All that are tried; the long one takes so many rows."""
+    """All that are tried; the long one takes `hour` rows."""
     return (
         Condition("as trained"),
         Condition("10 Hz", rate_hz=10.0),
@@ -109,7 +109,7 @@ def in_conditions(
     hour: int,
     on_progress: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Errors [mm] and coverage of each estimator in each condition; what it refuses, it says."""
+    """Errors [mm] and coverage of each estimator in each condition, or why it refuses."""
     found: dict[str, Any] = {}
     for condition in conditions(hour):
         on_progress(f"condition: {condition.name}")

@@ -44,7 +44,7 @@ QUICK = Size(3, 400, 2, epochs=3)
 
 @dataclass(frozen=True)
 class Twins:
-    """What the loop knows of one arm before its test session."""
+    """Twins of one arm, made before its test session is used."""
 
     corrected: TwinModel
     calibrated: TwinModel
@@ -77,7 +77,7 @@ def trace_arm(folder: Path, parts: Split, out: Path, seed: int, size: Size) -> T
 def simulated(
     stage: str, twins: Twins, rate_hz: float, out: Path, seed: int, size: Size
 ) -> tuple[Windows, Windows]:
-    """Windows of a stage's twins, to learn from and to steer by; the twins' logs are kept in `out`."""
+    """Windows of a stage's twins, for training and for validation; the twins' logs are kept in `out`."""
     designs = twins.of(stage)
     each = max(1, size.sessions // len(designs))
     parts = []

@@ -44,7 +44,7 @@ class StiffnessSweep(Checked):
     out: Path = Path("stiffness_sweep")
     """Folder for results; the same command goes on where it stopped."""
     quick: bool = False
-    """A few short points: a minute or two, to see that everything works; tells little."""
+    """A few short points: a minute or two, to see that everything works; it shows little else."""
     rate: Annotated[RateHz, when(quick=False)] = 2.5
     """Commands per second [Hz]; slower ones go further, and take longer. --quick has the published 4."""
     lstm: Annotated[bool, when(quick=False)] = False
@@ -54,7 +54,7 @@ class StiffnessSweep(Checked):
     arms: Annotated[tuple[str, ...], when(logs=GIVEN)] = ()
     """Which arms, by the names of their folders; all without."""
     sessions: Annotated[int, within(0, 10_000), when(logs=GIVEN)] = 0
-    """Use only the first so many sessions of each arm; 0 for all."""
+    """Use only this many sessions of each arm, the first ones; 0 for all."""
     twins: Annotated[Path | None, when(logs=GIVEN)] = None
     """Folder with ARM/twin.json of traced arms; without, stiffness is a first guess from the logs."""
     transfer: bool = True

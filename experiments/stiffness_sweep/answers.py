@@ -36,7 +36,7 @@ def answers(rows: Rows) -> list[Answer]:
 
 
 def judged(expectation: str, verdict: str, why: str, few: str, **numbers: object) -> Answer:
-    """An answer, which cannot be told where there is too little to tell it from."""
+    """An answer; undecided where the data are too few."""
     if few:
         verdict, why = OPEN, f"{few}; {why}"
     text = why[0].upper() + why[1:] + "."

@@ -26,7 +26,7 @@ from serpent_twin.training.training_run import TrainingRun
 
 HOLDS = 8
 """Greatest delay of the memory of logs, in holds of one target"""
-_FEW = 600  # rows that tell the cameras' noise
+_FEW = 600  # rows from which the cameras' noise is estimated
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def _median(arm: twin_model.TwinModel, source: str) -> ChartPosition:
 
 
 def placed(sessions: Sequence[Session], at: ChartPosition, plan: Plan) -> dict[str, Any]:
-    """What readouts and memory say of a logged arm, and of the twin at its place, in as many rows."""
+    """Errors of readouts and memory of a logged arm, and of the twin at its place, in as many rows."""
     rows, rate = min(map(len, sessions)), sessions[0].rate_hz
     alike = replace(plan.measuring, sessions=len(sessions), session_steps=rows, session_rate=None)
     usual = vars(plan.point(at.stiffness, slack=at.slack, rate=rate))
@@ -116,7 +116,7 @@ def trained(name: str, sessions: Sequence[Session]) -> Estimator:
 
 
 def refused(sessions: Sequence[Session]) -> str:
-    """Why the commands of logs, row by row, measure no capacities, as `check_inputs` says it."""
+    """Why the commands of logs, row by row, measure no capacities, in the words of `check_inputs`."""
     rows = min(map(len, sessions))
     commands = np.stack([_scaled(session.joint_target[:rows]) for session in sessions])
     try:

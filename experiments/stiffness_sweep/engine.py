@@ -20,7 +20,7 @@ from serpent_twin.sim.many_twins import TIMESTEP, hasten, substeps
 CORES = os.cpu_count() or 1
 _ROUNDS = 3
 Job = tuple[GridPoint, int, int]
-"""An arm, and stretches of so many command periods"""
+"""An arm, a number of stretches, and the command periods of each"""
 
 
 def engine_ratio(point: GridPoint, stretches: int = 40, periods: int = 20) -> float:
@@ -48,7 +48,7 @@ def simulate(job: Job) -> None:
 
 
 def _step(point: GridPoint) -> float:
-    """The time step that `drive` asks for [s]."""
+    """The time step that `drive` requests [s]."""
     longest = drive.steady_timestep(point.stiffness or 0.0, TIMESTEP, drive.LONGEST)
     return drive.LONGER * longest
 

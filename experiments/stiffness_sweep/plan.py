@@ -133,7 +133,7 @@ def full(rate: float, slow: tuple[str, ...] = ()) -> Plan:
 
 
 def quick() -> Plan:
-    """A minute's worth: shows that everything works, and can tell little."""
+    """A minute's worth: shows that everything works, and little else."""
     stiffness = (2e3, 1.2e4, 8e4)
     few = Measuring(
         delays=(4, 2, 0), memory_delay=8, taps=2, stretches=10, washout=10, repeated=40, stream=4,

@@ -36,7 +36,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Answer:
-    """What the sweep says to an expectation."""
+    """What the sweep shows about an expectation."""
 
     expectation: str
     verdict: str
@@ -65,7 +65,7 @@ def over_seeds(values: Array, statistic: Callable[[Array], Array]) -> Interval:
 
 
 def _mean(values: Array) -> Array:
-    """Mean over the last axis of what is there; NaN where nothing is."""
+    """Mean of the known values over the last axis; NaN where there are none."""
     there = np.isfinite(values)
     total, count = np.where(there, values, 0.0).sum(axis=-1), there.sum(axis=-1)
     return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
@@ -93,7 +93,7 @@ def _centred(ranks: Array, gap: np.ndarray) -> Array:
 
 
 def rises(of: Interval, least: float = TREND) -> str:
-    """Whether a correlation is at least so high: held, did not hold, cannot be told."""
+    """Whether a correlation is at least this high: held, did not hold, cannot be told."""
     if of.low >= least:
         return HELD
     return NOT if of.high < least else OPEN
@@ -112,7 +112,7 @@ def both(*verdicts: str) -> str:
 
 
 def too_few(values: Array, axis: int | None = 1) -> str:
-    """Why values (L, K, S) cannot tell a trend along an axis, in a clause; empty if they can."""
+    """Why values (L, K, S) do not determine a trend along an axis, in a clause; empty if they do."""
     if not np.isfinite(values).any():
         return "no point could be measured"
     if values.shape[-1] < FEWEST_SEEDS:
