@@ -73,7 +73,7 @@ def _maps(rows: Rows) -> Figure:
         axes.set_title(title, loc="left", fontsize=10, color=SOFT)
     caption = (
         "Where the body adds most to its last commands: capacity with taps minus taps alone, of motor angles "
-        "and loads as read, and of joint angles and loads without noise. Right: where the pose is told best."
+        "and loads as read, and of joint angles and loads without noise. Right: the pose error."
     )
     return Figure("maps", drawing, caption)
 

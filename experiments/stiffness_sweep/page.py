@@ -50,7 +50,7 @@ def sections(
         Section("Where it is best", "", (drawn["maps"],)),
         Section("What the body computes", control(rows), (drawn["capacity_by_degree"],)),
         Section("What it remembers", "", (drawn["memory_profile"],)),
-        Section("How well the pose is told", "", (drawn["pose_error"],)),
+        Section("Pose error of readouts", "", (drawn["pose_error"],)),
         Section("Other commands, other damping", "", (drawn["commands"], *_besides(rows))),
     ]
     if arms:

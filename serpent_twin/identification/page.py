@@ -7,7 +7,7 @@ import numpy as np
 from serpent_twin.identification import figures, tables
 from serpent_twin.identification.diagnosis import Diagnosis, Named
 from serpent_twin.machines.machine import Candidate
-from serpent_twin.numerals import counted
+from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import Figure, Report, Section
 from serpent_twin.residual import describe
 from serpent_twin.residual import figures as residual_figures
@@ -43,7 +43,7 @@ def page(
 def _given(diagnosis: Diagnosis, facts: Mapping[str, str]) -> str:
     """The logs and the held-out sessions, for the title."""
     names = [name.removesuffix(".parquet") for name in diagnosis.held_out]
-    told = [facts.get("logs", ""), f"judged by {_listed(names)}" if names else ""]
+    told = [facts.get("logs", ""), f"judged by {listed(names)}" if names else ""]
     return f" ({', '.join(filter(None, told))})" if any(told) else ""
 
 
@@ -63,8 +63,8 @@ def _found(diagnosis: Diagnosis) -> str:
     if diagnosis.blind:
         return "These logs cannot show whether anything is missing: they excite no effect of the catalogue."
     return (
-        f"Nothing {'was found' if diagnosis.doubt else 'is'} missing: no effect of the catalogue betters "
-        "the calibrated twin beyond chance and by enough to be worth its parameters."
+        f"Nothing {'was found' if diagnosis.doubt else 'is'} missing: no effect of the catalogue improves "
+        "the calibrated twin beyond chance and by enough to justify its parameters."
     )
 
 
@@ -86,7 +86,7 @@ def _course(diagnosis: Diagnosis) -> str:
             floor = error.get("noise_floor", np.nan)
             noise = f"; noise alone makes {floor:.2f}{unit}" if np.isfinite(floor) else ""
             noise = noise or f"; what noise alone makes is {UNKNOWN}"
-            return f"On {_sessions(diagnosis)}, {measure.are} off by {_listed(told)}{noise}."
+            return f"On {_sessions(diagnosis)}, {measure.are} off by {listed(told)}{noise}."
     return ""
 
 
@@ -100,7 +100,7 @@ def _rest(diagnosis: Diagnosis) -> str:
 
 def _sessions(diagnosis: Diagnosis) -> str:
     names = [name.removesuffix(".parquet") for name in diagnosis.held_out]
-    return f"{_listed(names)}, to which nothing was fitted" if names else "the held-out segments"
+    return f"{listed(names)}, to which nothing was fitted" if names else "the held-out segments"
 
 
 def _residual_figures(diagnosis: Diagnosis) -> dict[str, Figure]:
@@ -136,13 +136,13 @@ def _ranking(diagnosis: Diagnosis) -> Section | None:
         return None
     verdicts = [each.verdict for each in diagnosis.candidates]
     count = {verdict: verdicts.count(verdict) for verdict in tables.VERDICTS}
-    told = _listed([f"{n} {verdict}" for verdict, n in count.items() if n])
+    told = listed([f"{n} {verdict}" for verdict, n in count.items() if n])
     text = (
         f"{counted(len(diagnosis.candidates), 'candidate was', 'candidates were')} tried: {told}. "
-        "A candidate is accepted only if it betters sessions that it was not "
-        "fitted to, beyond chance and by enough to be worth its "
+        "A candidate is accepted only if it reduces the error on sessions that it was not "
+        "fitted to, beyond chance and by enough to justify its "
         "parameters. Not excited means that these logs could not show it; unstable, that the simulation of a "
-        "twin with it gave up."
+        "twin with it became unstable."
     )
     return Section(
         "Which candidate",
@@ -173,7 +173,7 @@ def _about(effect: Named, known: Mapping[str, Candidate], verdicts: Mapping[str,
     said = (
         f"{_capital(figures.spaced(effect.name))}. {candidate.about}",
         f"It shows in {candidate.shows_in}." if candidate.shows_in else "",
-        f"It can be confused with {_listed(alike)}." if alike else "",
+        f"It can be confused with {listed(alike)}." if alike else "",
     )
     return " ".join(part for part in said if part)
 
@@ -222,7 +222,7 @@ def _loads(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
         return None
     text = (
         "Loads are predicted from the same motor angles. At rest, gear friction may hold any load "
-        "within its bounds, so that motion tells more."
+        "within its bounds, so that the loads of moving motors determine more."
     )
     return Section("Loads", text, (figure,))
 
@@ -234,7 +234,7 @@ def _calibration(diagnosis: Diagnosis, prior: Mapping[str, float]) -> Section | 
     if not diagnosis.calibration:
         parts = ["No declared parameter was fitted."]
     if diagnosis.cautions:
-        parts += ["What the data cannot tell:", *(f"• {each}" for each in diagnosis.cautions)]
+        parts += ["What the data do not determine:", *(f"• {each}" for each in diagnosis.cautions)]
     table = tables.calibration(diagnosis.calibration, prior)
     return Section("Calibration", "\n\n".join(parts), (table,) if table.rows else ())
 
@@ -261,10 +261,6 @@ def _last_resort(diagnosis: Diagnosis) -> Section:
             f"{learned.after:.2f} {unit} with it."
         )
     return Section("Last resort, apart from physics", f"{text}\n\n{said}")
-
-
-def _listed(words: list[str]) -> str:
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def _capital(text: str) -> str:

@@ -54,7 +54,7 @@ def candidates(tried: Sequence[Tried], unit: str = "mm") -> Table:
     rows = tuple((spaced(t.name), _fixed(t.error), t.verdict, t.why) for t in order)
     marked = frozenset(n for n, each in enumerate(order) if each.verdict == ACCEPTED)
     note = (
-        "Held-out error with the candidate; where it was not worth a full fit, that of the twin "
+        "Held-out error with the candidate; where it was not fitted fully, that of the twin "
         "without it."
     )
     return Table(("candidate", f"error [{unit}]", "verdict", "why"), rows, note, marked)
@@ -113,7 +113,7 @@ def calibration(found: Mapping[str, Calibrated], prior: Mapping[str, float]) -> 
     note = (
         f"The {len(rows)} of {counted(len(found), 'parameter')} that moved most from their start, "
         f"a first guess out of "
-        "the training sessions or, where these tell nothing at first sight, the declared number."
+        "the training sessions or, where these give none, the declared number."
     )
     return Table(header, rows, note)
 

@@ -132,7 +132,7 @@ def help_text() -> str:
 
 
 def _meaning(kind: FaultKind) -> str:
-    usual = f" ({kind.seconds:g} unless told)" if isfinite(kind.seconds) else ""
+    usual = f" ({kind.seconds:g} by default)" if isfinite(kind.seconds) else ""
     return f"{kind.name}, {kind.help}{usual}"
 
 

@@ -188,7 +188,7 @@ def pose_error(
     for axes in panels:
         axes.set_yscale("log")
     finish(drawing, panels, of)
-    caption = "How well readouts tell the pose. Bars span the seeds."
+    caption = "Pose error of readouts. Bars span the seeds."
     return Figure("pose_error", drawing, caption + _left_out(of))
 
 

@@ -36,7 +36,7 @@ def page(name: str, rows: Sequence[SweepRow], facts: Mapping[str, str]) -> Repor
             Section("What it remembers", "", (figures.memory(grid),)),
         ]
     if readouts(grid):
-        sections.append(Section("How well the pose is told", "", (figures.pose_error(grid),)))
+        sections.append(Section("Pose error of readouts", "", (figures.pose_error(grid),)))
     if failed := [row for row in rows if row.failed]:
         sections.append(Section("What could not be measured", "", (failed_table(failed),)))
     varied = " and ".join(AXES[n].name for n in _varied(rows)) or counted(len(rows), "point")
