@@ -63,7 +63,7 @@ def membership(session: sessions.Session, folder: Path) -> str:
 
 
 def corrected_twin(path: Path, seen: sessions.Session) -> TwinModel:
-    """The design in a twin.json, which must be of the session's arm if it names one."""
+    """The twin model in a twin.json, which must be of the session's arm if it names one."""
     file = twin_model.read_file(path)
     found, arm, its = file.design, seen.metadata.get("arm"), file.arm
     collected_by = seen.metadata.get("config") or {}

@@ -92,12 +92,12 @@ class Observer(TrainedEstimator):
 
     @cached_property
     def arm(self) -> twin_model.TwinModel:
-        """The twin's design."""
+        """The twin model."""
         return twin_model.from_dict(self.twin)
 
     @property
     def own_twin(self) -> twin_model.TwinModel:
-        """The twin's design."""
+        """The twin model."""
         return self.arm
 
     def _run(self, session: SessionWindows) -> Iterator[tuple[Response, Belief]]:

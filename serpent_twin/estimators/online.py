@@ -28,9 +28,9 @@ class Forgetting:
     spread_s: float = 15.0
     """The same in the covariance [s]"""
     ridge: float = 0.1
-    """Measurements at a feature of 1 that a weight of zero is worth, never forgotten"""
+    """Weight of the prior that weights are zero, in measurements at a feature of 1; never forgotten"""
     trust: float = 9.0
-    """Measurements that the estimator's own covariance is worth, never forgotten"""
+    """Weight of the estimator's own covariance, in measurements; never forgotten"""
 
 
 @dataclass(frozen=True)

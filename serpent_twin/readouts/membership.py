@@ -1,4 +1,4 @@
-"""Say to which of a readout's sets of sessions a session belongs, and so what its error there means."""
+"""State to which of a readout's sets of sessions a session belongs, and so what its error there means."""
 
 from serpent_twin.readouts.trainable import Trainable
 from serpent_twin.sessions import Session

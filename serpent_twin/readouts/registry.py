@@ -55,7 +55,7 @@ def makes_itself(kind: type[Trainable]) -> bool:
 
 
 def by_name(name: str, known: Mapping[str, K]) -> K:
-    """What has that name, or an error that lists what exists."""
+    """The class of that name, or an error that lists what exists."""
     if name in known:
         return known[name]
     near = difflib.get_close_matches(name, known, n=1)

@@ -38,7 +38,7 @@ class Epoch:
     """One pass over the training windows."""
 
     train_loss: float
-    """What training lessens, in the readout's own scale, during the pass"""
+    """The training loss, in the readout's own scale, during the pass"""
     validation_loss: float
     """The same over the validation sessions, after the pass"""
     rate: float

@@ -21,7 +21,7 @@ class Scores:
     tip_mm: float
     """Mean of marker 9, the gripper's"""
     per_marker_mm: tuple[float, ...]
-    """Mean of each marker; NaN if it was never seen"""
+    """Mean of each marker; NaN if it was never measured"""
 
 
 def distances(estimate: Array, measured: Array) -> Array:
@@ -56,7 +56,7 @@ def score(estimate: Array, measured: Array) -> Scores:
 
 
 def step_means(values: Array) -> Array:
-    """Mean of what is known of each step's markers, (N, 9); (N,), NaN where nothing is."""
+    """Mean over the measured markers of each step, (N, 9); (N,), NaN where there are none."""
     known = np.isfinite(values)
     total = np.where(known, values, 0.0).sum(axis=1)
     return np.divide(total, known.sum(axis=1), out=np.full(len(values), np.nan), where=known.any(1))

@@ -24,7 +24,7 @@ from serpent_twin.runs.files import write_json
 from serpent_twin.stored import within
 
 Progress = Callable[[int, int, float], None]
-"""Called with epochs done, epochs at most, validation loss."""
+"""Called with the epochs done, the most epochs, and the validation loss."""
 
 
 def _unknown() -> Array:
@@ -36,9 +36,9 @@ class Trainable(ABC):
     """Settings, what `fit` learned with them, and the logs it learned from; a folder holds all three."""
 
     name: ClassVar[str]
-    """How the command line and the tables call it"""
+    """Its name on the command line and in tables"""
     about: ClassVar[str]
-    """What it is, for the reader of a table"""
+    """A description for tables"""
 
     window: Annotated[int, within(1, 1000, "rows")] = 4
     """Rows of the log in one window, H"""
@@ -93,7 +93,7 @@ class Trainable(ABC):
         return setting in {f.name for f in fields(cls) if f.init}
 
     def config(self) -> dict[str, Any]:
-        """The settings, JSON-ready."""
+        """The settings, ready for JSON."""
         mine = asdict(self)
         return {f.name: mine[f.name] for f in fields(self) if f.init}
 

@@ -23,7 +23,7 @@ class Start:
     """Pose of the arm at the beginning of a session."""
 
     joint_angle: Array
-    """Joint angles seen by the cameras [rad], (9,)"""
+    """Joint angles from the cameras' markers [rad], (9,)"""
     motor_angle: Array
     """Motor angles 1 … 9 of the same row [rad], (9,)"""
 
@@ -43,7 +43,7 @@ class Bus:
     command: Array
     """Sent after each row [rad/s], (T, 10)"""
     prior_runtime: float = 0.0
-    """How long the arm's sessions before this one ran [s]"""
+    """Total time of the arm's sessions before this one [s]"""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class SourceLog:
     session: str
     """The session's name"""
     arm: str
-    """What the log calls the arm"""
+    """The arm's name in the log"""
     readings_sha256: str
     """Of its motor readings, the same for a log that was written again"""
     model_sha256: str = ""

@@ -24,11 +24,11 @@ class KnownTwin:
     design: TwinModel | None
     """Its twin; None where nobody gave one and the logs were not simulated from one"""
     exact: bool = False
-    """Whether the logs were simulated from this very design"""
+    """Whether the logs were simulated from this twin model"""
     path: Path | None = None
     """The file that it came from, if it did"""
     fitted_to: tuple[str, ...] = ()
-    """Names of test sessions that the design was fitted to"""
+    """Names of test sessions that the twin model was fitted to"""
 
     @property
     def settled(self) -> bool:

@@ -61,7 +61,7 @@ class Plateau:
     least_rate: float = 1e-6
     """Training stops below this rate"""
     loss: Loss = squared_error
-    """What training lessens, the published mean squared error"""
+    """The training loss, the published mean squared error"""
 
     def rate_control(self, net: nn.Module, rows: int) -> "_Rate":
         """The optimizer of a network, and how its rate falls."""
@@ -70,7 +70,7 @@ class Plateau:
 
 @dataclass(frozen=True)
 class OneCycle:
-    """Ours: a fixed number of epochs, the rate rising to its peak and falling to nothing."""
+    """Ours: a fixed number of epochs, the rate rising to its peak and falling to zero."""
 
     epochs: int
     """Passes over the training windows"""
@@ -83,10 +83,10 @@ class OneCycle:
     decay: float = 0.0
     """Weight decay (AdamW)"""
     loss: Loss = distance
-    """What training lessens, the distance that is scored"""
+    """The training loss, the distance that is scored"""
 
     def rate_control(self, net: nn.Module, rows: int) -> "_Rate":
-        """The optimizer of a network, and how its rate rises and falls over epochs of so many rows."""
+        """The optimizer of a network, and how its rate rises and falls over the epochs."""
         return _CycleRate(net, self, rows)
 
 
