@@ -43,8 +43,8 @@ class RealArm:
 class Collect(Checked):
     """Collect session logs of an arm that follows random joint targets.
 
-    Each session becomes OUT/session_NN.parquet. A run that was interrupted goes on with what is
-    missing when the same command is given again, and a larger --sessions adds to a finished run.
+    Each session becomes OUT/session_NN.parquet. After an interruption, the same command continues with what
+    is missing, and a larger --sessions adds to a finished run.
     """
 
     out: Path
@@ -75,7 +75,7 @@ class Collect(Checked):
 
     @property
     def arm_name(self) -> str:
-        """What the logs call the arm."""
+        """The arm's name in the logs."""
         return self.arm or ("twin" if self.backend == "sim" else self.real.setup.stem)
 
     def simulated(self) -> ArmFile:
@@ -90,7 +90,7 @@ def collect(config: Collect) -> list[Path]:
     with claimed(config.out, SETTINGS, settings(config)):
         missing = [index + 1 for index in run_folder.missing(paths)]
         if config.backend == "real":
-            from serpent_twin.recording import lost_markers, real  # not before its port is meant
+            from serpent_twin.recording import lost_markers, real  # only if its port is meant
 
             real.record_all(config, missing)
             lost_markers.build_diagnosis(paths)

@@ -52,7 +52,7 @@ def why(error: BaseException) -> str:
 
 @contextmanager
 def stopped_by_signals() -> Iterator[None]:
-    """Have SIGTERM and SIGHUP unwind as Ctrl-C does, so that the arm stops and the log is sealed."""
+    """Let SIGTERM and SIGHUP raise as Ctrl-C does, so that the arm stops and the log is sealed."""
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt

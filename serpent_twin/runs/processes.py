@@ -22,9 +22,9 @@ def _nothing() -> None: ...
 def processes(
     count: int, begin: Callable[..., object] = _nothing, given: tuple[Any, ...] = ()
 ) -> Iterator[Pool]:
-    """So many spawned processes; they end with this one, however it ends, kill -9 included.
+    """Spawned processes that end with this one, however it ends, kill -9 included.
 
-    Each calls `begin` first, with what is `given`: memory of multiprocessing that they share, too.
+    Each calls `begin` first, with the arguments `given`, which may be shared memory of multiprocessing.
     """
     context = mp.get_context("spawn")
     ended, end = context.Pipe(duplex=False)

@@ -19,7 +19,7 @@ _REPORTED = ("mujoco", "numpy", "scipy", "torch", "pyarrow", "dm-control")
 
 
 def provenance() -> dict[str, Any]:
-    """Versions of what computes, and the commit of this project."""
+    """Versions of the libraries that compute, and the commit of this project."""
     return {"versions": versions(), "git_commit": git_commit()}
 
 

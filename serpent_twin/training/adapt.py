@@ -37,7 +37,7 @@ class Adaptation:
     logs: Path
     """Folder with the arm's session logs"""
     sessions: Split
-    """Its sessions; windows are taken of those that train, then of those that validate"""
+    """Its sessions; windows are taken from the training sessions, then from the validation sessions"""
     counts: tuple[str, ...]
     """Numbers of windows, or `all`; 0 is the readout as it was trained"""
     window: int
@@ -76,7 +76,7 @@ class Adaptation:
                 raise SerpentError(
                     f"--adapt-windows {count}: {self.logs} has {counted(there, 'window')} to adapt "
                     f"to, and fewer than "
-                    f"{least} teach nothing. Give 0, a number from {least} to {there}, or all."
+                    f"{least} are too few to learn from. Give 0, a number from {least} to {there}, or all."
                 )
 
 
@@ -139,7 +139,7 @@ def earlier(out: Path) -> dict[str, Any] | None:
 
 
 class _StoredScore(stored.OpenForm, frozen=True):
-    """What the report shows of a readout on the arm."""
+    """A readout's scores on the arm, as the report shows them."""
 
     mean_mm: float
     std_mm: float
@@ -164,7 +164,7 @@ class _StoredScores(stored.Form, frozen=True):
 
 
 def _scored(plan: Adaptation, base: Estimator, count: str, folder: Path) -> dict[str, Any]:
-    """Scores of the readout, adapted to so many windows of the arm."""
+    """Scores of the readout, adapted to a number of windows of the arm."""
     estimator, windows, took = base, 0, 0.0
     if count != NONE:
         few = plan.learn if count == ALL else plan.learn.first(int(count))

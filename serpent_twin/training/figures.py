@@ -20,7 +20,7 @@ _MARKED = 9  # points of a curve over time that have a marker
 
 
 def looks(names: Sequence[str]) -> dict[str, Style]:
-    """A style per readout that no other has: cold colours for the published ones, warm ones for ours."""
+    """A style for each readout: cold colours for the published ones, warm ones for ours."""
     published = {style["color"]: style for style in itertools.islice(styles(), len(WARM + COLD))}
     ours = styles([PUBLISHED[name] for name in names if name in PUBLISHED])
     return {name: published[PUBLISHED[name]] if name in PUBLISHED else next(ours) for name in names}

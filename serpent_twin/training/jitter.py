@@ -1,7 +1,7 @@
 """Vary simulated commands so that a readout tolerates small differences of the arm's servos.
 
-A simulated motor misses its command by little and always in the same way, so that a readout may depend on
-small differences between commands and angles, which differ on the arm's servos. Commands with a jitter as
+A simulated motor differs from its command by little and always in the same way, so that a readout may depend
+on small differences between commands and angles, which differ on the arm's servos. Commands with a jitter as
 large as the error of the arm's motors hold no information beyond that in the angles.
 """
 
@@ -21,7 +21,7 @@ def command_error(windows: Windows) -> float:
     """
     if windows.window < 2 or windows.rate_hz is None:
         raise SerpentError(
-            "windows of one row, or of logs of several rates, show no motor's speed."
+            "windows of one row, or of logs of several rates, do not give the motors' speeds."
         )
     now, before = windows.x[:, :N_JOINTS], windows.x[:, STATE : STATE + N_JOINTS]
     told = windows.x[:, STATE * windows.window :][:, :N_JOINTS]

@@ -14,7 +14,7 @@ from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 from serpent_twin.training.split import Split
 
 BEST = "observer"
-"""The readout with a twin that is trained unasked wherever the twin is known"""
+"""The readout with a twin that is trained by default where the twin is known"""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class KnownTwin:
     """What is known of the arm that was logged."""
 
     design: TwinModel | None
-    """Its twin; None where nobody gave one and the logs were not simulated from one"""
+    """Its twin; None where none was given and the logs were not simulated from one"""
     exact: bool = False
     """Whether the logs were simulated from this twin model"""
     path: Path | None = None
@@ -41,7 +41,7 @@ class KnownTwin:
         return [name for name in available() if self.path or not has_twin(name) or name in best]
 
     def note(self, names: Sequence[str]) -> str:
-        """What the scores of the named readouts do not show; nothing if none of them has a twin."""
+        """What the scores of the named readouts do not show; empty if none of them has a twin."""
         told = listed([name for name in names if has_twin(name)])
         if not told:
             return ""

@@ -18,7 +18,7 @@ class Split:
     train: list[Session]
     """To learn from"""
     validate: list[Session]
-    """To steer by"""
+    """For early stopping and model selection"""
     test: list[Session]
     """To score on"""
 

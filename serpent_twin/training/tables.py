@@ -6,13 +6,13 @@ from typing import Any
 from serpent_twin.reporting.report import Table
 
 Scores = Mapping[str, Mapping[str, Any]]
-"""What scores.json says of each readout, by name"""
+"""Entries of scores.json by readout"""
 PEER = "lstm"
 """The published readout that all are compared with, beside the best"""
 AGAINST = ("best", PEER)
 _STOPPED = (
-    "* Training was stopped before the readout's own rule ends it: this error says nothing of what the "
-    "readout can do."
+    "* Training was stopped before the readout's own rule ends it: trained fully, the readout may "
+    "have a smaller error."
 )
 
 

@@ -48,7 +48,7 @@ def _without_networks(config: "Train") -> str:
 
 
 def _none_with(setting: str, config: "Train", what: str) -> str:
-    """Why something is ignored by readouts none of which has a setting; nothing if one has it.
+    """Why an option is ignored by readouts none of which has a setting; empty if one has it.
 
     A run that continues in a folder takes the options of the folder's run.
     """
@@ -66,9 +66,9 @@ def _none_with(setting: str, config: "Train", what: str) -> str:
 class Train(Checked):
     """Train pose readouts on session logs, score them on sessions they never saw, and report.
 
-    OUT gets scores.json, report.html, report.md, figures and the trained readouts (models/NAME).
-    A run that was interrupted goes on with the readouts that are missing when the same command is
-    given again; further readouts can be added to a finished one.
+    OUT gets scores.json, report.html, report.md, figures and the trained readouts (models/NAME). After an
+    interruption, the same command continues with the readouts that are missing; further readouts can be added
+    to a finished one.
     """
 
     logs: Path
@@ -83,9 +83,10 @@ class Train(Checked):
     windows: Annotated[str, _WINDOW] = ""
     """Also compare windows, such as 1..8 or 1,2,4: trains linear and mlp for each."""
     test: Annotated[tuple[str, ...], _SPLIT] = ()
-    """Names of the sessions that test; by default the last one."""
+    """Names of the test sessions; by default the last one."""
     validate: Annotated[tuple[str, ...], _SPLIT] = ()
-    """Names of the sessions that validate; by default the two before it, one of less than six."""
+    """Names of the validation sessions; by default the two before it, or one if there are fewer than six
+    sessions."""
     twin: Annotated[Path | None, Use(_without_twin)] = None
     """A twin.json of python -m serpent_twin.trace, for readouts that have a twin; by default the twin that
     made the logs, or the nominal one."""
@@ -104,7 +105,7 @@ class Train(Checked):
     """Numbers of its windows to correct by, such as 0,100,500,all; 0 scores the readouts as they are."""
     command_jitter: Annotated[float | None, within(0.0, 100.0, "rad/s"), _ADAPT] = None
     """Train as if commands were off by normal errors of this size [rad/s]: simulated servos are not the
-    arm's. By default what the servos of --adapt miss their commands by, else 0."""
+    arm's. By default the error of the servos of --adapt against their commands, else 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +211,7 @@ def parse_windows(text: str) -> list[int]:
 
 
 def settings(config: Train, sessions: Split) -> dict[str, Any]:
-    """What two runs must share to lie in one folder."""
+    """The settings that runs in one folder must share."""
     kept = {key: getattr(config, key) for key in ("window", "drop", "seed", "epochs", "threads")}
     inputs = {s.name: file_hash(s.path) for s in sessions.all() if s.path}
     if config.command_jitter:

@@ -42,7 +42,7 @@ class Result:
     trained: Trainable
     """The readout or estimator that was trained"""
     steps: Steps
-    """The distances summed up step by step [mm]"""
+    """Sums of the distances in each step [mm]"""
     period: float
     """Time from step to step [s]"""
     coverage: float | None
@@ -63,7 +63,7 @@ class Result:
         }
 
     def summary(self) -> dict[str, Any]:
-        """All figures, JSON-ready."""
+        """All figures, ready for JSON."""
         seconds = [e.seconds for e in self.trained.history if e.seconds > 0]
         losses = [e.validation_loss for e in self.trained.history]
         costs = {"train_s": self.train_s, "latency_ms": self.latency_ms, "epochs": len(seconds)}
@@ -148,7 +148,7 @@ class Cost(Form, frozen=True):
 
 def training_time(folder: Path) -> float:
     """Training time of the readout in a folder [s]."""
-    return read_json(folder / COST, Cost, "Delete it, and the same command trains anew.").train_s
+    return read_json(folder / COST, Cost, "Delete it; the same command trains again.").train_s
 
 
 def summaries(results: Mapping[str, Result]) -> dict[str, dict[str, Any]]:
@@ -168,7 +168,7 @@ def summaries(results: Mapping[str, Result]) -> dict[str, dict[str, Any]]:
 
 
 def judged(estimator: Estimator, test: Windows, train_s: float) -> Result:
-    """Scores of an estimator that took so long to train."""
+    """Scores of an estimator, and the time that its training took."""
     beliefs = [estimator.follow(session) for session in test.sessions]
     for session, belief in zip(test.sessions, beliefs, strict=True):
         require_finite(belief, estimator.name, f"in {session.name}")

@@ -3,8 +3,8 @@
 Errors of neighbouring rows are alike, so whole blocks of rows are resampled: a moving-block bootstrap
 (Künsch, Annals of Statistics 17 (1989) 1217) with Student's t for the number of blocks. A block is five
 integrated autocorrelation times long, the sum of autocorrelations being cut off as Sokal (Cargèse lectures,
-1996) does. Of eight test sessions or more, whole sessions are drawn. Of made-up errors with an autoregression
-of first order, 93 … 96 % of the intervals held the true mean.
+1996) does. Of eight test sessions or more, whole sessions are drawn. Of simulated errors with an
+autoregression of first order, 93 … 96 % of the intervals held the true mean.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ METHOD = (
 BLOCK, WINDOW = 5.0, 5.0
 """Block in autocorrelation times; rows in the same, at which their sum is cut off"""
 SESSIONS, FEWEST = 8, 4.0
-"""Test sessions from which whole ones are drawn; blocks below which nothing is said"""
+"""Test sessions from which whole ones are drawn; fewest blocks for an interval"""
 LEVEL, DRAWS, SEED = 0.05, 1000, 0
 
 
@@ -35,9 +35,9 @@ class Steps:
     """Errors of the measured markers, summed step by step, of test sessions one after the other."""
 
     total: Array
-    """Sum over the markers seen in each step [mm], (N,)"""
+    """Sum over the markers measured in each step [mm], (N,)"""
     count: Array
-    """Markers seen in each step, (N,)"""
+    """Number of markers measured in each step, (N,)"""
     lengths: tuple[int, ...]
     """Steps of each session, N together"""
 
@@ -131,7 +131,7 @@ class Difference:
     by: Uncertainty
     """Its mean is positive where the other readout is better"""
     probability: float
-    """Of so large a difference by chance, for as many comparisons as were made (Holm)"""
+    """Probability of a difference this large by chance, corrected for the number of comparisons (Holm)"""
 
     @property
     def beyond_chance(self) -> bool:
@@ -168,6 +168,6 @@ def holm(probabilities: Sequence[float]) -> list[float]:
 
 
 def _autocovariance(values: Array, lags: int) -> Array:
-    """Sums of products with values so many rows later, (lags,)."""
+    """Sums of products with values 0, 1, … rows later, (lags,)."""
     spectrum = np.fft.rfft(values, 2 * lags)
     return np.fft.irfft(spectrum * spectrum.conj())[:lags]

@@ -31,5 +31,5 @@ def test_only_commands_are_jittered_and_the_same_seed_jitters_alike():
 
 
 def test_windows_of_one_row_show_no_speed():
-    with pytest.raises(SerpentError, match="show no motor's speed"):
+    with pytest.raises(SerpentError, match="do not give the motors' speeds"):
         command_error(cut([make_session(1)], 1, 10))

@@ -115,7 +115,7 @@ def test_what_cannot_be_adapted_is_refused_before_anything_is_trained(logs, arm,
     for changed, told in (
         ({"adapt": fast}, "to train on come at 4 Hz, .*fast at 20 Hz"),
         ({"adapt_windows": "900"}, "has 800 windows to adapt to.*a number from 40 to 800"),
-        ({"adapt_windows": "10"}, "fewer than 40 teach nothing"),
+        ({"adapt_windows": "10"}, "fewer than 40 are too few"),
         ({"adapt_windows": "some"}, "no list of numbers; write 0,100,500,all"),
         ({"adapt": None, "adapt_windows": "100"}, "--adapt-windows is for --adapt"),
         ({"test": ("session_05",)}, "there is no session session_05; there are session_11"),
