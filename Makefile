@@ -32,11 +32,7 @@ lint: setup  ## ruff, the layers of imports, pyright
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 bench: setup  ## Speed and memory, as ratios against bare MuJoCo
-	$(BIN)/python -m benchmarks.collect_speed
-	$(BIN)/python -m benchmarks.trace_speed
-	$(BIN)/python -m benchmarks.whole_trace
-	$(BIN)/python -m benchmarks.sweep_speed
-	$(BIN)/python -m benchmarks.estimate_speed
+	$(BIN)/python -m benchmarks --out bench
 
 faults: setup  ## Every fault of the bus through the collect loop: some five minutes
 	$(BIN)/python -m experiments.fault_matrix --out fault_matrix

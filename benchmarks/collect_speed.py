@@ -5,7 +5,6 @@ the same run. Printed besides: cost against the number of sessions, and memory a
 """
 
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -18,6 +17,7 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+from benchmarks.rows import BenchmarkRows
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.control import joint_p_control, random_targets
 from serpent_twin.arm.parameters import NOMINAL
@@ -43,6 +43,8 @@ class CollectSpeed(Checked):
     """Control steps a session."""
     rounds: Annotated[int, within(1, 1000)] = 3
     """Times that the pair is measured; the median ratio counts."""
+    out: Path | None = None
+    """JSON file for the rows."""
 
 
 def motion(steps: int) -> np.ndarray:
@@ -100,28 +102,28 @@ def main(config: CollectSpeed) -> None:
         f"{THREADS} cores, {counted(config.sessions, 'session')} × {counted(config.steps, 'step')} "
         f"of {SUBSTEPS} substeps"
     )
-    control, ratios = motion(config.steps), []
+    rows = BenchmarkRows()
+    control, ratios, speeds = motion(config.steps), [], []
     physics = config.sessions * config.steps * SUBSTEPS
     for _ in range(config.rounds):
         ours, theirs = collected(config.sessions, config.steps), bare(config.sessions, control)
         ratios.append(theirs / ours)
-        print(
-            f"collect {physics / ours:,.0f} steps/s, {physics / ours * mjcf.TIMESTEP:.0f} × real time;"
-            f" bare rollout {physics / theirs:,.0f} steps/s; ratio {ratios[-1]:.2f}"
-        )
-    print(f"median ratio {np.median(ratios):.2f} (aim: at least 0.80)")
+        speeds.append(physics / ours)
+    speed = float(np.median(speeds))
+    rows.add("collecting, journal and Parquet included", speed, "steps/s")
+    rows.add("simulated to elapsed time", speed * mjcf.TIMESTEP, "×")
+    rows.add(
+        "its speed to that of a bare rollout on all cores", np.median(ratios), "", "at least 0.80"
+    )
     small = config.sessions // 2
     half, whole = collected(small, config.steps), collected(config.sessions, config.steps)
-    print(
-        f"cost of a session at {config.sessions} to that at {small}: {whole / half / 2:.2f} (linear: 1)"
-    )
-    short, long = peak_memory(config.steps // 4), peak_memory(config.steps)
-    print(
-        f"peak memory: {long:.0f} MB at {counted(config.steps, 'step')}, {long / short:.2f} × that "
-        f"of a quarter"
-    )
-    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print(f"peak memory of this benchmark: {own / 1024:.0f} MB")
+    text = f"time of a session in a run of {config.sessions} to that in a run of {small}"
+    rows.add(text, whole / half / 2, "", "1")
+    quarter = config.steps // 4
+    short, long = peak_memory(quarter), peak_memory(config.steps)
+    rows.add(f"peak memory of a session of {config.steps} steps", long, "MB")
+    rows.add(f"the same to that of a session of {quarter} steps", long / short, "", "1")
+    rows.write(config.out)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from typing import Annotated
 import mujoco
 import numpy as np
 
+from benchmarks.rows import BenchmarkRows
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
@@ -24,7 +25,6 @@ from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.estimators.online import Online
 from serpent_twin.readouts.windows import SessionWindows, Windows, cut
 from serpent_twin.recording.collect import Collect, collect
-from serpent_twin.reporting.report import Table, text_table
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import TwinModel
@@ -42,40 +42,34 @@ class EstimateSpeed(Checked):
 
     rows: Annotated[int, within(200, 1_000_000)] = 400
     """Rows of the simulated session."""
+    out: Path | None = None
+    """JSON file for the rows."""
 
 
 def main(config: EstimateSpeed) -> None:  # noqa: D103 tyro would print it above the config's own
     import torch
 
     torch.set_num_threads(1)
+    rows = BenchmarkRows()
     with tempfile.TemporaryDirectory() as folder:
         logs = Path(folder)
         collect(Collect(logs, sessions=2, steps=config.rows, parameters=SOFT.parameters))
         train, test = (cut([each], 4, 100) for each in read_folder(logs))
-    rows = list(_rows(train, test))
-    print(
-        text_table(
-            Table(("estimate", "median ms", "99 % ms", "limit ms", "of the limit"), tuple(rows))
-        )
-    )
-    session = test.sessions[0]
-    for name, arm in {"no effect in Python": SOFT, "cable friction": ROUGH}.items():
-        ratio = np.median(_each(_observer(arm, train).live(), session)) / _bare_ms(arm, session)
-        print(f"An observer's row ({name}) takes {ratio:.2f} × a bare model's as many steps.")
-
-
-def _rows(train: Windows, test: Windows):
     session = test.sessions[0]
     for name, arm in {"observer": SOFT, "observer, cable friction": ROUGH}.items():
-        yield _row(name, _each(_observer(arm, train).live(), session), LIMIT_MS["observer"])
+        taken = _each(_observer(arm, train).live(), session)
+        _add(rows, name, taken, LIMIT_MS["observer"])
+        ratio = np.median(taken) / _bare_ms(arm, session)
+        rows.add(f"{name}: to as many steps of a bare model", ratio)
     for name in WINDOWED:
-        yield _row(name, _each(_fitted(name, train).live(), session), LIMIT_MS["windows"])
-    yield _row("correction by markers", _corrections(train, session), LIMIT_MS["markers"])
+        _add(rows, name, _each(_fitted(name, train).live(), session), LIMIT_MS["windows"])
+    _add(rows, "correction by markers", _corrections(train, session), LIMIT_MS["markers"])
+    rows.write(config.out)
 
 
-def _row(name: str, taken: np.ndarray, limit: float) -> tuple[str, ...]:
-    middle, late = np.median(taken), np.quantile(taken, 0.99)
-    return (name, f"{middle:.3f}", f"{late:.3f}", f"{limit:g}", f"{middle / limit:.2f}")
+def _add(rows: BenchmarkRows, name: str, taken: np.ndarray, limit: float) -> None:
+    rows.add(f"{name}: median", np.median(taken), "ms", f"{limit:g} ms")
+    rows.add(f"{name}: 99 %", np.quantile(taken, 0.99), "ms")
 
 
 def _observer(arm: TwinModel, train: Windows) -> Estimator:

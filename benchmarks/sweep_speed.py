@@ -10,12 +10,14 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import psutil
 
-from experiments.stiffness_sweep.engine import CORES, engine_ratio
+from benchmarks.rows import BenchmarkRows
+from experiments.stiffness_sweep.engine import engine_ratio
 from experiments.stiffness_sweep.plan import full
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.command_line import cli
@@ -39,30 +41,30 @@ class SweepSpeed(Checked):
     """Sizes of the sweeps that are compared."""
     steps: Annotated[int, within(1, 1_000_000)] = 1500
     """Commands a point; a real one has 20,000."""
+    out: Path | None = None
+    """JSON file for the rows."""
 
 
 def main(config: SweepSpeed) -> None:
     """Print the ratio to bare MuJoCo, and how cost and memory grow with points."""
     point = full(rate=3.0).point(NOMINAL.strand_stiffness)
-    print(f"{CORES} cores. Steps per second over a bare rollout's, aim at least 0.85:", flush=True)
-    print(f"median ratio {engine_ratio(point):.2f}", flush=True)
-    share = counting() / COUNTED
-    print(
-        f"capacities of {CHANNELS} channels, {ROWS} rows: {share:.2f} of {COUNTED:g} s", flush=True
-    )
+    rows = BenchmarkRows()
+    text = "simulating a point of a sweep: its speed to that of a bare rollout on all cores"
+    rows.add(text, engine_ratio(point), "", "at least 0.85")
+    text = f"capacities of {CHANNELS} channels, {ROWS:,} rows"
+    rows.add(text, counting(), "s", f"{COUNTED:g} s")
     costs, peaks = [], []
     for count in config.points:
         cost, peak = swept(count, config.steps)
         costs.append(cost / count)
         peaks.append(peak)
-        print(
-            f"{counted(count, 'point')}: {cost / count:.2f} s a point, {peak:.0f} MB at most",
-            flush=True,
-        )
-    print(
-        f"cost of a point among {config.points[-1]} to that among {config.points[0]}: "
-        f"{costs[-1] / costs[0]:.2f} (linear: at most 1); memory {peaks[-1] / peaks[0]:.2f} (flat: 1)"
-    )
+        rows.add(f"a point in a sweep of {counted(count, 'point')}", cost / count, "s")
+        rows.add(f"peak memory of a sweep of {counted(count, 'point')}", peak, "MB")
+    few, many = config.points[0], config.points[-1]
+    text = f"time of a point in a sweep of {many} to that in a sweep of {few}"
+    rows.add(text, costs[-1] / costs[0], "", "at most 1")
+    rows.add("memory of these sweeps, likewise", peaks[-1] / peaks[0], "", "1")
+    rows.write(config.out)
 
 
 def counting() -> float:

@@ -14,6 +14,7 @@ from typing import Annotated
 
 import numpy as np
 
+from benchmarks.rows import BenchmarkRows
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.identification.free_parameters import free_parameters
@@ -41,6 +42,8 @@ class TraceSpeed(Checked):
     """Designs simulated side by side."""
     rounds: Annotated[int, within(1, 1000)] = 3
     """Times that each pair is measured; the median ratio counts."""
+    out: Path | None = None
+    """JSON file for the rows."""
 
 
 def seconds(of: Callable[[], object]) -> float:
@@ -65,14 +68,14 @@ def bare(arm: ArmMachine, points: list[ParameterVector], pieces: ArmPieces) -> f
     return seconds(run)
 
 
-def ratio(name: str, one: Callable[[], float], other: Callable[[], float], rounds: int) -> None:
-    """Print the median of one over the other."""
-    found = [one() / other() for _ in range(rounds)]
-    print(f"{name}: {np.median(found):.2f} ({min(found):.2f} … {max(found):.2f})", flush=True)
+def ratio(one: Callable[[], float], other: Callable[[], float], rounds: int) -> float:
+    """The median of one over the other."""
+    return float(np.median([one() / other() for _ in range(rounds)]))
 
 
 def main(config: TraceSpeed) -> None:
     """Print ratios: physics alone to a trace's simulation, and how cost grows."""
+    rows = BenchmarkRows()
     sessions = ArmRig().read(config.logs)
     case = ArmRig().open(sessions)
     arm, every = case.machine, case.pieces(sessions)
@@ -91,24 +94,15 @@ def main(config: TraceSpeed) -> None:
     def simulated(of: list[ParameterVector], pieces: ArmPieces) -> float:
         return seconds(lambda: case.residual(of, pieces))
 
-    ratio(
-        "bare physics to the residuals of these designs (aim: at least 0.8)",
-        lambda: bare(arm, points, few),
-        lambda: simulated(points, few),
-        config.rounds,
-    )
-    ratio(
-        "cost of twice the segments",
-        lambda: simulated(half, many),
-        lambda: simulated(half, few),
-        config.rounds,
-    )
-    ratio(
-        "cost of twice the designs",
-        lambda: simulated(points, few),
-        lambda: simulated(half, few),
-        config.rounds,
-    )
+    def small() -> float:
+        return simulated(half, few)
+
+    found = ratio(lambda: bare(arm, points, few), lambda: simulated(points, few), config.rounds)
+    rows.add("bare physics to the residuals of as many designs", found, "", "at least 0.8")
+    twice = ratio(lambda: simulated(half, many), small, config.rounds)
+    rows.add("twice the segments to half of them", twice)
+    twice = ratio(lambda: simulated(points, few), small, config.rounds)
+    rows.add("twice the designs to half of them", twice)
 
     start = ParameterVector(np.zeros(len(case.declared)))
     base = fit(case, every, start, free_parameters(case, ()), 1, 3, steps=0)
@@ -119,12 +113,12 @@ def main(config: TraceSpeed) -> None:
 
     first = [tested([name]) for name in names]
     for name, cost in zip(names, first, strict=True):
-        print(f"score test of {name}: {cost / np.median(first):.1f} × the median")
-    ratio(
-        "cost of all candidates to that of each alone", lambda: tested(names), lambda: sum(first), 1
-    )
+        rows.add(f"score test of {name} to the median of all", cost / np.median(first), "×")
+    together = tested(names) / sum(first)
+    rows.add("score tests of all candidates at once to one after the other", together)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"peak memory: {peak:.0f} MB")
+    rows.add("peak memory", peak, "MB")
+    rows.write(config.out)
 
 
 if __name__ == "__main__":

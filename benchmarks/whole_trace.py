@@ -14,6 +14,7 @@ from pathlib import Path
 
 from mujoco.batch import Batch
 
+from benchmarks.rows import BenchmarkRows
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.trace import Trace, trace
@@ -27,6 +28,8 @@ class WholeTrace(Checked):
 
     logs: Path = DATA
     """Folder with the session logs of one arm."""
+    out: Path | None = None
+    """JSON file for the rows."""
 
 
 @dataclass
@@ -60,17 +63,19 @@ def counted_steps() -> Iterator[Engine]:
 
 def main(config: WholeTrace) -> None:
     """Print what the trace cost."""
+    rows = BenchmarkRows()
     began, cpu = time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory() as folder, counted_steps() as engine:
         trace(Trace(config.logs, Path(folder) / "trace"))
     seconds, cpu = time.perf_counter() - began, time.process_time() - cpu
-    print(f"engine steps: {engine.steps / 1e6:.1f} million")
-    print(
-        f"engine: {engine.seconds:.0f} s of {seconds:.0f} s, {engine.seconds / seconds:.2f} of it"
-    )
-    print(f"engine rate: {engine.steps / engine.seconds:,.0f} steps/s on all cores")
-    print(f"processor time: {cpu:.0f} s")
-    print(f"peak memory: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    rows.add("elapsed time", seconds, "s")
+    rows.add("processor time", cpu, "s")
+    rows.add("engine steps", engine.steps / 1e6, "million")
+    rows.add("share of the time in the engine", engine.seconds / seconds)
+    rows.add("rate of the engine on all cores", engine.steps / engine.seconds, "steps/s")
+    rows.add("peak memory", peak, "MB")
+    rows.write(config.out)
 
 
 if __name__ == "__main__":

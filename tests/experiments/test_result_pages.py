@@ -8,6 +8,7 @@ import pytest
 from diagnoses import ERRORS, diagnosis, estimate
 from paths import ROOT
 
+from benchmarks.rows import BenchmarkRows
 from experiments import result_page
 from experiments.confusion.plan import CLEAN, KNOWN
 from experiments.paper_table import __main__ as paper_table
@@ -118,3 +119,15 @@ def test_the_papers_table_is_written_from_the_stored_runs_alone(tmp_path, monkey
     assert "| PRC-MLP | 4.3 ± 3.6 | 4.1 ± 3.5 | 1.8 | −4 % |" in text
     assert "| joint damping 0.5 … 5 mN m s/rad | 0 % | +2 % | −2 % | −4 % |" in text
     assert (tmp_path / "runs.jsonl").read_bytes() == runs.read_bytes()
+
+
+def test_the_page_of_speed_has_each_row_and_how_busy_the_machine_was(tmp_path, capsys):
+    rows = BenchmarkRows()
+    rows.add("its speed to that of a bare rollout", 0.8512, aim="at least 0.80")
+    rows.add("collecting", 90_123.4, "steps/s")
+    rows.write(tmp_path / "bench" / "collect_speed.json")
+    assert "collecting: 90,123 steps/s" in capsys.readouterr().out
+    kept = json.loads((tmp_path / "bench" / "collect_speed.json").read_text())
+    text = page("benchmarks", benchmarks={"collect_speed": kept | {"load_before": 2.46}}, cores=2)
+    assert "| its speed to that of a bare rollout | 0.851 | at least 0.80 |" in text
+    assert "| collecting | 90,123 steps/s |  |" in text and "Load average before: 2.5" in text

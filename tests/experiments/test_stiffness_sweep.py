@@ -27,6 +27,7 @@ from experiments.stiffness_sweep.plan import (
     natural_period,
     quick,
 )
+from experiments.stiffness_sweep.result_page import grid_table
 from experiments.stiffness_sweep.trend import HELD, NOT, OPEN, correlation, over_seeds, trend
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.reservoir.sweep import drive
@@ -185,6 +186,15 @@ def test_a_row_is_read_again_as_it_was_stored():
     for row in some:
         again = row_from(json.loads(json_text(row.numbers())))
         np.testing.assert_equal(vars(again), vars(row))
+
+
+def test_the_grid_is_a_table_of_useful_capacity_and_error():
+    table = grid_table(rows()[GRID])
+    assert table.header[:2] == ("slack", "0.6 kN/m") and len(table.header) == 9
+    assert [row[0] for row in table.rows] == ["0 mm", "0.3 mm", "1 mm", "3 mm"]
+    assert table.rows[0][1] == f"{5 - 5.3**2 / 10:.2f} / 6.0" and table.rows[3][8].endswith(
+        " / 5.3"
+    )
 
 
 def test_rank_correlation_is_scipys():
