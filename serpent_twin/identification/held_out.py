@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtr
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -97,7 +97,7 @@ def _chance(gains: Array, rng: np.random.Generator) -> float:
     draws = rng.integers(0, n, (_DRAWS, n))
     drawn = (1 + np.count_nonzero(gains[draws].mean(axis=1) <= 0)) / (1 + _DRAWS)
     spread = max(float(gains.std(ddof=1)), 1e-12) / np.sqrt(n)
-    return float(max(drawn, student.sf(gains.mean() / spread, n - 1)))
+    return float(max(drawn, stdtr(n - 1, -gains.mean() / spread)))
 
 
 def gain(before: Errors, after: Errors, rng: np.random.Generator, among: int = 1) -> Gain:

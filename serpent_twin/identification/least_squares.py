@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.free_parameters import FreeParameters, between, jacobian, moved
@@ -292,5 +292,5 @@ def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tupl
     pull = np.einsum("msn,sn->ms", jacobian, residual, dtype=float) / each
     apart = covariance @ (pull - pull.mean(axis=1, keepdims=True))
     between = np.sqrt(segments / (segments - 1) * (apart**2).sum(axis=1))
-    few = float(student.ppf(0.975, segments - 1)) / NORMAL_95
+    few = float(stdtrit(segments - 1, 0.975)) / NORMAL_95
     return np.maximum(error, np.minimum(few * between, prior**-0.5)), correlation

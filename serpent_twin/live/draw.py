@@ -18,7 +18,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
@@ -198,7 +198,7 @@ def ellipsoids(covariance: Array, share: float = 0.95) -> tuple[Array, Rotation]
     """
     variance, axes = np.linalg.eigh(covariance)
     axes[..., -1] *= np.linalg.det(axes)[:, None]  # right-handed
-    return np.sqrt(chi2.ppf(share, 3) * np.maximum(variance, 0)), Rotation.from_matrix(axes)
+    return np.sqrt(chdtri(3, 1 - share) * np.maximum(variance, 0)), Rotation.from_matrix(axes)
 
 
 def open_viewer(patience: float = 20.0) -> None:

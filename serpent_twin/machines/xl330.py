@@ -11,7 +11,6 @@ from typing import Annotated
 
 import mujoco
 import numpy as np
-from scipy.signal import savgol_filter
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, edit
@@ -218,6 +217,8 @@ def _turns(machine: Xl330, points: Sequence[ParameterVector], runs: Runs) -> _Po
 
 def _with_velocity(run: Recording) -> Recording:
     """With the angle's rate of change, where a simulation starts: the logged speed is 20 ms old."""
+    from scipy.signal import savgol_filter
+
     time, angle = run.columns["time"], run.columns["position"]
     period = float(np.median(np.diff(time)))
     rows = 2 * round(_SMOOTH / period / 2) + 1

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -67,7 +67,7 @@ def chance_cut(rows: int, rank: int) -> float:
     independent of theirs; twice the quantile (Dambre et al. 2012) allows for where it is not. With one or
     two channels, a few products that share factors with a strong one may still pass, just above the cut.
     """
-    return float(2 * chi2.isf(1e-4, rank) / rows)
+    return float(2 * chdtri(rank, 1e-4) / rows)
 
 
 def fine_cut(rows: int, rank: int, coarsest: float = COARSEST) -> float:

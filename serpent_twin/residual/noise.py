@@ -92,9 +92,11 @@ def measurement_noise(comparison: Comparison) -> Noise:
     """Noise of markers and loads, from the residual's fourth differences."""
     markers, loads = comparison.marker_residual, comparison.load_residual
     rough, motion = _roughness(comparison), _motion(comparison)
+    columns = _columns(motion)
 
     def each(values: Array) -> Array:
-        return np.array([noise_std(values[:, :, i], rough, motion) for i in range(values.shape[2])])
+        channels = np.moveaxis(values, 2, 0)
+        return np.array([noise_std(channel, rough, motion, columns) for channel in channels])
 
     jitter = of_markers = each(markers)
     if comparison.has_markers and comparison.joint_anchor is not None:
@@ -114,12 +116,15 @@ def _from_row_to_row(values: Array) -> Array:
     return np.sqrt(np.divide(total, 2 * count, out=unknown, where=count >= FEWEST))
 
 
-def noise_std(values: Array, roughness: Array, motion: Array, bins: int = 10) -> float:
+def noise_std(
+    values: Array, roughness: Array, motion: Array, columns: int, bins: int = 10
+) -> float:
     """Noise [of values] in equally noisy coordinates (S, T, K); NaN if it is unknown.
 
-    Roughness of the motion (S, T − 4); fourth differences of possible causes of error, (S, T − 4, P).
+    Roughness of the motion (S, T − 4); fourth differences of possible causes of error, (S, T − 4, P), and
+    how many of these are linearly independent.
     """
-    difference = _unexplained(np.diff(values, ORDER, axis=1), motion)
+    difference = _unexplained(np.diff(values, ORDER, axis=1), motion, columns)
     edges = np.quantile(roughness, np.linspace(0, 1, bins + 1)[1:-1])
     part = np.searchsorted(edges, roughness)
     found = [_bin(difference, roughness, part == b) for b in range(bins)]
@@ -135,10 +140,9 @@ def noise_std(values: Array, roughness: Array, motion: Array, bins: int = 10) ->
     return float(np.sqrt(still / GAIN)) if still > 0 else np.nan
 
 
-def _unexplained(difference: Array, motion: Array) -> Array:
+def _unexplained(difference: Array, motion: Array, columns: int) -> Array:
     """Differences (S, T, K) less their regression on the motion's, scaled for what it takes by chance."""
     y, x = difference.reshape(-1, difference.shape[2]).copy(), motion.reshape(-1, motion.shape[2])
-    columns = np.linalg.matrix_rank(np.nan_to_num(x)) if x.size else 0
     for k in range(y.shape[1]):
         known = np.isfinite(y[:, k]) & np.isfinite(x).all(axis=1)
         if (rows := int(known.sum())) < 10 * columns or not columns:
@@ -148,6 +152,12 @@ def _unexplained(difference: Array, motion: Array) -> Array:
         y[:, k] -= np.nan_to_num(x) @ np.linalg.solve(gram, x[known].T @ y[known, k])
         y[:, k] *= np.sqrt(rows / (rows - OVERLAP * columns))
     return y.reshape(difference.shape)
+
+
+def _columns(motion: Array) -> int:
+    """Number of linearly independent columns of (S, T, P)."""
+    flat = np.nan_to_num(motion).reshape(-1, motion.shape[2])
+    return int(np.linalg.matrix_rank(flat)) if flat.size else 0
 
 
 def _beside_joints(comparison: Comparison) -> Array:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import welch
 
 from serpent_twin.residual.comparison import Array
 
@@ -38,6 +37,8 @@ class Line:
 
 def spectrum(values: Array, period: float) -> Spectrum:
     """Welch's spectrum of values (S, T, C), rows `period` [s] apart, averaged over segments."""
+    from scipy.signal import welch
+
     rows = known(values)
     frequency, power = welch(rows, 1 / period, nperseg=min(rows.shape[1], 128), axis=1)
     power = power.sum(axis=-1).mean(axis=0)

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import convolve1d
-from scipy.signal import savgol_coeffs
 from scipy.spatial.transform import Rotation
 
 from serpent_twin.arrays import Array
@@ -77,6 +76,8 @@ def _smoothed(film: Film) -> tuple[Array, Array]:
 
 
 def _parabola(film: Film, window: int, order: int) -> Array:
+    from scipy.signal import savgol_coeffs
+
     step = 1 / film.rate_hz
     kernel = savgol_coeffs(window, 2, deriv=order, delta=step)
     return convolve1d(film.position, kernel, axis=0, mode="constant", cval=np.nan)
