@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from typed import typed
 from wire_bench import touch
 
 from serpent_twin.emulator.device import running
@@ -114,7 +115,6 @@ def test_a_motor_that_hardly_answers_is_a_finding_beside_the_others():
 
 @pytest.mark.parametrize("wrong", [("--reboot", "0"), ("--reboot", "11"), ("--reads", "-1")])
 def test_impossible_requests_are_refused(wrong):
-    command = [sys.executable, "-m", "serpent_twin.bus.doctor", "--port", "/dev/x", *wrong]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = typed("serpent_twin.bus.doctor", "--port", "/dev/x", *wrong)
     assert done.returncode == 1
     assert done.stderr.startswith(f"error: {wrong[0]}")

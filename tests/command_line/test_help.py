@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated
 
 import pytest
+from typed import typed
 from tyro.conf import Positional, arg
 
 from serpent_twin import machines
@@ -24,18 +25,20 @@ COMMANDS = [
 MOST = 14  # options of a group: the simulated arm has ten parameters, its file, and what is random
 
 
-def run(*words):
-    command = [sys.executable, "-X", "utf8", "-m", *words]  # with boxes, whatever the locale
-    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8")
-
-
 def said(text):
     """Without the boxes, rules and line breaks."""
     return " ".join(re.sub("[│─╭╮╰╯•]|-{5,}", " ", text).split())
 
 
 def test_the_package_lists_its_commands_as_each_describes_itself():
-    done = run("serpent_twin")
+    command = [
+        sys.executable,
+        "-X",
+        "utf8",
+        "-m",
+        "serpent_twin",
+    ]  # with boxes, whatever the locale
+    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8")
     assert done.returncode == 0 and "--help" in done.stdout
     listed = said(done.stdout)
     assert set(COMMANDS) <= set(verbs())
@@ -70,19 +73,19 @@ def test_a_command_says_first_what_the_list_says_of_it_and_groups_its_options(co
     ],
 )
 def test_a_command_without_its_dot_is_answered_by_how_to_call_it(words, call):
-    done = run("serpent_twin", *words)
+    done = typed("serpent_twin", *words)
     assert done.returncode == 1 and call in done.stderr and "Traceback" not in done.stderr
 
 
 def test_mocap_says_what_its_commands_do():
-    text = said(run("serpent_twin.mocap", "--help").stdout)
+    text = said(typed("serpent_twin.mocap", "--help").stdout)
     assert text.startswith("usage: python -m serpent_twin.mocap [-h]")
     assert "merge Fill the markers of session logs from a take" in text
     assert "frame Find the base frame: Motive streams while the arm hangs straight" in text
 
 
 def test_trace_says_which_machines_there_are():
-    text = said(run("serpent_twin.trace", "--help").stdout)
+    text = said(typed("serpent_twin.trace", "--help").stdout)
     for name in machines.available():
         assert f"{name}, {machines.find(name).about}" in text
 

@@ -1,13 +1,12 @@
 """Test that every number of every command is refused out of its bounds, in one sentence that names it."""
 
-import subprocess
-import sys
 import typing
 from dataclasses import is_dataclass
 from math import inf, nan
 
 import pytest
 from configs import configs, made, mains, number, options
+from typed import typed
 
 from serpent_twin import env
 from serpent_twin.command_line import cli
@@ -95,10 +94,7 @@ def test_a_word_that_is_no_whole_number_is_refused_in_our_words(value, capsys):
 )
 def test_what_a_user_types_is_refused_before_anything_is_written(command, tmp_path):
     verb, flag, value = command.split()
-    done = subprocess.run(
-        [sys.executable, "-m", f"serpent_twin.{verb}", "--out", "out", flag, value],
-        capture_output=True, text=True, cwd=tmp_path,
-    )  # fmt: skip
+    done = typed(f"serpent_twin.{verb}", "--out", "out", flag, value, folder=tmp_path)
     assert done.returncode == 1
     assert done.stderr.startswith(f"error: {flag} is ") and done.stderr.count("\n") == 1
     assert len(done.stderr) < 100

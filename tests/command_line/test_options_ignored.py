@@ -1,12 +1,11 @@
 """Test that every option that a run would ignore is refused, and every other one is accepted."""
 
-import subprocess
-import sys
 import typing
 from pathlib import Path
 
 import pytest
 from configs import NEEDED, bare, configs, made, number, options
+from typed import typed
 
 from serpent_twin.arm.parameters import Parameters
 from serpent_twin.errors import SerpentError
@@ -166,10 +165,7 @@ def test_an_option_is_used_or_refused(kind, mode, ignored):
 )
 def test_what_a_user_types_is_refused_before_anything_is_written(command, said, tmp_path):
     verb, *words = command.split()
-    done = subprocess.run(
-        [sys.executable, "-m", f"serpent_twin.{verb}", *words],
-        capture_output=True, text=True, cwd=tmp_path,
-    )  # fmt: skip
+    done = typed(f"serpent_twin.{verb}", *words, folder=tmp_path)
     assert done.returncode == 1
     assert done.stderr.startswith(f"error: {said}") and done.stderr.count("\n") == 1
     assert not list(tmp_path.iterdir())

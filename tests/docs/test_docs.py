@@ -11,6 +11,7 @@ import pytest
 from markdown.extensions.toc import slugify
 from paths import ROOT
 from readme import commands, options, pages
+from typed import typed
 
 from serpent_twin.__main__ import verbs
 
@@ -48,8 +49,7 @@ def called():
 @functools.cache
 def taken(name):
     """Options that the help of a command lists."""
-    command = [sys.executable, "-m", *name, "--help"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    done = typed(*name, "--help")
     assert done.returncode == 0, done.stderr
     return set(re.findall(r"--[a-z][a-z-]*", done.stdout))
 

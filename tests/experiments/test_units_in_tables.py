@@ -1,13 +1,12 @@
 """Test that tables of commands and experiments carry units, and no ratio to a peer that was cut short."""
 
 import re
-import subprocess
-import sys
 
 import pytest
 from diagnoses import ERRORS, diagnosis
 from learning_sessions import make_session
 from trainings import write
+from typed import typed
 
 from experiments.close_the_loop import page as close_the_loop
 from experiments.sim_to_real import page
@@ -74,8 +73,7 @@ def test_networks_that_were_cut_short_make_no_ratio():
 
 def test_log_info_has_units(tmp_path):
     write(tmp_path, make_session(1, rows=40))
-    command = [sys.executable, "-m", "serpent_twin.log", "info", str(tmp_path)]
-    said = subprocess.run(command, capture_output=True, text=True).stdout
+    said = typed("serpent_twin.log", "info", tmp_path).stdout
     (head, row) = [line for line in said.splitlines() if line.startswith("  session ")] + [
         line for line in said.splitlines() if line.startswith("  session_01")
     ]

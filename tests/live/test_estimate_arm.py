@@ -1,14 +1,13 @@
 """Test that a live estimate simulates the arm that its readout was trained on, or says otherwise."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from live_runs import logged
+from typed import typed
 
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.payload import Payload
@@ -135,8 +134,7 @@ def test_of_a_readout_that_does_not_know_its_logs_that_is_said(folder, tmp_path,
 
 
 def test_the_command_prints_it(folder, tmp_path):
-    command = [sys.executable, "-m", "serpent_twin.estimate", "--model", str(folder / "observer")]
-    command += ["--out", str(tmp_path / "out"), "--steps", "8", "--no-record"]
-    done = subprocess.run(command, capture_output=True, text=True)
+    words = ["--model", folder / "observer", "--out", tmp_path / "out", "--steps", 8, "--no-record"]
+    done = typed("serpent_twin.estimate", *words)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("The simulated arm is observer's own twin")

@@ -2,8 +2,6 @@
 
 import json
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -11,6 +9,7 @@ import session_log
 from learning_sessions import make_session, make_windows
 from paths import DATA
 from trainings import write, write_five
+from typed import typed
 
 from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
@@ -82,10 +81,7 @@ def test_a_command_says_so_and_exits_1(command, spoiled, tmp_path):
     options = ["--model", "model", "--out", "out", "--steps", "8", "--no-record"]
     if command == "replay":
         options = ["session_01.parquet", "--readout", "model", "--out", "out.rrd"]
-    done = subprocess.run(
-        [sys.executable, "-m", f"serpent_twin.{command}", *options],
-        capture_output=True, text=True, cwd=tmp_path,
-    )  # fmt: skip
+    done = typed(f"serpent_twin.{command}", *options, folder=tmp_path)
     assert done.returncode == 1, done.stdout
     assert done.stderr.count("error: ") == 1 and "Traceback" not in done.stderr
     assert not (tmp_path / "out.rrd").exists()

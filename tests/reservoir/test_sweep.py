@@ -1,14 +1,14 @@
 """Test that a sweep measures each grid point once, correctly, and the same wherever it runs."""
 
 import json
-import subprocess
-import sys
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from sweep_cases import GRID, POINT, QUICK, UNSTABLE, files
+from typed import typed
 
 from serpent_twin.arm.geometry import joint_from_motor, markers
 from serpent_twin.arm.parameters import NOMINAL
@@ -235,10 +235,7 @@ def test_files_hold_six_digits_and_no_rounding_errors():
 
 
 def test_the_command_explains_itself_and_refuses_by_a_sentence(tmp_path):
-    def command(*options):
-        line = [sys.executable, "-m", "serpent_twin.sweep", *options]
-        return subprocess.run(line, capture_output=True, text=True)
-
+    command = partial(typed, "serpent_twin.sweep")
     told = command("--help")
     assert "usage: python -m serpent_twin.sweep" in told.stdout and "--config." not in told.stdout
     refused = command(

@@ -1,14 +1,13 @@
 """Test that damage in a session is named, also by the commands."""
 
 import re
-import subprocess
-import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from paths import ROOT
 from session_log import make_session, write_journal
+from typed import typed
 
 from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
@@ -96,12 +95,8 @@ def test_check_names_injected_damage(name):
         sessions.refuse_damaged([session])
 
 
-def command(*arguments: object) -> subprocess.CompletedProcess[str]:
-    line = [sys.executable, "-m", "serpent_twin.log", *map(str, arguments)]
-    return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=60)
-
-
 def test_commands(tmp_path):
+    command = partial(typed, "serpent_twin.log")
     write_journal(tmp_path, make_session())
     recovered = command("recover", tmp_path)
     assert recovered.returncode == 0 and "60 rows recovered" in recovered.stdout

@@ -1,8 +1,6 @@
 """Test that faults of scale, frame, order and places of the markers are refused by every command."""
 
 import re
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +9,7 @@ from marker_faults import FAULTS, lost, moved, standing, swapped
 from motive_csv import write_take
 from paths import ROOT
 from takes import CAMERAS, filmed
+from typed import typed
 
 from serpent_twin.arm.geometry import joint_from_motor, link_frames
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
@@ -53,8 +52,7 @@ def folder(path, sessions, fault):
 
 
 def run(module, *arguments):
-    line = [sys.executable, "-m", f"serpent_twin.{module}", *map(str, arguments)]
-    return subprocess.run(line, cwd=ROOT, capture_output=True, text=True, timeout=120)
+    return typed(f"serpent_twin.{module}", *arguments)
 
 
 def errors(session):

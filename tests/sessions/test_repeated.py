@@ -1,8 +1,6 @@
 """Test that logs are refused of which one repeats another, however the copy was changed."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +12,7 @@ from learning_sessions import make_session
 from measured_logs import pendulum, write_log
 from paths import DATA
 from trainings import write, write_five
+from typed import typed
 
 from experiments.close_the_loop import __main__ as close_the_loop
 from experiments.measured import split as measured_split
@@ -104,9 +103,8 @@ def test_sessions_of_one_arm_are_not_taken_for_each_other():
 )
 def test_train_refuses_them_whatever_was_asked(options, logs, tmp_path):
     (logs / "session_06.parquet").write_bytes((logs / "session_04.parquet").read_bytes())
-    command = [sys.executable, "-m", "serpent_twin.train", "--logs", str(logs), *options]
-    command += ["--out", str(tmp_path / "out"), "--readout", "analytical"]
-    done = subprocess.run(command, capture_output=True, text=True)
+    words = ["--logs", logs, *options, "--out", tmp_path / "out", "--readout", "analytical"]
+    done = typed("serpent_twin.train", *words)
     assert done.returncode == 1 and done.stderr.count("\n") == 1
     assert "session_04.parquet" in done.stderr and "session_06.parquet" in done.stderr
 

@@ -2,12 +2,11 @@
 
 import os
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from typed import typed
 
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.deviations import Deviations
@@ -42,8 +41,7 @@ def written(folder, arm=ARM, name="twin.json"):
 
 
 def command(*arguments):
-    run = [sys.executable, "-m", "serpent_twin.collect", *map(str, arguments)]
-    return subprocess.run(run, capture_output=True, text=True)
+    return typed("serpent_twin.collect", *arguments)
 
 
 def same(a, b):

@@ -1,10 +1,8 @@
 """Test that a command that is given a damaged file prints one sentence."""
 
-import subprocess
-import sys
-
 import pytest
 from refusals import FOREIGN
+from typed import typed
 
 COMMANDS = {
     "collect --out {new} --sessions 1 --steps 4 --twin {file}": "twin.json",
@@ -20,8 +18,7 @@ def test_a_command_says_it_in_one_sentence(command, tmp_path):
     path = tmp_path / COMMANDS[command]
     path.write_bytes(b"[" * 100_000)
     words = command.format(file=path, folder=tmp_path, new=tmp_path / "new").split()
-    run = [sys.executable, "-m", f"serpent_twin.{words[0]}", *words[1:]]
-    done = subprocess.run(run, capture_output=True, text=True, cwd=tmp_path, timeout=120)
+    done = typed(f"serpent_twin.{words[0]}", *words[1:], folder=tmp_path)
     assert done.returncode == 1, done.stderr
     said = done.stderr.replace(str(tmp_path), "")
     assert said.startswith("error: ") and said.count("\n") == 1 and path.name in said

@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +10,7 @@ import pytest
 from learning_sessions import make_session
 from paths import DATA
 from trainings import numbers, run, write, write_five
+from typed import typed
 
 from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
@@ -139,9 +138,7 @@ def test_changed_logs_and_foreign_folders_are_refused(logs, tmp_path):
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_status_1(options, told, logs, tmp_path):
-    command = [sys.executable, "-m", "serpent_twin.train", "--logs", str(logs), *options]
-    command += ["--out", str(tmp_path / "out")]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = typed("serpent_twin.train", "--logs", logs, *options, "--out", tmp_path / "out")
     assert done.returncode == 1
     assert done.stderr.startswith("error: ") and told in done.stderr
     assert "Traceback" not in done.stderr
