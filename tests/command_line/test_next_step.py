@@ -11,6 +11,7 @@ import pytest
 from learning_sessions import make_session
 from readme import ROOT, options, small
 from trainings import write
+from typed import typed
 
 from serpent_twin import next_step
 from serpent_twin.effects.payload import Payload
@@ -27,12 +28,10 @@ from serpent_twin.training.train import planned as trained
 QUICK = "--readout linear mlp observer"
 
 
-def run(typed: str, folder: Path) -> str:
+def run(command: str, folder: Path) -> str:
     """What a command prints that is typed in a folder and must succeed."""
-    environment = dict(os.environ, PYTHONPATH=str(ROOT))
-    words = [sys.executable, *shlex.split(typed)[1:]]
-    done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, f"{typed}\n{done.stdout}\n{done.stderr}"
+    done = typed(*shlex.split(command)[2:], folder=folder)
+    assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
     return done.stdout
 
 
