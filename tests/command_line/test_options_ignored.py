@@ -77,8 +77,9 @@ IGNORED = {
 } | {
     name: [({}, set())]
     for name in (
-        "CloseTheLoop", "CollectSpeed", "Confusion", "Demo", "EstimateSpeed", "FaultMatrix", "Fuzz",
-        "Measured", "SimToReal", "SweepSpeed", "TraceSpeed", "WholeTrace",
+        "Benchmarks", "CloseTheLoop", "CollectSpeed", "Confusion", "Demo", "EstimateSpeed",
+        "FaultMatrix", "Fuzz", "Measured", "ReadoutTable", "ResultPage", "SimToReal", "SweepSpeed",
+        "TraceSpeed", "WholeTrace",
     )
 }  # fmt: skip
 """What each config ignores, by what is given beside it: all else is used in that mode"""
