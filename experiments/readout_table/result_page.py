@@ -29,6 +29,8 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
     arms = results["arms"]
     epochs = results["settings"]["epochs"]
     option = f" --epochs {epochs}" if epochs else ""
+    if (wanted := _readouts_of(arms)) != list(READOUTS):
+        option += f" --readout {' '.join(wanted)}"
     command = f"python -m experiments.readout_table --logs LOGS{option} --out readout_table"
     data = "; ".join(f"{name}, {_sessions(of['rows'])}" for name, of in arms.items())
     return PageContent(
@@ -38,15 +40,20 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
 
 def error_table(arms: Mapping[str, Any]) -> Table:
     """One row a readout, one column an arm."""
-    names = list(dict.fromkeys(name for of in arms.values() for name in of["readouts"]))
     rows = tuple(
         (LABELS.get(name, name), *(_cell(of["readouts"].get(name)) for of in arms.values()))
-        for name in names
+        for name in _readouts_of(arms)
     )
     note = ""
     if any("†" in cell for row in rows for cell in row):
         note = "† Training was stopped before the readout's own rule ends it."
     return Table(("readout", *(f"{arm} [mm]" for arm in arms)), rows, note)
+
+
+def _readouts_of(arms: Mapping[str, Any]) -> list[str]:
+    """Names of all readouts that were trained, in the order of the table."""
+    trained = dict.fromkeys(name for of in arms.values() for name in of["readouts"])
+    return sorted(trained, key=lambda name: (name not in LABELS, [*LABELS, name].index(name)))
 
 
 def _cell(one: Mapping[str, Any] | None) -> str:

@@ -13,6 +13,8 @@ from experiments import result_page
 from experiments.confusion.plan import CLEAN, KNOWN
 from experiments.paper_table import __main__ as paper_table
 from experiments.result_page import ResultPage, main, markdown, publish, store
+from experiments.sim_to_real.figures import _LABEL
+from experiments.sim_to_real.twins import STAGES
 from serpent_twin.errors import SerpentError
 
 ORIGIN = {"date": "2026-11-23", "git_commit": "abc", "versions": {"mujoco": "3.17.0"}}
@@ -59,9 +61,10 @@ def test_figures_that_are_stored_keep_their_date(tmp_path, monkeypatch):
 
 
 def test_the_readouts_page_has_every_readout_of_every_arm():
-    text = page("experiments.readout_table", **readouts(linear=4.25, ensemble=1.26))
+    text = page("experiments.readout_table", **readouts(ensemble=1.26, linear=4.25))
     assert "| linear, as published | 4.2 ± 1.0 |" in text
     assert "arm_x, 1 session × 400 rows, 2 sessions × 600 rows" in text
+    assert "--logs LOGS --readout linear ensemble --out readout_table`" in text
 
 
 def test_the_page_of_the_loop_has_what_each_twin_lacked_and_what_is_left():
@@ -131,3 +134,35 @@ def test_the_page_of_speed_has_each_row_and_how_busy_the_machine_was(tmp_path, c
     text = page("benchmarks", benchmarks={"collect_speed": kept | {"load_before": 2.46}}, cores=2)
     assert "| its speed to that of a bare rollout | 0.851 | at least 0.80 |" in text
     assert "| collecting | 90,123 steps/s |  |" in text and "Load average before: 2.5" in text
+
+
+def test_the_page_of_sim_to_real_has_every_route_condition_and_change_and_its_figures(tmp_path):
+    stages = dict.fromkeys(STAGES, 4.0)
+    curve = {route: {"0": 4.0, "100": 3.5, "all": 3.0} for route in _LABEL}
+    arm = {
+        "observer_mm": 0.63, "observer_tip_mm": 0.9, "lstm_mm": 2.3, "zero_shot_mm": stages,
+        "few_shot_mm": {"500": 3.5}, "all_real_mm": 2.5, "coverage_95": 0.951, "effects": [],
+        "unexplained": {"is": False}, "readout": "residual_mlp", "observer_by_stage_mm": stages,
+        "curves_mm": {"residual": curve, "residual_mlp": curve}, "hybrid_mm": {"all": 1.9},
+        "filtered_mm": stages, "filter_scatter_rad": stages, "weighing_mm": {"payload": 2.1},
+        "latency_ms": {"lstm": 1.0}, "observer_latency_ms": 2.5, "weighing_latency_ms": {"payload": 5.0},
+        "coverage": {"0.50": 0.52, "0.95": 0.951}, "windows": {"train": 120, "test": 60},
+        "test_sessions": ["session_04"],
+    }  # fmt: skip
+    heavy = {"observer": {"mean_mm": 2.98, "coverage_95": 0.65}, "lstm": None}
+    change = {"before_mm": 1.0, "first_10_s_mm": 3.0, "recovered_s": None, "last_mm": 2.0}
+    change |= {"error_mm": [1.0, 1.1, 1.0, 3.0, 2.5, 2.0]}
+    figures = {
+        "arms": {"arm_x": arm},
+        "conditions": {"arm": "arm_x", "readouts": {"30 g more payload": heavy}},
+        "changes": {"tilt": {"what": "a tilt", "at_row": 3, "estimators": {"observer": change}}},
+        "settings": {"quick": True, "seed": 0},
+    }
+    publish(figures | ORIGIN | {"measured_by": "experiments.sim_to_real"}, tmp_path / "page.md")
+    text = (tmp_path / "page.md").read_text()
+    assert "| arm_x | 0.63 | 0.90 | 2.30 | 0.27 |" in text and "--quick" in text
+    assert "| 30 g more payload | 2.98 (65 %) | refused |" in text
+    assert "| a tilt | observer | 1.00 | 3.00 | – | 2.00 |" in text
+    drawn = {path.stem for path in (tmp_path / "figures").iterdir()}
+    assert drawn == {"curves", "coverage", "changes"}
+    assert all(f"](figures/{name}.png)" in text for name in drawn)
