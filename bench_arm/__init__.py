@@ -4,7 +4,7 @@ Rigid bodies, cables, friction, servos and sensors are written from physics in n
 arms and sessions run side by side. `python -m bench_arm --help` records from the shell.
 """
 
-from .chain import Chain, chain
+from .chain import Chain, Payloads, chain
 from .effects import NAMES, NONE, TYPICAL, Effects, inject
 from .machine import ArmBatch
 from .parameters import BenchArm, draw
@@ -20,6 +20,7 @@ __all__ = [
     "Chain",
     "Effects",
     "Job",
+    "Payloads",
     "SessionSpec",
     "chain",
     "draw",

@@ -23,10 +23,12 @@ class Strands:
         self.fresh_stiffness = self.stiffness
         self.slack = np.array([a.strand_slack for a in arms]).reshape(shape)
         self.damping = _rows(a.strand_damping for a in arms)
-        self.curvature = _rows(e.cable_stiffening for e in effects)
-        self.creep = _rows(e.cable_creep for e in effects)
+        self.affected = np.array([_affected(e) for e in effects])
+        """Which strands creep, stiffen, wear and rub, (R, 2, 9)."""
+        self.curvature = self.affected * _rows(e.cable_stiffening for e in effects)
+        self.creep = self.affected * _rows(e.cable_creep for e in effects)
         self.creep_time = _rows(e.creep_time for e in effects)
-        self.drift = _rows(e.stiffness_drift / 3600 for e in effects)
+        self.drift = self.affected * _rows(e.stiffness_drift / 3600 for e in effects)
         self.threshold = _rows(e.clamp_threshold for e in effects)
         one = np.eye(2 * N_JOINTS)[[e.clamp_strand for e in effects]].reshape(shape)
         self.slip_rate = one * _rows(e.clamp_slip for e in effects)
@@ -60,6 +62,13 @@ class Strands:
         if self.slip_rate.any():
             self.slipped += h * self.slip_rate * np.maximum(tension - self.threshold, 0)
         self.rest = self.slack + self.crept + self.slipped
+
+
+def _affected(effects: Effects) -> np.ndarray:
+    """Which strands an effect changes, (2, 9) of bool: + strands, then − strands."""
+    cable = np.isin(np.arange(1, N_JOINTS + 1), effects.cable) | (effects.cable == 0)
+    side = np.array([effects.side >= 0, effects.side <= 0])
+    return side[:, None] & cable
 
 
 def _rows(values: Iterable[float]) -> Array:

@@ -7,7 +7,6 @@ import numpy as np
 from serpent_twin.arm.geometry import ARM, N_JOINTS
 from serpent_twin.arrays import Array
 
-PAYLOAD_AT = 0.090  # m: a payload sits in the gripper, here in the frame of link 9
 GRAVITY = 9.81
 
 _SKEW = np.zeros((3, 9))  # v @ _SKEW is the flattened matrix of v ×
@@ -32,7 +31,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class Chain:
-    """R chains of H hinges and B bodies: what differs by row is the last body, the gripper's load."""
+    """R chains of H hinges and B bodies: what differs by row is the body that carries a payload."""
 
     turn: tuple[Array, Array, Array]
     """Rotation of a hinge = turn[0] + cos q turn[1] + sin q turn[2], (H, 3, 3) each."""
@@ -49,7 +48,7 @@ class Chain:
     inertia: Array
     """Principal inertias along the carrier's x, y, z [kg m²], (R, B, 3)."""
     joint: np.ndarray
-    """Which hinges are the arm's nine joints, (9,); the others are bending links."""
+    """Which hinges are the arm's nine joints, (9,); the others are links that flex."""
     marker: tuple[tuple[np.ndarray, Array], ...]
     """Hinge (9,) and place behind it [m], (9, 3); a marker sits at the mean over the entries."""
 
@@ -141,50 +140,67 @@ class Chain:
         object.__setattr__(self, "_carried", carried[:, None, None].astype(float))
 
 
-def chain(payload: Array, marker_offset: Array, bends: bool) -> Chain:
-    """The arm with payloads [kg], (R,), and misplaced markers [m], (R, 9, 3).
+@dataclass(frozen=True)
+class Payloads:
+    """One point mass in each of R arms."""
 
-    Where links bend, each is cut at its middle into two equal halves (together they have the
-    link's mass, centre and inertia) joined by a hinge about z and one about y.
+    mass: Array
+    """[kg], (R,)."""
+    link: np.ndarray
+    """Which link, from 0, (R,)."""
+    at: Array
+    """Behind that link's joint [m], (R,)."""
+
+
+def chain(payload: Payloads, marker_offset: Array, flexes: str = "") -> Chain:
+    """The arm with payloads and misplaced markers [m], (R, 9, 3).
+
+    Where links flex, each is cut at its middle into two equal halves (together they have the
+    link's mass, centre and inertia) joined by hinges about the axes `flexes`, such as "zy" to bend.
     """
     length, mass = np.array(ARM.link_length), np.array(ARM.link_mass)
-    part = length / 2 if bends else length
-    per_link = ("joint", "z", "y") if bends else ("joint",)
+    part = length / 2 if flexes else length
+    per_link = ("joint", *flexes)
     kinds = [("zy"[i % 2] if k == "joint" else k) for i in range(N_JOINTS) for k in per_link]
     stride = len(per_link)
-    axis = np.array([(0.0, 0.0, 1.0) if k == "z" else (0.0, 1.0, 0.0) for k in kinds])
+    axis = np.eye(3)[["xyz".index(k) for k in kinds]]
     step = np.zeros((len(kinds), 3))
     step[::stride, 0] = part
-    if bends:
-        step[2::stride, 0] = part
+    if flexes:
+        step[stride - 1 :: stride, 0] = part
     joint = np.arange(N_JOINTS) * stride
-    carrier = np.stack([joint, joint + 2], 1).ravel() if bends else joint
-    pieces = 2 if bends else 1
-    body_mass = np.tile(np.repeat(mass / pieces, pieces), (len(payload), 1))
+    end = joint + stride - 1
+    carrier = np.stack([joint, end], 1).ravel() if flexes else joint
+    pieces = 2 if flexes else 1
+    body_mass = np.tile(np.repeat(mass / pieces, pieces), (len(payload.mass), 1))
     body_length = np.repeat(part, pieces)
     com = np.zeros((*body_mass.shape, 3))
     com[..., 0] = body_length / 2
     inertia = body_mass[..., None] * np.array([ARM.inertia_along, *2 * [ARM.inertia_across]])
     inertia[..., 1:] += (body_mass * body_length**2 / 12)[..., None]
-    place = PAYLOAD_AT - (part[-1] if bends else 0.0)
-    _load(body_mass, com, inertia, payload, place)
+    beyond = payload.at > part[payload.link] if flexes else np.zeros(len(payload.at), bool)
+    body = pieces * payload.link + beyond
+    _load(body_mass, com, inertia, payload.mass, body, payload.at - beyond * part[payload.link])
     at = ARM.markers_in_links + marker_offset
     marker = ((joint, at),)
-    if bends:
-        far = (joint + 2, at - np.stack([part, 0 * part, 0 * part], 1))
+    if flexes:
+        far = (end, at - np.stack([part, 0 * part, 0 * part], 1))
         beyond = ARM.markers_in_links[:, 0] > part
         near = (np.where(beyond, far[0], joint), np.where(beyond[:, None], far[1], at))
         marker = (near, far)
     return Chain(_turns(axis), axis, step, carrier, body_mass, com, inertia, joint, marker)
 
 
-def _load(mass: Array, com: Array, inertia: Array, payload: Array, place: float) -> None:
-    """Put a point mass [kg], (R,), at x = `place` of the last body, in place."""
-    last, total = mass[:, -1].copy(), mass[:, -1] + payload
-    apart = place - com[:, -1, 0]
-    com[:, -1, 0] += payload * apart / total
-    inertia[:, -1, 1:] += (payload * last / total * apart**2)[:, None]
-    mass[:, -1] = total
+def _load(
+    mass: Array, com: Array, inertia: Array, payload: Array, body: np.ndarray, place: Array
+) -> None:
+    """Put a point mass [kg], (R,), at x = `place` of one body of each row, in place."""
+    at = np.arange(len(payload)), body
+    own, total = mass[at].copy(), mass[at] + payload
+    apart = place - com[at][:, 0]
+    com[(*at, 0)] += payload * apart / total
+    inertia[(*at, slice(1, 3))] += (payload * own / total * apart**2)[:, None]
+    mass[at] = total
 
 
 def _turns(axis: Array) -> tuple[Array, Array, Array]:

@@ -14,7 +14,11 @@ class Effects:
     """Laws by strength; zero strength is absence, whatever the other values are."""
 
     payload: float = 0.0
-    """Point mass in the gripper, on link 9's long axis 90 mm behind joint 9 [kg]."""
+    """Point mass on a link's long axis [kg]."""
+    payload_link: int = 9
+    """Which link, 1 … 9."""
+    payload_at: float = 0.090
+    """Behind that link's joint [m]; in the gripper if nothing else is said."""
     base_tilt: float = 0.0
     """Angle by which gravity leans away from the base's x [rad]."""
     tilt_direction: float = 0.0
@@ -22,13 +26,16 @@ class Effects:
     tilt sin ψ about base z."""
     mocap_latency: float = 0.0
     """Age of the marker positions when the motors are read [s], at most one control period."""
+    motor_latency: float = 0.0
+    """Age of what the motors report (angle, speed, load) when they are read [s], at most one control
+    period; the controller has nothing newer."""
     gear_backlash: float = 0.0
     """Full gap between each measured motor angle m and its winch w [rad]: the winch keeps still while
     |m − w| ≤ gap / 2 (play operator); the cable's torque reaches the motor all the same, as the play
     lies beside what holds it."""
     cable_friction: float = 0.0
     """Coefficient c of the pulleys' dry friction: joint i resists its motion by c Σ r_j T_j over the
-    cables j ≥ i that wrap it, T_j the sum of both strands' tensions [1]."""
+    cables j ≥ i that wrap it, T_j the sum of the strands' tensions that rub [1]."""
     cable_friction_wrap: float = 0.0
     """The same by Amontons' law on a strand that bends by |q_i|, so presses on the groove with T dφ:
     joint i resists by Σ r_j T_j (exp(μ |q_i|) − 1), μ the coefficient [1]."""
@@ -40,6 +47,10 @@ class Effects:
     """τ of cable_creep [s]."""
     cable_stiffening: float = 0.0
     """1/x₀ of T = k x (1 + x/x₀) [1/m]."""
+    cable: int = 0
+    """Of which cable strands creep, stiffen, wear and rub on pulleys, 1 … 9; 0 for all cables."""
+    side: int = 0
+    """Which of its strands: 1 for the + strand, −1 for the − strand, 0 for both."""
     clamp_slip: float = 0.0
     """Rate at which a strand lengthens permanently per tension beyond the threshold [m/(N s)]. Clamps are
     tightened again before every session."""
@@ -50,10 +61,12 @@ class Effects:
     link_flex: float = 0.0
     """Compliance of a hinge at each link's middle, about y and about z [rad/(N m)]. The cables run
     through that hinge; the link's marker sits between its two halves."""
+    link_twist: float = 0.0
+    """The same about the link's long axis x [rad/(N m)]."""
     joint_elasticity: float = 0.0
     """Spring beside each hinge, towards straight [N m/rad]."""
     stiffness_drift: float = 0.0
-    """Share of every strand's stiffness lost per hour of running [1/h], down to a tenth. Sessions run end
+    """Share of a strand's stiffness lost per hour of running [1/h], down to a tenth. Sessions run end
     to end."""
     outside_force: float = 0.0
     """A constant pull on one link's centre of mass [N] while a joint is beyond an angle."""
@@ -80,34 +93,35 @@ class Effects:
     ripple_phase: float = 0.0
     """φ [rad]."""
 
+    @property
+    def flexes(self) -> str:
+        """Axes about which links flex: z and y to bend, x to twist."""
+        return "zy" * bool(self.link_flex) + "x" * bool(self.link_twist)
+
 
 NONE = Effects()
-NAMES = (
-    "payload",
-    "base_tilt",
-    "mocap_latency",
-    "gear_backlash",
-    "cable_friction",
-    "cable_friction_wrap",
-    "gear_friction",
-    "cable_creep",
-    "cable_stiffening",
-    "clamp_slip",
-    "link_flex",
-    "joint_elasticity",
-    "stiffness_drift",
-    "outside_force",
-    "sticking_joint",
-    "load_ripple",
-)
-TYPICAL: dict[str, float] = dict(
-    zip(
-        NAMES,
-        (0.03, 0.08, 0.04, 0.04, 0.12, 0.6, 0.3, 0.5, 5e2, 2e-5, 0.05, 0.1, 0.9, 0.4, 6.0, 0.03),
-        strict=True,
-    )
-)
+TYPICAL: dict[str, float] = {
+    "payload": 0.03,
+    "base_tilt": 0.08,
+    "mocap_latency": 0.04,
+    "motor_latency": 0.04,
+    "gear_backlash": 0.04,
+    "cable_friction": 0.12,
+    "cable_friction_wrap": 0.6,
+    "gear_friction": 0.3,
+    "cable_creep": 0.5,
+    "cable_stiffening": 5e2,
+    "clamp_slip": 2e-5,
+    "link_flex": 0.05,
+    "link_twist": 0.1,
+    "joint_elasticity": 0.1,
+    "stiffness_drift": 0.9,
+    "outside_force": 0.4,
+    "sticking_joint": 6.0,
+    "load_ripple": 0.03,
+}
 """A strength of each that an arm of this size shows clearly."""
+NAMES = tuple(TYPICAL)
 
 
 def inject(name: str, strength: float, rng: np.random.Generator, beside: Effects = NONE) -> Effects:

@@ -8,7 +8,7 @@ from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 
 from .cables import RADIUS, Strands
-from .chain import GRAVITY, Pose, chain
+from .chain import GRAVITY, Payloads, Pose, chain
 from .effects import Effects
 from .parameters import BenchArm
 from .servo import ServoBatch
@@ -16,7 +16,7 @@ from .servo import ServoBatch
 NEWTON = 8  # most iterations of a step; two are common
 MIDDLE = 0.51  # of a step is where forces are taken: 0.5 keeps energy, more calms stiff modes
 BRISTLE_DAMPING = 1e-3  # s: damping of a sticking hinge over its stiffness
-FLEX_DAMPING = 2e-3  # s: damping of a bending link over its stiffness
+FLEX_DAMPING = 2e-3  # s: damping of a link that flexes over its stiffness
 _OUTER = np.maximum.outer(np.arange(N_JOINTS), np.arange(N_JOINTS))
 
 
@@ -33,10 +33,12 @@ class ArmBatch:
         self, arms: Sequence[BenchArm], effects: Sequence[Effects], h: float, clock: Array
     ) -> None:
         self.h, self.clock, self.effects = h, clock.copy(), effects
-        bends = any(e.link_flex for e in effects)
-        self.chain = chain(
-            np.array([e.payload for e in effects]), np.array([a.marker_offset for a in arms]), bends
+        payload = Payloads(
+            np.array([e.payload for e in effects]),
+            np.array([e.payload_link - 1 for e in effects]),
+            np.array([e.payload_at for e in effects]),
         )
+        self.chain = chain(payload, np.array([a.marker_offset for a in arms]), effects[0].flexes)
         self.joint = self.chain.joint
         self.strands, self.servos = Strands(arms, effects), ServoBatch(arms, effects)
         self.ratio = np.array([a.radius_ratio for a in arms])
@@ -56,8 +58,10 @@ class ArmBatch:
         self, arms: Sequence[BenchArm], effects: Sequence[Effects]
     ) -> tuple[Array, Array]:
         """Stiffness [N m/rad] and damping [N m s/rad] of all hinges, (R, H)."""
-        compliance = np.array([[e.link_flex or np.inf] for e in effects])
-        spring = np.repeat(1 / compliance, self.chain.n_hinges, axis=1)
+        of = {"z": "link_flex", "y": "link_flex", "x": "link_twist"}
+        each = ("joint", *(of[axis] for axis in effects[0].flexes))
+        per_link = [[1 / getattr(e, name, np.inf) for name in each] for e in effects]
+        spring = np.tile(per_link, N_JOINTS)
         damping = FLEX_DAMPING * spring
         spring[:, self.joint] = [[e.joint_elasticity] for e in effects]
         damping[:, self.joint] = [[a.joint_damping] for a in arms]
@@ -148,7 +152,7 @@ class ArmBatch:
         limit = self.friction
         if self.pulley_friction.any() or self.wrap_friction.any():
             q = self.q[:, self.joint]
-            moment = RADIUS * self.tension.sum(1)
+            moment = RADIUS * (self.strands.affected * self.tension).sum(1)
             passing = np.cumsum(moment[:, ::-1], axis=1)[:, ::-1]
             share = self.pulley_friction + np.expm1(self.wrap_friction * np.abs(q))
             limit = limit + share * passing

@@ -50,7 +50,7 @@ def record_many(
 ) -> list[list[Path]]:
     """Write the sessions of many arms, in as few simulations as their kinds allow.
 
-    Arms run together if their links bend alike and their sessions are equally long. What an arm
+    Arms run together if their links flex alike and their sessions are equally long. What an arm
     does is bit for bit the same in any company.
     """
     _refuse_existing(jobs)
@@ -77,8 +77,8 @@ def _refuse_existing(jobs: Sequence[Job]) -> None:
             raise SerpentError(f"{job.folder} holds sessions already. Move them, or name another.")
 
 
-def _kind(job: Job) -> tuple[bool, int]:
-    return bool(job.effects.link_flex), job.steps
+def _kind(job: Job) -> tuple[str, int]:
+    return job.effects.flexes, job.steps
 
 
 def _write_truth(job: Job, substeps: int) -> None:

@@ -41,7 +41,7 @@ def simulate(
 ) -> list[dict[str, Array]]:
     """Run sessions side by side and return the arrays of each log, by their names in `Session`.
 
-    A row's result does not depend on the rows beside it. Rows must agree in whether links bend.
+    A row's result does not depend on the rows beside it. Rows must agree in how links flex.
     """
     clock = np.array([(row.number - 1) * steps / RATE for row in rows])
     period = 1 / RATE
@@ -99,48 +99,67 @@ class _Sensors:
         self.effects = row.effects
 
 
-def _advance(machine: ArmBatch, command: Array, substeps: int) -> Array:
-    """Move on by one control period; hinge angles along the way, (substeps + 1, R, H)."""
-    path = [machine.q.copy()]
+@dataclass(frozen=True)
+class _Period:
+    """What happened in one control period, one time step after the other."""
+
+    hinges: Array
+    """Angles [rad], (substeps + 1, R, H)."""
+    motors: Array
+    """Angles [rad], speeds [rad/s] and loads [fraction of stall], (substeps + 1, R, 3, 10)."""
+
+
+def _advance(machine: ArmBatch, command: Array, substeps: int) -> _Period:
+    """Move on by one control period."""
+
+    def now() -> tuple[Array, Array]:
+        servos = machine.servos
+        return machine.q.copy(), np.stack([servos.angle, servos.speed, _load(machine)], axis=1)
+
+    path = [now()]
     for _ in range(substeps):
         machine.step(command)
-        path.append(machine.q.copy())
-    return np.stack(path)
+        path.append(now())
+    hinges, motors = (np.stack(each) for each in zip(*path, strict=True))
+    return _Period(hinges, motors)
 
 
-def _read(machine: ArmBatch, path: Array, seen: Sequence[_Sensors], t: int) -> dict[str, Array]:
+def _read(machine: ArmBatch, path: _Period, seen: Sequence[_Sensors], t: int) -> dict[str, Array]:
     """Row t of every log, (R, ...)."""
-    servos = machine.servos
-    marker = machine.markers(_delayed(path, [s.effects.mocap_latency for s in seen]))
+    marker = machine.markers(_delayed(path.hinges, [s.effects.mocap_latency for s in seen]))
     marker = marker + np.stack([s.marker[t] for s in seen])
     marker[np.stack([s.lost[t] for s in seen])] = np.nan
-    load = _load(machine, [s.effects for s in seen]) + np.stack([s.load[t] for s in seen])
+    motors = _delayed(path.motors, [s.effects.motor_latency for s in seen])
+    angle, speed, load = motors.swapaxes(0, 1)
+    load = load + np.stack([s.load[t] for s in seen])
     return {
-        "motor_position": COUNT * np.rint(servos.angle / COUNT),
-        "motor_velocity": VELOCITY_UNIT * np.rint(servos.speed / VELOCITY_UNIT),
+        "motor_position": COUNT * np.rint(angle / COUNT),
+        "motor_velocity": VELOCITY_UNIT * np.rint(speed / VELOCITY_UNIT),
         "motor_load": LOAD_UNIT * np.rint(np.clip(load, -1, 1) / LOAD_UNIT),
         "marker": marker,
     }
 
 
 def _delayed(path: Array, latency: Sequence[float]) -> Array:
-    """Hinge angles [rad], (R, H), as old as each row's cameras are late [s], by linear interpolation."""
+    """What was there, (R, …), as long ago as each row's latency [s], by linear interpolation."""
     last = len(path) - 1
     back = np.clip(np.array(latency) * RATE * last, 0, last)
     whole = np.minimum(back.astype(int), last - 1)
     row = np.arange(path.shape[1])
     late, later = path[last - whole, row], path[last - whole - 1, row]
-    return late + (back - whole)[:, None] * (later - late)
+    share = (back - whole).reshape(-1, *(1,) * (late.ndim - 1))
+    return late + share * (later - late)
 
 
-def _load(machine: ArmBatch, effects: Sequence[Effects]) -> Array:
+def _load(machine: ArmBatch) -> Array:
     """Load readings without noise [fraction of stall], (R, 10)."""
-    servos = machine.servos
+    servos, effects = machine.servos, machine.effects
     loss = np.array([[e.gear_friction] for e in effects])
     torque = servos.drive + loss * np.abs(machine.motor_torque()) * servos.grip
     load = torque / ARM.servo.stall_torque
     for i, e in enumerate(effects):
-        motor = e.ripple_motor - 1
-        wave = np.sin(e.ripple_periods * servos.angle[i, motor] + e.ripple_phase)
-        load[i, motor] += e.load_ripple * wave
+        if e.load_ripple:
+            motor = e.ripple_motor - 1
+            wave = np.sin(e.ripple_periods * servos.angle[i, motor] + e.ripple_phase)
+            load[i, motor] += e.load_ripple * wave
     return load

@@ -12,8 +12,10 @@ from experiments.confusion.outside import OUTSIDE, place
 from experiments.confusion.plan import Trial
 from serpent_twin.arm.control import random_targets
 from serpent_twin.arm.deviations import EXACT, Deviations
+from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL, Parameters
-from serpent_twin.effects import Effect, by_name, ranges
+from serpent_twin.effects import Effect, by_name, ranges, strengths
+from serpent_twin.effects.strands import N_STRANDS
 from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.recording.simulated_arm import SimulatedArm
 from serpent_twin.runs.files import write_json
@@ -123,25 +125,17 @@ def injected(name: str, level: float, rng: np.random.Generator) -> Effect:
     variants = kind.variants()
     usual = variants[int(rng.integers(len(variants)))]
     values = {each.name: float(getattr(usual, each.name)) for each in fields(kind)}
-    strong = strengths(kind)
+    strong = strengths(ranges(kind))
     turn = rng.standard_normal(len(strong)) if len(strong) > 1 else np.ones(1)
     turn /= np.linalg.norm(turn)
     for each, share in zip(strong, turn, strict=True):
-        values[each] = level * usual.strength * float(share)
+        signed = float(share) if ranges(kind)[each].low < 0 else abs(float(share))
+        values[each] = level * usual.strength * signed
     for each, allowed in ranges(kind).items():
-        if allowed.fitted and each not in strong:
+        if allowed.fitted and each not in strong and allowed.low >= 0:
             values[each] *= float(np.exp(rng.uniform(-0.5, 0.5)))
         values[each] = float(np.clip(values[each], allowed.low, allowed.high))
     return kind(**values)
-
-
-def strengths(kind: type[Effect]) -> tuple[str, ...]:
-    """The parameters that are its strength: the first, or the parts of a vector, which have a sign."""
-    return tuple(n for k, (n, r) in enumerate(ranges(kind).items()) if k == 0 or _part(r))
-
-
-def _part(allowed: Any) -> bool:
-    return allowed.fitted and allowed.low < 0
 
 
 def _told(name: str, effect: Effect) -> Truth:
@@ -159,7 +153,7 @@ def _truth(name: str, parameters: dict[str, float], strength: float) -> Truth:
         "parameters": parameters,
         "strength": strength,
         "unit": next(iter(ranges(kind).values())).unit if kind else "1",
-        "strong": list(strengths(kind)) if kind and known else [],
+        "strong": list(strengths(ranges(kind))) if kind and known else [],
     }
 
 
@@ -175,7 +169,8 @@ class BenchSource:
     """The independent arm: no physics shared with the twin."""
 
     def __init__(self) -> None:
-        names = [n for n in bench_arm.NAMES if n != "cable_friction_wrap"]
+        variants = ("cable_friction_wrap", "link_twist")  # of effects that have other names
+        names = [n for n in bench_arm.NAMES if n not in variants]
         self.known = tuple(n for n in names if n in CATALOGUE)
         self.outside = tuple(n for n in names if n not in CATALOGUE)
 
@@ -214,8 +209,22 @@ def _bench_values(name: str, effects: Any) -> dict[str, float]:
     more = {
         "cable_creep": {"time": effects.creep_time},
         "clamp_slip": {"grip": effects.clamp_threshold},
+        "link_flex": {"twist": effects.link_twist},
+        "payload": {"place": _begins(effects.payload_link) + effects.payload_at},
     }
-    return {first: float(getattr(effects, name))} | more.get(name, {})
+    where = {"strand": _strand(effects)} if effects.cable and name != "clamp_slip" else {}
+    return {first: float(getattr(effects, name))} | more.get(name, {}) | where
+
+
+def _strand(effects: Any) -> float:
+    """The strands of the bench arm's one cable, as the catalogue's effects count them."""
+    cable, side = effects.cable - 1, effects.side
+    return float(2 * cable + (side < 0) if side else N_STRANDS + cable)
+
+
+def _begins(link: int) -> float:
+    """Where a link, from 1, begins on the straight arm, from the last joint [m]."""
+    return float(-np.sum(ARM.link_length[link - 1 : -1]))
 
 
 SOURCES: dict[str, type[TwinSource] | type[BenchSource]] = {

@@ -19,6 +19,7 @@ from serpent_twin.effects.effect import (
     ranges,
     stack,
     stacked,
+    strengths,
 )
 from serpent_twin.effects.moment import Geared, Instant, Moment, TorqueDriven, Wound
 from serpent_twin.effects.registry import (
@@ -54,5 +55,6 @@ __all__ = [
     "restored",
     "stack",
     "stacked",
+    "strengths",
     "to_dict",
 ]

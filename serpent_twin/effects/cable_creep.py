@@ -8,11 +8,12 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import SMOOTH, Effect, parameter
 from serpent_twin.effects.moment import Moment
+from serpent_twin.effects.strands import chosen, on_strands
 
 
 @dataclass(frozen=True)
 class CableCreep(Effect):
-    """Each strand's rest length grows by e with de/dt = (f x − e) / τ, x its elastic stretch.
+    """A strand's rest length grows by e with de/dt = (f x − e) / τ, x its elastic stretch.
 
     That is the standard linear solid: the strand's spring k in series with a spring k/f and a damper
     τ k/f side by side. Under a constant tension the strand is longer by the share f in the end.
@@ -24,11 +25,17 @@ class CableCreep(Effect):
     """f [1]"""
     time: float = parameter("s", low=5.0, high=1000.0, typical=60.0, default=60.0)
     """τ [s]"""
+    strand: float = on_strands()
+    """On which strands, as `on_strands` counts them; −1 for all"""
 
     shows_in: ClassVar[str] = (
         "error that builds up over a minute while a pose is held, and recovers"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_stiffening", "clamp_slip", "stiffness_drift")
+    confused_with: ClassVar[tuple[str, ...]] = (
+        "cable_stiffening",
+        "clamp_slip",
+        "stiffness_drift",
+    )
     remembers: ClassVar[bool] = True
 
     def start(self, moment: Moment) -> Array:
@@ -42,5 +49,5 @@ class CableCreep(Effect):
     def act(self, moment: Moment, memory: Array) -> None:
         """Lengthen the strands, then let them creep on; exact for a stretch held over the step."""
         moment.slack += memory
-        goal = self.fraction * np.maximum(moment.stretch, 0.0)
+        goal = self.fraction * chosen(self.strand) * np.maximum(moment.stretch, 0.0)
         memory += (goal - memory) * -np.expm1(-moment.dt / self.time)

@@ -7,14 +7,15 @@ import numpy as np
 
 from serpent_twin.effects.effect import LOSS, Effect, Several, parameter, ranges
 from serpent_twin.effects.moment import Moment, at_joints, loops
+from serpent_twin.effects.strands import chosen, on_strands
 
 
 @dataclass(frozen=True)
 class CableFriction(Effect):
     """Cables resist a hinge that they wrap: it gets Coulomb friction s Σ r_j T_j over its cables.
 
-    T_j is the sum of cable j's two strands' tensions, r_j its pulleys' radius. The share s is c where
-    the wrap that matters is the same at every angle: pulley bearings that carry the cables' pull, or
+    T_j is the sum of the tensions of cable j's strands that rub, r_j its pulleys' radius. The share s is c
+    where the wrap that matters is the same at every angle: pulley bearings that carry the cables' pull, or
     strands that wrap a pulley all the time. It is exp(c |q|) − 1, after Euler and Eytelwein, where a
     strand bends on the groove by the hinge's angle q alone.
     Source: Amontons' and Coulomb's laws; capstan equation. c is 0.05 … 0.3 for polyethylene on nylon.
@@ -26,6 +27,8 @@ class CableFriction(Effect):
     """Speed of a hinge below which this friction is in proportion to the speed; at zero it sticks"""
     by_bend: float = parameter("1", high=1.0, typical=0.0, fitted=False)
     """0: the same at every angle; 1: by the hinge's angle"""
+    strand: float = on_strands()
+    """On which strands, as `on_strands` counts them; −1 for all"""
 
     shows_in: ClassVar[str] = "lag behind the motors that grows with the cables' tension, and loads"
     confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "gear_friction")
@@ -39,7 +42,8 @@ class CableFriction(Effect):
 
     def act(self, moment: Moment, memory: None) -> None:
         """Raise the hinges' friction by what their cables' tensions make."""
-        pressed = at_joints(moment.arm.pulley_radii * loops(moment.tension))
+        rubs = chosen(self.strand) * moment.tension
+        pressed = at_joints(moment.arm.pulley_radii * loops(rubs))
         share = self.coefficient
         if np.any(by_bend := np.equal(self.by_bend, 1.0)):
             bent = np.expm1(self.coefficient * np.abs(moment.joint_angle))

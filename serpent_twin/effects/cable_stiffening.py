@@ -1,4 +1,4 @@
-"""Let a cable's stiffness grow with its stretch."""
+"""Let cables' stiffness grow with its stretch."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -6,6 +6,7 @@ from typing import ClassVar
 import mujoco
 
 from serpent_twin.effects.effect import Effect, parameter
+from serpent_twin.effects.strands import chosen, on_strands
 
 
 @dataclass(frozen=True)
@@ -20,12 +21,15 @@ class CableStiffening(Effect):
 
     rate: float = parameter("1/m", high=1.5e3, typical=500.0)
     """b [1/m]"""
+    strand: float = on_strands()
+    """On which strands, as `on_strands` counts them; −1 for all"""
 
     shows_in: ClassVar[str] = "error that grows with tension, less than in proportion"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "joint_elasticity")
 
     def edit(self, spec: mujoco.MjSpec) -> None:
-        """Give each cable's spring its second coefficient."""
-        for cable in spec.tendons:
-            if cable.name.startswith("cable"):
+        """Give the strands' springs their second coefficient."""
+        cables = [each for each in spec.tendons if each.name.startswith("cable")]
+        for cable, stiffens in zip(cables, chosen(self.strand, len(cables)), strict=True):
+            if stiffens:
                 cable.stiffness[1] = self.rate * cable.stiffness[0]

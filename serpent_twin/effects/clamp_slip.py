@@ -5,13 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
-from serpent_twin.effects.effect import SMOOTH, Effect, Several, parameter
+from serpent_twin.effects.effect import SMOOTH, Effect, parameter
 from serpent_twin.effects.moment import Moment
-
-EVERY = -1.0
-"""In place of a strand's number: all clamps are alike."""
+from serpent_twin.effects.strands import chosen, on_strands
 
 
 @dataclass(frozen=True)
@@ -28,17 +25,12 @@ class ClampSlip(Effect):
     """[m/(N s)]"""
     grip: float = parameter("N", high=60.0, typical=3.0, default=3.0)
     """[N]"""
-    strand: float = parameter("1", low=EVERY, high=19.0, typical=EVERY, default=EVERY, fitted=False)
-    """Whose clamp, 0 … 19, in the order of `mjcf.STRANDS`; −1 for all alike"""
+    strand: float = on_strands(before=None)
+    """Whose clamps, as `on_strands` counts them; −1 for all"""
 
     shows_in: ClassVar[str] = "error that jumps or grows when a strand is pulled hard, and stays"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "stiffness_drift")
     remembers: ClassVar[bool] = True
-
-    @classmethod
-    def variants(cls) -> Several:
-        """All clamps alike, and one alone; cable 10 moves the jaw and is never pulled hard."""
-        return tuple(cls(1e-5, strand=float(n)) for n in range(-1, 2 * N_JOINTS))
 
     def start(self, moment: Moment) -> Array:
         """Tight clamps: no elongation [m], (n, 20)."""
@@ -51,6 +43,5 @@ class ClampSlip(Effect):
     def act(self, moment: Moment, memory: Array) -> None:
         """Lengthen the strands, then let them slip on."""
         moment.slack += memory
-        slips = (self.strand == EVERY) | (self.strand == np.arange(memory.shape[1]))
         excess = np.maximum(moment.tension - self.grip, 0.0)
-        memory += slips * (moment.dt * self.rate) * excess
+        memory += chosen(self.strand) * (moment.dt * self.rate) * excess

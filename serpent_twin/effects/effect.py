@@ -1,6 +1,6 @@
 """Define what an effect is, and the ranges of its parameters."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from math import isfinite
 from typing import Any, ClassVar, TypeVar
@@ -23,6 +23,12 @@ class Range:
     """A plausible value in an arm of this size: where a fit starts, and how far its first step goes"""
     fitted: bool = True
     """Whether logs identify it; else it is given, or tried at the few values of `variants`"""
+    step: float = 0.0
+    """Finite difference; 0: a fifth of its value or of its typical value"""
+    before: float | None = None
+    """What holds in files that were written before it was a parameter; None: every file has it"""
+    within: Callable[[float], tuple[float, ...]] | None = None
+    """Of a parameter that is a place: the places within one, such as the cables of an arm"""
 
     @property
     def least(self) -> float:
@@ -45,10 +51,12 @@ def parameter(
     typical: float,
     low: float = 0.0,
     default: float = 0.0,
-    fitted: bool = True,
+    **more: Any,
 ) -> Any:
-    """A field of an effect, within low … high, in a unit; 0 must mean absent for the first field."""
-    return field(default=default, metadata={"range": Range(unit, low, high, typical, fitted)})
+    """A field of an effect, within low … high, in a unit; where the effect's strengths are 0 it must be
+    absent. `more` are the other fields of its `Range`.
+    """
+    return field(default=default, metadata={"range": Range(unit, low, high, typical, **more)})
 
 
 @dataclass(frozen=True)
@@ -140,6 +148,14 @@ Several = tuple[Effect, ...]
 def ranges(kind: type[Effect]) -> dict[str, Range]:
     """The parameters of a kind of effect, by name."""
     return {each.name: each.metadata["range"] for each in fields(kind)}
+
+
+def strengths(known: Mapping[str, Range]) -> tuple[str, ...]:
+    """Names of the parameters that are an effect's strength: the first, and the fitted ones of its unit."""
+    first = next(iter(known))
+    return tuple(
+        n for n, r in known.items() if n == first or (r.fitted and r.unit == known[first].unit)
+    )
 
 
 def stacked(several: Sequence[Sequence[Effect]]) -> list[Effect]:

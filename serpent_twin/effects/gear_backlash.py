@@ -26,7 +26,7 @@ class GearBacklash(Effect):
     """From one flank to the other [rad]"""
 
     shows_in: ClassVar[str] = "joints that start late after each reversal of a motor, at every load"
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_friction", "mocap_latency")
+    confused_with: ClassVar[tuple[str, ...]] = ("cable_friction", "mocap_latency", "motor_latency")
     remembers: ClassVar[bool] = False
     stage: ClassVar[int] = WINDING
 

@@ -1,50 +1,63 @@
-"""Let the links bend."""
+"""Let the links bend and twist."""
 
 from dataclasses import dataclass
 from typing import ClassVar
 
 import mujoco
+import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.effects.effect import Effect, parameter
 
-RELAXATION = 0.003
+RELAXATION = 0.006
 """Damping over stiffness [s]: nylon's own is less, but it keeps the stiffest link stable at time steps
 up to twice this, and a link still follows its load far faster than the arm moves."""
 ARMATURE = 2e-3
 """Inertia of a bend [kg m²]: keeps the light half of a link stable between stiff cables, and dry friction
 in the joints from creeping; at 0.5 Hz, it carries less than 1 % of the moment of the softest link."""
+RIGID = 1e-7
+"""Compliance of what stands for a rigid link [rad/(N m)]"""
 
 
 @dataclass(frozen=True)
 class LinkFlex(Effect):
-    """A link bends about y and about z by compliance × moment, as if by a hinge at its middle.
+    """A link bends about y and z, and twists about its long axis x, by compliance × moment, as if by hinges
+    at its middle.
 
-    Cables run along the link's axis and do not bend it. Links 1 … 8 bend; the load of the ninth is
-    too light. A link's own mass and marker stay with the half that holds its joint.
+    Cables run along the link's axis and neither bend nor twist it. Links 1 … 8 flex; the load of the ninth
+    is too light. A link's own mass and marker stay with the half that holds its joint.
     Source: pseudo-rigid-body model (Howell, Compliant Mechanisms, Wiley 2001). MJCF expresses all of it:
     joints of one body turn in sequence, so that the hinges of a link's middle come first in the next
-    link's body. A printed nylon link of this size has 0.01 … 0.1 rad/(N m).
+    link's body. A printed nylon link of this size has 0.01 … 0.1 rad/(N m); a round tube twists by 1.4
+    times what it bends, an open profile by much more.
     """
 
     compliance: float = parameter("rad/(N m)", high=0.2, typical=0.03)
-    """[rad/(N m)]"""
+    """Of bending [rad/(N m)]"""
+    twist: float = parameter("rad/(N m)", high=0.4, typical=0.06, before=0.0)
+    """Compliance of twisting [rad/(N m)]"""
 
     shows_in: ClassVar[str] = (
         "markers that sag more than the joints' angles explain, more so further out"
     )
     confused_with: ClassVar[tuple[str, ...]] = ("payload",)
 
+    @property
+    def strength(self) -> float:
+        """Both compliances together [rad/(N m)]."""
+        return float(np.hypot(self.compliance, self.twist))
+
     def edit(self, spec: mujoco.MjSpec) -> None:
-        """Put two springy hinges before each of joints 2 … 9, half-way from the joint before."""
+        """Put three springy hinges before each of joints 2 … 9, half-way from the joint before."""
+        bends, twists = (max(each, RIGID) for each in (self.compliance, self.twist))
         for i in range(2, N_JOINTS + 1):
             length = spec.body(f"link{i}").pos[0]
-            for about in ("y", "z"):
+            for about, compliance in (("y", bends), ("z", bends), ("x", twists)):
                 hinge = _insert_before(spec, i)
-                hinge.name, hinge.axis = f"flex{i - 1}_{about}", [0, about == "y", about == "z"]
+                hinge.name, hinge.axis = f"flex{i - 1}_{about}", [about == a for a in "xyz"]
                 hinge.pos = [-length / 2, 0.0, 0.0]
-                hinge.stiffness = [1 / self.compliance, 0, 0]
-                hinge.damping = [RELAXATION / self.compliance, 0, 0]
+                hinge.stiffness = [1 / compliance, 0, 0]
+                hinge.damping = [RELAXATION / compliance, 0, 0]
                 hinge.armature = ARMATURE
                 hinge.frictionloss, hinge.limited = 0.0, mujoco.mjtLimited.mjLIMITED_FALSE
 

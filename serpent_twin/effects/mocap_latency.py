@@ -23,7 +23,7 @@ class MocapLatency(Effect):
     """[s]"""
 
     shows_in: ClassVar[str] = "error in proportion to the markers' speed, in no load"
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash",)
+    confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "motor_latency")
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Delay the marker sensors."""

@@ -153,6 +153,8 @@ class Moment(Instant):
     """Coulomb friction of the gearboxes [N m]"""
     stiffening: Array | float = 0.0
     """b in T = k x (1 + b x) [1/m]"""
+    reading_age: Array | float = 0.0
+    """How old angles, velocities and loads are when the motors report them [s], or (n, 1)"""
 
     winch_ratio: Array | float = 1.0
     """Winch radius over the radius of the cable's pulleys [1]; of the first block, as all below"""

@@ -1,31 +1,46 @@
-"""Put a mass into the gripper."""
+"""Fasten a mass to the arm."""
 
 from dataclasses import dataclass
 from typing import ClassVar
 
 import mujoco
+import numpy as np
 
-from serpent_twin.effects.effect import Effect, parameter
+from serpent_twin.effects.effect import Effect, Several, parameter
 
 
 @dataclass(frozen=True)
 class Payload(Effect):
-    """A point mass in the gripper, on the long axis of the last link: weight m g and inertia m r².
+    """A point mass on the long axis of a link: weight m g and inertia m r².
 
+    Its place is measured along the straight arm, so that it moves from link to link without a jump. On a
+    link that bends or twists, the mass stays with the half that holds the link's joint.
     Source: Newton. MJCF expresses all of it. Tens of grams are typical, where the arm has 308.
     """
 
     mass: float = parameter("kg", high=2.0, typical=0.03)
     """[kg]"""
-    place: float = parameter("m", high=0.15, typical=0.09, default=0.09, fitted=False)
-    """Along the last link, from its joint [m]; logs identify little more than mass × lever"""
+    place: float = parameter("m", low=-0.44, high=0.15, typical=0.09, default=0.09, step=0.01)
+    """Along the straight arm, from the last joint towards the gripper; −0.44 m is joint 1 [m]"""
 
     shows_in: ClassVar[str] = "the loads of all motors, and how far the arm sags against its cables"
     confused_with: ClassVar[tuple[str, ...]] = ("base_tilt", "joint_elasticity", "link_flex")
 
+    @classmethod
+    def variants(cls) -> Several:
+        """In the gripper, and on links 8, 6, 4 and 2, where more is needed to show as much."""
+        further = tuple(cls(0.1, place=p) for p in (-0.03, -0.14, -0.25, -0.36))
+        return (cls(0.03), *further)
+
     def edit(self, spec: mujoco.MjSpec) -> None:
-        """Add the mass to the last link."""
-        last = [body for body in spec.bodies if body.name.startswith("link")][-1]
-        held = last.add_body(name="payload", pos=[self.place, 0, 0])
-        held.mass, held.inertia, held.explicitinertial = self.mass, [1e-9] * 3, True
-        held.ipos = [0, 0, 0]  # otherwise it is missing when the spec is written as XML
+        """Add the mass to the inertia of the link that carries it."""
+        links = [body for body in spec.bodies if body.name.startswith("link")]
+        begins = np.cumsum([0.0, *(link.pos[0] for link in links[1:])])
+        at = max(self.place + begins[-1], 0.0)
+        carrier = int(np.searchsorted(begins, at, side="right")) - 1
+        link, lever = links[carrier], np.array([at - begins[carrier], 0.0, 0.0])
+        whole = link.mass + self.mass
+        apart = lever - link.ipos
+        link.inertia += link.mass * self.mass / whole * (apart @ apart - apart**2)
+        link.ipos += self.mass / whole * apart
+        link.mass = whole

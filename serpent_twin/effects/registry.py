@@ -12,7 +12,7 @@ from serpent_twin.effects.effect import Effect, ranges
 from serpent_twin.errors import SerpentError
 from serpent_twin.stored import Form, within
 
-_INSIDE = {"effect", "moment", "registry"}
+_INSIDE = {"effect", "moment", "registry", "strands"}
 
 
 def _find() -> dict[str, type[Effect]]:
@@ -52,9 +52,13 @@ def to_dict(effect: Effect) -> dict[str, Any]:
 
 
 def _form(name: str, kind: type[Effect]) -> Any:
-    """How an effect is stored: its name and all its parameters, within their ranges."""
-    parts = [(n, Annotated[float, within(r.low, r.high, r.unit)]) for n, r in ranges(kind).items()]
-    return defstruct(name, parts, bases=(Form,), tag_field="name", tag=name)
+    """How an effect is stored: its name and all its parameters, within their ranges; those added since the
+    first files may be absent.
+    """
+    known = ranges(kind).items()
+    allowed = [(n, Annotated[float, within(r.low, r.high, r.unit)], r.before) for n, r in known]
+    parts = [each[:2] if each[2] is None else each for each in allowed]
+    return defstruct(name, parts, bases=(Form,), tag_field="name", tag=name, kw_only=True)
 
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ import numpy as np
 
 from serpent_twin.effects.effect import Effect, Several, parameter
 from serpent_twin.effects.moment import Moment
+from serpent_twin.effects.strands import chosen, on_strands
 
 LEAST = 0.1
 """Share of its stiffness that a strand keeps at least [1]"""
@@ -14,7 +15,7 @@ LEAST = 0.1
 
 @dataclass(frozen=True)
 class StiffnessDrift(Effect):
-    """All strands soften evenly: k(t) = k (1 − rate t), down to a tenth.
+    """Strands soften evenly: k(t) = k (1 − rate t), down to a tenth.
 
     Warming recovers until the next session, and t counts from the session's start; wear carries
     over, and t includes earlier sessions.
@@ -26,6 +27,8 @@ class StiffnessDrift(Effect):
     """Share of the stiffness lost per hour [1/h]"""
     carries: float = parameter("1", high=1.0, typical=0.0, fitted=False)
     """0: recovers between sessions; 1: carries over"""
+    strand: float = on_strands()
+    """On which strands, as `on_strands` counts them; −1 for all"""
 
     shows_in: ClassVar[str] = (
         "sag and lag that grow evenly from beginning to end of a session, or of all"
@@ -40,4 +43,5 @@ class StiffnessDrift(Effect):
     def act(self, moment: Moment, memory: None) -> None:
         """Soften the strands."""
         hours = (moment.time + self.carries * moment.prior_runtime) / 3600.0
-        moment.stiffness *= np.maximum(1.0 - self.rate * hours, LEAST)
+        left = np.maximum(1.0 - self.rate * hours, LEAST)
+        moment.stiffness *= np.where(chosen(self.strand), left, 1.0)

@@ -76,7 +76,7 @@ class SimulatedMotors:
     @property
     def true_position(self) -> Words:
         """Counts that nothing resets: of all turns, in no reversed sense, without homing offset, (10,)."""
-        return xl430.words(self.twin.motor_angle[0], xl430.POSITION_UNIT) + self._start
+        return xl430.words(self.twin.reported[0, 0], xl430.POSITION_UNIT) + self._start
 
     def power(self, on: bool, motors: Which = slice(None)) -> None:
         """Switch drives on, holding still, or off."""
@@ -91,13 +91,13 @@ class SimulatedMotors:
         self.time += duration
         self._protect(torque / stall, duration)
         noise = self._load_noise * self._rng.standard_normal(N_MOTORS)
-        self._load = self.twin.motor_torque[0] / stall + noise
+        self._load = self.twin.reported[0, 2] / stall + noise
 
     def registers(self) -> Registers:
         """Registers 70 and 120 … 146 at the present instant; reading again reads the same."""
         servo = self.twin.arm.servo
-        velocity = self.twin.motor_velocity[0]
-        drive = self.twin.motor_torque[0] / servo.stall_torque + velocity / servo.no_load_speed
+        _, velocity, torque = self.twin.reported[0]
+        drive = torque / servo.stall_torque + velocity / servo.no_load_speed
         pwm = xl430.words(np.where(self.torque, drive, 0.0) * self.sense, xl430.PWM_UNIT)
         speed = xl430.words(velocity * self.sense, xl430.VELOCITY_UNIT)
         position = self._encoder() - self._turns * xl430.TURN + self.homing_offset

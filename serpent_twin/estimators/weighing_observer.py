@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.arrays import Array
-from serpent_twin.effects.effect import Effect, Range, ranges
+from serpent_twin.effects import Effect, Range, ranges, strengths
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.belief import Belief
 from serpent_twin.estimators.bus_reading import BusReading
@@ -54,7 +54,7 @@ class WeighingObserver(Observer):
     )
 
     unknown: Annotated[tuple[str, ...], many(1, 20)] = ("payload",)
-    """Effects whose parameters are followed: of masses and gravity, such as payload and base_tilt"""
+    """Effects whose strengths are followed: of masses and gravity, such as payload and base_tilt"""
     cautions: Annotated[tuple[_Caution, ...], many(1, 100)] = (
         100.0,
         30.0,
@@ -119,14 +119,12 @@ class Followed:
 
 
 def followed(arm: TwinModel, unknown: Sequence[str]) -> list[Followed]:
-    """The fitted parameters of those effects, with an arm's values of them."""
+    """The strengths of those effects, with an arm's values of them."""
     found = []
     for kind in map(effects.by_name, unknown):
-        held = arm.effect_of(kind)
+        held, known = arm.effect_of(kind), ranges(kind)
         found += [
-            Followed(kind, name, within, getattr(held, name))
-            for name, within in ranges(kind).items()
-            if within.fitted
+            Followed(kind, name, known[name], getattr(held, name)) for name in strengths(known)
         ]
     return found
 

@@ -139,5 +139,5 @@ def _step(case: Case[Any], point: ParameterVector, free: FreeParameters, n: int)
 
 def _difference(allowed: Range, value: float) -> float:
     """A finite difference of an effect's parameter, away from its nearer bound."""
-    step = 0.2 * max(abs(value), allowed.typical)
+    step = allowed.step or 0.2 * max(abs(value), allowed.typical)
     return -step if value + step > allowed.high else step

@@ -16,6 +16,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Range, edit
 from serpent_twin.effects.cable_stretch import RIGID, soften
 from serpent_twin.effects.shaft_stretch import HEAVY, SHAFT
+from serpent_twin.effects.strands import ALIKE
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import (
     Candidate,
@@ -70,7 +71,7 @@ _DECLARED = (
 
 def _candidates() -> dict[str, Candidate]:
     stiffening = Range("1/rad", 0.0, 300.0, 5.0)  # cables stretch by hundredths of a radian
-    sized = {"cable_stiffening": {"rate": stiffening}}
+    sized = {"cable_stiffening": {"rate": stiffening, "strand": ALIKE}}
     return {name: candidate(name, **sized.get(name, {})) for name in _CANDIDATES}
 
 

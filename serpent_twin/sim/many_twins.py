@@ -17,6 +17,7 @@ from serpent_twin.sim.cable_dynamics import structure
 from serpent_twin.sim.measured_motion import MeasuredMotion
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import DrivenArms
+from serpent_twin.sim.reading_age import MarkersAfter
 from serpent_twin.sim.response import Response
 from serpent_twin.sim.tangents import differences
 from serpent_twin.sim.twin_model import TwinModel
@@ -173,12 +174,17 @@ class _Run:
 
     def rows(self) -> Iterator[int]:
         """Go through all rows, storing the readings of each."""
+        passing = None
         for row in range(self.shape[2]):
             if row:
-                self.arms.move(self._motors(row), int(self.substeps[row - 1]))
+                self.arms.move(self._motors(row), int(self.substeps[row - 1]), passing)
             else:
                 self.place()
             self.store(row, self.arms.read())
+            if not row and self.arms.reading_age.any():
+                assert self.read
+                time = self._rows(self.motion.motors.time)
+                passing = MarkersAfter(self.read.marker, time, self.arms.reading_age).passing
             yield row
 
     def place(self) -> None:

@@ -1,6 +1,6 @@
 """Simulate arms whose motors follow a prescribed motion, row by row."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import mujoco
@@ -51,6 +51,7 @@ class DrivenArms:
         self._jaw = addresses(models[0], ("jaw",))[0]
         self._tangents: Tangents | None = None
         none = np.zeros(len(designs))
+        self._marker_velocity: Array | float = 0.0
         self._motors = MotorTrajectory(none, *np.zeros((2, len(designs), 10)))
 
     @property
@@ -117,8 +118,20 @@ class DrivenArms:
     def _begin(self, motors: MotorTrajectory) -> None:
         self._cables.start(motors.time[:, None], motors.angle, motors.velocity)
 
-    def move(self, to: MotorTrajectory, substeps: int) -> None:
-        """Step to the next row, in so many time steps."""
+    @property
+    def reading_age(self) -> Array:
+        """How old the motors' angles are that drive each arm, as its effects say [s], (n,)."""
+        return self._cables.reading_age
+
+    def move(
+        self,
+        to: MotorTrajectory,
+        substeps: int,
+        passing: Callable[[Array, Array], None] | None = None,
+    ) -> None:
+        """Step to the next row, in so many time steps; `passing` is given the times [s], (n,), and the
+        markers [m], (n, 9, 3), of each.
+        """
         before, interval = self._motors, to.time - self._motors.time
         dt = (interval / substeps)[:, None]
         set_timestep(self._batch, dt)
@@ -132,11 +145,16 @@ class DrivenArms:
         )  # MuJoCo's springs pull as at a step's start
         for t, angle, velocity in zip(passed, *path.at(passed), strict=True):
             self._cables.step(began + t, angle, velocity, dt, stable, noting)
+            if passing:
+                passing((began + t)[:, 0], self._markers())
         if self._tangents:
             self._tangents.advance()
-        self._motors = to
+        self._motors, before_end = to, self._markers()
         self._wind(to)
         self._batch.forward(ids=stable)
+        self._marker_velocity = (self._markers() - before_end) / dt[..., None]
+        if passing:
+            passing(to.time, self._markers())
 
     def differentiate(self, by: Differences) -> None:
         """Carry tangents along with the motion from now, of runs that all have the first one's model."""
@@ -166,13 +184,22 @@ class DrivenArms:
     def _wind(self, motors: MotorTrajectory) -> None:
         self._cables.wind(self._cables.slack, motors.angle, motors.angle)
 
+    def _markers(self) -> Array:
+        """What the marker sensors show, (n, 9, 3); after a time step, of its beginning."""
+        return self._sensors.reshape(-1, N_JOINTS, 3).copy()
+
     def read(self) -> Response:
-        """The sensors' readings of the present instant, (n,)."""
+        """The sensors' readings of the present instant, (n,). Where the motors' angles are old, the markers
+        are carried on by their velocity.
+        """
         motors = self._motors
         moment = self._cables.act(motors.time[:, None], motors.angle, motors.velocity, 0.0)
         loss = moment.gear_friction * np.tanh(motors.velocity / (STANDING / 3))
+        marker = self._markers()
+        if self.reading_age.any():
+            marker += self.reading_age[:, None, None] * self._marker_velocity
         return Response(
-            marker=self._sensors.reshape(-1, N_JOINTS, 3).copy(),
+            marker=marker,
             load=(self._cables.horn_torque(moment) + loss) / self._stall,
             joint_angle=self._qpos[:, self._joint_q],
             jaw_angle=self._qpos[:, self._jaw[0]].copy(),

@@ -14,6 +14,7 @@ from serpent_twin.sim.history import History
 from serpent_twin.sim.many_twins import PrescribedMotion, impose
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import taken_up
+from serpent_twin.sim.reading_age import Readings
 from serpent_twin.sim.response import Response
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
@@ -64,6 +65,7 @@ class Twin:
         self._goal, self._pace = np.zeros((2, nsim, N_MOTORS))
         self.mechanism = CableDynamics(self.batch, [design] * nsim, motors=True)
         self.mechanism.prior_runtime = self.prior_runtime = prior_runtime
+        self._readings = Readings()
         self._ran = 0.0  # a run that became unstable resets MuJoCo's clock
         self.mechanism.start(*self._instant())
         self._look()
@@ -93,6 +95,14 @@ class Twin:
     def motor_torque(self) -> Array:
         """Torque of each drive at the horn, the gearbox's own friction included [N m], (nsim, 10)."""
         return self._sensors[:, _TORQUE].copy()
+
+    @property
+    def reported(self) -> Array:
+        """Angles [rad], velocities [rad/s] and torques [N m] of the motors as they report them, which may be
+        old, (nsim, 3, 10).
+        """
+        now = np.stack([self.motor_angle, self.motor_velocity, self.motor_torque], axis=1)
+        return self._readings.before(self._ran, now, self.mechanism.reading_age)
 
     @property
     def joint_angle(self) -> Array:
@@ -169,8 +179,12 @@ class Twin:
         torque = np.empty((*control.shape[:2], N_MOTORS))
         for k in range(control.shape[1]):
             self._ctrl[...] = control[:, k]
-            self.mechanism.step(*self._instant(), self.model.opt.timestep)
+            time, angle, velocity = self._instant()
+            self.mechanism.step(time, angle, velocity, self.model.opt.timestep)
             torque[:, k] = self._force
+            reading = np.stack([angle, velocity, torque[:, k]], axis=1)
+            began = self._ran + k * self.model.opt.timestep
+            self._readings.keep(began, reading, self.mechanism.reading_age)
         return torque
 
     def _instant(self) -> tuple[Array, Array, Array]:

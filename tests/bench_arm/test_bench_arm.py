@@ -13,6 +13,7 @@ from bench_arm import (
     BenchArm,
     Effects,
     Job,
+    Payloads,
     SessionSpec,
     chain,
     draw,
@@ -27,12 +28,17 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.sessions import examine, read_session
 
 
-@pytest.mark.parametrize("bends", [False, True])
-def test_a_free_chain_keeps_its_energy(bends):
+def payloads(mass, link, at):
+    return Payloads(*map(np.array, (mass, link, at)))
+
+
+@pytest.mark.parametrize("flexes", ["", "zy", "x", "zyx"])
+def test_a_free_chain_keeps_its_energy(flexes):
     rng = np.random.default_rng(0)
-    arms = chain(np.array([0.0, 0.05]), np.zeros((2, 9, 3)), bends)
-    gravity = np.array([G, [9.0, 1.0, -2.0]])
-    q, dq = rng.normal(0, 0.3, (2, 2, arms.n_hinges)) * np.array([1.0, 5.0])[:, None, None]
+    held = payloads([0.0, 0.05, 0.05], [8, 8, 3], [0.09, 0.09, 0.04])
+    arms = chain(held, np.zeros((3, 9, 3)), flexes)
+    gravity = np.array([G, [9.0, 1.0, -2.0], G])
+    q, dq = rng.normal(0, 0.3, (2, 3, arms.n_hinges)) * np.array([1.0, 5.0])[:, None, None]
     start, h = arms.energy(q, dq, gravity), 5e-4
 
     def slope(q, dq):
@@ -53,7 +59,7 @@ def test_a_free_chain_keeps_its_energy(bends):
 
 
 def test_kinetic_energy_is_that_of_the_moving_bodies():
-    arms = chain(np.array([0.03]), np.zeros((1, 9, 3)), False)
+    arms = chain(payloads([0.03], [8], [0.09]), np.zeros((1, 9, 3)))
     rng = np.random.default_rng(1)
     q, dq, e = rng.normal(0, 0.4, (1, 9)), rng.normal(0, 1, (1, 9)), 1e-6
     (c1, _, _, tip1), (c2, _, _, tip2) = com_places((q - e * dq)[0]), com_places((q + e * dq)[0])
@@ -90,6 +96,7 @@ def test_the_integrator_keeps_the_energy_of_a_swinging_arm_on_its_cables():
     [
         (NONE, G),
         (Effects(payload=0.05), G),
+        (Effects(payload=0.2, payload_link=4, payload_at=0.03), G),
         (Effects(base_tilt=0.1), 9.81 * np.array([np.cos(0.1), 0, -np.sin(0.1)])),
         (
             Effects(base_tilt=0.1, tilt_direction=np.pi / 2),
@@ -106,7 +113,7 @@ def test_an_arm_at_rest_hangs_on_its_strands(effects, gravity):
     assert np.abs(m.dq).max() < 1e-6
     pull = RADIUS * (m.tension[0, 0] - m.tension[0, 1])
     on_joints = np.cumsum(pull[::-1])[::-1] - effects.joint_elasticity * q
-    assert on_joints == pytest.approx(-weight_moments(q, effects.payload, gravity), abs=2e-6)
+    assert on_joints == pytest.approx(-weight_moments(q, effects, gravity), abs=2e-6)
     x = np.maximum(np.abs(RADIUS * (motor - np.cumsum(q))) - 0.4e-3, 0)
     law = 8e3 * x * (1 + effects.cable_stiffening * x)
     assert m.tension[0].max(0) == pytest.approx(law, abs=1e-4)

@@ -12,6 +12,9 @@ from serpent_twin.errors import SerpentError
 SILENT = BenchArm(load_noise=0.0, marker_noise=0.0, marker_loss=0.0)
 
 
+FLEX = ("link_flex", "link_twist")
+
+
 def injected(name, strength=None):
     return inject(name, TYPICAL[name] if strength is None else strength, np.random.default_rng(2))
 
@@ -19,7 +22,7 @@ def injected(name, strength=None):
 def test_zero_strength_and_company_change_not_one_bit():
     arm = draw(np.random.default_rng(4))
     zero = [SessionSpec(arm, injected(name, 0.0), 1, 0) for name in NAMES]
-    strong = [SessionSpec(arm, injected(name), 1, 0) for name in NAMES if name != "link_flex"]
+    strong = [SessionSpec(arm, injected(name), 1, 0) for name in NAMES if name not in FLEX]
     alone = simulate([SessionSpec(arm, NONE, 1, 0)], 8, 60)[0]
     for log in simulate(zero + strong, 8, 60)[: len(zero)]:
         for name, column in alone.items():
@@ -30,10 +33,10 @@ def test_zero_strength_and_company_change_not_one_bit():
 def shown():
     """Logs of one arm without and with each effect, in its fourth session."""
     arm = draw(np.random.default_rng(5))
-    straight = [name for name in NAMES if name != "link_flex"]
+    straight = [name for name in NAMES if name not in FLEX]
     rows = [SessionSpec(arm, effects, 4, 0) for effects in (NONE, *map(injected, straight))]
-    bent = simulate([SessionSpec(arm, injected("link_flex"), 4, 0)], 24, 60)
-    return dict(zip(("none", *straight, "link_flex"), simulate(rows, 24, 60) + bent, strict=True))
+    bent = [simulate([SessionSpec(arm, injected(name), 4, 0)], 24, 60)[0] for name in FLEX]
+    return dict(zip(("none", *straight, *FLEX), simulate(rows, 24, 60) + bent, strict=True))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -55,6 +58,18 @@ def test_late_cameras_see_where_the_arm_was():
     path = np.linspace(0, 1, 51)[:, None, None] * np.ones((1, 3, 9))  # 0.25 s at 4 rad/s
     seen = _delayed(path, [0.0, 0.0333, 0.25])[:, 0]
     assert seen == pytest.approx([1.0, 1 - 4 * 0.0333, 0.0])
+
+
+def test_late_motors_report_what_they_did():
+    """One control period late, they report the row before, and the controller acts on that."""
+    late, partly = Effects(motor_latency=0.25), Effects(motor_latency=0.1)
+    logs = simulate([SessionSpec(SILENT, e, 1, 0) for e in (NONE, late, partly)], 3, 60)
+    now, old, between = (log["motor_position"] for log in logs)
+    assert np.array_equal(old[:2], now[[0, 0]])
+    assert np.array_equal(logs[1]["marker"][:2], logs[0]["marker"][:2])
+    assert np.array_equal(between[0], now[0])
+    share = (between[1] - now[0])[:9] / (now[1] - now[0])[:9]
+    assert (share > 0.3).all() and (share < 0.9).all()
 
 
 def test_play_holds_the_winch_inside_the_gap():
@@ -97,17 +112,39 @@ def test_strands_creep_slip_and_wear_as_declared():
     assert strands.stiffness == pytest.approx(8e3 * 0.5)
 
 
-def test_links_bend_by_the_moment_at_their_middle():
-    m = hold_at(machine(SMOOTH, Effects(link_flex=0.01)), np.zeros(9), 0.1)
+@pytest.mark.parametrize(
+    ("cable", "side", "which"), [(0, 0, range(18)), (4, 0, [3, 12]), (4, -1, [12])]
+)
+def test_one_cable_or_one_strand_creeps_stiffens_wears_and_rubs(cable, side, which):
+    others = np.setdiff1d(np.arange(18), which)
+    effects = Effects(
+        cable_creep=0.5, cable_stiffening=500.0, stiffness_drift=6.0, cable=cable, side=side
+    )
+    strands = Strands([BenchArm()], [effects])
+    strands.age(np.full((1, 2, 9), 8.0), 1.0, np.array([300.0]))
+    for changed in (strands.crept, 8e3 - strands.stiffness, strands.curvature):
+        each = (changed * np.ones((1, 2, 9))).ravel()
+        assert each[which].all() and not each[others].any()
+    m = machine(SMOOTH, Effects(cable_friction=0.1, cable=cable, side=side))
+    m.tension[0] = 3.0
+    passing = [sum(3.0 * RADIUS[n % 9] for n in which if n % 9 >= i) for i in range(9)]
+    assert m._friction_limit()[0] == pytest.approx(1e-12 + 0.1 * np.array(passing))
+
+
+@pytest.mark.parametrize("kind", FLEX)
+def test_links_flex_by_the_moment_at_their_middle(kind):
+    motor = 0.0 if kind == "link_flex" else np.cumsum(np.resize([0.2, 0.1], 9))
+    m = hold_at(machine(SMOOTH, Effects(**{kind: 0.01})), motor * np.ones(9), 0.1)
     m.gravity[:] = [0.0, 9.81, 0.0]
     run(m, 10.0)
-    pose, mass, bends = m.chain.pose(m.q), m.chain.mass[0], np.arange(27) % 3 > 0
-    for hinge in np.flatnonzero(bends):
+    pose, mass = m.chain.pose(m.q), m.chain.mass[0]
+    flexes = np.setdiff1d(np.arange(m.chain.n_hinges), m.joint)
+    for hinge in flexes:
         outer = m.chain.carrier >= hinge
         weight = np.cross(pose.com[0, outer] - pose.origin[0, hinge], [0.0, 9.81, 0.0])
         moment = pose.axis[0, hinge] @ (mass[outer, None] * weight).sum(0)
-        assert m.q[0, hinge] == pytest.approx(0.01 * moment, abs=1e-7)
-    assert np.abs(m.q[0, bends]).max() > 4e-3
+        assert m.q[0, hinge] == pytest.approx(0.01 * moment, abs=1e-6)
+    assert np.abs(m.q[0, flexes]).max() > 1e-3
 
 
 def test_an_outside_force_acts_where_and_when_it_should():

@@ -2,15 +2,14 @@
 
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
 from moments import moment
-from motion import wander
+from motion import sway, wander
 from numpy.testing import assert_allclose, assert_array_equal
 
 from serpent_twin.arm.deviations import Deviations
-from serpent_twin.arm.geometry import ARM, joint_axis, link_frames
+from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import KNOWN
 from serpent_twin.sim.many_twins import PrescribedMotion, impose
@@ -27,58 +26,6 @@ def held(stretch):
     return moment(motor_angle=winch, motor_velocity=0 * winch, joint_angle=np.zeros((1, 9)))
 
 
-def statics(effect, q, jaw=0.0):
-    """MuJoCo's data of an arm with an effect at joint angles q, at rest; its first nine forces are the
-    joints', but where links flex.
-    """
-    data = mujoco.MjData(
-        TwinModel(effects=(effect,) if effect else ()).spec(motors=False).compile()
-    )
-    for name, angle in zip([f"joint{i}" for i in range(1, 10)] + ["jaw"], [*q, jaw], strict=True):
-        data.joint(name).qpos = angle
-    mujoco.mj_forward(data.model, data)
-    return data
-
-
-def test_moments_tension_is_mujocos():
-    """Stretch and tension by `Moment` against MuJoCo's tendon forces at random angles."""
-    rng = np.random.default_rng(7)
-    q = rng.normal(0, 0.1, 9)
-    data = statics(None, q, jaw=0.05)
-    m = moment(
-        joint_angle=q[None],
-        jaw_angle=np.array([[0.05]]),
-        motor_angle=np.zeros((1, 10)),
-        slack=data.model.tendon_lengthspring[None, :, 1].copy(),
-        stiffness=data.model.tendon_stiffness[None].copy(),
-    )
-    torque = m.horn_torque[0]
-    assert_allclose(data.qfrc_spring[:9], [torque[i:].sum() for i in range(9)], rtol=1e-9)
-
-
-def test_payload_weighs_by_hand():
-    """Torque of a weight at each hinge: axis · (lever × m g), from kinematics without MuJoCo."""
-    q = np.random.default_rng(3).normal(0, 0.3, 9)
-    payload = KNOWN["payload"](0.05, place=0.09)
-    change = (statics(payload, q).qfrc_bias - statics(None, q).qfrc_bias)[:9]
-    origin, rotation = link_frames(q)
-    place = origin[8] + rotation[8] @ [0.09, 0, 0]
-    weight = 0.05 * np.array(ARM.gravity)
-    by_hand = [
-        (rotation[i] @ joint_axis(i)) @ np.cross(place - origin[i], weight) for i in range(9)
-    ]
-    assert_allclose(change, -np.array(by_hand), atol=1e-7)
-
-
-@pytest.mark.parametrize(("about", "joint"), [("about_z", 0), ("about_y", 1)])
-def test_base_tilt_moves_the_plumb_line(about, joint):
-    """Turned by the tilt at its first hinge about that axis, what hangs there is at rest."""
-    tilt, q = KNOWN["base_tilt"](**{about: 0.2}), np.zeros(9)
-    q[joint] = 0.2
-    assert_allclose(statics(tilt, q).qfrc_bias[joint:9], 0, atol=1e-9)
-    assert abs(statics(tilt, np.zeros(9)).qfrc_bias[joint]) > 0.05
-
-
 def test_cable_friction_by_hand():
     m, c = moment(seed=5), 0.15
     tension = m.tension[0]
@@ -91,6 +38,29 @@ def test_cable_friction_by_hand():
     capstan = np.exp(c * abs(m.joint_angle[0, 0])) - 1
     sum_rt = sum(RADIUS[j] * (tension[2 * j] + tension[2 * j + 1]) for j in range(10))
     assert m.joint_friction[0, 0] == pytest.approx(0.005 + capstan * sum_rt)
+
+
+@pytest.mark.parametrize(("strand", "which"), [(6.0, [6]), (23.0, [6, 7]), (-1.0, range(20))])
+def test_effects_of_cables_act_on_all_one_cable_or_one_strand(strand, which):
+    """Each law by its own; other strands, and the hinges beyond a cable, are as they were."""
+    others = np.setdiff1d(np.arange(20), which)
+    creep, slip = KNOWN["cable_creep"](0.5, strand=strand), KNOWN["clamp_slip"](1e-5, 0, strand)
+    for effect in (creep, slip):
+        memory = effect.start(pulled := moment(seed=5))
+        effect.act(pulled, memory)
+        assert (memory[0, others] == 0).all() and memory[0, which].any()
+    soft = replace(moment(), time=np.array([[3600.0]]))
+    KNOWN["stiffness_drift"](0.5, strand=strand).act(soft, None)
+    assert_allclose(soft.stiffness[0, which], 0.5 * 1.9e4)
+    assert_allclose(soft.stiffness[0, others], 1.9e4)
+    stiffer = TwinModel(effects=(KNOWN["cable_stiffening"](500.0, strand),)).spec(motors=False)
+    bend = stiffer.compile().tendon_stiffnesspoly[:, 0]
+    assert bend[which].all() and not bend[others].any()
+    rubbed = moment(seed=5)
+    tension = rubbed.tension[0].copy()
+    KNOWN["cable_friction"](0.15, strand=strand).act(rubbed, None)
+    torque = [sum(RADIUS[n // 2] * tension[n] for n in which if n // 2 >= i) for i in range(9)]
+    assert_allclose(rubbed.joint_friction[0], 0.005 + 0.15 * np.array(torque))
 
 
 def test_cable_friction_widens_the_loop():
@@ -137,21 +107,6 @@ def test_cable_creep_is_exact_under_a_constant_tension():
     assert memory[0, 0] == pytest.approx(f * x * (1 - np.exp(-30 / tau)), rel=1e-9)
 
 
-def test_cable_stiffening_is_a_parabola_beyond_the_slack():
-    """In MuJoCo, in `Moment.tension` and by hand."""
-    b, q = 800.0, np.full(9, -0.01)
-    data = statics(KNOWN["cable_stiffening"](b), q)
-    sum_of_joints = 0.01 * np.r_[1:10, 9]  # the jaw, at zero, adds nothing for cable 10
-    x = np.maximum(RADIUS * sum_of_joints - NOMINAL.strand_slack, 0)
-    by_hand = NOMINAL.strand_stiffness * x * (1 + b * x)
-    torque = [(RADIUS * by_hand)[i:].sum() for i in range(9)]
-    assert_allclose(data.qfrc_spring[:9], torque, rtol=1e-6)
-    still = MotorTrajectory(np.zeros((1, 1)), *np.zeros((2, 1, 1, 10)))
-    s = PrescribedMotion(still, q[None])
-    arm = TwinModel(effects=(KNOWN["cable_stiffening"](b),))
-    assert_allclose(impose([arm], s).tension[0, 0, 0, :18:2], by_hand[:9], rtol=1e-9)
-
-
 def test_clamp_slips_towards_its_grip():
     """Held at one length, the excess over the grip decays by exp(−rate k t); other strands hold."""
     rate, grip, k, x, dt = 2e-5, 4.0, 1.9e4, 1e-3, 0.005
@@ -185,6 +140,31 @@ def test_mocap_latency_reads_the_past(delay):
 def test_mocap_latency_before_the_start_is_the_start():
     late = impose([TwinModel(effects=(KNOWN["mocap_latency"](0.15),))], wander(4, dt=0.02)).marker
     assert_allclose(late[0, 0, 3], late[0, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("delay", "every"), [(0.0437, 50), (0.012, 50), (0.031, 2)])
+def test_motor_latency_shows_what_the_arm_did_later(delay, every):
+    """Rows of one time step, of which `every` so many are logged: the markers lie so much later, exactly; at
+    the end of the log they go on evenly. Beside it, an arm without latency is as it was.
+    """
+    fine = 0.005 * np.arange(201)
+    coarse = sway(5).motors
+    angle = np.array([np.interp(fine, coarse.time[0], of) for of in coarse.angle[0].T]).T
+    motors = MotorTrajectory(fine, angle, np.gradient(angle, 0.005, axis=0))[None]
+    start = np.zeros((1, 9))
+    now = impose([NOMINAL_TWIN], PrescribedMotion(motors, start)).marker[0, 0]
+    late = TwinModel(effects=(KNOWN["motor_latency"](delay),))
+    rows = motors[:, ::every]
+    did, same = impose([late, TwinModel(effects=(KNOWN["motor_latency"](1e-9),))],
+                       PrescribedMotion(rows, start)).marker[:, 0]  # fmt: skip
+    then = rows.time[0] + delay
+    by_hand = np.array([np.interp(then, fine, each) for each in now.reshape(201, -1).T]).T
+    within = then < 1.0
+    assert np.abs(now[::every] - did)[within].max() > 1e-3
+    assert_allclose(did[within], by_hand.reshape(did.shape)[within], atol=1e-9)
+    ahead = then[-1] - 1.0
+    assert_allclose(did[-1], now[-1] + ahead * (now[-1] - now[-2]) / 0.005, atol=1e-9)
+    assert_allclose(same, now[::every], atol=1e-8)
 
 
 def test_gear_backlash_encloses_the_plays_area():
@@ -225,34 +205,6 @@ def test_gear_friction_shows_in_loads_alone():
     torque = RADIUS * (plain.tension[..., 0::2] - plain.tension[..., 1::2])
     against = np.tanh(stretch.motors.velocity[None] / (0.05 / 3))
     assert_allclose((rubbed.load - plain.load) * 1.5, c * np.abs(torque) * against, atol=1e-9)
-
-
-def test_joint_elasticity_is_hookes_law():
-    q = np.random.default_rng(4).normal(0, 0.3, 9)
-    plain, sprung = (statics(e, q) for e in (None, KNOWN["joint_elasticity"](0.07)))
-    assert_allclose((sprung.qfrc_spring - plain.qfrc_spring)[:9], -0.07 * q, atol=1e-12)
-
-
-def test_link_flex_bends_by_compliance_times_moment():
-    """Joints held fast, the arm swung out by 0.5 rad: gravity's moment at each link's middle, by hand."""
-    compliance, q = 2e-3, np.r_[0.5, np.zeros(8)]
-    model = statics(KNOWN["link_flex"](compliance), q).model
-    model.tendon_stiffness[:] = 0
-    fast = [model.joint(f"joint{i}").dofadr[0] for i in range(1, 10)]
-    model.dof_frictionloss[fast], model.opt.timestep = 1e3, 0.005
-    model.dof_damping[fast] = 1e4
-    data = mujoco.MjData(model)
-    data.joint("joint1").qpos = 0.5
-    for _ in range(400):
-        mujoco.mj_step(model, data)
-    origin, rotation = link_frames(q)
-    com = origin + rotation[:, :, 0] * np.array(ARM.link_length)[:, None] / 2
-    weight = np.array(ARM.link_mass)[:, None] * np.array(ARM.gravity)
-    for i in range(1, 9):
-        middle = com[i - 1]
-        by_hand = np.cross(com[i:] - middle, weight[i:]).sum(axis=0) @ rotation[i - 1][:, 2]
-        assert data.joint(f"flex{i}_z").qpos[0] == pytest.approx(compliance * by_hand, rel=0.02)
-        assert abs(data.joint(f"flex{i}_y").qpos[0]) < 1e-9
 
 
 def test_stiffness_drifts_evenly_down_to_a_tenth():

@@ -10,6 +10,7 @@ from motion import wander
 from numpy.testing import assert_allclose, assert_array_equal
 
 from serpent_twin import effects, stored
+from serpent_twin.effects.strands import ALL
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.sim import twin_model
@@ -65,6 +66,27 @@ def test_order_of_acting_is_the_cables_way():
     assert_array_equal(one.load, other.load)
     alone = impose([TwinModel(effects=tuple(several[:1]))], stretch)
     assert not np.array_equal(alone.load, one.load)
+
+
+def test_files_from_before_a_parameter_hold_what_held_then():
+    creep = {"name": "cable_creep", "fraction": 0.2, "time": 50.0}
+    flex = {"name": "link_flex", "compliance": 0.05}
+    held = {"name": "payload", "mass": 0.1, "place": 0.09}
+    found = [
+        effects.restored(stored.take(entry, effects.Stored, "an effect"))
+        for entry in (creep, flex, held)
+    ]
+    assert (found[0].strand, found[1].twist, found[2].place) == (ALL, 0.0, 0.09)
+    lacking = {"name": "clamp_slip", "rate": 1e-5, "grip": 3.0}
+    with pytest.raises(SerpentError, match="lacks strand"):
+        stored.take(lacking, effects.Stored, "an effect")
+
+
+def test_one_strand_of_another_machine_is_refused():
+    spec = mujoco.MjSpec()
+    spec.add_tendon(name="cable")
+    with pytest.raises(SerpentError, match=r"has 1 strands, and strand 3 .* Set strand to -1"):
+        CATALOGUE["cable_stiffening"](500.0, strand=3.0).edit(spec)
 
 
 def test_an_unknown_effect_or_parameter_is_named():

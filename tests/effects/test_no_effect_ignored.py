@@ -15,6 +15,7 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import KNOWN, Effect, parameter
 from serpent_twin.effects.effect import WINDING
 from serpent_twin.emulator.motors import SimulatedMotors
+from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import find
 from serpent_twin.estimators.bus_reading import BusReading
@@ -142,6 +143,56 @@ def test_a_runtime_that_nothing_uses_is_refused(folder, tmp_path):
         )
 
 
+@pytest.mark.parametrize("delay", [0.04, 0.043])
+def test_the_bus_reports_what_motors_did_before(delay):
+    """All that it reads, but not the markers, is that of a prompt arm so much earlier."""
+    late = TwinModel(effects=(KNOWN["motor_latency"](delay),))
+    buses = [SimulatedBus(Twin(arm)) for arm in (late, TwinModel())]
+    read = {bus: [] for bus in buses}
+    for bus in buses:
+        with bus:
+            bus.enable_torque()
+            bus.write_velocity(np.full(10, 0.4))
+            for _ in range(100):
+                bus.wait(0.002)
+                state = bus.read_state()
+                read[bus].append(np.stack([state.position, state.velocity, state.load]))
+        read[bus] = np.array(read[bus])
+    old, now = read.values()
+    steps = delay / 0.002
+    whole = int(steps)
+    between = now[60 - whole] + (steps - whole) * (now[59 - whole] - now[60 - whole])
+    units = np.array([2 * np.pi / 4096, 0.229 * 2 * np.pi / 60, 1e-3])[:, None]
+    assert (np.abs(old[60] - between) < 1.1 * units).all()
+    assert (np.abs(old[60] - now[60])[0] > 5 * units[0]).any()
+    assert_allclose(buses[0].twin.markers, buses[1].twin.markers, atol=1e-12)
+
+
+def test_a_live_estimate_carries_the_pose_on_by_its_velocity():
+    """An arm whose motors report late is further by the delay times its markers' velocity."""
+    observer = find("observer")(4, twin=twin_model.to_dict(TwinModel()))
+    observer.learned = {"servo_lag": 0.0, "joint": np.zeros((9, 9)), "load": np.ones(10),
+                        "rest": np.tile(np.eye(3), (9, 1, 1)), "scale": 1.0}  # fmt: skip
+    late, prompt = (
+        observer.with_twin(TwinModel(effects=(KNOWN["motor_latency"](0.05),))).live(),
+        observer.live(),
+    )
+    step, still = prompt._timestep, np.zeros(10)
+
+    def told(live, time):
+        return live.update(
+            BusReading(time, 0.1 * time * np.arange(1, 11), still, still, still)
+        ).marker
+
+    told(prompt, 0.0), told(late, 0.0)
+    for time in 0.25 * np.arange(1, 8):
+        just_before = told(prompt, time - step)
+        now, carried = told(prompt, time), told(late, time)
+        if time > 1.0:
+            assert_allclose(carried, now + 0.05 * (now - just_before) / step, atol=1e-6)
+            assert np.abs(carried - now).max() > 1e-3
+
+
 def test_an_arm_strung_anew_stays_worn():
     """Torn apart after an hour and ten seconds, it has run for that long."""
     twin = Twin(WORN, prior_runtime=HOUR)
@@ -218,7 +269,11 @@ def test_effects_of_another_machine_are_refused_by_name():
     with pytest.raises(
         SerpentError, match="effect CableCreep cannot act here: it needs slack, which"
     ):
-        xl330.Xl330().respond([start.having("cable_creep", np.array([0.3, 60.0]))], runs)
+        xl330.Xl330().respond([start.having("cable_creep", np.array([0.3, 60.0, -1.0]))], runs)
+    with pytest.raises(
+        SerpentError, match="effect MotorLatency cannot act here: it needs reading_age, which"
+    ):
+        xl330.Xl330().respond([start.having("motor_latency", np.array([0.03]))], runs)
     about, columns = jaw(0.2, 0.1, 0.01, 0.1, 0.1, 0.0, seconds=0.1)
     log = Recording(None, about, columns)
     case = tool.MACHINE.open([log])

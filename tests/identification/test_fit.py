@@ -4,8 +4,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
-from linear_case import GUST, SEGMENTS, START, LinearCase, case, every
+from linear_case import GUST, NUMBERS, SEGMENTS, START, LinearCase, case, every
 
+from serpent_twin.effects import Range
 from serpent_twin.identification.acceptance import CandidateTrial, why_not
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.free_parameters import free_parameters
@@ -14,7 +15,7 @@ from serpent_twin.identification.least_squares import fit, variance_inflation
 from serpent_twin.identification.score_test import full_fit, scores, worth_fitting
 from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.machines.case import Stopwatch
-from serpent_twin.machines.machine import Declared
+from serpent_twin.machines.machine import Candidate, Declared
 
 RNG = np.random.default_rng(4)
 
@@ -169,3 +170,49 @@ def test_a_stage_that_was_finished_is_read_back(tmp_path):
     np.testing.assert_array_equal(first.jacobian, again.jacobian)
     assert first.point.effects[GUST] == again.point.effects[GUST]
     assert (first.free, first.used, first.cost) == (again.free, again.used, again.cost)
+
+
+@dataclass(frozen=True)
+class PlacedCase(LinearCase):
+    """One candidate that may be at one of four places, at two of them, or at all."""
+
+    asked: list = field(default_factory=list)
+
+    def residual(self, points, pieces, rough=False):
+        self.asked.append(len(points))
+        return np.array([self._one(p)[pieces] for p in points])
+
+    def _one(self, point):
+        size, place = point.effects.get(GUST, [0.0, -1.0])
+        return self.y - self.X @ point.declared - size * _at(self.g, place)
+
+
+_WITHIN = {-1.0: (10.0, 11.0), 10.0: (0.0, 1.0), 11.0: (2.0, 3.0)}
+
+
+def _at(four, place):
+    """What the candidate does at a place, of what it does at four of them, (S, N, 4)."""
+    which = {-1.0: slice(4), 10.0: slice(2), 11.0: slice(2, 4)}.get(place, [int(place)])
+    return four[..., which].sum(axis=-1)
+
+
+@pytest.mark.parametrize(("place", "size"), [(2.0, 0.7), (10.0, 0.5), (-1.0, 0.3), (1.0, 0.0)])
+def test_places_are_tried_within_the_best_one_so_far(place, size):
+    rng = np.random.default_rng(4)
+    g, bare = rng.standard_normal((SEGMENTS, NUMBERS, 4)), case(0.0)
+    known = {
+        "size": Range("m", 0.0, 10.0, 1.0),
+        "place": Range("1", -1, 11, -1, fitted=False, within=lambda p: _WITHIN.get(p, ())),
+    }
+    candidate = Candidate(GUST, known, (np.array([1.0, -1.0]),))
+    arm = PlacedCase(
+        bare.X, g, bare.other, bare.y + size * _at(g, place), candidates={GUST: candidate}
+    )
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+    arm.asked.clear()
+    (found,) = scores(arm, every(), base, [candidate])
+    steps = {2.0: [2, 3, 3], 10.0: [2, 3, 3], -1.0: [2, 3], 1.0: [2]}[place]
+    assert arm.asked[1:] == steps
+    if size:
+        assert found.start == pytest.approx([size, place], rel=0.05)
+        assert found.share > 0.2

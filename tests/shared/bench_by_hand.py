@@ -35,8 +35,10 @@ def hold_at(m, motor, seconds=14.0):
     return run(calm(m), seconds)
 
 
-def com_places(q):
-    """Centres of mass by hand: half of each link's length behind its joint, (9, 3), from q (9,)."""
+def com_places(q, link=9, behind=0.090):
+    """Centres of mass by hand: half of each link's length behind its joint, (9, 3), from q (9,); the joints,
+    their axes, and a place on a link.
+    """
     at, turn, places, joints, axes = np.zeros(3), np.eye(3), [], [], []
     for i, length in enumerate(ARM.link_length):
         c, s = np.cos(q[i]), np.sin(q[i])
@@ -46,15 +48,16 @@ def com_places(q):
         turn = turn @ (z if i % 2 == 0 else y)
         joints.append(at)
         places.append(at + turn @ [length / 2, 0, 0])
+        if i == link - 1:
+            held = at + turn @ [behind, 0, 0]
         at = at + turn @ [length, 0, 0]
-    tip = joints[-1] + turn @ [0.090, 0, 0]
-    return np.array(places), np.array(joints), np.array(axes), tip
+    return np.array(places), np.array(joints), np.array(axes), held
 
 
-def weight_moments(q, payload=0.0, gravity=G):
+def weight_moments(q, effects=NONE, gravity=G):
     """Gravity's moment about each joint [N m], (9,), by hand."""
-    com, joints, axes, tip = com_places(q)
-    mass, com = np.append(ARM.link_mass, payload), np.vstack([com, tip])
-    return np.array(
-        [axes[i] @ np.cross(com[i:] - joints[i], mass[i:, None] * gravity).sum(0) for i in range(9)]
-    )
+    com, joints, axes, held = com_places(q, effects.payload_link, effects.payload_at)
+    beyond = [np.cross(com[i:] - joints[i], np.outer(ARM.link_mass[i:], gravity)) for i in range(9)]
+    of_payload = np.cross(held - joints, effects.payload * gravity)
+    of_payload[effects.payload_link :] = 0
+    return np.array([axes[i] @ (beyond[i].sum(0) + of_payload[i]) for i in range(9)])

@@ -26,6 +26,7 @@ def readings(twin):
             "motor_angle",
             "motor_velocity",
             "motor_torque",
+            "reported",
             "joint_angle",
             "jaw_angle",
             "markers",

@@ -17,6 +17,7 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Range
+from serpent_twin.effects.strands import ALIKE
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import (
     Candidate,
@@ -78,7 +79,10 @@ _PLACES = (
 
 def _sized(names: Sequence[str]) -> dict[str, Candidate]:
     """Candidates, with masses in units of the trunk's own."""
-    sized = {"payload": {"mass": _WEIGHTS, "place": _AT}, "cable_stiffening": {"rate": _STIFFENS}}
+    sized = {
+        "payload": {"mass": _WEIGHTS, "place": _AT},
+        "cable_stiffening": {"rate": _STIFFENS, "strand": ALIKE},
+    }
     found = {name: candidate(name, **sized.get(name, {})) for name in names}
     if "payload" in found:
         variants = tuple(np.array([_WEIGHTS.typical, place]) for place in _PLACES)

@@ -58,6 +58,7 @@ def spec(shape: Shape, effects: Sequence[Effect]) -> mujoco.MjSpec:
     edit(model, effects)
     for each in model.bodies:
         each.mass *= float(shape["weight"][0])
+        each.inertia *= float(shape["weight"][0])
     return model
 
 

@@ -1,0 +1,60 @@
+"""Say on which strands of the arm's cables an effect acts: all, one cable's, or one."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from serpent_twin.arm.geometry import N_MOTORS
+from serpent_twin.arrays import Array
+from serpent_twin.effects.effect import Range, parameter
+from serpent_twin.errors import SerpentError
+
+ALL = -1.0
+"""In place of a strand's number: all are alike."""
+N_STRANDS = 2 * N_MOTORS
+_LAST = float(N_STRANDS + N_MOTORS - 1)
+ALIKE = Range("1", ALL, ALL, ALL, fitted=False)
+"""The range in machines that have other cables than the arm"""
+
+
+def within(strand: float) -> tuple[float, ...]:
+    """What to try within all strands: cables 1 … 9; within a cable: its two strands. Cable 10 moves the jaw
+    and is never pulled hard.
+    """
+    if strand == ALL:
+        return tuple(float(N_STRANDS + j) for j in range(N_MOTORS - 1))
+    cable = int(strand) - N_STRANDS
+    return (2.0 * cable, 2.0 * cable + 1) if cable >= 0 else ()
+
+
+def on_strands(before: float | None = ALL) -> Any:
+    """The parameter `strand` of an effect: −1 for all strands; 0 … 19 for one, in the order of
+    `mjcf.STRANDS`; 20 … 29 for both of cable 1 … 10. `before` is as in `Range`.
+    """
+    return parameter(
+        "1",
+        low=ALL,
+        high=_LAST,
+        typical=ALL,
+        default=ALL,
+        fitted=False,
+        before=before,
+        within=within,
+    )
+
+
+def chosen(strand: Array | float, strands: int = N_STRANDS) -> NDArray[np.bool_]:
+    """Which strands are meant, (20,), or (n, 20) for numbers (n, 1); raises a `SerpentError` where a machine
+    has other cables than the arm and not all are meant.
+    """
+    if strands != N_STRANDS:
+        if np.not_equal(strand, ALL).any():
+            raise SerpentError(
+                f"this machine has {strands} strands, and strand {np.ravel(strand)[0]:g} is one of the arm's "
+                f"{N_STRANDS}. Set strand to -1, which means all."
+            )
+        return np.ones(strands, bool)
+    each = np.arange(N_STRANDS)
+    which = np.asarray(strand)
+    return (which == ALL) | (which == each) | (which == N_STRANDS + each // 2)
