@@ -244,6 +244,15 @@ def test_a_page_shows_what_was_measured_and_what_failed():
         if hasattr(block, "name")
     }
     assert drawn == FIGURES - {"transfer"} | {"arms_memory"}
+    besides = {name: [row.numbers() for row in of] for name, of in sweep.items() if name != GRID}
+    results = {
+        "table": [row.numbers() for row in sweep[GRID]], "besides": besides, "arms": {"arm_x": arm},
+        "points": 9, "seconds_per_point": 1.5, "engine_ratio": 0.8, "transfer": None, "quick": False,
+        "settings": {"plan": {"steps": 600}}, "date": "2026-11-23", "git_commit": "abc",
+        "versions": {}, "measured_by": "experiments.stiffness_sweep",
+    }  # fmt: skip
+    written = markdown(json.loads(json_text(results)))
+    assert page.lead in written and all(answer.why in written for answer in found)
 
 
 # what is simulated
