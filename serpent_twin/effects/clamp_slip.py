@@ -10,18 +10,22 @@ from serpent_twin.effects.effect import SMOOTH, Effect, parameter
 from serpent_twin.effects.moment import Moment
 from serpent_twin.effects.strands import chosen, on_strands
 
+_AT_ONCE = "it slips at once, so that the strand never pulls harder than its grip"
+_PAST = 0.02  # [s] time steps through a measured past: the law is exact for a stretch held over one
+
 
 @dataclass(frozen=True)
 class ClampSlip(Effect):
     """Above a tension, the grip, a strand's clamp yields: it lengthens for good by rate (T − grip) dt.
 
     Ends of cables are clamped by screws, by friction alone; a clamp tightened too little slips like a
-    viscoplastic (Bingham) element. Clamps are assumed to be tightened again before each session.
+    viscoplastic (Bingham) element; one that slips at once is a friction clutch. Clamps are taken as
+    tightened anew before each session.
     Source: Bingham, An Investigation of the Laws of Plastic Flow, 1916. A strand that slips by half a
     millimetre in a session, of 5 to 10 N, shows clearly.
     """
 
-    rate: float = parameter("m/(N s)", high=1e-3, typical=1e-5)
+    rate: float = parameter("m/(N s)", high=1.0, typical=1e-5, limit=_AT_ONCE)
     """[m/(N s)]"""
     grip: float = parameter("N", high=60.0, typical=3.0, default=3.0)
     """[N]"""
@@ -38,10 +42,11 @@ class ClampSlip(Effect):
 
     def longest_step(self, moment: Moment) -> Array | float:
         """A strand held at one length slips to its grip with the time constant 1 / (rate k)."""
-        return SMOOTH / np.maximum(self.rate * moment.stiffness, 1e-9)
+        return np.maximum(_PAST, SMOOTH / np.maximum(self.rate * moment.stiffness, 1e-9))
 
     def act(self, moment: Moment, memory: Array) -> None:
-        """Lengthen the strands, then let them slip on."""
+        """Lengthen the strands, then let them slip on; exact for a stretch held over the step."""
         moment.slack += memory
         excess = np.maximum(moment.tension - self.grip, 0.0)
-        memory += chosen(self.strand) * (moment.dt * self.rate) * excess
+        share = -np.expm1(-moment.dt * self.rate * moment.stiffness)
+        memory += chosen(self.strand) * share * excess / np.maximum(moment.stiffness, 1e-9)

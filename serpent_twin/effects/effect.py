@@ -29,6 +29,8 @@ class Range:
     """What holds in files that were written before it was a parameter; None: every file has it"""
     within: Callable[[float], tuple[float, ...]] | None = None
     """Of a parameter that is a place: the places within one, such as the cables of an arm"""
+    limit: str = ""
+    """The law that its high end is, in words; nothing: an effect that runs there stands for another"""
 
     @property
     def least(self) -> float:

@@ -8,7 +8,14 @@ import numpy as np
 
 from serpent_twin.identification.held_out import Errors, Gain
 from serpent_twin.identification.least_squares import Fit
-from serpent_twin.identification.score_test import EXCITED, Score, strengths, too_strong
+from serpent_twin.identification.rivals import Pair, Rival
+from serpent_twin.identification.score_test import (
+    EXCITED,
+    Score,
+    limits,
+    strengths,
+    too_strong,
+)
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Candidate
 
@@ -29,7 +36,35 @@ class CandidateTrial:
     """None if it was not fitted fully"""
     gain: Gain | None
     error: float
-    """Held-out error, of the twin with it if it was fitted, else of the twin without"""
+    """Held-out, with it if it was fitted, else without"""
+    selected: float = 1.0
+    """Probability of chance by the training sessions, each predicted by a fit to the others"""
+    errors: Errors | None = None
+    """Held-out, with it if it was fitted"""
+
+
+@dataclass(frozen=True)
+class PairTrial:
+    """Two candidates that were fitted together."""
+
+    pair: Pair
+    trial: CandidateTrial
+    """Its score is the first one's"""
+    why_not: str
+    """Why the pair is not accepted, or nothing"""
+
+    def numbers(self) -> dict[str, Any]:
+        """Entries of diagnosis.json."""
+        found = self.trial.gain
+        return {
+            "names": list(self.pair.names),
+            "share": self.pair.share,
+            "share_alone": self.pair.alone,
+            "gain_held_out": found.relative if found else None,
+            "probability_of_chance": found.probability_of_chance if found else None,
+            "accepted": not self.why_not,
+            "why": self.why_not,
+        }
 
 
 @dataclass(frozen=True)
@@ -40,13 +75,10 @@ class Round:
     errors: Errors
     """Held-out errors of the base"""
     trials: dict[str, CandidateTrial]
-    accepted: str
-    """Name of the candidate that was accepted, or nothing"""
-
-    @property
-    def fitted(self) -> int:
-        """How many candidates were fitted fully, so that the best was chosen among them."""
-        return sum(trial.fit is not None for trial in self.trials.values())
+    accepted: tuple[str, ...]
+    """Name of the candidate that was accepted, two of a pair, or none"""
+    pairs: tuple[PairTrial, ...] = ()
+    """Pairs that were fitted, where no candidate was accepted alone"""
 
 
 @dataclass(frozen=True)
@@ -58,6 +90,8 @@ class Selection:
     calibrated: Fit
     final: Fit
     rounds: tuple[Round, ...]
+    rivals: Mapping[str, tuple[Rival, ...]]
+    """Of each accepted effect"""
 
 
 def better_trial(one: CandidateTrial, other: CandidateTrial) -> CandidateTrial:
@@ -76,6 +110,8 @@ def weakness(found: Gain) -> str:
 def significant(found: Fit, name: str, candidate: Candidate) -> bool:
     """Whether a strength of an effect differs from zero by more than chance."""
     strong = strengths(candidate)
+    if limits(candidate, found.point.effects[name]):
+        return True
     ours = [(n, k) for n, (e, k) in enumerate(found.free.effects) if e == name and k in strong]
     error = found.error[len(found.free.declared) :]
     return any(abs(found.point.effects[name][k]) > SURE * error[n] for n, k in ours)
@@ -85,13 +121,18 @@ def why_not(name: str, trial: CandidateTrial, candidate: Candidate) -> str:
     """Why a candidate is not accepted; empty if it is."""
     if not trial.fit or not trial.gain:
         return f"to first order it would remove {100 * trial.score.share:.1f} % of the residual"
-    if ends := too_strong(candidate, trial.fit.point.effects[name]):
-        return f"{trial.gain}; its {', '.join(ends)} runs to the end of the range"
-    if too_weak := weakness(trial.gain):
-        return f"{trial.gain}{too_weak}"
-    return (
-        "" if significant(trial.fit, name, candidate) else f"{trial.gain}; its strength may be zero"
-    )
+    return weakness_of_fit(trial.fit, trial.gain, {name: candidate})
+
+
+def weakness_of_fit(fit: Fit, found: Gain, several: Mapping[str, Candidate]) -> str:
+    """Why effects that were fitted together are not accepted, or nothing."""
+    for name, candidate in several.items():
+        if ends := too_strong(candidate, fit.point.effects[name]):
+            return f"{found}; its {', '.join(ends)} runs to the end of the range"
+    if too_weak := weakness(found):
+        return f"{found}{too_weak}"
+    sure = all(significant(fit, name, candidate) for name, candidate in several.items())
+    return "" if sure else f"{found}; its strength may be zero"
 
 
 def best_trial(trials: dict[str, CandidateTrial], candidates: Mapping[str, Candidate]) -> str:

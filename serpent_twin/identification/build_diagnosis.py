@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.acceptance import Round, Selection, seen, why_not
+from serpent_twin.identification.bars import BEYOND, bars
 from serpent_twin.identification.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
@@ -22,24 +23,22 @@ from serpent_twin.identification.diagnosis import (
 from serpent_twin.identification.free_parameters import unstable
 from serpent_twin.identification.held_out import Errors, errors, gain
 from serpent_twin.identification.least_squares import NORMAL_95, Fit
+from serpent_twin.identification.moved import Moved, moved
 from serpent_twin.identification.score_test import at_bound
 from serpent_twin.identification.steps import Tracer
-from serpent_twin.identification.uncertainty import drawn, indistinguishable
+from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.machines.case import Case as AnyCase
 from serpent_twin.machines.machine import Quantity
 from serpent_twin.residual import Findings, analyse, describe
 from serpent_twin.residual.learned import learn
 
 Case = AnyCase[Any]
-BEYOND = 2.0
-"""Times the error of a twin that lacks nothing, above which an error is unexplained in any case"""
 FOLLOWS = 0.25
 """Share of the squared error above the noise that must depend on a feature, for a suspect error to be
 unexplained
 """
 LOAD_BEYOND = 1.15
 """Times the loads' noise"""
-_DRAWS = 4  # of twins that the data cannot distinguish
 
 
 def build_diagnosis(
@@ -53,39 +52,39 @@ def build_diagnosis(
     found = {name: analyse(compared[name], rng) for name in ("calibrated", "corrected")}
     held = {name: errors(each) for name, each in compared.items()}
     noise = found["corrected"].noise
-    expected = case.expected(final.point, drawn(case, final, rng, _DRAWS), held_out, rng)
-    expected = float(np.fmax(expected, noise.mean_jitter))
+    bar = bars(case, final, held["corrected"].marker, held_out, noise, rng)
     error = {name: each.marker for name, each in held.items()}
     load = {name: each.load for name, each in held.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
     return Diagnosis(
         arm=arm,
         held_out=tuple(files),
-        effects=_named(case, selection, held["calibrated"], held["corrected"], rng),
+        effects=_named(case, selection, held["calibrated"], held["corrected"]),
         candidates=_tried(case, selection),
-        unexplained=_unexplained(found["corrected"], error, load, expected),
-        error=error | {"noise_floor": noise.mean_floor, "expected": expected},
+        unexplained=_unexplained(found["corrected"], error, load, bar.bar),
+        error=error | {"noise_floor": noise.mean_floor, "expected": bar.bar},
         load_error=load | {"noise_floor": noise.load_floor},
         cautions=(*_cautions(case, selection), *_unstable(case, selection, tracer.training)),
         calibration=_calibration(case, final),
         comparisons=compared,
         findings=found,
         learned=learned,
+        bars=bar,
+        moved=_moved(case, selection),
+        rivals=selection.rivals,
+        pairs=tuple(pair for each in selection.rounds for pair in each.pairs),
         marker=compared["corrected"].marker,
         load=compared["corrected"].load,
     )
 
 
-def _named(
-    case: Case, selection: Selection, before: Errors, after: Errors, rng: np.random.Generator
-) -> tuple[Named, ...]:
-    """The effects found; a single effect has the whole gain."""
-    accepted = {each.accepted: each for each in selection.rounds if each.accepted}
+def _named(case: Case, selection: Selection, before: Errors, after: Errors) -> tuple[Named, ...]:
+    """The effects found; the whole gain belongs to an effect that is alone."""
     alone = len(selection.final.point.effects) == 1
     named = []
     for name in selection.final.point.effects:
-        found = accepted[name]
-        gained = gain(before, after, rng, found.fitted) if alone else found.trials[name].gain
+        trial = next(each.trials[name] for each in selection.rounds if name in each.accepted)
+        gained = gain(before, after, trial.selected) if alone else trial.gain
         assert gained is not None
         named.append(
             Named(
@@ -97,6 +96,12 @@ def _named(
             )
         )
     return tuple(named)
+
+
+def _moved(case: Case, selection: Selection) -> tuple[Moved, ...]:
+    """What the last round's twin had moved too far, beside the candidates that it was to be told from."""
+    last = selection.rounds[-1]
+    return moved(case, last.base, [trial.score for trial in last.trials.values()])
 
 
 def estimates(case: Case, fit: Fit, name: str) -> dict[str, ParameterEstimate]:
@@ -132,7 +137,7 @@ def _tried(case: Case, selection: Selection) -> tuple[Tried, ...]:
 
 def _verdict(name: str, each: Round, selection: Selection, case: Case) -> tuple[str, str]:
     trial = each.trials[name]
-    if name == each.accepted:
+    if name in each.accepted:
         if name in selection.final.point.effects:
             return ACCEPTED, "it improves the fit to held-out logs, beyond chance"
         return REJECTED, "beside the effects found later it is not worth its parameters"
@@ -146,7 +151,7 @@ def _verdict(name: str, each: Round, selection: Selection, case: Case) -> tuple[
     if why := why_not(name, trial, case.candidates[name]):
         return REJECTED, why
     assert trial.gain is not None
-    return REJECTED, f"{trial.gain}, less than {each.accepted}"
+    return REJECTED, f"{trial.gain}, less than {' and '.join(each.accepted)}"
 
 
 def _unexplained(
@@ -174,7 +179,10 @@ def _cautions(case: Case, selection: Selection) -> tuple[str, ...]:
     told += [f"{name}: {why}." for name, why in case.unseen.items()]
     for name, values in selection.final.point.effects.items():
         for parameter in at_bound(case.candidates[name], values):
-            told.append(f"{name}'s {parameter} lies at the end of its range: doubt it.")
+            limit = case.candidates[name].ranges[parameter].limit
+            told.append(
+                f"{name}'s {parameter} lies at the end of its range: {limit or 'doubt it'}."
+            )
     return tuple(told)
 
 
@@ -205,10 +213,10 @@ def _calibration(case: Case, fit: Fit) -> dict[str, Calibrated]:
 
 def _calibrated(case: Case, fit: Fit, of: Quantity, k: int) -> Calibrated:
     """A coordinate, and the quantity that it and perhaps others make up, with their joint standard error."""
-    value, half = float(fit.point.declared[k]), NORMAL_95 * _error(fit, (k,))
+    value, half = float(fit.point.declared[k]), NORMAL_95 * fit.standard_error((k,))
     names = [each.name for each in case.declared]
     those = [names.index(name) for name in of.of]
-    change, off = float(fit.point.declared[those].sum()), NORMAL_95 * _error(fit, those)
+    change, off = float(fit.point.declared[those].sum()), NORMAL_95 * fit.standard_error(those)
     low, high = sorted((of.after(change - off), of.after(change + off)))
     return Calibrated(
         ParameterEstimate(value, value - half, value + half, case.declared[k].unit),
@@ -217,10 +225,3 @@ def _calibrated(case: Case, fit: Fit, of: Quantity, k: int) -> Calibrated:
         of.start,
         ParameterEstimate(of.after(change), low, high, of.unit),
     )
-
-
-def _error(fit: Fit, coordinates: Sequence[int]) -> float:
-    """Standard error of the sum of some of the declared coordinates; those held fixed have none."""
-    at = [fit.free.declared.index(k) for k in coordinates if k in fit.free.declared]
-    error = fit.error[at]
-    return float(np.sqrt(error @ fit.correlation[np.ix_(at, at)] @ error))

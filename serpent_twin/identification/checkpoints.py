@@ -79,6 +79,7 @@ class _StoredScoreTest(stored.Form, frozen=True):
     excitation: float
     start: tuple[Number, ...]
     unstable: bool
+    tried: tuple[Number, ...]
 
 
 class _StoredFit(stored.Form, frozen=True):
@@ -102,21 +103,29 @@ def _save(path: Path, arrays: dict[str, Any]) -> None:
 
 def _score_arrays(scores: Sequence[Score]) -> dict[str, Any]:
     rows = [{n: getattr(each, n) for n in _StoredScoreTest.__struct_fields__} for each in scores]
-    rows = [{**row, "start": list(map(float, row["start"]))} for row in rows]
-    beyond = np.array([each.beyond for each in scores], np.float32)
-    return {"scores": np.array(json.dumps(rows)), "beyond": beyond}
+    rows = [{**row, **{n: list(map(float, row[n])) for n in ("start", "tried")}} for row in rows]
+    change, beyond = (
+        np.array([getattr(each, name) for each in scores], np.float32)
+        for name in ("change", "beyond")
+    )
+    return {"scores": np.array(json.dumps(rows)), "change": change, "beyond": beyond}
 
 
 def _read_scores(path: Path, arrays: stored.Arrays) -> list[Score]:
     rows = stored.json_in(arrays, "scores", list[_StoredScoreTest], str(path), _AGAIN)
     numbers = arrays["beyond"].shape[1:] if "beyond" in arrays else (0,)
-    wanted = {"beyond": Numbers((len(rows), *numbers[:1]))}
+    shape = Numbers((len(rows), *numbers[:1]))
+    wanted = {"change": shape, "beyond": shape}
     stored.require_arrays(
         {k: v for k, v in arrays.items() if k in wanted}, wanted, str(path), _AGAIN
     )
+    each = zip(rows, arrays["change"], arrays["beyond"], strict=True)
     return [
-        Score(r.name, r.share, r.excitation, np.array(r.start), r.unstable, beyond)
-        for r, beyond in zip(rows, arrays["beyond"], strict=True)
+        Score(
+            *(r.name, r.share, r.excitation, np.array(r.start), r.unstable),
+            *(change, beyond, np.array(r.tried)),
+        )
+        for r, change, beyond in each
     ]
 
 

@@ -1,15 +1,20 @@
 """Hold what a trace finds: the figures of diagnosis.json and of the report."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
 from serpent_twin.arrays import Array
+from serpent_twin.identification.acceptance import PairTrial
+from serpent_twin.identification.bars import Bars
+from serpent_twin.identification.moved import Moved
+from serpent_twin.identification.rivals import Rival
 from serpent_twin.residual import LOADS, MARKERS, Comparison, Findings, Measure
 from serpent_twin.residual.learned import Learned
 from serpent_twin.residual.noise import in_words
 
+_LISTED = 3
 ACCEPTED, REJECTED, NOT_EXCITED = "accepted", "rejected", "not excited"
 UNSTABLE = "unstable"
 UNTESTED = (NOT_EXCITED, UNSTABLE)
@@ -139,6 +144,14 @@ class Diagnosis:
     """calibrated, corrected: what the residual depends on"""
     learned: Learned
     """The last resort, apart from physics"""
+    bars: Bars
+    """How large the pose's error may be before it is unexplained"""
+    moved: tuple[Moved, ...] = ()
+    """Declared parameters that are not what was built, the furthest first"""
+    rivals: Mapping[str, tuple[Rival, ...]] = field(default_factory=dict)
+    """Of each effect: others that look like it"""
+    pairs: tuple[PairTrial, ...] = ()
+    """Pairs of candidates that were tried together"""
     marker: Measure = MARKERS
     """What the error is of"""
     load: Measure = LOADS
@@ -184,6 +197,13 @@ class Diagnosis:
                 f"after_{mm}": self.learned.after,
             },
             "cautions": list(self.cautions),
+            "bars": self.bars.numbers(self.marker.key),
+            "moved": [each.numbers() for each in self.moved],
+            "rivals": {
+                name: [each.numbers(mm) for each in several]
+                for name, several in self.rivals.items()
+            },
+            "pairs": [each.numbers() for each in self.pairs],
             "calibration": {name: each.numbers() for name, each in self.calibration.items()},
             "residual": {name: each.numbers() for name, each in self.findings.items()},
             "seconds": seconds,
@@ -218,17 +238,34 @@ class Diagnosis:
             f"({self.marker.noise}: {in_words(error['noise_floor'], unit)})"
         )
         if not self.effects:
-            what = "nothing was found missing" if self.doubt else "nothing is missing"
+            what = "nothing was found missing" if self.doubt or self.moved else "nothing is missing"
             if self.unexplained.is_:
                 what = "no known effect explains it"
             elif self.blind:
                 what = "these logs cannot show whether anything is missing"
         else:
-            what = "it lacked " + " and ".join(map(_told, self.effects))
+            what = "it lacked " + " and ".join(map(self._told, self.effects))
         rest = f"Unexplained: {self.unexplained.depends_on}" if self.unexplained.is_ else self.doubt
-        return f"{self.arm}: {what}. {course}. {rest}".strip()
+        parts = (f"{self.arm}: {what}. {course}.", self.not_as_built, rest)
+        return " ".join(part for part in parts if part)
 
+    @property
+    def not_as_built(self) -> str:
+        """A sentence on declared parameters that are not what was built; else empty."""
+        if not self.moved:
+            return ""
+        more = f"; {len(self.moved) - _LISTED} more likewise" if len(self.moved) > _LISTED else ""
+        like = [name for each in self.moved[:1] for name in each.stands_for]
+        may = (
+            f" It may stand for {' or '.join(like)}, which changes the logs likewise."
+            if like
+            else ""
+        )
+        return f"Not as built: {'; '.join(map(str, self.moved[:_LISTED]))}{more}.{may}"
 
-def _told(effect: Named) -> str:
-    values = ", ".join(f"{name} {each}" for name, each in effect.parameters.items())
-    return f"{effect.name} ({values})"
+    def _told(self, effect: Named) -> str:
+        """An effect with its strength, and the rivals that these logs do not tell from it."""
+        values = ", ".join(f"{name} {each}" for name, each in effect.parameters.items())
+        alike = [each.name for each in self.rivals.get(effect.name, ()) if not each.told_apart]
+        told = f"; these logs cannot tell it from {' or '.join(alike)}" if alike else ""
+        return f"{effect.name} ({values}{told})"

@@ -1,26 +1,35 @@
-"""Compare the errors of two twins on held-out logs."""
+"""Compare the errors of two twins on logs that nothing was fitted to."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtr
+from scipy.special import chdtrc, stdtr
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.residual import Comparison
-from serpent_twin.residual.size import MOVING, is_moving, marker_size
+from serpent_twin.residual.size import MOVING, is_moving
 
-_DRAWS = 10_000
+BLOCKS = 5
+"""Parts of a segment in which errors are compared"""
+CONFIRMED = 0.05
+"""Most probability of chance on the held-out logs alone"""
+_FREEDOM = 0.7  # of the degrees of freedom, as the correlation of few blocks is itself uncertain
 
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of one twin on held-out segments, (S,), in the rig's units."""
+    """Errors of one twin on held-out segments, by block, (S, B), in the rig's units."""
 
-    marker_by_segment: Array
+    marker_by_block: Array
     """Mean marker distance; NaN without markers"""
-    load_by_segment: Array
+    load_by_block: Array
     """Root mean square of the moving motors' loads; NaN without loads"""
+
+    @property
+    def marker_by_segment(self) -> Array:
+        """Mean of each segment, (S,)."""
+        return _means(self.marker_by_block)
 
     @property
     def marker(self) -> float:
@@ -29,8 +38,8 @@ class Errors:
 
     @property
     def load(self) -> float:
-        """Mean over segments."""
-        return _mean(self.load_by_segment)
+        """Root mean square in segments, in the mean over these."""
+        return _mean(np.sqrt(_means(self.load_by_block**2)))
 
 
 def gave_up(before: Errors, after: Errors) -> bool:
@@ -43,23 +52,34 @@ def _mean(values: Array) -> float:
     return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
 
+def _means(values: Array) -> Array:
+    """Means of rows over what is known, NaN where nothing is, (S,)."""
+    known = np.isfinite(values)
+    total, count = np.where(known, values, 0.0).sum(axis=1), known.sum(axis=1)
+    return np.divide(total, count, out=np.full(len(values), np.nan), where=count > 0)
+
+
+def blocks(values: Array) -> Array:
+    """Means of rows (S, T, …) over what is known of each block, (S, B)."""
+    parts = np.array_split(values, min(BLOCKS, values.shape[1]), axis=1)
+    return np.stack([_means(part.reshape(len(part), -1)) for part in parts], axis=1)
+
+
 def errors(comparison: Comparison) -> Errors:
-    """The errors of a comparison, segment by segment."""
+    """The errors of a comparison, block by block."""
     told = comparison.load_counts is not None
     moving = True if told else is_moving(comparison, MOVING)
-    load = np.where(moving, comparison.load_residual, np.nan)
-    some = np.isfinite(load).any(axis=(1, 2))
-    rms = np.full(len(load), np.nan)
-    rms[some] = comparison.load.scale * np.sqrt(np.nanmean(load[some] ** 2, axis=(1, 2)))
-    return Errors(marker_size(comparison).by_segment, rms)
+    load = np.where(moving, comparison.load.scale * comparison.load_residual, np.nan)
+    distance = comparison.marker.scale * comparison.distance
+    return Errors(blocks(distance), np.sqrt(blocks(load**2)))
 
 
 @dataclass(frozen=True)
 class Gain:
     """What one twin gains over another, on the same segments."""
 
-    by_segment: Array
-    """Relative gain of segments that show any, markers and loads weighing alike, (≤ S,) [1]"""
+    by_block: Array
+    """Relative gain, markers and loads weighing alike; NaN in blocks that show none, (S, B) [1]"""
     marker_by_segment: Array
     """Gain of the mean marker distance, (S,)"""
     marker: float
@@ -67,14 +87,12 @@ class Gain:
     load: float
     """Of the load error"""
     probability_of_chance: float
-    """That the mean gain is not above zero, by paired bootstrap over segments and Student's t; for the
-    best of several that were tried, times their number (Bonferroni)
-    """
+    """That the mean gain is not above zero, see `chance` and `together`"""
 
     @property
     def relative(self) -> float:
         """Mean relative gain [1]."""
-        return float(self.by_segment.mean())
+        return float(np.nanmean(self.by_block))
 
     def __str__(self) -> str:
         """The gain as text for a sentence."""
@@ -87,37 +105,69 @@ def better(share: float) -> str:
     return f"{size} % {'worse' if share < 0 and float(size) else 'better'}"
 
 
-def _chance(gains: Array, rng: np.random.Generator) -> float:
-    """Probability that the mean gain is not above zero: the greater of bootstrap and Student's t, as a
-    bootstrap over few segments underestimates the uncertainty.
+def chance(gains: Array) -> float:
+    """Probability that the mean of gains, (S, B), is not above zero, by Student's t; NaN is left out.
+
+    Blocks of a segment are correlated: their number is divided by 1 + 2 Σ (1 − k/B) ρ_k, the
+    autocorrelations to the first that is not positive (Geyer), each taken one standard error larger than
+    it is estimated. Segments are independent, as each starts from a measured pose.
     """
-    n = len(gains)
-    if n < 2:
+    known = np.isfinite(gains)
+    count, length = int(known.sum()), gains.shape[1]
+    if count < 2:
         return 1.0
-    draws = rng.integers(0, n, (_DRAWS, n))
-    drawn = (1 + np.count_nonzero(gains[draws].mean(axis=1) <= 0)) / (1 + _DRAWS)
-    spread = max(float(gains.std(ddof=1)), 1e-12) / np.sqrt(n)
-    return float(max(drawn, stdtr(n - 1, -gains.mean() / spread)))
+    mean = float(gains[known].mean())
+    apart = np.where(known, gains - mean, 0.0)
+    variance = float((apart**2).sum()) / count
+    inflation = 1.0
+    for k in range(1, length):
+        pairs = int((known[:, :-k] & known[:, k:]).sum())
+        if not pairs or variance <= 0:
+            break
+        rho = float((apart[:, :-k] * apart[:, k:]).sum()) / pairs / variance
+        rho = min(1.0, rho + count**-0.5)
+        if rho <= 0:
+            break
+        inflation += 2 * (1 - k / length) * rho
+    independent = max(count / inflation, 2.0)
+    spread = max(np.sqrt(variance / (independent - 1)), 1e-12)
+    return float(stdtr(max(1.0, _FREEDOM * (independent - 1)), -mean / spread))
 
 
-def gain(before: Errors, after: Errors, rng: np.random.Generator, among: int = 1) -> Gain:
-    """Paired gain of `after` over `before`, where `after` is the best of so many that were tried."""
+def together(selected: float, confirmed: float) -> float:
+    """Probability of chance of an effect that some logs selected and others confirm, by Fisher's method; at
+    least that of the logs which confirm it, if these alone do not show it at 5 %.
+    """
+    least = 1e-300
+    joint = float(chdtrc(4, -2 * (np.log(max(selected, least)) + np.log(max(confirmed, least)))))
+    return joint if confirmed < CONFIRMED else max(joint, confirmed)
+
+
+def gain(before: Errors, after: Errors, selected: float | None = None) -> Gain:
+    """Paired gain of `after` over `before`; `selected` is the probability of chance by the logs that chose
+    `after` among others, if others chose it.
+    """
     parts = [
         (a - b) / np.nanmean(a)
         for a, b in (
-            (before.marker_by_segment, after.marker_by_segment),
-            (before.load_by_segment, after.load_by_segment),
+            (before.marker_by_block, after.marker_by_block),
+            (before.load_by_block, after.load_by_block),
         )
         if np.isfinite(a).any()
     ]
-    none = np.zeros(len(before.marker_by_segment), bool)
-    known = np.isfinite(parts).any(axis=0) if parts else none
+    known = np.isfinite(parts).any(axis=0) if parts else np.zeros(1, bool)
     if not known.any():
         raise SerpentError(
             "no held-out segment has markers or moving motors, so nothing can be judged. Hold out "
             "other sessions: --held-out."
         )
-    each = np.nanmean(np.array(parts)[:, known], axis=0)
-    chance = min(1.0, among * _chance(each, rng))
-    apart = before.marker_by_segment - after.marker_by_segment
-    return Gain(each, apart, before.marker - after.marker, before.load - after.load, chance)
+    each = np.full(known.shape, np.nan)
+    each[known] = np.nanmean(np.array(parts)[:, known], axis=0)
+    by_chance = chance(each)
+    return Gain(
+        each,
+        before.marker_by_segment - after.marker_by_segment,
+        before.marker - after.marker,
+        before.load - after.load,
+        by_chance if selected is None else together(selected, by_chance),
+    )

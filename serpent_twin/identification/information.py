@@ -6,7 +6,7 @@ posterior covariance. What a candidate changes of the residual counts only beyon
 can take up.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -41,6 +41,11 @@ class Information:
             np.r_[fit.point.declared[declared], none],
         )
 
+    def without(self, k: int) -> "Information":
+        """The same with parameter number k held."""
+        kept = np.arange(len(self.prior)) != k
+        return replace(self, slopes=self.slopes[kept], prior=self.prior[kept], lean=self.lean[kept])
+
     @cached_property
     def matrix(self) -> Array:
         """The information matrix, (m, m)."""
@@ -52,8 +57,8 @@ class Information:
         return change - (self.slopes.T @ taken).T
 
     def projected(self, change: Array, residual: Array) -> tuple[Array, float, float]:
-        """What is left of a change, (N,), beyond the free parameters, the share of the residual's squares
-        that it removes, and the size of the step along it which removes most.
+        """What is left of a change, (N,), beyond the free parameters; the share of the residual's squares
+        that it removes; and the size of the step along it that removes most.
         """
         left = self.beyond(change)
         along = float(left @ change)

@@ -63,6 +63,12 @@ class Fit:
     noise: Array
     """What the residual was divided by, (channels,)"""
 
+    def standard_error(self, coordinates: Sequence[int]) -> float:
+        """Of the sum of some of the declared coordinates; those held fixed have none."""
+        at = [self.free.declared.index(k) for k in coordinates if k in self.free.declared]
+        error = self.error[at]
+        return float(np.sqrt(error @ self.correlation[np.ix_(at, at)] @ error))
+
     def interval(self, name: str, index: int) -> tuple[float, float, float]:
         """An effect's parameter with its 95 % interval, from scatter and from model error."""
         at = len(self.free.declared) + self.free.effects.index((name, index))
@@ -144,11 +150,11 @@ def fit(
         settled = steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost)
         if settled and (n or not carried):
             break
-    error, correlation = _errors(jacobian, at.residual, problem.variance_inflation, problem.prior)
+    inflation, noise = problem.variance_inflation, case.noise
+    error, correlation = _errors(jacobian, at.residual, inflation, problem.prior)
     if steps > 0 and free.effects:
         late = np.abs(between(begun, at.point, free) / error)[len(free.declared) :]
         settled = settled or bool((late < _STILL).all())
-    inflation, noise = problem.variance_inflation, case.noise
     return Fit(
         point=at.point,
         free=free,

@@ -9,6 +9,7 @@ import numpy as np
 
 from serpent_twin import effects
 from serpent_twin.arrays import Array
+from serpent_twin.effects import Range
 from serpent_twin.identification.free_parameters import free_parameters, steadied
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import Fit, OnProgress, fit
@@ -44,9 +45,17 @@ class Score:
     """Its parameters where a full fit should begin"""
     unstable: bool = False
     """Whether no strength of it could be simulated"""
+    change: Array = field(default_factory=lambda: np.zeros(0, np.float32))
+    """What its best variant changes of the residual, (N,); 0 where none could be simulated"""
     beyond: Array = field(default_factory=lambda: np.zeros(0, np.float32))
-    """What its best variant changes of the residual beyond the free parameters of the base, (N,); 0 where
-    none could be simulated"""
+    """The same beyond the free parameters of the base, (N,)"""
+    tried: Array = field(default_factory=lambda: np.zeros(0))
+    """The parameters of that variant"""
+
+    def sized(self, candidate: Candidate, size: float) -> Array:
+        """The parameters of that variant with its strengths times a size, within their ranges."""
+        values = _scaled(candidate, self.tried, size)
+        return self.start if values is None else values
 
 
 def scores(case: Case[Any], pieces: Any, base: Fit, candidates: Sequence[Candidate]) -> list[Score]:
@@ -113,17 +122,20 @@ def _score(
     """The best variant of a candidate, from what each changes of the residual, (k, S, n)."""
     flat = residual.ravel().astype(float)
     none = np.zeros(flat.size, np.float32)
-    best, most = Score(candidate.name, 0.0, 0.0, candidate.variants[0], beyond=none), 0.0
+    start, most = candidate.variants[0], 0.0
+    best = Score(candidate.name, 0.0, 0.0, start, change=none, beyond=none, tried=start)
     for change, point in zip(changes.reshape(len(changes), -1), points, strict=True):
         if not np.isfinite(change).all():
             continue
         left, share, size = known.projected(change.astype(float), flat)
         most = max(most, float(np.linalg.norm(change) / max(np.linalg.norm(flat), 1e-15)))
-        start = _scaled(candidate, point.effects[candidate.name], size)
+        tried = point.effects[candidate.name]
+        start = _scaled(candidate, tried, size)
         share = share if start is not None else 0.0
-        start = point.effects[candidate.name] if start is None else start
+        start = tried if start is None else start
         if share > best.share or not best.beyond.any():
-            best = Score(candidate.name, share, 0.0, start, beyond=left.astype(np.float32))
+            left = left.astype(np.float32)
+            best = Score(candidate.name, share, 0.0, start, False, change, left, tried)
     unstable = not np.isfinite(changes).all(axis=(1, 2)).any()
     return replace(best, excitation=most, unstable=unstable)
 
@@ -183,7 +195,13 @@ def at_bound(candidate: Candidate, values: Array) -> list[str]:
 def too_strong(candidate: Candidate, values: Array) -> list[str]:
     """Names of strengths that run to the end of their range, a sign that the effect stands for another."""
     strong = [list(candidate.ranges)[k] for k in strengths(candidate)]
-    return [name for name in at_bound(candidate, values) if name in strong]
+    ends = at_bound(candidate, values)
+    return [name for name in ends if name in strong and not candidate.ranges[name].limit]
+
+
+def limits(candidate: Candidate, values: Array) -> list[str]:
+    """What parameters at the end of their range mean, where that is a law of its own."""
+    return [each for name in at_bound(candidate, values) if (each := candidate.ranges[name].limit)]
 
 
 def worth_fitting(
@@ -218,12 +236,24 @@ def full_fit(case: Case[Any], pieces: Any, base: Fit, found: Score, on_progress:
 
 
 def _starts(candidate: Candidate, values: Array) -> list[Array]:
-    """The score's guess, and smaller and larger ones."""
-    ranges = list(candidate.ranges.values())
+    """The score's guess, and smaller and larger ones; and what a strength is in the limit, if that is a law,
+    with smaller and larger values of what then matters.
+    """
+    ranges, strong = list(candidate.ranges.values()), strengths(candidate)
     out = []
     for factor in (0.3, 1.0, 2.0):
-        scaled = values.copy()
-        for k in strengths(candidate):
-            scaled[k] = np.clip(factor * values[k], ranges[k].low, ranges[k].high)
-        out.append(scaled)
+        out.append(_times(ranges, values, strong, factor))
+    if any(ranges[k].limit for k in strong):
+        limit = values.copy()
+        limit[strong] = [ranges[k].high for k in strong]
+        others = [k for k, each in enumerate(ranges) if each.fitted and k not in strong]
+        out += [_times(ranges, limit, others, factor) for factor in (0.5, 1.0, 2.0, 4.0)]
+    return out
+
+
+def _times(ranges: Sequence[Range], values: Array, which: Sequence[int], factor: float) -> Array:
+    """Values with some of them times a factor, within their ranges."""
+    out = values.copy()
+    for k in which:
+        out[k] = np.clip(factor * values[k], ranges[k].low, ranges[k].high)
     return out

@@ -19,20 +19,15 @@ from serpent_twin.identification.acceptance import (
     best_trial,
     better_trial,
     weakness,
+    weakness_of_fit,
 )
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
-from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
+from serpent_twin.identification.held_out import Errors, gain, gave_up
 from serpent_twin.identification.least_squares import Fit, OnProgress, fit
-from serpent_twin.identification.score_test import (
-    Score,
-    full_fit,
-    scores,
-    worth_fitting,
-)
+from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.numerals import counted
 
 _MOST_EFFECTS = 6
 _PLAIN = 0.3
@@ -53,6 +48,7 @@ class Tracer:
     ) -> None:
         self.case, self.training, self.held_out = case, training, held_out
         self.notes, self.on_progress, self.seed = notes, on_progress, seed
+        self.trials = Trials(training, held_out, notes, on_progress)
         self.final: ParameterVector | None = None
 
     def select(self) -> Selection:
@@ -62,12 +58,12 @@ class Tracer:
         base, rounds = calibrated, []
         while len(rounds) < _MOST_EFFECTS:
             rounds.append(self._round(base, len(rounds) + 1, None if rounds else opening))
-            if not (name := rounds[-1].accepted):
+            if not (names := rounds[-1].accepted):
                 break
-            found = rounds[-1].trials[name].fit
+            found = rounds[-1].trials[names[0]].fit
             assert found is not None
             weighed = self.case
-            polished = self._polish(found, f"with_{len(rounds)}_{name}")
+            polished = self._polish(found, f"with_{len(rounds)}_{'_'.join(names)}")
             rounds[-1] = self._judged_again(rounds[-1], polished)
             if not rounds[-1].accepted:
                 self.case = weighed
@@ -75,25 +71,29 @@ class Tracer:
             base = polished
         final = self._sharpened(self._without_proxies(base, rounds))
         self.final = final.point
-        return Selection(self.case, calibrated, final, tuple(rounds))
+        rivals = {n: self.trials.rivals(self.case, n, rounds) for n in final.point.effects}
+        return Selection(self.case, calibrated, final, tuple(rounds), rivals)
 
     def _judged_again(self, done: Round, polished: Fit) -> Round:
-        """A round after its accepted candidate was fitted again, which may reverse the acceptance."""
-        after = self.errors(polished.point)
+        """A round after its accepted candidates were fitted again, which may reverse the acceptance."""
+        after, names = self.errors(polished.point), done.accepted
+        trials = {name: done.trials[name] for name in names}
         if gave_up(done.errors, after):
-            trial = CandidateTrial(
-                replace(done.trials[done.accepted].score, unstable=True), None, None, after.marker
-            )
-            return replace(done, trials={**done.trials, done.accepted: trial}, accepted="")
-        better = gain(done.errors, after, np.random.default_rng([self.seed, 5]), done.fitted)
-        before = done.trials[done.accepted]
-        trial = replace(before, fit=polished, gain=better, error=after.marker)
-        stands = best_trial({done.accepted: trial}, self.case.candidates)
-        return replace(done, trials={**done.trials, done.accepted: trial}, accepted=stands)
+            score = {name: replace(each.score, unstable=True) for name, each in trials.items()}
+            lost = {name: CandidateTrial(score[name], None, None, after.marker) for name in names}
+            return replace(done, trials={**done.trials, **lost}, accepted=())
+        better = gain(done.errors, after, trials[names[0]].selected)
+        again = {
+            name: replace(each, fit=polished, gain=better, error=after.marker)
+            for name, each in trials.items()
+        }
+        known = {name: self.case.candidates[name] for name in names}
+        stands = () if weakness_of_fit(polished, better, known) else names
+        return replace(done, trials={**done.trials, **again}, accepted=stands)
 
     def errors(self, point: ParameterVector) -> Errors:
         """Held-out errors of a parameter vector."""
-        return errors(self.case.compare(point, self.held_out))
+        return self.trials.errors(self.case, point)
 
     def _calibrate(self, start: ParameterVector) -> tuple[Fit, Fit]:
         """Fit the declared parameters, updating weights in between; returns the opening, a fit without
@@ -163,58 +163,34 @@ class Tracer:
         return self._fit("last", found.point, found.free, 0, carried=found, last=True)
 
     def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
-        """Try all candidates; those that calibration may have absorbed also from the opening."""
+        """Try all candidates; those that calibration may have absorbed also from the opening; and pairs, if
+        none is accepted alone.
+        """
         names = [
             n
             for n in self.case.candidates
             if n not in base.point.effects and n not in self.case.unseen
         ]
         before = self.errors(base.point)
-        trials = self._trials(names, self.case, base, before, f"{number}_base")
+        trials = self.trials.each(names, self.case, base, base, before, f"{number}_base")
         plain = any(trial.gain and trial.gain.relative > _PLAIN for trial in trials.values())
         if opening and not plain:
-            again = self._trials(names, self._opening_case, opening, before, f"{number}_start", 2)
-            trials = {name: better_trial(trials[name], again[name]) for name in names}
-        return Round(base, before, trials, best_trial(trials, self.case.candidates))
-
-    def _trials(
-        self,
-        names: Sequence[str],
-        case: Case[Any],
-        begun: Fit,
-        before: Errors,
-        stage: str,
-        most: int | None = None,
-    ) -> dict[str, CandidateTrial]:
-        """Score tests of candidates on top of a fit, and full fits of the selected ones."""
-        found = self._scores(f"scores_{stage}", case, begun, names)
-        trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
-        chosen = worth_fitting(list(found.values()), case.candidates)[:most]
-        for name in chosen:
-            self.on_progress(f"{stage.replace('_', ', from the ')}: fitting {name}")
-            fitted = self.notes.fit(
-                f"fit_{stage}_{name}",
-                lambda one=found[name]: full_fit(case, self.training, begun, one, self.on_progress),
+            again = self.trials.each(
+                names, self._opening_case, opening, base, before, f"{number}_start", 2
             )
-            after = self.errors(fitted.point)
-            if gave_up(before, after):
-                trials[name] = replace(
-                    trials[name], score=replace(trials[name].score, unstable=True)
-                )
-                continue
-            rng = np.random.default_rng([self.seed, 1])
-            better = gain(before, after, rng, among=len(chosen))
-            trials[name] = CandidateTrial(found[name], fitted, better, after.marker)
-        return trials
-
-    def _scores(
-        self, stage: str, case: Case[Any], base: Fit, names: Sequence[str]
-    ) -> dict[str, Score]:
-        def test() -> list[Score]:
-            self.on_progress(f"score tests of {counted(len(names), 'candidate')}")
-            return scores(case, self.training, base, [case.candidates[name] for name in names])
-
-        return {each.name: each for each in self.notes.scores(stage, test)}
+            trials = {name: better_trial(trials[name], again[name]) for name in names}
+        if best := best_trial(trials, self.case.candidates):
+            return Round(base, before, trials, (best,))
+        tried = self.trials.pairs(
+            self.case, base, before, {name: trials[name].score for name in names}, number
+        )
+        good = [each for each in tried if not each.why_not]
+        if not good:
+            return Round(base, before, trials, (), tried)
+        pair = max(good, key=lambda each: each.trial.gain.relative if each.trial.gain else 0.0)
+        for name in pair.pair.names:
+            trials[name] = replace(pair.trial, score=trials[name].score)
+        return Round(base, before, trials, pair.pair.names, tried)
 
     def _without_proxies(self, final: Fit, rounds: Sequence[Round]) -> Fit:
         """Drop effects that were accepted early and gain nothing beside those accepted later."""
@@ -236,11 +212,10 @@ class Tracer:
                     known=f,
                 ),
             )
-            rng = np.random.default_rng([self.seed, 99])
             without, beside = self.errors(less.point), self.errors(final.point)
             if gave_up(beside, without):
                 continue
-            lost = gain(without, beside, rng)
+            lost = gain(without, beside)
             if weakness(lost):
                 self.on_progress(f"{name} is not worth it beside the others")
                 final = less

@@ -12,10 +12,14 @@ from serpent_twin.machines.machine import ParameterVector
 _LISTED = 6
 
 
-def drawn(case: Case[Any], found: Fit, rng: np.random.Generator, n: int) -> list[ParameterVector]:
-    """Twins that the data cannot distinguish from the fitted one."""
+def drawn(
+    case: Case[Any], found: Fit, rng: np.random.Generator, n: int, share: float = 1.0
+) -> list[ParameterVector]:
+    """Twins that the data cannot distinguish from the fitted one; with only a share of its standard errors,
+    if given.
+    """
     half = np.linalg.cholesky(found.correlation + 1e-9 * np.eye(len(found.error)))
-    steps = (half @ rng.standard_normal((len(found.error), n))).T * found.error
+    steps = (half @ rng.standard_normal((len(found.error), n))).T * (share * found.error)
     return [moved(case, found.point, found.free, step) for step in steps]
 
 

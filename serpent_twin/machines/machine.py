@@ -49,13 +49,23 @@ class Quantity:
     of: tuple[str, ...] = ()
     """Names of the coordinates that add up to its change"""
     nominal: float = float("nan")
-    """As declared before any log was read; NaN where nothing is declared"""
+    """As declared before any log was seen; NaN where nothing is"""
+    tolerance: float = float("nan")
+    """Standard deviation between machines as built: of a logarithm's ratio, else in the unit; NaN: the
+    prior of its coordinate stands for it"""
+    alike: str = ""
+    """Parts with one such name are built alike, so that their median is what one of them should be; nothing:
+    the nominal value is"""
 
     def after(self, change: float) -> float:
         """Its value after a total change of its coordinates."""
         if self.scale:
             return self.start + self.scale * change
         return self.start * float(np.exp(change))
+
+    def beside(self, value: float, expected: float) -> float:
+        """How far a value is from what is expected, in the terms of its tolerance."""
+        return value - expected if self.scale else float(np.log(value / expected))
 
 
 @dataclass(frozen=True)

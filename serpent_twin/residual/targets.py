@@ -33,8 +33,9 @@ class Targets:
 def marker_targets(c: Comparison, noise: Noise, found: JointAttribution | None) -> Targets:
     """All markers together, then each joint's rotation, then the size of each joint's error.
 
-    A joint's rotation is measured in mm, by how far it moves the markers. Without joint geometry the
-    single markers replace the joints.
+    A joint's rotation is measured in mm, by how far it moves the markers. All shares are of all markers'
+    variance: a part counts by its millimetres, however much of them follows something. Without joint
+    geometry the single markers replace the joints.
     """
     scale, K = c.marker.scale, c.marker.dimension
     residual = scale * known(c.marker_residual.reshape(*c.time.shape, -1))
@@ -54,9 +55,7 @@ def marker_targets(c: Comparison, noise: Noise, found: JointAttribution | None) 
     values = np.concatenate([parts, single, size], axis=-1)
     kinds = ("markers",) + ("joint",) * len(names) + ("size",) * len(sizes)
     member = _members([parts.shape[2]] + [1] * (len(names) + len(sizes)))
-    of_sizes = np.var(size, axis=(0, 1))
-    totals = np.concatenate([np.full(1 + len(names), total), of_sizes])
-    quiet = np.concatenate([np.full(1 + len(names), coloured), np.zeros(len(sizes))])
+    totals, quiet = (np.full(len(kinds), each) for each in (total, coloured))
     return Targets((c.marker.what,) + names + sizes, kinds, values, member, totals, quiet)
 
 

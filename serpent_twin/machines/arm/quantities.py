@@ -12,6 +12,7 @@ from serpent_twin.machines.arm.vector import Vector
 from serpent_twin.machines.machine import Quantity
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
+_JAW = 5  # the gripper's cable is of another make, and hardly moves
 _SIGNS = {"plus": "+", "minus": "−"}
 _MILLI = 1e3
 
@@ -28,6 +29,10 @@ class _Kind:
     """Such units in one of SI"""
     scale: float = 0.0
     """SI per unit of the coordinate, of a winch as a share of its radius; 0 for a logarithm"""
+    tolerance: float = float("nan")
+    """Of parts as built: of a logarithm, else in the unit"""
+    alike: bool = True
+    """Whether parts are judged by their median, not by what is declared"""
 
 
 def _strand(name: str) -> str:
@@ -40,15 +45,18 @@ _MOTORS = [str(j) for j in range(1, N_MOTORS + 1)]
 _HINGES = ["all joints", *(f"joint {i}" for i in range(1, N_JOINTS + 1))]
 _PLACES = [f"{i}, {axis} in its link's frame" for i in range(1, N_JOINTS + 1) for axis in "xyz"]
 _KINDS: Mapping[str, _Kind] = {
-    "stiffness": _Kind("strand stiffness {}", _STRANDS, "kN/m", 1 / _MILLI),
-    "slack": _Kind("strand slack {}", _STRANDS, "mm", _MILLI, scale=1e-3),
-    "winch": _Kind("winch radius, motor {}", _MOTORS, "mm", _MILLI, scale=1e-2),
-    "friction": _Kind("hinge friction, {}", _HINGES, "mN m", _MILLI),
-    "transition": _Kind("transition velocity, {}", _HINGES, "mrad/s", _MILLI),
-    "damping": _Kind("hinge damping, {}", _HINGES, "mN m s/rad", _MILLI),
-    "gear": _Kind("gear friction, motor {}", _MOTORS, "mN m", _MILLI),
-    "marker": _Kind("place of marker {}", _PLACES, "mm", _MILLI, scale=1e-3),
+    "stiffness": _Kind("strand stiffness {}", _STRANDS, "kN/m", 1 / _MILLI, tolerance=0.15),
+    "slack": _Kind("strand slack {}", _STRANDS, "mm", _MILLI, 1e-3, tolerance=0.2),
+    "winch": _Kind(
+        "winch radius, motor {}", _MOTORS, "mm", _MILLI, 1e-2, tolerance=0.1, alike=False
+    ),
+    "friction": _Kind("hinge friction, {}", _HINGES, "mN m", _MILLI, tolerance=0.3),
+    "transition": _Kind("transition velocity, {}", _HINGES, "mrad/s", _MILLI, tolerance=0.7),
+    "damping": _Kind("hinge damping, {}", _HINGES, "mN m s/rad", _MILLI, tolerance=0.5),
+    "gear": _Kind("gear friction, motor {}", _MOTORS, "mN m", _MILLI, tolerance=0.3),
+    "marker": _Kind("place of marker {}", _PLACES, "mm", _MILLI, 1e-3, tolerance=1.0, alike=False),
 }
+"""Tolerances are assumed: 0.1 mm of printed parts, 1 mm of markers, the rest as parts of one kind differ"""
 
 
 def quantities(of: Vector) -> tuple[Quantity, ...]:
@@ -73,6 +81,8 @@ def quantities(of: Vector) -> tuple[Quantity, ...]:
                     float(scales[k]),
                     together,
                     float(kind.per_si * nominal[block][k]),
+                    kind.tolerance * (_JAW if part.startswith(str(N_MOTORS)) else 1),
+                    block if kind.alike else "",
                 )
             )
     return tuple(found)

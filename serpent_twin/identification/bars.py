@@ -1,0 +1,60 @@
+"""Say how large an error may be before it is unexplained, without regard to how large it is.
+
+A bar that rises with the error would pass any error. The bar is what a twin that lacks nothing would
+leave: the noise of the measurement, at the start too, and what a fit to logs of such noise leaves uncertain.
+What looks like noise from row to row, the jitter, may raise it only as far as no pose of the machine explains
+it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.identification.least_squares import Fit
+from serpent_twin.identification.uncertainty import drawn
+from serpent_twin.machines.case import Case
+from serpent_twin.residual.noise import Noise, expected_distance
+
+BEYOND = 2.0
+"""Times the bar, above which an error is unexplained in any case; and times the measurement's noise, up to
+which an error widens what the parameters of a complete twin may be"""
+_DRAWS = 4  # of twins that the data cannot distinguish
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Mean errors of the pose that a twin which lacks nothing may have, in its measure's unit."""
+
+    camera_noise: float
+    """By the measurement's noise alone: what no pose of the machine explains"""
+    complete_twin: float
+    """With the noise in the start, and parameters as uncertain as fits to such noise are"""
+    jitter: float
+    """By the part of the residual that changes from row to row like noise; not capped"""
+
+    @property
+    def bar(self) -> float:
+        """The error that is compared: the larger of a complete twin's and of the capped jitter."""
+        return float(np.fmax(self.complete_twin, np.fmin(self.jitter, self.camera_noise)))
+
+    def numbers(self, unit: str) -> Mapping[str, Any]:
+        """Entries of diagnosis.json."""
+        held = "complete_twin" if self.bar == self.complete_twin else "jitter"
+        each = {
+            name: getattr(self, name) for name in ("camera_noise", "complete_twin", "jitter", "bar")
+        }
+        return {f"{name}_{unit}": value for name, value in each.items()} | {"held": held}
+
+
+def bars(
+    case: Case[Any], found: Fit, error: float, held_out: Any, noise: Noise, rng: np.random.Generator
+) -> Bars:
+    """The bars for a fitted twin that makes a mean error on held-out segments."""
+    measure = case.machine.outputs[0].measure
+    std = np.atleast_1d(case.machine.pose_noise(held_out))
+    camera = measure.scale * float(np.mean(expected_distance(std, measure.dimension)))
+    share = min(1.0, BEYOND * camera / error) if error > 0 else 1.0
+    complete = case.expected(found.point, drawn(case, found, rng, _DRAWS, share), held_out, rng)
+    return Bars(camera, complete, noise.mean_jitter)

@@ -1,0 +1,46 @@
+"""Predict each training session by a fit to the others, so that training logs can choose among effects.
+
+The fit without a session is one Gauss-Newton step from the fit to all of them, with the derivative there:
+nothing is simulated.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.identification.held_out import blocks, chance
+from serpent_twin.identification.information import Information
+from serpent_twin.identification.least_squares import Fit
+from serpent_twin.machines.case import Case
+
+
+def chance_of_selection(
+    case: Case[Any], before: Fit, after: Fit, session: Sequence[str], among: int
+) -> float:
+    """Probability that `after`, the best of so many, predicts sessions that were left out no better than
+    `before`: of one paired test times their number (Bonferroni). Both used the same segments; `session` names
+    the sessions of all.
+    """
+    without, beside = (left_out(case, fit, session, after.noise) for fit in (before, after))
+    return min(1.0, among * chance((without - beside) / np.nanmean(without)))
+
+
+def left_out(case: Case[Any], found: Fit, session: Sequence[str], noise: Array) -> Array:
+    """Mean squares of the residual over a noise, (C,), in each block of the segments that a fit used, (S, B),
+    predicted without their session; without their segment, if there is one session only.
+    """
+    of = [session[k] for k in found.used]
+    groups = of if len(set(of)) > 1 else list(range(len(of)))
+    known, slopes = Information.of(case, found), found.jacobian.astype(float)
+    each = known.weight * np.einsum("msn,ksn->smk", slopes, slopes, optimize=True)
+    pull = known.weight * np.einsum("msn,sn->sm", slopes, found.residual, optimize=True)
+    residual = np.empty(found.residual.shape)
+    for group in dict.fromkeys(groups):
+        others = np.array([g != group for g in groups])
+        matrix = each[others].sum(axis=0) + np.diag(known.prior)
+        step = -np.linalg.lstsq(matrix, pull[others].sum(axis=0) + known.prior * known.lean)[0]
+        for s in np.flatnonzero(~others):
+            residual[s] = found.residual[s] + step @ slopes[:, s]
+    return blocks((residual.reshape(len(of), -1, case.channels) * found.noise / noise) ** 2)

@@ -1,0 +1,133 @@
+"""Fit candidates fully, alone and in pairs, and judge the fits on logs that they were not fitted to."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from serpent_twin.identification.acceptance import CandidateTrial, PairTrial, Round, weakness_of_fit
+from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
+from serpent_twin.identification.least_squares import Fit, OnProgress, fit
+from serpent_twin.identification.left_out import chance_of_selection
+from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
+from serpent_twin.identification.score_test import Score, full_fit, scores, worth_fitting
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.numerals import counted
+
+_RIVALS = 2  # that were not fitted in their round, and are then
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Full fits to one machine's training segments, judged by its held-out ones."""
+
+    training: Any
+    held_out: Any
+    notes: Checkpoints
+    on_progress: OnProgress
+
+    def errors(self, case: Case[Any], point: ParameterVector) -> Errors:
+        """Held-out errors of a parameter vector."""
+        return errors(case.compare(point, self.held_out))
+
+    def each(
+        self,
+        names: Sequence[str],
+        case: Case[Any],
+        begun: Fit,
+        base: Fit,
+        before: Errors,
+        stage: str,
+        most: int | None = None,
+    ) -> dict[str, CandidateTrial]:
+        """Score tests of candidates on top of a fit, and full fits of the selected ones, judged against the
+        base.
+        """
+        found = self._scores(f"scores_{stage}", case, begun, names)
+        trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
+        chosen = worth_fitting(list(found.values()), case.candidates)[:most]
+        for name in chosen:
+            self.on_progress(f"{stage.replace('_', ', from the ')}: fitting {name}")
+            fitted = self.notes.fit(
+                f"fit_{stage}_{name}",
+                lambda one=found[name]: full_fit(case, self.training, begun, one, self.on_progress),
+            )
+            trials[name] = self._judged(case, found[name], base, fitted, before, len(chosen))
+        return trials
+
+    def pairs(
+        self, case: Case[Any], base: Fit, before: Errors, scores: Mapping[str, Score], number: int
+    ) -> tuple[PairTrial, ...]:
+        """Full fits of the pairs that help only together, to first order."""
+        known, out = case.candidates, []
+        chosen = pairs(list(scores.values()), base.residual, known)
+        for pair in chosen:
+            names = " and ".join(pair.names)
+            self.on_progress(f"{number}, pairs: fitting {names}")
+            point = base.point
+            for name, size in zip(pair.names, pair.size, strict=True):
+                point = point.having(name, scores[name].sized(known[name], size))
+            free = free_parameters(case, [*base.point.effects, *pair.names])
+            fitted = self.notes.fit(
+                f"fit_{number}_pair_{'_'.join(pair.names)}",
+                lambda p=point, f=free: fit(
+                    case, self.training, p, f, 2, 1, self.on_progress, known=base
+                ),
+            )
+            after = self.errors(case, fitted.point)
+            if gave_up(before, after):
+                continue
+            among = len(chosen) + len(known)
+            trial = self._judged(case, scores[pair.names[0]], base, fitted, before, among)
+            assert trial.gain
+            why = weakness_of_fit(fitted, trial.gain, {name: known[name] for name in pair.names})
+            out.append(PairTrial(pair, trial, why))
+        return tuple(out)
+
+    def rivals(self, case: Case[Any], name: str, rounds: Sequence[Round]) -> tuple[Rival, ...]:
+        """The rivals of an accepted effect, each fitted in its place and compared on held-out logs."""
+        number, done = next((n, r) for n, r in enumerate(rounds, 1) if name in r.accepted)
+        scores = {other: trial.score for other, trial in done.trials.items()}
+        alike, winner = rivals(name, scores), done.trials[name].errors
+        beside = [n for n in case.candidates[name].confused_with if n in scores]
+        out = []
+        for other in dict.fromkeys([*alike, *(n for n in beside if done.trials[n].fit)]):
+            errors = done.trials[other].errors
+            if errors is None and len(out) < _RIVALS and not scores[other].unstable:
+                self.on_progress(f"{name} or {other}: fitting {other}")
+                fitted = self.notes.fit(
+                    f"rival_{number}_{name}_{other}",
+                    lambda o=other: full_fit(
+                        case, self.training, done.base, scores[o], self.on_progress
+                    ),
+                )
+                errors = self.errors(case, fitted.point)
+            alone = cosine(scores[name], scores[other])
+            if errors is None or winner is None or gave_up(winner, errors):
+                out.append(Rival(other, alone, None, None))
+                continue
+            ahead = gain(errors, winner)
+            out.append(Rival(other, alone, ahead.marker, ahead.probability_of_chance))
+        return tuple(out)
+
+    def _judged(
+        self, case: Case[Any], score: Score, base: Fit, fitted: Fit, before: Errors, among: int
+    ) -> CandidateTrial:
+        """A full fit judged against the base: selected by training sessions, confirmed by held-out ones."""
+        after = self.errors(case, fitted.point)
+        if gave_up(before, after):
+            return CandidateTrial(replace(score, unstable=True), None, None, before.marker)
+        selected = chance_of_selection(case, base, fitted, self.training.session, among)
+        better = gain(before, after, selected)
+        return CandidateTrial(score, fitted, better, after.marker, selected, after)
+
+    def _scores(
+        self, stage: str, case: Case[Any], base: Fit, names: Sequence[str]
+    ) -> dict[str, Score]:
+        def test() -> list[Score]:
+            self.on_progress(f"score tests of {counted(len(names), 'candidate')}")
+            return scores(case, self.training, base, [case.candidates[name] for name in names])
+
+        return {each.name: each for each in self.notes.scores(stage, test)}
