@@ -1,7 +1,7 @@
 """Accept an effect only if its gain on held-out logs is significant and justifies its parameters."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -90,7 +90,7 @@ class Selection:
     calibrated: Fit
     final: Fit
     rounds: tuple[Round, ...]
-    rivals: Mapping[str, tuple[Rival, ...]]
+    rivals: Mapping[str, tuple[Rival, ...]] = field(default_factory=dict)
     """Of each accepted effect"""
 
 

@@ -5,13 +5,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 from linear_case import GUST, NUMBERS, SEGMENTS, START, LinearCase, case, every
+from scipy.stats import t as student
 
 from serpent_twin.effects import Range
 from serpent_twin.identification.acceptance import CandidateTrial, why_not
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.held_out import Errors, gain
+from serpent_twin.identification.held_out import Errors, blocks, chance, gain, together
+from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit, variance_inflation
+from serpent_twin.identification.left_out import left_out
 from serpent_twin.identification.score_test import full_fit, scores, worth_fitting
 from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.machines.case import Stopwatch
@@ -122,15 +125,58 @@ def test_what_cannot_be_told_apart_is_named():
 
 def test_a_gain_on_every_segment_is_beyond_chance_and_noise_is_not():
     rng = np.random.default_rng(1)
-    before = Errors(1 + 0.1 * rng.standard_normal(7), np.full(7, np.nan))
-    better = gain(before, Errors(before.marker_by_segment - 0.2, before.load_by_segment), rng)
+    before = Errors(1 + 0.1 * rng.standard_normal((7, 5)), np.full((7, 5), np.nan))
+    better = gain(before, Errors(before.marker_by_block - 0.2, before.load_by_block))
     assert better.probability_of_chance < 1e-3
     assert better.marker == pytest.approx(0.2)
-    same = Errors(
-        before.marker_by_segment + 0.05 * np.array([1, -1, 1, -1, 1, -1, 0.5]),
-        before.load_by_segment,
-    )
-    assert gain(before, same, rng).probability_of_chance > 0.05
+    noise = 0.05 * rng.standard_normal((7, 5))
+    same = Errors(before.marker_by_block + noise - noise.mean(), before.load_by_block)
+    assert gain(before, same).probability_of_chance > 0.05
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.3, 0.6])
+def test_false_alarms_at_one_per_cent_stay_at_one_per_cent(correlation):
+    """Of gains that are zero in the mean and alike from block to block, in few and in many segments."""
+    rng, draws = np.random.default_rng(3), 3000
+    for segments in (2, 4, 7, 13):
+        noise = rng.standard_normal((draws, segments, 5))
+        for k in range(1, 5):
+            noise[..., k] *= np.sqrt(1 - correlation**2)
+            noise[..., k] += correlation * noise[..., k - 1]
+        alarms = sum(chance(each) < 0.01 for each in noise)
+        assert alarms < (0.025 if segments == 2 else 0.015) * draws
+
+
+def test_blocks_show_a_gain_that_few_segments_do_not():
+    """Two sessions of three minutes: four segments that judge, a gain of a fifth that varies as much."""
+    rng = np.random.default_rng(4)
+    gains = 0.2 + 0.15 * rng.standard_normal((200, 4, 5))
+    means = gains.mean(axis=2)
+    by_segments = student.sf(2 * means.mean(axis=1) / means.std(axis=1, ddof=1), 3)
+    assert np.mean([chance(each) < 0.0025 for each in gains]) > np.mean(by_segments < 0.0025)
+
+
+def test_what_training_sessions_select_a_held_out_one_confirms():
+    """Fisher's method; but a held-out session that shows nothing by itself is never outvoted."""
+    assert together(0.004, 0.02) == pytest.approx(0.00008 * (1 - np.log(0.00008)), rel=1e-6)
+    assert together(1e-12, 0.2) == 0.2
+    assert together(1.0, 1e-4) < 0.01 < together(1.0, 0.04)
+
+
+def test_a_session_left_out_is_predicted_as_by_a_fit_to_the_others():
+    """One Gauss-Newton step from the fit to all, against the exact fit of a linear problem."""
+    arm = case(0.0)
+    found = fit(arm, every(), START, free_parameters(arm, ()), 3, 99)
+    of = ["one" if n < 2 else "two" for n in range(len(found.used))]
+    told = left_out(arm, found, of, arm.noise)
+    some = [n for n, name in enumerate(of) if name == "two"]
+    known = Information.of(arm, found)
+    slopes = found.jacobian[:, some].astype(float).reshape(len(found.free), -1)
+    matrix = known.weight * slopes @ slopes.T + np.diag(known.prior)
+    zero = found.residual - np.tensordot(found.point.declared, found.jacobian, 1)
+    exact = -np.linalg.solve(matrix, known.weight * slopes @ zero[some].ravel())
+    residual = zero + np.tensordot(exact, found.jacobian, 1)
+    assert told[:2] == pytest.approx(blocks(residual[:2, :, None] ** 2), rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -138,8 +184,8 @@ def test_a_gain_on_every_segment_is_beyond_chance_and_noise_is_not():
 )
 def test_a_loss_is_told_as_a_loss(step, said):
     """Also where a candidate of a round is not accepted for other reasons."""
-    arm, before = case(0.7), Errors(np.ones(7), np.full(7, np.nan))
-    lost = gain(before, Errors(before.marker_by_segment + step, before.load_by_segment), RNG)
+    arm, before = case(0.7), Errors(np.ones((7, 5)), np.full((7, 5), np.nan))
+    lost = gain(before, Errors(before.marker_by_block + step, before.load_by_block))
     base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
     found = scored(arm, base)
     fitted = full_fit(arm, every(), base, found, print)

@@ -103,8 +103,8 @@ def test_an_effect_that_no_strength_of_is_stable_is_said_to_be_untested(tmp_path
     for _ in range(2):
         (found,) = notes.scores("gust", lambda: [score(arm, base)])
         assert found.unstable and found.share == found.excitation == 0
-    none = Errors(np.ones(SEGMENTS), np.ones(SEGMENTS))
-    one = Round(base, none, {GUST: CandidateTrial(found, None, None, 1.0)}, "")
+    none = Errors(*np.ones((2, SEGMENTS, 5)))
+    one = Round(base, none, {GUST: CandidateTrial(found, None, None, 1.0)}, ())
     selection = Selection(arm, base, base, (one,))
     verdict, why = _verdict(GUST, one, selection, arm)
     assert verdict == UNSTABLE and "unstable" in why
@@ -118,6 +118,7 @@ def test_logs_of_which_every_candidate_is_unstable_show_nothing():
 
 
 def test_a_twin_that_gives_up_on_held_out_logs_is_no_gain():
-    known, lost = Errors(np.ones(4), np.full(4, np.nan)), Errors(*np.full((2, 4), np.nan))
+    known = Errors(np.ones((4, 5)), np.full((4, 5), np.nan))
+    lost = Errors(*np.full((2, 4, 5), np.nan))
     assert gave_up(known, lost)
     assert not gave_up(known, known) and not gave_up(lost, lost)

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 
+from serpent_twin.identification.bars import Bars
 from serpent_twin.identification.diagnosis import (
     Calibrated,
     Diagnosis,
@@ -85,6 +86,7 @@ def diagnosis(markers=True, loads=True, **found):
     nothing = dict.fromkeys((*off, "noise_floor", "expected"), NAN)
     percent = {"nominal": 6.0, "calibrated": 3.0, "corrected": 0.9, "noise_floor": 0.6}
     made = Diagnosis(
+        bars=Bars(0.24, 0.38, 0.3),
         arm="arm_x",
         held_out=("session_04.parquet",),
         effects=(),
