@@ -8,7 +8,7 @@ from serpent_twin.identification import figures, tables
 from serpent_twin.identification.diagnosis import Diagnosis, Named
 from serpent_twin.machines.machine import Candidate
 from serpent_twin.numerals import counted, listed
-from serpent_twin.reporting.report import Figure, Report, Section
+from serpent_twin.reporting.report import Figure, Report, Section, Table
 from serpent_twin.residual import describe
 from serpent_twin.residual import figures as residual_figures
 from serpent_twin.residual.noise import UNKNOWN
@@ -31,6 +31,7 @@ def page(
         _before_and_after(diagnosis, drawn),
         _ranking(diagnosis),
         _missing(diagnosis, known),
+        _alike(diagnosis),
         _left(diagnosis, drawn),
         _loads(diagnosis, drawn),
         _calibration(diagnosis, prior or {}),
@@ -50,7 +51,14 @@ def _given(diagnosis: Diagnosis, facts: Mapping[str, str]) -> str:
 def lead(diagnosis: Diagnosis) -> str:
     """What was missing, the gain of adding it, and what is left, in a few sentences."""
     return " ".join(
-        part for part in (_found(diagnosis), _course(diagnosis), _rest(diagnosis)) if part
+        part
+        for part in (
+            _found(diagnosis),
+            _course(diagnosis),
+            diagnosis.not_as_built,
+            _rest(diagnosis),
+        )
+        if part
     )
 
 
@@ -62,8 +70,9 @@ def _found(diagnosis: Diagnosis) -> str:
         return "Nothing in the catalogue explains what is left of the error."
     if diagnosis.blind:
         return "These logs cannot show whether anything is missing: they excite no effect of the catalogue."
+    sure = not (diagnosis.doubt or diagnosis.moved)
     return (
-        f"Nothing {'was found' if diagnosis.doubt else 'is'} missing: no effect of the catalogue improves "
+        f"Nothing {'is' if sure else 'was found'} missing: no effect of the catalogue improves "
         "the calibrated twin beyond chance and by enough to justify its parameters."
     )
 
@@ -163,6 +172,24 @@ def _missing(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> Section | 
     )
 
 
+def _alike(diagnosis: Diagnosis) -> Section | None:
+    """What the effects could be mistaken for, and pairs of candidates."""
+    tabled = [table for table in (tables.rivals(diagnosis), tables.pairs(diagnosis)) if table.rows]
+    if not tabled:
+        return None
+    alike = [each for several in diagnosis.rivals.values() for each in several]
+    open_ = [figures.spaced(each.name) for each in alike if not each.told_apart]
+    text = "These logs tell every effect that was found from those that look like it."
+    if open_:
+        text = (
+            f"These logs cannot tell what was found from {listed(open_)}: the names are alternatives, of "
+            "which the first fits best."
+        )
+    if not alike:
+        text = "Pairs of candidates were fitted where no candidate was accepted alone."
+    return Section("What looks alike", text, tuple(tabled))
+
+
 def _about(effect: Named, known: Mapping[str, Candidate], verdicts: Mapping[str, str]) -> str:
     """What an effect is, in which logs it shows, and the verdicts on effects that it can be confused with."""
     candidate = known[effect.name]
@@ -192,12 +219,13 @@ def _left(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
         *(f"{_capital(name)}: {said}" for name, said in told.items()),
         _verdict(diagnosis, told),
     ]
-    blocks: list[Figure | None] = [figures.by_feature(twins, "residual_by_feature")]
+    blocks: list[Figure | Table | None] = [figures.by_feature(twins, "residual_by_feature")]
     if diagnosis.unexplained.is_ and len(twins) > 1:
         last = dict([list(twins.items())[-1]])
         blocks.append(figures.by_feature(last, "unexplained_by_feature"))
     if any(comparison.has_markers for comparison, _ in twins.values()):
         blocks += [figures.place_and_time(twins), drawn.get("residual_spectrum")]
+    blocks.append(tables.bars(diagnosis))
     return Section("What is left", "\n\n".join(parts), tuple(b for b in blocks if b))
 
 
@@ -234,9 +262,9 @@ def _calibration(diagnosis: Diagnosis, prior: Mapping[str, float]) -> Section | 
     if not diagnosis.calibration:
         parts = ["No declared parameter was fitted."]
     if diagnosis.cautions:
-        parts += ["What the data do not determine:", *(f"• {each}" for each in diagnosis.cautions)]
-    table = tables.calibration(diagnosis.calibration, prior)
-    return Section("Calibration", "\n\n".join(parts), (table,) if table.rows else ())
+        parts += ["What the data cannot tell:", *(f"• {each}" for each in diagnosis.cautions)]
+    tabled = (tables.moved(diagnosis), tables.calibration(diagnosis.calibration, prior))
+    return Section("Calibration", "\n\n".join(parts), tuple(t for t in tabled if t.rows))
 
 
 def _last_resort(diagnosis: Diagnosis) -> Section:

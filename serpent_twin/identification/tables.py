@@ -79,10 +79,89 @@ def parameters(effects: Sequence[Named], unit: str = "mm", load: str = "% of sta
             rows.append((told[0], name, _short(e.value), interval(e), e.unit, *told[1:]))
             told = ("",) * 4  # once for each effect
     note = (
-        "The gain is on held-out sessions. Chance is the probability of no gain at all, by a paired "
-        "bootstrap over their segments."
+        "The gain is on held-out sessions. Chance is the probability of no gain at all: of the training "
+        "sessions, each predicted by a fit to the others, and of the held-out ones together."
     )
     return Table((*header, "chance"), tuple(rows), note)
+
+
+def bars(diagnosis: Diagnosis) -> Table:
+    """How large an error may be before it is unexplained."""
+    of, unit = diagnosis.bars, diagnosis.marker.unit
+    rows = (
+        ("noise of the measurement alone", _fixed(of.camera_noise)),
+        ("a twin that lacks nothing", _fixed(of.complete_twin)),
+        ("what changes from row to row like noise", _fixed(of.jitter)),
+        ("the bar", _fixed(of.bar)),
+    )
+    note = (
+        "An error is unexplained above twice the bar, or above 1.25 times if it depends on something. The "
+        "bar is the error of a twin that lacks nothing; what changes from row to row may raise it as far as "
+        "no pose of the machine explains it."
+    )
+    return Table(("error", unit), rows, note, frozenset({len(rows) - 1}))
+
+
+def rivals(diagnosis: Diagnosis) -> Table:
+    """What looks like the effects that were found, and whether the logs tell them apart."""
+    rows = [
+        (
+            spaced(name),
+            spaced(each.name),
+            f"{each.cosine:.2f}",
+            _fixed(each.gap),
+            "" if each.probability is None else _short(each.probability),
+            "yes" if each.told_apart else "no",
+        )
+        for name, several in diagnosis.rivals.items()
+        for each in several
+    ]
+    header = ("effect", "rival", "cosine", f"gap [{diagnosis.marker.unit}]", "chance", "told apart")
+    note = (
+        "The cosine is between what both change of the residual beyond what calibration can take up: 1 is "
+        "the same. The gap is by how much the rival, fitted in the effect's place, is worse on held-out "
+        "sessions; chance is the probability that it is not worse. No gap: the rival was not fitted."
+    )
+    return Table(header, tuple(rows), note)
+
+
+def pairs(diagnosis: Diagnosis) -> Table:
+    """The pairs of candidates that were tried together."""
+    rows = [
+        (
+            " and ".join(map(spaced, each.pair.names)),
+            f"{100 * each.pair.share:.1f}",
+            f"{100 * each.pair.alone:.1f}",
+            each.why_not or "accepted",
+        )
+        for each in diagnosis.pairs
+    ]
+    note = (
+        "Shares of the residual's squares that the two remove to first order, together and the better of "
+        "them alone. Pairs are tried where no candidate is accepted alone."
+    )
+    return Table(("pair", "together [%]", "alone [%]", "verdict"), tuple(rows), note)
+
+
+def moved(diagnosis: Diagnosis) -> Table:
+    """The declared parameters that are not what was built."""
+    rows = [
+        (
+            each.name,
+            _short(each.expected),
+            _short(each.value),
+            each.unit,
+            f"{each.widths:.1f}".replace("-", "−"),
+            ", ".join(f"{spaced(n)} ({c:.2f})" for n, c in each.stands_for.items()),
+        )
+        for each in diagnosis.moved
+    ]
+    header = ("parameter", "expected", "value", "unit", "tolerances", "effects that look like it")
+    note = (
+        "Expected is what was declared, or the median of the parts that are built alike. In brackets, the "
+        "cosine between what the parameter and the effect change of the residual."
+    )
+    return Table(header, tuple(rows), note)
 
 
 def calibration(found: Mapping[str, Calibrated], prior: Mapping[str, float]) -> Table:

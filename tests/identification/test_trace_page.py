@@ -140,7 +140,7 @@ def test_effects_are_described_as_the_candidates_that_they_are():
 
 def test_the_residual_is_drawn_before_and_after_where_something_was_added():
     def panels(of):
-        blocks = {b.name: b for b in sections(of)["What is left"].blocks}
+        blocks = {b.name: b for b in sections(of)["What is left"].blocks if isinstance(b, Figure)}
         titled = blocks["residual_by_feature"].drawing.axes
         return [axes.get_title(loc="left") for axes in titled], set(blocks)
 
