@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.identification.held_out import Errors, Gain
+from serpent_twin.identification.held_out import Errors, Gain, gain
 from serpent_twin.identification.least_squares import Fit
-from serpent_twin.identification.rivals import Pair, Rival
+from serpent_twin.identification.rivals import APART, Pair, Rival
 from serpent_twin.identification.score_test import (
     EXCITED,
     Score,
@@ -136,13 +136,34 @@ def weakness_of_fit(fit: Fit, found: Gain, several: Mapping[str, Candidate]) -> 
 
 
 def best_trial(trials: dict[str, CandidateTrial], candidates: Mapping[str, Candidate]) -> str:
-    """The candidate with the greatest gain, if that is large enough, significant and within its range."""
+    """The candidate with the greatest gain, if that is large enough, significant and within its range; of
+    those that held-out logs do not tell from it, the one with the fewest parameters.
+    """
     good = {
         name: trial.gain.relative
         for name, trial in trials.items()
         if trial.gain and not why_not(name, trial, candidates[name])
     }
-    return max(good, key=lambda name: good[name]) if good else ""
+    if not good:
+        return ""
+    best = max(good, key=lambda name: good[name])
+    alike = [
+        best,
+        *(name for name in good if name != best and _as_good(trials[name], trials[best])),
+    ]
+    return min(alike, key=lambda name: (_fitted(candidates[name]), -good[name]))
+
+
+def _as_good(one: CandidateTrial, best: CandidateTrial) -> bool:
+    """Whether held-out logs do not tell one candidate's fit from the best one's."""
+    if one.errors is None or best.errors is None:
+        return False
+    return gain(one.errors, best.errors).probability_of_chance > APART
+
+
+def _fitted(candidate: Candidate) -> int:
+    """How many parameters of a candidate logs identify."""
+    return sum(allowed.fitted for allowed in candidate.ranges.values())
 
 
 def seen(trial: CandidateTrial) -> bool:

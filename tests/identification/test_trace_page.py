@@ -16,6 +16,7 @@ from serpent_twin.identification.diagnosis import (
 from serpent_twin.identification.page import lead, page
 from serpent_twin.machines.arm.vector import candidates
 from serpent_twin.reporting import report
+from serpent_twin.reporting.report import Figure
 from serpent_twin.residual import ANGLE, TORQUE, marker_size
 
 TILT = Named(
