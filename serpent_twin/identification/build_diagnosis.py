@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.acceptance import Round, Selection, seen, why_not
-from serpent_twin.identification.bars import BEYOND, bars
+from serpent_twin.identification.bars import BEYOND, Bars, bars
 from serpent_twin.identification.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
     REJECTED,
+    STANDS_IN,
     SUSPECT,
     UNSTABLE,
     Calibrated,
@@ -37,6 +38,10 @@ FOLLOWS = 0.25
 """Share of the squared error above the noise that must depend on a feature, for a suspect error to be
 unexplained
 """
+FAR = 3.0
+"""Times what could be noise, above which accepted effects stand for something else"""
+EXPLAINS = 0.85
+"""But not where they explain so much of the squared error above the bar"""
 LOAD_BEYOND = 1.15
 """Times the loads' noise"""
 
@@ -56,12 +61,16 @@ def build_diagnosis(
     error = {name: each.marker for name, each in held.items()}
     load = {name: each.load for name, each in held.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
+    rest = _unexplained(found["corrected"], error, load, bar.bar)
+    named = _named(case, selection, held["calibrated"], held["corrected"])
+    nearest = named if rest.is_ and _stands_in(error, bar) else ()
     return Diagnosis(
         arm=arm,
         held_out=tuple(files),
-        effects=_named(case, selection, held["calibrated"], held["corrected"]),
-        candidates=_tried(case, selection),
-        unexplained=_unexplained(found["corrected"], error, load, bar.bar),
+        effects=() if nearest else named,
+        stand_ins=nearest,
+        candidates=_tried(case, selection, bool(nearest)),
+        unexplained=rest,
         error=error | {"noise_floor": noise.mean_floor, "expected": bar.bar},
         load_error=load | {"noise_floor": noise.load_floor},
         cautions=(*_cautions(case, selection), *_unstable(case, selection, tracer.training)),
@@ -98,6 +107,15 @@ def _named(case: Case, selection: Selection, before: Errors, after: Errors) -> t
     return tuple(named)
 
 
+def _stands_in(error: Mapping[str, float], bar: Bars) -> bool:
+    """Whether the effects that were accepted leave so much that they stand for something else: several times
+    what could be noise, and more than a small part of what they were to explain.
+    """
+    least = float(np.fmax(bar.bar, bar.jitter))
+    before, after = (error[name] ** 2 - bar.bar**2 for name in ("calibrated", "corrected"))
+    return error["corrected"] > FAR * least and after > (1 - EXPLAINS) * before
+
+
 def _moved(case: Case, selection: Selection) -> tuple[Moved, ...]:
     """What the last round's twin had moved too far, beside the candidates that it was to be told from."""
     last = selection.rounds[-1]
@@ -118,7 +136,7 @@ def estimates(case: Case, fit: Fit, name: str) -> dict[str, ParameterEstimate]:
     return out
 
 
-def _tried(case: Case, selection: Selection) -> tuple[Tried, ...]:
+def _tried(case: Case, selection: Selection, stand_in: bool) -> tuple[Tried, ...]:
     """Every candidate's verdict: of the last round in which it was fitted, else of the last."""
     out = {
         name: Tried(name, float("nan"), NOT_EXCITED, 0.0, None, why)
@@ -129,6 +147,8 @@ def _tried(case: Case, selection: Selection) -> tuple[Tried, ...]:
             if trial.gain is None and name in out and out[name].gain_by_segment is not None:
                 continue
             verdict, why = _verdict(name, each, selection, case)
+            if verdict == ACCEPTED and stand_in:
+                verdict, why = STANDS_IN, "it comes nearest, but leaves too much to be the cause"
             by_segment = trial.gain.marker_by_segment if trial.gain else None
             out[name] = Tried(name, trial.error, verdict, trial.score.share, by_segment, why)
     ordered = sorted(out.values(), key=lambda t: (t.verdict != ACCEPTED, -t.score))

@@ -17,6 +17,7 @@ from serpent_twin.residual.noise import in_words
 _LISTED = 3
 ACCEPTED, REJECTED, NOT_EXCITED = "accepted", "rejected", "not excited"
 UNSTABLE = "unstable"
+STANDS_IN = "stands in"
 UNTESTED = (NOT_EXCITED, UNSTABLE)
 """Verdicts on candidates that these logs, or the simulation, leave undecided"""
 SUSPECT = 1.25
@@ -91,6 +92,16 @@ class Named:
     probability_of_chance: float
     """Probability of no gain at all, by paired bootstrap over held-out segments [1]"""
 
+    def numbers(self, unit: str, load: Measure) -> dict[str, Any]:
+        """Entries of diagnosis.json."""
+        return {
+            "name": self.name,
+            "parameters": {name: vars(each) for name, each in self.parameters.items()},
+            f"gain_{unit}": self.gain,
+            f"gain_{load.field}_{load.key}": self.gain_load,
+            "probability_of_chance": self.probability_of_chance,
+        }
+
 
 @dataclass(frozen=True)
 class Tried:
@@ -148,6 +159,8 @@ class Diagnosis:
     """How large the pose's error may be before it is unexplained"""
     moved: tuple[Moved, ...] = ()
     """Declared parameters that are not what was built, the furthest first"""
+    stand_ins: tuple[Named, ...] = ()
+    """Effects of the corrected twin that come nearest to what it lacks, but are not its cause"""
     rivals: Mapping[str, tuple[Rival, ...]] = field(default_factory=dict)
     """Of each effect: others that look like it"""
     pairs: tuple[PairTrial, ...] = ()
@@ -163,16 +176,8 @@ class Diagnosis:
         return {
             "arm": self.arm,
             "held_out": list(self.held_out),
-            "effects": [
-                {
-                    "name": each.name,
-                    "parameters": {n: vars(e) for n, e in each.parameters.items()},
-                    f"gain_{mm}": each.gain,
-                    f"gain_{self.load.field}_{self.load.key}": each.gain_load,
-                    "probability_of_chance": each.probability_of_chance,
-                }
-                for each in self.effects
-            ],
+            "effects": [each.numbers(mm, self.load) for each in self.effects],
+            "stand_ins": [each.numbers(mm, self.load) for each in self.stand_ins],
             "candidates": [
                 {
                     "name": each.name,
@@ -241,6 +246,8 @@ class Diagnosis:
             what = "nothing was found missing" if self.doubt or self.moved else "nothing is missing"
             if self.unexplained.is_:
                 what = "no known effect explains it"
+                if self.stand_ins:
+                    what += f"; nearest comes {' and '.join(map(self._told, self.stand_ins))}"
             elif self.blind:
                 what = "these logs cannot show whether anything is missing"
         else:

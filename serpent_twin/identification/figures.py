@@ -11,6 +11,7 @@ from serpent_twin.identification.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
     REJECTED,
+    STANDS_IN,
     UNSTABLE,
     UNTESTED,
     Diagnosis,
@@ -29,6 +30,7 @@ STAGE_COLOUR: Mapping[str, str] = dict(zip(STAGES, COLOURS, strict=False))
 """The colours that residual.figures gives the same three"""
 _VERDICT_STYLE = {
     ACCEPTED: ("o", COLOURS[2]),
+    STANDS_IN: ("^", COLOURS[3]),
     REJECTED: ("s", COLOURS[1]),
     NOT_EXCITED: ("x", SOFT),
     UNSTABLE: ("x", SOFT),

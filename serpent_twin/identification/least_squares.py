@@ -155,19 +155,8 @@ def fit(
     if steps > 0 and free.effects:
         late = np.abs(between(begun, at.point, free) / error)[len(free.declared) :]
         settled = settled or bool((late < _STILL).all())
-    return Fit(
-        point=at.point,
-        free=free,
-        cost=at.cost,
-        variance_inflation=inflation,
-        error=error,
-        correlation=correlation,
-        converged=settled,
-        jacobian=jacobian,
-        residual=at.residual,
-        used=used,
-        noise=noise,
-    )
+    about = (error, correlation, settled, jacobian, at.residual, used, noise)
+    return Fit(at.point, free, at.cost, inflation, *about)
 
 
 def _spread(segments: int, most: int, used: Sequence[int] = ()) -> tuple[int, ...]:

@@ -50,16 +50,8 @@ def _given(diagnosis: Diagnosis, facts: Mapping[str, str]) -> str:
 
 def lead(diagnosis: Diagnosis) -> str:
     """What was missing, the gain of adding it, and what is left, in a few sentences."""
-    return " ".join(
-        part
-        for part in (
-            _found(diagnosis),
-            _course(diagnosis),
-            diagnosis.not_as_built,
-            _rest(diagnosis),
-        )
-        if part
-    )
+    parts = (_found(diagnosis), _course(diagnosis), diagnosis.not_as_built, _rest(diagnosis))
+    return " ".join(part for part in parts if part)
 
 
 def _found(diagnosis: Diagnosis) -> str:
@@ -67,7 +59,13 @@ def _found(diagnosis: Diagnosis) -> str:
         told = " and ".join(map(_with_strength, diagnosis.effects))
         return f"The twin lacked {told}; ranges are 95 % intervals."
     if diagnosis.unexplained.is_:
-        return "Nothing in the catalogue explains what is left of the error."
+        nearest = " and ".join(map(_with_strength, diagnosis.stand_ins))
+        but = (
+            f" Nearest comes {nearest}, which the corrected twin has, but as a stand-in."
+            if nearest
+            else ""
+        )
+        return f"Nothing in the catalogue explains what is left of the error.{but}"
     if diagnosis.blind:
         return "These logs cannot show whether anything is missing: they excite no effect of the catalogue."
     sure = not (diagnosis.doubt or diagnosis.moved)

@@ -9,6 +9,7 @@ from serpent_twin.identification.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
     REJECTED,
+    STANDS_IN,
     UNSTABLE,
     Calibrated,
     Diagnosis,
@@ -22,7 +23,7 @@ from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Table
 from serpent_twin.residual.noise import UNKNOWN
 
-VERDICTS = (ACCEPTED, REJECTED, NOT_EXCITED, UNSTABLE)
+VERDICTS = (ACCEPTED, STANDS_IN, REJECTED, NOT_EXCITED, UNSTABLE)
 MOST_ROWS = 15  # of the calibrated parameters: the others hardly moved
 
 
