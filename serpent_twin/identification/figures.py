@@ -42,7 +42,7 @@ _HEAT_S = 4.0  # a cell of the heat map
 
 def stages(diagnosis: Diagnosis) -> tuple[str, ...]:
     """The twins compared; a corrected one only where an effect was added to the calibrated one."""
-    return STAGES if diagnosis.effects else STAGES[:2]
+    return STAGES if diagnosis.effects or diagnosis.stand_ins else STAGES[:2]
 
 
 def spaced(name: str) -> str:

@@ -15,6 +15,10 @@ from serpent_twin.machines.machine import ParameterVector
 _SHARES = (1.0, 0.1, 0.01)
 """Shares of a step that are tried, with the usual time step, where the coarse one makes it unstable"""
 
+_FAIR, _AIM = (0.02, 1.0), 0.2
+"""Share of the residual that a difference of an effect may change, and that a resized one should"""
+_RESIZED = (0.02, 20.0)  # times the usual difference
+
 
 @dataclass(frozen=True)
 class FreeParameters:
@@ -97,15 +101,36 @@ def _differences(
     pieces: Any,
     which: Sequence[int],
 ) -> Array:
-    """Derivatives by some of the free parameters, (len(which), S, n); NaN where no step is stable."""
-    steps = [_step(case, point, free, n) for n in which]
+    """Derivatives by some of the free parameters, (len(which), S, n); NaN where no step is stable.
+
+    Those of effects are central where their range allows, from steps that change the residual by a fair share
+    of its size: neither lost in what sticking hinges do by chance, nor beyond where it is linear.
+    """
+    steps = np.array([_step(case, point, free, n) for n in which])
+    of_effect = np.array([n >= len(free.declared) for n in which], bool)
 
     def after(k: int, share: float) -> ParameterVector:
         return moved(case, point, free, share * steps[k] * (np.arange(len(free)) == which[k]))
 
-    rough = case.residual([point, *(after(k, 1.0) for k in range(len(which)))], pieces, rough=True)
-    changes = steadied(case, pieces, point, rough[1:] - rough[0], after)
-    return changes / np.array(steps, np.float32)[:, None, None]
+    def changed(some: Sequence[int], share: float) -> tuple[Array, Array]:
+        rough = case.residual([point, *(after(k, share) for k in some)], pieces, rough=True)
+        return rough[0], rough[1:] - rough[0]
+
+    each = list(range(len(which)))
+    without, ahead = changed(each, 1.0)
+    shares = np.linalg.norm(ahead, axis=(1, 2)) / max(float(np.linalg.norm(without)), 1e-15)
+    unfair = of_effect & (shares > 0) & ((shares < _FAIR[0]) | (shares > _FAIR[1]))
+    if again := np.flatnonzero(unfair & np.isfinite(shares)).tolist():
+        steps[again] = [_resized(case, point, free, which[k], _AIM / shares[k]) for k in again]
+        ahead[again] = changed(again, 1.0)[1]
+    slopes = steadied(case, pieces, point, ahead, after) / steps.astype(np.float32)[:, None, None]
+    both = [k for k in each if of_effect[k] and _both_sides(case, point, free, which[k], steps[k])]
+    if both:
+        behind = changed(both, -1.0)[1] / -steps[both].astype(np.float32)[:, None, None]
+        central = (slopes[both] + behind) / 2
+        known = np.isfinite(central).all(axis=(1, 2))
+        slopes[np.array(both)[known]] = central[known]
+    return slopes
 
 
 def steadied(
@@ -130,14 +155,44 @@ def steadied(
 
 
 def _step(case: Case[Any], point: ParameterVector, free: FreeParameters, n: int) -> float:
-    """The finite difference of a free parameter."""
+    """The finite difference of a free parameter; of an effect's, away from its nearer bound."""
     if n < len(free.declared):
         return case.declared[free.declared[n]].step
+    allowed, value = _of_effect(case, point, free, n)
+    return _inside(allowed, value, allowed.step or 0.2 * max(abs(value), allowed.typical))
+
+
+def _resized(
+    case: Case[Any], point: ParameterVector, free: FreeParameters, n: int, factor: float
+) -> float:
+    """The finite difference of an effect's parameter times a factor, within reason and its range; one that
+    the effect gives stays.
+    """
+    allowed, value = _of_effect(case, point, free, n)
+    if allowed.step:
+        return _inside(allowed, value, allowed.step)
+    step = abs(_step(case, point, free, n)) * float(np.clip(factor, *_RESIZED))
+    return _inside(
+        allowed, value, min(step, 0.5 * max(allowed.high - value, value - allowed.least))
+    )
+
+
+def _both_sides(
+    case: Case[Any], point: ParameterVector, free: FreeParameters, n: int, step: float
+) -> bool:
+    """Whether an effect's parameter may go a step to either side."""
+    allowed, value = _of_effect(case, point, free, n)
+    return allowed.least <= value - abs(step) and value + abs(step) <= allowed.high
+
+
+def _of_effect(
+    case: Case[Any], point: ParameterVector, free: FreeParameters, n: int
+) -> tuple[Range, float]:
+    """Range and value of a free parameter of an effect."""
     name, k = free.effects[n - len(free.declared)]
-    return _difference(list(case.candidates[name].ranges.values())[k], point.effects[name][k])
+    return list(case.candidates[name].ranges.values())[k], float(point.effects[name][k])
 
 
-def _difference(allowed: Range, value: float) -> float:
-    """A finite difference of an effect's parameter, away from its nearer bound."""
-    step = allowed.step or 0.2 * max(abs(value), allowed.typical)
+def _inside(allowed: Range, value: float, step: float) -> float:
+    """A step, downwards where it would leave the range upwards."""
     return -step if value + step > allowed.high else step
