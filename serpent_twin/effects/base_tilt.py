@@ -24,7 +24,7 @@ class BaseTilt(Effect):
     """[rad]"""
 
     shows_in: ClassVar[str] = "a pose and loads that lean one way, in every session alike"
-    confused_with: ClassVar[tuple[str, ...]] = ("payload",)
+    confused_with: ClassVar[tuple[str, ...]] = ("payload", "constant_force")
     needs: ClassVar[frozenset[str]] = frozenset({"base"})
 
     @property

@@ -24,7 +24,12 @@ class Payload(Effect):
     """Along the straight arm, from the last joint towards the gripper; −0.44 m is joint 1 [m]"""
 
     shows_in: ClassVar[str] = "the loads of all motors, and how far the arm sags against its cables"
-    confused_with: ClassVar[tuple[str, ...]] = ("base_tilt", "joint_elasticity", "link_flex")
+    confused_with: ClassVar[tuple[str, ...]] = (
+        "base_tilt",
+        "joint_elasticity",
+        "link_flex",
+        "constant_force",
+    )
 
     @classmethod
     def variants(cls) -> Several:

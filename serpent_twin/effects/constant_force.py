@@ -1,4 +1,4 @@
-"""Let something outside pull at the arm."""
+"""Let something outside pull at the arm, always by the same force."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -14,7 +14,7 @@ _AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
 
 
 @dataclass(frozen=True)
-class OutsideForce(Effect):
+class ConstantForce(Effect):
     """A constant force (x, y, z) in the base's frame at a point on the arm's long axis.
 
     A hose or a cable that drags at the arm, a spring that holds it, somebody who leans on it. The torque
