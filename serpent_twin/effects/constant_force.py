@@ -28,7 +28,7 @@ class ConstantForce(Effect):
     """[N]"""
     along_z: float = parameter("N", low=-20.0, high=20.0, typical=0.2)
     """[N]"""
-    place: float = parameter("m", high=0.6, typical=0.5, default=0.5)
+    place: float = parameter("m", high=0.6, typical=0.5, default=0.5, step=0.02)
     """Distance of the point from joint 1 along the straight arm [m]"""
 
     shows_in: ClassVar[str] = (
