@@ -28,6 +28,10 @@ _SHOWS = 0.003
 a tenth in what all change"""
 _PLACED = 3
 """Candidates whose places are tried: 11 simulations each, of some 28,000 steps on the arm"""
+_CLEARLY = 1.05
+"""Times the share of a place that one within it must remove: where only one strand of a cable pulls, it and
+the cable look alike
+"""
 _WEAK = 0.03
 """Share of the strength that a score test finds, from which a full fit begins where no other is stable"""
 
@@ -67,7 +71,7 @@ def scores(case: Case[Any], pieces: Any, base: Fit, candidates: Sequence[Candida
     test = partial(_tested, case, some, base, known, residual)
     found = {s.name: s for s in test({c.name: (c, _columns(c)) for c in candidates})}
     while nearer := _nearer(candidates, found):
-        better = [s for s in test(nearer) if s.share > found[s.name].share]
+        better = [s for s in test(nearer) if s.share > _CLEARLY * found[s.name].share]
         found |= {s.name: replace(s, excitation=found[s.name].excitation) for s in better}
         candidates = [nearer[s.name][0] for s in better]
     return list(found.values())

@@ -242,10 +242,14 @@ def _at(four, place):
     return four[..., which].sum(axis=-1)
 
 
-@pytest.mark.parametrize(("place", "size"), [(2.0, 0.7), (10.0, 0.5), (-1.0, 0.3), (1.0, 0.0)])
-def test_places_are_tried_within_the_best_one_so_far(place, size):
+@pytest.mark.parametrize(
+    ("place", "size", "last", "found_at"),
+    [(2, 0.7, 1, 2), (10, 0.5, 1, 10), (-1, 0.3, 1, -1), (1, 0.0, 1, -1), (2, 0.7, 0.05, 11)],
+)
+def test_places_are_tried_within_the_best_one_so_far(place, size, last, found_at):
+    """Where the fourth place shows a twentieth, the third and both look alike: the coarser one stands."""
     rng = np.random.default_rng(4)
-    g, bare = rng.standard_normal((SEGMENTS, NUMBERS, 4)), case(0.0)
+    g, bare = rng.standard_normal((SEGMENTS, NUMBERS, 4)) * [1, 1, 1, last], case(0.0)
     known = {
         "size": Range("m", 0.0, 10.0, 1.0),
         "place": Range("1", -1, 11, -1, fitted=False, within=lambda p: _WITHIN.get(p, ())),
@@ -257,8 +261,7 @@ def test_places_are_tried_within_the_best_one_so_far(place, size):
     base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
     arm.asked.clear()
     (found,) = scores(arm, every(), base, [candidate])
-    steps = {2.0: [2, 3, 3], 10.0: [2, 3, 3], -1.0: [2, 3], 1.0: [2]}[place]
-    assert arm.asked[1:] == steps
+    assert found.start[1] == found_at
+    assert arm.asked[1:] == ([2] if not size else [2, 3] if place == -1 else [2, 3, 3])
     if size:
-        assert found.start == pytest.approx([size, place], rel=0.05)
-        assert found.share > 0.2
+        assert found.start[0] == pytest.approx(size, rel=0.05) and found.share > 0.2
