@@ -14,13 +14,16 @@ from serpent_twin.numerals import shortened
 
 
 def run(
-    main: Callable[..., Any] | Mapping[str, Callable[..., Any]], argv: list[str] | None = None
+    main: Callable[..., Any] | Mapping[str, Callable[..., Any]],
+    argv: list[str] | None = None,
+    error_status: int = 1,
 ) -> None:
     """Run `main` as a command: its signature is the command line, tyro's way.
 
     Several functions by name are subcommands, described by the docstring of the module run.
-    A `SerpentError` or a full disk is printed as one sentence and exits 1, Ctrl-C exits 130;
-    anything else is a defect of ours and keeps its traceback.
+    A `SerpentError` or a full disk is printed as one sentence and exits with `error_status`, 1 but for
+    commands whose answer is a status; Ctrl-C exits 130; anything else is a defect of ours and keeps its
+    traceback.
     """
     _open_streams()
     argv = sys.argv[1:] if argv is None else argv
@@ -35,11 +38,11 @@ def run(
             tyro.extras.subcommand_cli_from_dict(commands, description=description, **how)
         sys.stdout.flush()  # so that a closed pipe is noticed here
     except SerpentError as error:
-        fail(" ".join([str(error), *getattr(error, "__notes__", ())]))
+        fail(" ".join([str(error), *getattr(error, "__notes__", ())]), error_status)
     except BrokenPipeError:  # the reader of our output, such as head, has enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        fail(_system_error(error))
+        fail(_system_error(error), error_status)
     except KeyboardInterrupt:
         print(
             "\nStopped. What was written stays; the same command goes on from there.",
@@ -48,10 +51,10 @@ def run(
         sys.exit(130)
 
 
-def fail(sentence: str) -> None:
-    """Print an error to the user and leave with exit status 1."""
+def fail(sentence: str, status: int = 1) -> None:
+    """Print an error to the user and leave with an exit status."""
     print(f"error: {shortened(sentence)}", file=sys.stderr)
-    sys.exit(1)
+    sys.exit(status)
 
 
 def _open_streams() -> None:

@@ -32,6 +32,7 @@ from serpent_twin.machines.case import Case as AnyCase
 from serpent_twin.machines.machine import Quantity
 from serpent_twin.residual import Findings, analyse, describe
 from serpent_twin.residual.learned import learn
+from serpent_twin.residual.whiteness import whiteness
 
 Case = AnyCase[Any]
 FOLLOWS = 0.25
@@ -84,6 +85,8 @@ def build_diagnosis(
         pairs=tuple(pair for each in selection.rounds for pair in each.pairs),
         marker=compared["corrected"].marker,
         load=compared["corrected"].load,
+        identifiability=tracer.identifiability,
+        whiteness=whiteness(compared["corrected"]),
     )
 
 

@@ -8,11 +8,13 @@ from typing import Any
 from serpent_twin.arrays import Array
 from serpent_twin.identification.acceptance import PairTrial
 from serpent_twin.identification.bars import Bars
+from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.moved import Moved
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.residual import LOADS, MARKERS, Comparison, Findings, Measure
 from serpent_twin.residual.learned import Learned
 from serpent_twin.residual.noise import in_words
+from serpent_twin.residual.whiteness import Whiteness
 
 _LISTED = 3
 ACCEPTED, REJECTED, NOT_EXCITED = "accepted", "rejected", "not excited"
@@ -169,6 +171,10 @@ class Diagnosis:
     """What the error is of"""
     load: Measure = LOADS
     """What the load error is of"""
+    identifiability: Identifiability | None = None
+    """What the logs can tell at all"""
+    whiteness: Whiteness | None = None
+    """Of the corrected twin's residual"""
 
     def numbers(self, seconds: float, simulated: float) -> dict[str, Any]:
         """diagnosis.json."""
@@ -211,6 +217,8 @@ class Diagnosis:
             "pairs": [each.numbers() for each in self.pairs],
             "calibration": {name: each.numbers() for name, each in self.calibration.items()},
             "residual": {name: each.numbers() for name, each in self.findings.items()},
+            "identifiability": self.identifiability.numbers() if self.identifiability else {},
+            "whiteness": self.whiteness.numbers() if self.whiteness else {},
             "seconds": seconds,
             "share_of_time_in_simulation": simulated / seconds if seconds else 0.0,
         }

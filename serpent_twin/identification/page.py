@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from serpent_twin.identification import figures, tables
+from serpent_twin.identification.check_page import effects_section
 from serpent_twin.identification.diagnosis import Diagnosis, Named
 from serpent_twin.machines.machine import Candidate
 from serpent_twin.numerals import counted, listed
@@ -12,6 +13,7 @@ from serpent_twin.reporting.report import Figure, Report, Section, Table
 from serpent_twin.residual import describe
 from serpent_twin.residual import figures as residual_figures
 from serpent_twin.residual.noise import UNKNOWN
+from serpent_twin.residual.whiteness_figure import whiteness_figure
 
 
 def page(
@@ -29,6 +31,7 @@ def page(
     drawn = _residual_figures(diagnosis)
     sections = (
         _before_and_after(diagnosis, drawn),
+        effects_section(diagnosis.identifiability) if diagnosis.identifiability else None,
         _ranking(diagnosis),
         _missing(diagnosis, known),
         _alike(diagnosis),
@@ -215,6 +218,7 @@ def _left(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
     told = {name: describe(found) for name, (_, found) in twins.items()}
     parts = [
         *(f"{_capital(name)}: {said}" for name, said in told.items()),
+        *([diagnosis.whiteness.sentence()] if diagnosis.whiteness else []),
         _verdict(diagnosis, told),
     ]
     blocks: list[Figure | Table | None] = [figures.by_feature(twins, "residual_by_feature")]
@@ -223,6 +227,8 @@ def _left(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
         blocks.append(figures.by_feature(last, "unexplained_by_feature"))
     if any(comparison.has_markers for comparison, _ in twins.values()):
         blocks += [figures.place_and_time(twins), drawn.get("residual_spectrum")]
+    if diagnosis.whiteness:
+        blocks.append(whiteness_figure(diagnosis.whiteness))
     blocks.append(tables.bars(diagnosis))
     return Section("What is left", "\n\n".join(parts), tuple(b for b in blocks if b))
 

@@ -22,8 +22,10 @@ from serpent_twin.identification.acceptance import (
     weakness_of_fit,
 )
 from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.held_out import Errors, gain, gave_up
+from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.least_squares import Fit, OnProgress, fit
 from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.case import Case
@@ -50,6 +52,7 @@ class Tracer:
         self.notes, self.on_progress, self.seed = notes, on_progress, seed
         self.trials = Trials(training, held_out, notes, on_progress)
         self.final: ParameterVector | None = None
+        self.identifiability: Identifiability | None = None
 
     def select(self) -> Selection:
         """Calibrate, then add effects one by one while their gain is significant."""
@@ -102,25 +105,20 @@ class Tracer:
         self.case = self.case.reweighted(start, self.training)
         free = free_parameters(self.case, ())
         self.on_progress("opening")
-        opening = self.notes.fit(
-            "opening",
-            lambda: fit(
-                self.case,
-                self.training,
-                start,
-                free,
-                1,
-                self.case.segments[0],
-                self.on_progress,
-                steps=0,
-            ),
-        )
+        opening = self.notes.fit("opening", lambda: opening_fit(self.case, self.training))
+        self.identifiability = self._identifiable(opening)
         first = self._fit("calibrated_1", start, free, 1, opening)
         self._opening_case = self.case
         self.case = self.case.reweighted(first.point, self.training)
         second = self._fit("calibrated_2", first.point, free, 0, carried=first)
         self.case = self.case.reweighted(second.point, self.training)
         return opening, self._fit("calibrated_3", second.point, free, 3, carried=second)
+
+    def _identifiable(self, opening: Fit) -> Identifiability:
+        """What these logs can tell at all."""
+        names = [name for name in self.case.candidates if name not in self.case.unseen]
+        found = self.trials.scores("scores_1_start", self.case, opening, names)
+        return identifiability(self.case, self.training, opening, list(found.values()))
 
     def _fit(
         self,

@@ -45,7 +45,7 @@ class Trials:
         """Score tests of candidates on top of a fit, and full fits of the selected ones, judged against the
         base.
         """
-        found = self._scores(f"scores_{stage}", case, begun, names)
+        found = self.scores(f"scores_{stage}", case, begun, names)
         trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
         chosen = worth_fitting(list(found.values()), case.candidates)[:most]
         for name in chosen:
@@ -123,9 +123,11 @@ class Trials:
         better = gain(before, after, selected)
         return CandidateTrial(score, fitted, better, after.marker, selected, after)
 
-    def _scores(
+    def scores(
         self, stage: str, case: Case[Any], base: Fit, names: Sequence[str]
     ) -> dict[str, Score]:
+        """Score tests of candidates on top of a fit, by their names."""
+
         def test() -> list[Score]:
             self.on_progress(f"score tests of {counted(len(names), 'candidate')}")
             return scores(case, self.training, base, [case.candidates[name] for name in names])

@@ -121,14 +121,19 @@ class Case(Generic[P]):
         """The same case, each channel's noise set to the rms that a fitted twin leaves of it; a channel in
         which nothing was measured keeps its noise.
         """
-        error = pieces.measured - self._respond([point], pieces)[0]
+        return replace(
+            self, noise=self.noise_of(pieces.measured - self._respond([point], pieces)[0])
+        )
+
+    def noise_of(self, error: Array) -> Array:
+        """The noise of each channel by its errors, (…, C), NaN where nothing was measured: their rms."""
         noise, least = self.noise.copy(), np.array([each.noise for each in self.machine.outputs])
         alike = [each.alike or each.name for each in self.machine.outputs]
         for group in dict.fromkeys(alike):
             which = [k for k, name in enumerate(alike) if name == group]
             if np.isfinite(error[..., which]).any():
                 noise[which] = np.sqrt(np.nanmean(error[..., which] ** 2))
-        return replace(self, noise=np.maximum(noise, least))
+        return np.maximum(noise, least)
 
     def compare(self, point: ParameterVector | None, pieces: P) -> Comparison:
         """Measured beside predicted by the twin of a parameter vector; without one, by the nominal twin."""

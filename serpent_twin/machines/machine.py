@@ -97,6 +97,8 @@ class Candidate:
     """How it shows in a log"""
     confused_with: tuple[str, ...] = ()
     """Names of candidates that look like it"""
+    remembers: bool = False
+    """Whether its memory is longer than a segment"""
 
 
 def candidate(name: str, **sized: Range) -> Candidate:
@@ -113,6 +115,7 @@ def candidate(name: str, **sized: Range) -> Candidate:
         (kind.__doc__ or "").split("\n")[0].strip(),
         kind.shows_in,
         kind.confused_with,
+        kind.remembers,
     )
 
 

@@ -5,6 +5,7 @@ runs that command's own checks first: a step that would be refused is not printe
 """
 
 from serpent_twin.next_step.of_logs import (
+    after_check,
     after_estimate,
     after_logs,
     after_look,
@@ -21,6 +22,7 @@ from serpent_twin.next_step.words import Words, line, say
 
 __all__ = [
     "Words",
+    "after_check",
     "after_device",
     "after_doctor",
     "after_estimate",

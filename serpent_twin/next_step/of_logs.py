@@ -12,6 +12,7 @@ from serpent_twin.runs.files import unused
 
 if TYPE_CHECKING:  # each command imports this module, which imports the others when it checks them
     from serpent_twin.identification import Trace
+    from serpent_twin.identification.check_logs import Check
     from serpent_twin.live.estimate import Estimate
     from serpent_twin.reservoir.sweep.run import Sweep
     from serpent_twin.training.train import TrainingPlan
@@ -83,6 +84,17 @@ def trace(plan: "TrainingPlan") -> Words | None:
     if not allowed(lambda: [segments(part) for part in planned(Trace(logs, where))[1:]]):
         return None
     return ["serpent_twin.trace", "--logs", str(logs), "--out", str(where)]
+
+
+def after_check(config: "Check") -> Words | None:
+    """After a check of what logs can tell: trace them, if they can be."""
+    from serpent_twin.identification.run import Trace, planned
+
+    where = named_after(Path(), config.logs, "logs", "trace")
+    if not allowed(lambda: planned(Trace(config.logs, where, config.rig))):
+        return None
+    rig = [] if config.rig == "arm" else ["--rig", config.rig]
+    return ["serpent_twin.trace", "--logs", str(config.logs), *rig, "--out", str(where)]
 
 
 def estimate(plan: "TrainingPlan", scores: Mapping[str, Any]) -> Words | None:

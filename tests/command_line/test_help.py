@@ -19,7 +19,7 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.option_groups import Group
 
 COMMANDS = [
-    "bus.device", "bus.doctor", "bus.zero", "collect", "estimate", "log", "mjcf", "mocap", "replay",
+    "bus.device", "bus.doctor", "bus.zero", "check", "collect", "estimate", "log", "mjcf", "mocap", "replay",
     "sweep", "trace", "train",
 ]  # fmt: skip
 MOST = 14  # options of a group: the simulated arm has ten parameters, its file, and what is random

@@ -226,3 +226,25 @@ def test_numbers_name_the_units_of_the_machine():
     other = diagnosis(marker=ANGLE, load=TORQUE, effects=(PAYLOAD,)).numbers(1.0, 0.5)
     assert {"error_deg", "torque_error_mNm"} <= set(other)
     assert {"gain_deg", "gain_torque_mNm"} <= set(other["effects"][0])
+
+
+def test_the_page_says_how_white_the_residual_is_and_what_the_logs_can_show():
+    of = diagnosis()
+    assert of.whiteness is not None
+    made = sections(of)
+    assert of.whiteness.sentence() in made["What is left"].text
+    assert {"whiteness", "detection_limits"} <= drawn(of)
+    (table,) = (
+        b for b in made["Which effects these logs can show"].blocks if isinstance(b, report.Table)
+    )
+    assert [row[0] for row in table.rows] == ["mocap latency", "cable creep", "clamp slip"]
+    assert [row[5] for row in table.rows] == ["yes", "no", "no"]
+    assert table.rows[2][1] == "none" and table.rows[2][-1] == "unstable"
+
+
+def test_diagnosis_json_holds_whiteness_and_identifiability():
+    told = diagnosis().numbers(1.0, 0.5)
+    assert told["whiteness"]["channels"][0]["channel"] == "marker 1 along x"
+    assert not told["identifiability"]["can_be_told"]
+    assert told["identifiability"]["effects"][1]["limit"] == 0.5
+    assert told["identifiability"]["weakest_directions"][0]["ratio"] == pytest.approx(1 / 3)

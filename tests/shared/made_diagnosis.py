@@ -14,8 +14,16 @@ from serpent_twin.identification.diagnosis import (
     Tried,
     Unexplained,
 )
+from serpent_twin.identification.excitation import InputExcitation
+from serpent_twin.identification.identifiability import (
+    EffectIdentifiability,
+    Identifiability,
+    ParameterIdentifiability,
+)
+from serpent_twin.identification.weak_directions import WeakDirection
 from serpent_twin.residual import Comparison, analyse, marker_size
 from serpent_twin.residual.learned import Learned
+from serpent_twin.residual.whiteness import whiteness
 
 S, T, MARKERS, MOTORS = 6, 80, 4, 3
 NAN = float("nan")
@@ -49,6 +57,23 @@ CALIBRATION = {
         ParameterEstimate(0.21, -0.2, 0.62, "mm"),
     ),
 }  # fmt: skip
+IDENTIFIABILITY = Identifiability(
+    (ParameterIdentifiability("strand slack 1+", "mm", 0.3, 0.1, 1.8, "payload", -0.4),),
+    (
+        EffectIdentifiability("mocap_latency", "delay", "s", 0.03, 0.001, 0.004, 0.2, {}),
+        EffectIdentifiability(
+            "cable_creep", "share", "1", 0.3, 0.1, 0.5, 0.9, {"clamp_slip": 0.85}
+        ),
+        EffectIdentifiability(
+            "clamp_slip", "rate", "m/(N s)", 1e-5, np.inf, np.inf, 0.0, {}, "unstable"
+        ),
+    ),
+    (WeakDirection("strand slack 1+", "strand slack 1+", "mm", 0.3, 0.1),),
+    (InputExcitation("motor 1", 1.0, 0.2),),
+    "To show cable creep, hold poses for longer.",
+    480,
+    9.0,
+)
 
 
 @cache
@@ -101,5 +126,7 @@ def diagnosis(markers=True, loads=True, **found):
         comparisons=compared,
         findings={n: findings(off[n], markers, loads) for n in ("calibrated", "corrected")},
         learned=Learned((0,), 0.25, {"offset": np.zeros(12)}),
+        identifiability=IDENTIFIABILITY,
+        whiteness=whiteness(compared["corrected"]),
     )
     return replace(made, **found)

@@ -1,0 +1,140 @@
+"""Write what logs can tell as a report, and its tables."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from serpent_twin.identification.acceptance import SURE, WORTH_IT
+from serpent_twin.identification.figures import spaced
+from serpent_twin.identification.identifiability import Identifiability
+from serpent_twin.numerals import counted, listed
+from serpent_twin.reporting.plot_style import COLOURS, INK, SOFT, label_logarithmic, sheet, tidy
+from serpent_twin.reporting.report import Figure, Report, Section, Table
+
+MOST_ROWS = 15
+"""Parameters that a table lists: the logs tell more of the others"""
+
+
+def page(found: Identifiability, facts: Mapping[str, str]) -> Report:
+    """The report of a check: effects, parameters and their combinations, motors and joints."""
+    directions = "\n\n".join(f"• {each}." for each in found.directions)
+    sections = (
+        effects_section(found),
+        Section("Which parameters they can tell", _PARAMETERS, (parameters(found),)),
+        Section("What they tell least", f"{_DIRECTIONS}\n\n{directions}"),
+        Section("Which motion", _INPUTS, (inputs(found),)),
+    )
+    return Report(
+        f"What the logs in {facts.get('logs', 'a folder')} can tell",
+        found.sentence(),
+        sections,
+        facts,
+    )
+
+
+def effects_section(found: Identifiability) -> Section:
+    """How weak an effect may be and still be found, delays first."""
+    return Section("Which effects these logs can show", _EFFECTS, (_limits(found), effects(found)))
+
+
+def effects(found: Identifiability) -> Table:
+    """Every candidate with its detection limit."""
+    rows = tuple(
+        (
+            spaced(each.name),
+            _short(each.limit),
+            _short(each.typical),
+            "" if each.unit == "1" else each.unit,
+            f"{100 * each.taken_up:.0f}",
+            "yes" if each.told else "no",
+            each.why or listed(spaced(name) for name in each.confounded_with),
+        )
+        for each in found.effects
+    )
+    header = (
+        "effect", "least strength", "typical", "unit", "taken up [%]", "can be told", "confounded with",
+    )  # fmt: skip
+    marked = frozenset(n for n, each in enumerate(found.effects) if not each.told)
+    note = "Least strength: none where these logs show the effect at no strength."
+    return Table(header, rows, note, marked)
+
+
+def parameters(found: Identifiability) -> Table:
+    """The declared parameters of which the logs tell least, relative to the prior."""
+    order = sorted(found.parameters, key=lambda each: -each.ratio)[:MOST_ROWS]
+    rows = tuple(
+        (
+            each.name,
+            _short(each.prior),
+            _short(each.posterior),
+            "" if each.unit == "1" else each.unit,
+            f"{each.ratio:.2f}",
+            f"{each.variance_inflation:.1f}",
+            f"{each.confounded_with} ({each.correlation:+.2f})".replace("-", "−")
+            if each.confounded_with
+            else "nothing",
+        )
+        for each in order
+    )
+    header = (
+        "parameter", "prior", "with logs", "unit", "ratio", "variance inflation", "most confounded with",
+    )  # fmt: skip
+    note = (
+        f"The {len(rows)} of {counted(len(found.parameters), 'parameter')} of which the logs tell least. "
+        "Standard deviations; the variance inflation is the variance over that with all other parameters "
+        "known; in brackets, the correlation."
+    )
+    return Table(header, rows, note)
+
+
+def inputs(found: Identifiability) -> Table:
+    """How far and how fast every motor and joint moves."""
+    rows = tuple(
+        (each.name, f"{np.degrees(each.range):.1f}", f"{np.degrees(each.speed):.1f}",
+         "no" if each.still else "yes")
+        for each in found.inputs
+    )  # fmt: skip
+    note = "Motors as logged, joints as the twin has them. The speed is a root mean square."
+    return Table(("motor or joint", "range [°]", "speed [°/s]", "moves"), rows, note)
+
+
+def _limits(found: Identifiability) -> Figure:
+    """Detection limits as times the typical strength."""
+    drawing, (axes,) = sheet(9, 0.32 * len(found.effects) + 1.2)
+    most = 1e3
+    for n, each in enumerate(found.effects):
+        colour = COLOURS[3 if each.told else 2]
+        marks = ((each.by_scatter, "|", SOFT), (each.by_gain, "x", SOFT), (each.limit, "o", colour))
+        for value, marker, shade in marks:
+            axes.plot(min(value / each.typical, most), n, marker, color=shade, ms=7)
+    axes.axvline(1, color=INK, lw=1, ls=":")
+    axes.set_xscale("log")
+    axes.set_yticks(range(len(found.effects)), [spaced(each.name) for each in found.effects])
+    axes.set(ylim=(len(found.effects) - 0.4, -0.6), xlabel="least strength / typical strength")
+    axes.tick_params(axis="y", length=0)
+    tidy(axes, "x")
+    label_logarithmic(axes)
+    caption = (
+        f"The least strength that is found, as times a typical one: |, {SURE:.0f} standard errors from zero; "
+        f"×, a gain of {100 * WORTH_IT:.0f} %; the dot is the larger of both. Right of the dotted line, a "
+        "typical strength would not be found."
+    )
+    return Figure("detection_limits", drawing, caption)
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}".replace("-", "−") if np.isfinite(value) else "none"
+
+
+_EFFECTS = (
+    f"The least strength at which an effect is {SURE:.0f} standard errors from zero and betters the error "
+    f"by {100 * WORTH_IT:.0f} %, beside what calibration and the other effects leave, all to first order. "
+    "Taken up is the share of what the effect changes that the declared parameters imitate. Delays come "
+    "first: a delay makes everything else look like something else."
+)
+_PARAMETERS = (
+    "The prior is what is known before the fit: the declared number, or a first guess out of the same logs. "
+    "A ratio near 1 means that the fit adds nothing to it."
+)
+_DIRECTIONS = "The combinations of parameters of which the logs tell least, relative to the prior:"
+_INPUTS = "What the motion of a motor or joint would show, no log tells in which it never moves."

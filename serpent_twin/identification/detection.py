@@ -1,0 +1,260 @@
+"""Predict, before any long fit, which parameters and effects logs can tell.
+
+All is to first order at a fit without any step, from the Jacobian J by the declared parameters and the
+changes c of the residual by each effect. What all of them together leave of the residual weighs the channels
+anew, and the information matrix w J Jᵀ + Λ then gives each parameter's posterior covariance. The strength of
+an effect, relative to the one that makes the change c, is known to within 1/√(w cᵀ b), b being what the
+parameters cannot take up of c.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.identification.acceptance import SURE, WORTH_IT
+from serpent_twin.identification.excitation import advice, excitation
+from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.identifiability import (
+    ALIKE,
+    EffectIdentifiability,
+    Identifiability,
+    ParameterIdentifiability,
+)
+from serpent_twin.identification.information import Information
+from serpent_twin.identification.least_squares import Fit, fit, variance_inflation
+from serpent_twin.identification.score_test import Score, strengths
+from serpent_twin.identification.weak_directions import (
+    NamedParameter,
+    WeakDirection,
+    weakest_directions,
+)
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import Candidate, ParameterVector
+
+_SEEN = 1e-12
+"""Share of an effect's change that must be beyond the parameters: less is rounding"""
+_LITTLE = 0.005
+"""Correlation up to which two errors count as independent"""
+_MOST_TIMES = 1e6
+"""Typical strengths up to which a detection limit is sought"""
+
+
+def opening_fit(case: Case[Any], pieces: Any) -> Fit:
+    """First guesses as a fit without any step, with the derivatives by all declared parameters."""
+    start, free = ParameterVector(np.zeros(len(case.declared))), free_parameters(case, ())
+    return fit(case, pieces, start, free, 1, case.segments[0], steps=0)
+
+
+def identifiability(
+    case: Case[Any], pieces: Any, opening: Fit, scored: Sequence[Score]
+) -> Identifiability:
+    """What logs can tell by a fit of all declared parameters without any step, and score tests on it."""
+    explained = _explained(case, opening, scored)
+    effects = [_Effect(case, explained, score) for score in scored]
+    found = [_detection(case, explained, each, effects) for each in effects]
+    hidden = {
+        each.score.name: each.score.tried
+        for each, limits in zip(effects, found, strict=True)
+        if not limits.told
+    }
+    found += [_unseen(case.candidates[name], why) for name, why in case.unseen.items()]
+    found.sort(key=lambda each: (not each.delay, -each.limit / each.typical))
+    some = case.take(pieces, opening.used)
+    parameters, directions = _parameters(case, explained.known, effects)
+    return Identifiability(
+        parameters,
+        tuple(found),
+        directions,
+        excitation(case.compare(opening.point, some)),
+        advice(case, some, opening.point, hidden),
+        opening.residual.size // case.channels,
+        1 / explained.known.weight,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Explained:
+    """A residual of which parameters and effects took up what they can."""
+
+    known: Information
+    """On the parameters, with the new weights"""
+    left: Array
+    """What is left of the residual, by the new weights, (N,)"""
+    noise: Array
+    """The new weights, (C,)"""
+    scale: Array
+    """New numbers of the residual per old ones, (N,)"""
+
+
+def _explained(case: Case[Any], opening: Fit, scored: Sequence[Score]) -> _Explained:
+    """The residual of a fit once parameters and effects took up what they can, to first order."""
+    before, shape = Information.of(case, opening), opening.residual.shape
+    every = Information(
+        np.concatenate([before.slopes, *(each.change[None] for each in scored)]),
+        before.weight,
+        np.r_[before.prior, [_precision(case.candidates[each.name], each) for each in scored]],
+        np.r_[before.lean, np.zeros(len(scored))],
+    )
+    left = every.beyond(opening.residual.ravel().astype(float))
+    error = np.where(opening.residual == 0, np.nan, left.reshape(shape)).reshape(-1, case.channels)
+    noise = case.noise_of(case.noise * error)
+    scale = np.tile(case.noise / noise, opening.residual.size // case.channels)
+    left = left * scale
+    inflation = variance_inflation(left.reshape(shape), case.channels)
+    known = Information(before.slopes * scale, 1 / inflation, before.prior, before.lean)
+    return _Explained(known, left, noise, scale)
+
+
+def _precision(of: Candidate, score: Score) -> float:
+    """Inverse variance of times a variant's strength, as wide as the strength's range."""
+    allowed = list(of.ranges.values())[_strongest(of, score)]
+    return float((score.tried[_strongest(of, score)] / (allowed.high - allowed.low)) ** 2)
+
+
+def _strongest(of: Candidate, score: Score) -> int:
+    """Which of an effect's parameters is the strength of its best variant."""
+    return max(strengths(of), key=lambda k: abs(score.tried[k]))
+
+
+class _Effect:
+    """One effect's change of the calibrated residual, per typical strength."""
+
+    def __init__(self, case: Case[Any], explained: _Explained, score: Score) -> None:
+        self.score, self.candidate = score, case.candidates[score.name]
+        known = explained.known
+        self.at = _strongest(self.candidate, score)
+        change = score.change.astype(float) * explained.scale
+        self.beyond = known.beyond(change)
+        self.information = known.weight * float(self.beyond @ change)
+        self.size, self.left = float(change @ change), float(self.beyond @ self.beyond)
+        if self.information <= _SEEN * known.weight * self.size:
+            self.information, self.beyond = 0.0, np.zeros_like(change)
+        self.taken = known.weight * np.linalg.solve(known.matrix, known.slopes @ change)
+        """By how much each parameter takes it up, (P,)"""
+
+    @property
+    def typical(self) -> float:
+        """The strength of its best variant."""
+        return abs(float(self.score.tried[self.at]))
+
+
+def _detection(
+    case: Case[Any], explained: _Explained, of: _Effect, among: Sequence[_Effect]
+) -> EffectIdentifiability:
+    """The detection limit of an effect beside what is left of the residual."""
+    scatter = SURE / np.sqrt(of.information) if of.information > 0 else np.inf
+    why = "the simulation of a twin with it became unstable" if of.score.unstable else ""
+    parameter = list(of.candidate.ranges)[of.at]
+    return EffectIdentifiability(
+        of.score.name,
+        parameter,
+        of.candidate.ranges[parameter].unit,
+        of.typical,
+        of.typical * float(scatter),
+        of.typical * _worth(case, explained, of.beyond),
+        1 - of.left / of.size if of.size else 0.0,
+        _confounded(of, among),
+        why,
+    )
+
+
+def _worth(case: Case[Any], explained: _Explained, beyond: Array) -> float:
+    """Times its strength that an effect must have to better the error by `WORTH_IT`, pose and the other
+    channels weighing alike.
+
+    A twin without it leaves √(σ² + x² b²) where one with it leaves σ.
+    """
+    measures = [each.measure for each in case.machine.outputs]
+    pose = np.array([each == measures[0] for each in measures])
+
+    def squares(rows: Array) -> Array:
+        each = ((rows.reshape(-1, case.channels) * explained.noise) ** 2).sum(axis=0)
+        return np.array([each[pose].sum(), each[~pose].sum()])
+
+    noise, changed = squares(explained.left), squares(beyond)
+    ratio = changed[noise > 0] / noise[noise > 0]
+
+    def gain(times: float) -> float:
+        return float(np.mean(1 - 1 / np.sqrt(1 + times**2 * ratio)))
+
+    if not ratio.size or gain(_MOST_TIMES) < WORTH_IT:
+        return np.inf
+    low, high = 0.0, _MOST_TIMES
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if gain(middle) < WORTH_IT else (low, middle)
+    return high
+
+
+def _confounded(of: _Effect, among: Sequence[_Effect]) -> dict[str, float]:
+    """Effects whose change beyond the parameters has a cosine with this one's above `ALIKE`."""
+    out = {}
+    for each in among:
+        size = np.linalg.norm(of.beyond) * np.linalg.norm(each.beyond)
+        if each is not of and size > 0:
+            cosine = float(of.beyond @ each.beyond / size)
+            out |= {each.score.name: cosine} if abs(cosine) > ALIKE else {}
+    return out
+
+
+def _unseen(candidate: Candidate, why: str) -> EffectIdentifiability:
+    """An effect that these logs cannot show, whatever its strength."""
+    at = strengths(candidate)[0]
+    parameter, allowed = list(candidate.ranges.items())[at]
+    typical, none = abs(float(candidate.variants[0][at])), float("inf")
+    return EffectIdentifiability(
+        candidate.name, parameter, allowed.unit, typical, none, none, 0.0, {}, why
+    )
+
+
+def _parameters(
+    case: Case[Any], known: Information, effects: Sequence[_Effect]
+) -> tuple[tuple[ParameterIdentifiability, ...], tuple[WeakDirection, ...]]:
+    """What the logs tell of each declared quantity and of their combinations.
+
+    What several quantities have in common is in each of them, and not listed apart.
+    """
+    names = [each.name for each in case.declared]
+    shared = {n for q in case.quantities if len(q.of) > 1 for n in q.of}
+    several = [q for q in case.quantities if len(q.of) > 1 or not shared & set(q.of)]
+    adds = np.array([[name in q.of for name in names] for q in several], float)
+    each = np.array([q.scale or q.start for q in several])
+    prior = adds @ np.diag(1 / known.prior) @ adds.T
+    posterior = adds @ np.linalg.inv(known.matrix) @ adds.T
+    inflation = np.diag(posterior) * np.diag(np.linalg.inv(posterior))
+    partners = _partners([q.name for q in several], posterior, adds, effects)
+    found = []
+    for k, q in enumerate(several):
+        before, after = (abs(float(each[k])) * float(np.sqrt(c[k, k])) for c in (prior, posterior))
+        found.append(
+            ParameterIdentifiability(
+                q.name, q.unit, before, after, float(inflation[k]), *partners[k]
+            )
+        )
+    percent = np.array([q.scale or 100.0 for q in several])
+    units = np.outer(percent, percent)
+    told = [NamedParameter(q.name, q.unit if q.scale else "%") for q in several]
+    return tuple(found), weakest_directions(told, units * prior, units * posterior)
+
+
+def _partners(
+    names: Sequence[str], posterior: Array, adds: Array, effects: Sequence[_Effect]
+) -> list[tuple[str, float]]:
+    """What each quantity's error is most correlated with: another's, or an effect's strength if it were
+    fitted, too, with the correlation.
+    """
+    width = np.sqrt(np.diag(posterior))
+    columns = posterior / np.outer(width, width)
+    np.fill_diagonal(columns, 0.0)
+    labels = list(names)
+    for effect in (each for each in effects if each.information > 0):
+        taken = adds @ effect.taken
+        wider = np.sqrt(effect.information * width**2 + taken**2)
+        columns = np.column_stack([columns, -taken / wider])
+        labels.append(effect.score.name.replace("_", " "))
+    most = np.argmax(np.abs(columns), axis=1)
+    pairs = [(labels[at], float(columns[k, at])) for k, at in enumerate(most)]
+    return [(name, size) if abs(size) > _LITTLE else ("", 0.0) for name, size in pairs]

@@ -1,0 +1,143 @@
+"""Measure how much logs excite each motor and joint, and what motion would show an effect better."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.numerals import listed
+from serpent_twin.residual import Comparison
+
+STILL = 0.01
+"""Range of an angle [rad] up to which it counts as still: some counts of a servo's encoder"""
+_RELATED = 0.1
+"""Least correlation of where an effect shows with a motion that is suggested"""
+_ALL = "move all joints further and faster"
+_SLOW = "hold poses for longer, in longer sessions"
+_ADVISED = 6
+"""Effects for which a motion is sought"""
+
+
+@dataclass(frozen=True)
+class InputExcitation:
+    """How far one motor or joint moves in the logs."""
+
+    name: str
+    range: float
+    """Of its angle [rad]"""
+    speed: float
+    """Root mean square [rad/s]"""
+
+    @property
+    def still(self) -> bool:
+        """Whether it never moves, so that no log of any length would say what its motion shows."""
+        return self.range < STILL
+
+    def numbers(self) -> dict[str, Any]:
+        """The figures for JSON, units in the keys."""
+        return {
+            "name": self.name,
+            "range_rad": self.range,
+            "speed_rms_rad_per_s": self.speed,
+            "moves": not self.still,
+        }
+
+
+def excitation(comparison: Comparison) -> tuple[InputExcitation, ...]:
+    """Of every motor, as logged, then of every joint, as the twin has it."""
+    return tuple(
+        InputExcitation(name, float(np.nanmax(angle) - np.nanmin(angle)), _rms(speed))
+        for name, angle, speed in _inputs(comparison)
+    )
+
+
+def _inputs(c: Comparison) -> Iterator[tuple[str, Array, Array]]:
+    """Names, angles and velocities of motors and joints, (S, T) each."""
+    kinds = (
+        (c.motor_names, c.motor_angle, c.motor_velocity),
+        (c.joint_names, c.joint_angle, None),
+    )
+    for names, angles, speeds in kinds:
+        if angles is None:
+            continue
+        speeds = np.array(np.gradient(angles, c.period, axis=1)) if speeds is None else speeds
+        for k, name in enumerate(names):
+            yield name, angles[..., k], speeds[..., k]
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def advice(case: Case[Any], pieces: Any, base: ParameterVector, hidden: Mapping[str, Array]) -> str:
+    """A sentence on the motion that would show effects that are hidden in these logs; nothing for none.
+
+    `hidden` holds the parameters of each effect. A twin with it is compared with one without: the motion
+    that its difference follows most, of those in the logs, is what there should be more of. An effect whose
+    memory outlives a segment shows where poses are held.
+    """
+    if not hidden:
+        return ""
+    without = case.compare(base, pieces)
+    still = [each.name for each in excitation(without) if each.still]
+    wanted: dict[str, list[str]] = {}
+    for name, values in list(hidden.items())[:_ADVISED]:
+        motion = _SLOW
+        if not case.candidates[name].remembers:
+            motion = _motion(without, case.compare(base.having(name, values), pieces))
+        wanted.setdefault(motion, []).append(name.replace("_", " "))
+    told = [f"to show {listed(names)}, {motion}" for motion, names in wanted.items()]
+    text = "; ".join([f"move {listed(still)}", *told] if still else told)
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def _motion(without: Comparison, having: Comparison) -> str:
+    """The motion that an effect's change of the prediction follows most, in the imperative; all of them
+    where it follows none.
+    """
+    change = _change(without, having)
+    if not np.isfinite(change).all() or np.ptp(change) < 1e-12:
+        return _ALL
+    best, most = _ALL, _RELATED
+    for motion, feature in _motions(without):
+        if np.ptp(feature) > 1e-9:
+            related = float(np.corrcoef(feature.ravel(), change.ravel())[0, 1])
+            best, most = (motion, related) if related > most else (best, most)
+    return best
+
+
+def _change(without: Comparison, having: Comparison) -> Array:
+    """How much the prediction changes in each row, pose and loads weighing alike, (S, T)."""
+    total = np.zeros(without.time.shape)
+    for field in ("marker_predicted", "load_predicted"):
+        one, other = getattr(without, field), getattr(having, field)
+        if one is not None and one.size:
+            square = ((other - one) ** 2).reshape(*total.shape, -1).mean(axis=-1)
+            total += square / max(float(square.mean()), 1e-30)
+    return np.sqrt(total)
+
+
+def _motions(c: Comparison) -> Iterator[tuple[str, Array]]:
+    """What there could be more of, in the imperative, and how much of it is in each row, (S, T)."""
+    speeds = []
+    for name, angle, speed in _inputs(c):
+        speeds.append(np.abs(speed))
+        yield f"move {name} faster", speeds[-1]
+        yield f"move {name} further", np.abs(angle - np.median(angle))
+    if c.load_predicted is not None:
+        for name, load in zip(c.motor_names, np.moveaxis(c.load_predicted, 2, 0), strict=True):
+            yield f"put more load on {name}", np.abs(load)
+    if speeds:
+        yield "hold poses for longer", _held(np.max(speeds, axis=0), c.period)
+
+
+def _held(speed: Array, period: float) -> Array:
+    """How long nothing has moved by more than a tenth of its usual speed [s], (S, T)."""
+    rests = speed < 0.1 * max(_rms(speed), 1e-12)
+    rows = np.arange(speed.shape[1])
+    last = np.maximum.accumulate(np.where(rests, -1, rows), axis=1)
+    return period * (rows - last)

@@ -1,0 +1,136 @@
+"""Hold which parameters and effects logs can tell: the key `identifiability` of diagnosis.json."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from serpent_twin.identification.excitation import InputExcitation
+from serpent_twin.identification.weak_directions import WeakDirection
+from serpent_twin.numerals import counted, listed
+
+ALIKE = 0.8
+"""Cosine of what two effects change beyond the parameters, above which the logs confound them"""
+
+
+@dataclass(frozen=True)
+class ParameterIdentifiability:
+    """What the logs tell of one declared parameter."""
+
+    name: str
+    """The quantity, such as `strand stiffness 3+`"""
+    unit: str
+    """Of both standard deviations"""
+    prior: float
+    """Standard deviation before the logs"""
+    posterior: float
+    """And after them"""
+    variance_inflation: float
+    """Posterior variance over the variance with all other parameters known [1]"""
+    confounded_with: str
+    """The parameter or effect whose error its own is most correlated with"""
+    correlation: float
+    """Of the two errors [1]"""
+
+    @property
+    def ratio(self) -> float:
+        """Of posterior and prior [1]."""
+        return self.posterior / self.prior
+
+    def numbers(self) -> dict[str, Any]:
+        """The figures for JSON; standard deviations are in the unit beside them."""
+        return vars(self) | {"ratio": self.ratio}
+
+
+@dataclass(frozen=True)
+class EffectIdentifiability:
+    """How weak an effect these logs can tell, in the unit of its strength."""
+
+    name: str
+    parameter: str
+    """The name of its strength"""
+    unit: str
+    typical: float
+    """A strength that the machine may well have"""
+    by_scatter: float
+    """Strength that is three standard errors from zero; infinite where none is"""
+    by_gain: float
+    """Strength that betters the error by as much as an accepted effect must; infinite where none does"""
+    taken_up: float
+    """Share of what it changes, in squares, that the declared parameters take up [1]"""
+    confounded_with: Mapping[str, float]
+    """Effects that change the same beyond the parameters, with the cosine"""
+    why: str = ""
+    """Why these logs cannot show it at all; else empty"""
+
+    @property
+    def limit(self) -> float:
+        """The least strength that a trace of these logs would accept."""
+        return max(self.by_scatter, self.by_gain)
+
+    @property
+    def told(self) -> bool:
+        """Whether a typical strength would be found."""
+        return self.limit <= self.typical
+
+    @property
+    def delay(self) -> bool:
+        """Whether it is a delay, which makes everything else look like something else."""
+        return self.unit == "s"
+
+    def numbers(self) -> dict[str, Any]:
+        """The figures for JSON; strengths are in the unit beside them."""
+        return vars(self) | {"limit": self.limit, "can_be_told": self.told}
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What logs can tell at all."""
+
+    parameters: tuple[ParameterIdentifiability, ...]
+    effects: tuple[EffectIdentifiability, ...]
+    """Delays first, then the others, those that are hardest to tell first"""
+    directions: tuple[WeakDirection, ...]
+    """The weakest combinations of parameters"""
+    inputs: tuple[InputExcitation, ...]
+    """Motors and joints"""
+    advice: str
+    """What motion would help, in a sentence; empty where all can be told"""
+    rows: int
+    """Rows of the logs that a fit uses"""
+    variance_inflation: float
+    """So many numbers of a calibrated residual weigh as one"""
+
+    @property
+    def hidden(self) -> list[str]:
+        """Effects that cannot be told."""
+        return [each.name for each in self.effects if not each.told]
+
+    def sentence(self) -> str:
+        """What can be told and what cannot."""
+        still = [each.name for each in self.inputs if each.still]
+        held = f" {listed(still).capitalize()} never {_verb(still)}." if still else ""
+        count = counted(len(self.effects), "effect")
+        if not self.hidden:
+            return f"These logs can show all {count} at a typical strength.{held}"
+        names = listed(name.replace("_", " ") for name in self.hidden)
+        said = f"Of {count}, these logs cannot show {names} at a typical strength."
+        return " ".join(filter(None, [f"{said}{held}", self.advice]))
+
+    def numbers(self) -> dict[str, Any]:
+        """The key `identifiability` of diagnosis.json, and identifiability.json."""
+        return {
+            "can_be_told": not self.hidden,
+            "sentence": self.sentence(),
+            "parameters": [each.numbers() for each in self.parameters],
+            "effects": [each.numbers() for each in self.effects],
+            "weakest_directions": [
+                vars(each) | {"ratio": each.ratio, "text": str(each)} for each in self.directions
+            ],
+            "inputs": [each.numbers() for each in self.inputs],
+            "rows": self.rows,
+            "variance_inflation": self.variance_inflation,
+        }
+
+
+def _verb(names: Sequence[str]) -> str:
+    return "moves" if len(names) == 1 else "move"

@@ -1,0 +1,272 @@
+"""Test whether a residual is white, and whether it follows the inputs.
+
+The residual of a twin that lacks nothing is the measurement's noise, correlated with no input. A channel's
+autocorrelations are tested together (Ljung and Box 1978). Its correlation with an input at a lag has
+Bartlett's variance Σ_j ρ_x(j) ρ_y(j) / n, which holds for autocorrelated series that are independent of
+each other (Bartlett 1946). Sums run over pairs of known rows within a segment, so that lost rows and the
+ends of segments cost pairs and nothing else.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+from scipy.stats import t as student
+
+from serpent_twin.numerals import counted
+from serpent_twin.residual.comparison import Array, Comparison
+
+LEVEL = 0.05
+"""Of chance: for a channel to be called white, and for its correlation with any input at any lag"""
+_LAGS = 40
+"""Rows of delay that are examined at most, and a quarter of a segment at most"""
+_FEWEST = 50
+"""Known rows from which a channel is tested"""
+_NORMAL_95 = 1.96
+_STILL = 1e-12
+"""Relative size up to which a series counts as constant"""
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelWhiteness:
+    """One channel of a residual: is it white, and which input does it follow most?"""
+
+    name: str
+    rows: int
+    """Known rows"""
+    autocorrelation: Array
+    """At lags of 0, 1, … rows [1], (L + 1,)"""
+    bound: Array
+    """95 % bounds of each for a white channel, (L + 1,)"""
+    probability: float
+    """Of so much autocorrelation in a white channel"""
+    input: str
+    """The input that it follows most, beside the bound of chance; nothing without inputs"""
+    lag: float
+    """By which it follows that input [s]"""
+    correlation: float
+    """With that input at that lag [1]"""
+    input_bound: float
+    """Which the correlation with none of the inputs exceeds, at no lag, in 95 % of cases"""
+
+    @property
+    def white(self) -> bool:
+        """Whether its autocorrelations are within chance."""
+        return self.probability >= LEVEL
+
+    @property
+    def follows(self) -> bool:
+        """Whether it follows an input by more than chance."""
+        return abs(self.correlation) > self.input_bound
+
+    @property
+    def outside(self) -> float:
+        """Share of the lags whose autocorrelation is outside its bounds [1]."""
+        return float(np.mean(np.abs(self.autocorrelation[1:]) > self.bound[1:]))
+
+    def numbers(self) -> dict[str, Any]:
+        """The figures for JSON, units in the keys."""
+        return {
+            "channel": self.name,
+            "rows": self.rows,
+            "white": self.white,
+            "probability_of_chance": self.probability,
+            "share_of_lags_outside": self.outside,
+            "input": self.input,
+            "lag_s": self.lag,
+            "correlation": self.correlation,
+            "bound": self.input_bound,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Whiteness:
+    """Every channel of a residual that has enough known rows."""
+
+    channels: tuple[ChannelWhiteness, ...]
+    lags: int
+    """Rows of delay up to which each is examined: Ljung and Box's degrees of freedom, as nothing was fitted
+    to the rows that are tested"""
+    period: float
+    """Of a row [s]"""
+
+    @cached_property
+    def strongest(self) -> ChannelWhiteness | None:
+        """The channel that follows an input most, if any does by more than chance."""
+        following = [each for each in self.channels if each.follows]
+        return max(following, key=lambda c: abs(c.correlation) / c.input_bound, default=None)
+
+    def sentence(self) -> str:
+        """How many channels are white, and what follows an input most."""
+        if not self.channels:
+            return "Too few rows were measured to test whether the residual is white."
+        white, following = (
+            sum(getattr(each, name) for each in self.channels) for name in ("white", "follows")
+        )
+        count = counted(len(self.channels), "channel")
+        text = (
+            f"Of {count} of the residual, {white or 'none'} "
+            f"{'is' if white <= 1 else 'are'} white up to {self.lags * self.period:.3g} s"
+        )
+        if (most := self.strongest) is None:
+            return f"{text}, and none follows an input beyond chance."
+        when = f"{most.lag:.3g} s later" if most.lag else "at once"
+        return (
+            f"{text}; {following} {'follows' if following == 1 else 'follow'} an input beyond chance, "
+            f"the most {most.name}: {most.input}, {when}, with a correlation of {most.correlation:.2f} "
+            f"(by chance up to {most.input_bound:.2f})."
+        ).replace("-", "−")
+
+    def numbers(self) -> dict[str, Any]:
+        """The key `whiteness` of diagnosis.json."""
+        return {
+            "lags": self.lags,
+            "degrees_of_freedom": self.lags,
+            "longest_lag_s": self.lags * self.period,
+            "white_channels": sum(each.white for each in self.channels),
+            "sentence": self.sentence(),
+            "channels": [each.numbers() for each in self.channels],
+        }
+
+
+def whiteness(comparison: Comparison) -> Whiteness:
+    """Test every coordinate of every marker and every load of a comparison against white noise and inputs."""
+    rows = comparison.time.shape[1]
+    lags = max(1, min(_LAGS, rows // 4))
+    residual, inputs = _residual(comparison), _inputs(comparison)
+    tested = _auto(residual, rows // 2), _auto(inputs, rows // 2)
+    limits = _Limits(inputs.names, *_crossed(inputs, residual, lags, *tested))
+    return Whiteness(
+        tuple(
+            _channel(name, k, lags, tested[0], limits, comparison.period)
+            for k, name in enumerate(residual.names)
+        ),
+        lags,
+        comparison.period,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """Series over segments and rows, each without its mean and of unit size."""
+
+    names: list[str]
+    values: Array
+    """0 where unknown, (S, T, K)"""
+    known: Array
+    """1 or 0, (S, T, K)"""
+
+    @classmethod
+    def of(cls, names: Sequence[str], values: Array, fewest: int = 1) -> "_Series":
+        """Of those that vary and have enough known rows; values are NaN where unknown, (S, T, K)."""
+        known = np.isfinite(values)
+        count = np.maximum(known.sum(axis=(0, 1)), 1)
+        mean = np.where(known, values, 0.0).sum(axis=(0, 1)) / count
+        rest = np.where(known, values - mean, 0.0)
+        size = np.sqrt((rest**2).sum(axis=(0, 1)) / count)
+        kept = (known.sum(axis=(0, 1)) >= fewest) & (size > _STILL * (1 + np.abs(mean)))
+        return cls(
+            [name for name, keep in zip(names, kept, strict=True) if keep],
+            rest[..., kept] / size[kept],
+            known[..., kept].astype(float),
+        )
+
+
+def _residual(c: Comparison) -> _Series:
+    """Coordinates of the markers, then loads."""
+    markers = c.marker_residual.reshape(*c.time.shape, -1)
+    names = [f"{marker}{axis}" for marker in c.marker_names for axis in c.marker.along]
+    loads = [f"{c.load.one} of {name}" for name in c.motor_names]
+    if not c.load_residual.shape[2]:
+        loads = []
+    values = np.concatenate([markers, c.load_residual], axis=2)
+    return _Series.of([*names[: markers.shape[2]], *loads], values, _FEWEST)
+
+
+def _inputs(c: Comparison) -> _Series:
+    """Angle and velocity of each motor."""
+    if c.motor_angle is None:
+        return _Series.of([], np.zeros((*c.time.shape, 0)))
+    speed = c.motor_velocity
+    if speed is None:
+        speed = np.gradient(c.motor_angle, c.period, axis=1)
+    names = [f"{name}'s {what}" for what in ("angle", "velocity") for name in c.motor_names]
+    return _Series.of(names, np.concatenate([c.motor_angle, speed], axis=2))
+
+
+def _lagged(a: Array, b: Array, lag: int) -> Array:
+    """Sums over rows and segments of a now times b so many rows later, (K, K')."""
+    T = a.shape[1]
+    return np.tensordot(a[:, : T - lag], b[:, lag:], axes=((0, 1), (0, 1)))
+
+
+def _auto(of: _Series, lags: int) -> tuple[Array, Array]:
+    """Autocorrelation at lags of 0 … rows, and the pairs of known rows that it is from, (L + 1, K) each."""
+    T = of.values.shape[1]
+    sums, pairs = (
+        np.array([(a[:, : T - k] * a[:, k:]).sum(axis=(0, 1)) for k in range(lags + 1)])
+        for a in (of.values, of.known)
+    )
+    return sums / np.maximum(pairs[0], 1.0), pairs
+
+
+def _crossed(
+    inputs: _Series,
+    residual: _Series,
+    lags: int,
+    of_residual: tuple[Array, Array],
+    of_inputs: tuple[Array, Array],
+) -> tuple[Array, Array]:
+    """Correlations of channels with inputs before them, and their bounds, (L + 1, inputs, channels) each."""
+    bartlett = np.maximum(1.0, 1 + 2 * of_inputs[0][1:].T @ of_residual[0][1:])
+    sums, pairs = (
+        np.array([_lagged(a, b, k) for k in range(lags + 1)])
+        for a, b in ((inputs.values, residual.values), (inputs.known, residual.known))
+    )
+    chance = LEVEL / max(1, pairs[:, :, 0].size if pairs.size else 1)
+    freedom = np.maximum(pairs / bartlett - 2, 1.0)
+    far = student.isf(chance / 2, freedom)
+    return sums / np.maximum(pairs, 1.0), far / np.sqrt(freedom + far**2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Limits:
+    """Correlations of channels with inputs, and what chance makes of them."""
+
+    inputs: list[str]
+    correlation: Array
+    """(L + 1, inputs, channels)"""
+    bound: Array
+    """Likewise"""
+
+    def strongest(self, channel: int) -> tuple[str, int, float, float]:
+        """Input, lag [rows], correlation and bound where a channel follows most beside the bound."""
+        r, bound = self.correlation[..., channel], self.bound[..., channel]
+        if not r.size:
+            return "", 0, 0.0, 1.0
+        lag, at = np.unravel_index(int(np.argmax(np.abs(r) / bound)), r.shape)
+        return self.inputs[at], int(lag), float(r[lag, at]), float(bound[lag, at])
+
+
+def _channel(
+    name: str, k: int, lags: int, tested: tuple[Array, Array], limits: _Limits, period: float
+) -> ChannelWhiteness:
+    """One channel: Ljung and Box's statistic counts the pairs of each lag that are there."""
+    rho, pairs = (each[: lags + 1, k] for each in tested)
+    n = pairs[0]
+    ljung_box = n * (n + 2) * float(np.sum(rho[1:] ** 2 / np.maximum(pairs[1:], 1.0)))
+    name_of_input, lag, correlation, bound = limits.strongest(k)
+    return ChannelWhiteness(
+        name,
+        int(n),
+        rho,
+        _NORMAL_95 * np.sqrt(pairs) / n,
+        float(chi2.sf(ljung_box, lags)),
+        name_of_input,
+        lag * period,
+        correlation,
+        bound,
+    )

@@ -1,0 +1,95 @@
+"""The predicted limit of detection against score tests on independent arms; a motor that never turns."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench_arm import NONE, Job, draw, inject, record_many
+from serpent_twin.identification.acceptance import SURE
+from serpent_twin.identification.check_logs import Check, check
+from serpent_twin.identification.detection import opening_fit
+from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.information import Information
+from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.score_test import scores
+from serpent_twin.machines.arm import MACHINE
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.sessions import read_session, write_session
+
+EFFECT, SEED, SESSIONS, STEPS = "payload", 5, 2, 600
+SUBSTEPS = 40
+STILL = 3  # index of the motor that never turns
+
+pytestmark = pytest.mark.slow
+
+
+def record(folder, strength=0.0, sessions=SESSIONS, steps=STEPS):
+    """Logs of one arm, with the effect."""
+    arm = replace(draw(np.random.default_rng(SEED)), marker_noise=2e-4)
+    effects = inject(EFFECT, strength, np.random.default_rng(1)) if strength else NONE
+    record_many([Job(folder, arm, effects, 3, sessions, steps)], SUBSTEPS)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    return tmp_path_factory.mktemp("limits")
+
+
+@pytest.fixture(scope="module")
+def limit(root):
+    """That of the effect, from logs of the arm without it."""
+    found = check(Check(record(root / "clean")))
+    return next(each for each in found.effects if each.name == EFFECT)
+
+
+def score_test(logs):
+    """Strength of the effect in a score test on the calibrated twin, and its standard error."""
+    read = MACHINE.read(logs)
+    case = MACHINE.open(read)
+    pieces = case.pieces(read)
+    start = ParameterVector(np.zeros(len(case.declared)))
+    case = case.reweighted(start, pieces)
+    opening, free = opening_fit(case, pieces), free_parameters(case, ())
+    first = fit(case, pieces, start, free, 1, case.segments[0], known=opening)
+    case = case.reweighted(first.point, pieces)
+    base = fit(case, pieces, first.point, free, 0, case.segments[0], carried=first)
+    (found,) = scores(case, pieces, base, [case.candidates[EFFECT]])
+    known, change = Information.of(case, base), found.change.astype(float)
+    left, _, size = known.projected(change, base.residual.ravel().astype(float))
+    strength = found.tried[0]
+    return size * strength, strength / np.sqrt(known.weight * float(left @ change))
+
+
+def test_twice_the_limit_is_beyond_three_standard_errors(root, limit):
+    assert limit.told and 0 < limit.by_scatter < limit.by_gain == limit.limit
+    found, error = score_test(record(root / "strong", 2 * limit.limit))
+    assert found > SURE * error
+
+
+def test_a_tenth_of_it_is_not_and_the_standard_error_is_as_predicted(root, limit):
+    found, error = score_test(record(root / "weak", 0.1 * limit.limit))
+    assert abs(found) < SURE * error
+    assert limit.by_scatter == pytest.approx(SURE * error, rel=0.5)
+
+
+def test_a_motor_that_never_turns_is_named_and_nothing_is_told_of_its_strands(root, tmp_path):
+    record(root / "moves", sessions=1, steps=200)
+    session = read_session(root / "moves" / "session_01.parquet")
+    angle, velocity = session.motor_position.copy(), session.motor_velocity.copy()
+    angle[:, STILL], velocity[:, STILL] = angle[0, STILL], 0.0
+    name = f"motor {STILL + 1}"
+    write_session(
+        tmp_path / "session_01.parquet",
+        replace(session, motor_position=angle, motor_velocity=velocity),
+    )
+    found = check(Check(tmp_path))
+    assert [each.name for each in found.inputs if each.still] == [name]
+    assert f"{name.capitalize()} never moves" in found.sentence()
+    if found.hidden:
+        assert found.advice.startswith(f"Move {name}")
+    ratio = {each.name: each.ratio for each in found.parameters}
+    friction = [ratio[f"gear friction, motor {j + 1}"] for j in range(9)]
+    assert friction[STILL] == pytest.approx(1.0)
+    assert all(each < 0.95 for j, each in enumerate(friction) if j != STILL)
