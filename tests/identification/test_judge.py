@@ -1,0 +1,189 @@
+"""Test how a trace judges: rivals, pairs, parameters that are not as built, bars, stand-ins and limits."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from linear_case import GUST, NOTHING, START, case, every
+
+from serpent_twin.effects import Range
+from serpent_twin.identification.acceptance import CandidateTrial, best_trial, why_not
+from serpent_twin.identification.bars import BEYOND, Bars
+from serpent_twin.identification.build_diagnosis import _stands_in
+from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.held_out import Errors, gain
+from serpent_twin.identification.information import Information
+from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.moved import _expected, moved
+from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
+from serpent_twin.identification.score_test import Score, full_fit, scores
+from serpent_twin.machines.machine import Candidate, Quantity
+
+RNG = np.random.default_rng(5)
+ONE_SIDED, SIGNED = Range("1", 0.0, 10.0, 1.0), Range("1", -10.0, 10.0, 1.0)
+
+
+def scored(name: str, beyond: np.ndarray, share: float = 0.0) -> Score:
+    return Score(name, share, 1.0, np.ones(1), False, beyond, beyond, np.ones(1))
+
+
+def candidate(name: str, allowed: Range = SIGNED) -> Candidate:
+    return Candidate(name, {"size": allowed}, (np.ones(1),))
+
+
+def of(*names: str) -> dict[str, Candidate]:
+    return {name: candidate(name) for name in names}
+
+
+def test_what_changes_the_residual_alike_is_a_rival():
+    """Whatever their signs and sizes; the most alike first."""
+    a, b, other = RNG.standard_normal((3, 500))
+    found = {
+        "a": scored("a", a),
+        "twice": scored("twice", -2 * a),
+        "near": scored("near", a + 0.5 * b),
+        "other": scored("other", other),
+    }
+    assert cosine(found["a"], found["twice"]) == pytest.approx(1.0)
+    assert list(rivals("a", found)) == ["twice", "near"]
+    assert rivals("a", found)["near"] == pytest.approx(1 / np.sqrt(1.25), abs=0.05)
+    assert Rival("near", 0.9, 0.2, 0.001).told_apart
+    assert not Rival("near", 0.9, 0.0, 0.4).told_apart
+    assert not Rival("near", 0.9, None, None).told_apart
+
+
+def test_two_effects_that_hide_each_other_are_tried_as_a_pair():
+    """Opposite and nearly alike: each alone removes little of what both together make."""
+    common, small = RNG.standard_normal((2, 900))
+    a, b = common + 0.2 * small, -common + 0.2 * small
+    residual = -(a + b) + 0.05 * RNG.standard_normal(900)
+    both = [a, b, RNG.standard_normal(900)]
+    total = residual @ residual
+    found = [
+        scored(name, each, (each @ residual) ** 2 / (each @ each) / total)
+        for name, each in zip("abc", both, strict=True)
+    ]
+    (pair, *_) = pairs(found, residual, of("a", "b", "c"))
+    assert pair.names == ("a", "b")
+    assert pair.share > 0.9 and pair.alone < 0.2
+    assert pair.size == pytest.approx((1.0, 1.0), abs=0.1)
+    backwards = pairs(
+        found, -residual, {name: candidate(name, ONE_SIDED) for name in ("a", "b", "c")}
+    )
+    assert all(each.names != ("a", "b") for each in backwards)  # no strength is negative
+
+
+def test_what_the_free_parameters_take_up_does_not_count():
+    """Against the regression of a change on the derivatives, with priors that hold nothing."""
+    arm = case(0.0)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 3, 99)
+    known, slopes = Information.of(arm, base), base.jacobian.reshape(2, -1).astype(float)
+    change = RNG.standard_normal(slopes.shape[1]) + 3 * slopes[0]
+    taken = np.linalg.lstsq(slopes.T, change)[0]
+    assert known.beyond(change) == pytest.approx(change - taken @ slopes, abs=1e-3)
+    one = known.without(0).beyond(change)
+    assert one == pytest.approx(
+        change - (change @ slopes[1]) / (slopes[1] @ slopes[1]) * slopes[1], abs=1e-3
+    )
+
+
+def test_a_parameter_that_is_not_as_built_is_named_with_what_it_may_stand_for():
+    """One declared parameter whose tolerance is exceeded, and a candidate that changes the same."""
+    arm = case(0.0)
+    alike = replace(arm, g=arm.X[..., 1])
+    base = fit(alike, every(), START, free_parameters(alike, ()), 3, 99)
+    found = scores(alike, every(), base, [alike.candidates[name] for name in (GUST, NOTHING)])
+
+    def built(tolerance: float):
+        quantities = [
+            Quantity(d.name, "mm", 5.0, 1.0, (d.name,), 5.0, tolerance) for d in alike.declared
+        ]
+        names = {n: getattr(alike, n) for n in ("declared", "noise", "candidates", "channels")}
+        return moved(SimpleNamespace(quantities=quantities, **names), base, found)
+
+    two, one = built(0.1)
+    assert (two.name, one.name) == ("two", "one")
+    assert two.value == pytest.approx(3.0, abs=0.05) and two.expected == 5.0
+    assert two.widths == pytest.approx(-20, rel=0.05)
+    assert list(two.stands_for) == [GUST] and two.stands_for[GUST] > 0.99
+    assert one.stands_for == {}
+    assert str(replace(two, value=3.0)).startswith("two is 3 mm where 5 is expected, ")
+    assert built(0.7) == () and len(built(0.5)) == 1
+
+
+def test_parts_that_are_built_alike_are_judged_by_their_median():
+    kind = [Quantity(f"slack {n}", "mm", 0.5, 1.0, (str(n),), 9.0, 0.2, "slack") for n in range(5)]
+    assert _expected(kind, np.array([0.5, 0.6, 0.4, 3.9, 0.5]), 3) == pytest.approx(0.5)
+
+
+def test_the_bar_does_not_rise_with_what_looks_like_noise():
+    """Jitter raises it as far as no pose explains it, and no further."""
+    assert Bars(camera_noise=0.24, complete_twin=0.32, jitter=5.0).bar == 0.32
+    assert Bars(camera_noise=0.40, complete_twin=0.32, jitter=5.0).bar == 0.40
+    assert Bars(camera_noise=0.40, complete_twin=0.32, jitter=0.35).bar == 0.35
+    assert Bars(0.24, 0.32, float("nan")).bar == 0.32
+    told = Bars(0.40, 0.32, 5.0).numbers("mm")
+    assert told["held"] == "jitter" and told["bar_mm"] == 0.40 and BEYOND == 2.0
+
+
+@pytest.mark.parametrize(
+    ("calibrated", "corrected", "stands_in"),
+    [(6.4, 2.7, True), (6.4, 0.45, False), (1.3, 0.65, False), (8.0, 1.6, False)],
+)
+def test_effects_that_leave_much_are_stand_ins(calibrated, corrected, stands_in):
+    """Several times what could be noise, unless nearly all of the error was explained."""
+    error = {"calibrated": calibrated, "corrected": corrected}
+    assert _stands_in(error, Bars(0.24, 0.3, 0.5)) == stands_in
+
+
+def fitted(name: str, arm, base, better: float, noise: float) -> CandidateTrial:
+    """A trial whose held-out errors are better than 1 mm, by so much and with so much scatter."""
+    found = scores(arm, every(), base, [arm.candidates[name]])[0]
+    made = full_fit(arm, every(), base, found, print)
+    each = 1 - better + noise * np.random.default_rng(6).standard_normal((7, 5))
+    after = Errors(each, np.full((7, 5), np.nan))
+    before = Errors(np.ones((7, 5)), np.full((7, 5), np.nan))
+    return CandidateTrial(found, made, gain(before, after), 1 - better, 1.0, after)
+
+
+def test_of_candidates_that_nothing_tells_apart_the_simplest_is_taken():
+    arm = case(0.7)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+    one = fitted(GUST, arm, base, 0.3, 0.02)
+    rival = replace(
+        one,
+        errors=replace(
+            one.errors,
+            marker_by_block=one.errors.marker_by_block
+            - 1e-4 * np.random.default_rng(1).standard_normal((7, 5)),
+        ),
+    )
+    rival = replace(rival, gain=replace(one.gain, by_block=one.gain.by_block + 1e-3))
+    two = {**arm.candidates[GUST].ranges, "more": Range("1", 0.0, 1.0, 0.5)}
+    known = {GUST: arm.candidates[GUST], "complex": replace(arm.candidates[GUST], ranges=two)}
+    values = {GUST: np.array([0.7]), "complex": np.array([0.7, 0.5])}
+    point = replace(one.fit.point, effects=values)
+    free = replace(one.fit.free, effects=((GUST, 0),))
+    trials = {
+        GUST: replace(one, fit=replace(one.fit, point=point, free=free)),
+        "complex": replace(
+            rival,
+            fit=replace(one.fit, point=point, free=replace(free, effects=(("complex", 0),))),
+        ),
+    }
+    assert best_trial(trials, known) == GUST
+    better = replace(one.errors, marker_by_block=one.errors.marker_by_block - 0.1)
+    trials["complex"] = replace(trials["complex"], errors=better)
+    assert best_trial(trials, known) == "complex"
+
+
+def test_a_strength_at_the_end_of_its_range_is_a_law_where_the_range_says_so():
+    arm = case(0.7)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+    one = fitted(GUST, arm, base, 0.3, 0.02)
+    end = replace(one, fit=replace(one.fit, point=one.fit.point.having(GUST, np.array([10.0]))))
+    known = arm.candidates[GUST]
+    assert "runs to the end" in why_not(GUST, end, known)
+    limited = {"size": replace(known.ranges["size"], limit="it blows as hard as it can")}
+    assert why_not(GUST, end, replace(known, ranges=limited)) == ""
