@@ -129,7 +129,9 @@ def _before_and_after(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Sect
         "declared parameters fitted to the training sessions; corrected has, besides, what was found "
         "missing."
     )
-    if not diagnosis.effects:
+    if diagnosis.stand_ins:
+        text += " What was added is a stand-in: it comes nearest, but is not the cause."
+    elif not diagnosis.effects:
         text += " Nothing was added to the calibrated twin, so that the corrected one is the same."
     blocks = (
         figures.before_and_after(diagnosis),
@@ -182,10 +184,7 @@ def _alike(diagnosis: Diagnosis) -> Section | None:
     open_ = [figures.spaced(each.name) for each in alike if not each.told_apart]
     text = "These logs tell every effect that was found from those that look like it."
     if open_:
-        text = (
-            f"These logs cannot tell what was found from {listed(open_)}: the names are alternatives, of "
-            "which the first fits best."
-        )
+        text = f"These logs cannot tell what was found from {listed(open_)}: the names are alternatives."
     if not alike:
         text = "Pairs of candidates were fitted where no candidate was accepted alone."
     return Section("What looks alike", text, tuple(tabled))

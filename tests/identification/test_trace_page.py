@@ -13,7 +13,9 @@ from serpent_twin.identification.diagnosis import (
     Unexplained,
     key,
 )
+from serpent_twin.identification.moved import Moved
 from serpent_twin.identification.page import lead, page
+from serpent_twin.identification.rivals import Rival
 from serpent_twin.machines.arm.vector import candidates
 from serpent_twin.reporting import report
 from serpent_twin.reporting.report import Figure
@@ -248,3 +250,37 @@ def test_diagnosis_json_holds_whiteness_and_identifiability():
     assert not told["identifiability"]["can_be_told"]
     assert told["identifiability"]["effects"][1]["limit"] == 0.5
     assert told["identifiability"]["weakest_directions"][0]["ratio"] == pytest.approx(1 / 3)
+
+
+def test_a_stand_in_is_no_cause_and_the_page_says_so():
+    """Named as what comes nearest, in the sentence and in the lead, and never among the effects."""
+    found = diagnosis(stand_ins=(TILT,), unexplained=Unexplained(True, 0.9, "It swings."))
+    assert "no known effect explains it; nearest comes base_tilt" in found.sentence()
+    told = "\n".join(section.text for section in sections(found).values())
+    assert "as a stand-in" in lead(found) and "is a stand-in" in told
+    numbers = found.numbers(1.0, 0.5)
+    assert numbers["effects"] == [] and numbers["stand_ins"][0]["name"] == "base_tilt"
+
+
+def test_rivals_that_nothing_tells_apart_are_alternatives():
+    rivals = {
+        "base_tilt": (Rival("payload", 0.97, 0.01, 0.4), Rival("constant_force", 0.9, 0.3, 1e-4))
+    }
+    found = diagnosis(effects=(TILT,), rivals=rivals)
+    assert "these logs cannot tell it from payload" in found.sentence()
+    section = sections(found)["What looks alike"]
+    assert "cannot tell what was found from payload: the names are alternatives" in section.text
+    (table,) = section.blocks
+    assert [row[-1] for row in table.rows] == ["no", "yes"]
+
+
+def test_a_parameter_that_is_not_as_built_is_no_success():
+    winch = Moved(
+        "winch of motor 3", "winch radius, motor 3", 17.4, 16.0, "mm", 14.4, {"payload": 0.8}
+    )
+    found = diagnosis(moved=(winch,))
+    said = found.sentence()
+    assert "nothing was found missing" in said and "nothing is missing" not in said
+    assert "winch radius, motor 3 is 17.4 mm where 16 is expected, 14.4 × its tolerance" in said
+    assert "may stand for payload" in said
+    assert any("17.4" in row[2] for row in sections(found)["Calibration"].blocks[0].rows)
