@@ -64,12 +64,13 @@ def identifiability(
     found.sort(key=lambda each: (not each.delay, -each.limit / each.typical))
     some = case.take(pieces, opening.used)
     parameters, directions = _parameters(case, explained.known, effects)
+    without = case.compare(opening.point, some)
     return Identifiability(
         parameters,
         tuple(found),
         directions,
-        excitation(case.compare(opening.point, some)),
-        advice(case, some, opening.point, hidden),
+        excitation(without),
+        advice(case, some, opening.point, without, hidden),
         opening.residual.size // case.channels,
         1 / explained.known.weight,
     )
@@ -145,19 +146,25 @@ def _detection(
     case: Case[Any], explained: _Explained, of: _Effect, among: Sequence[_Effect]
 ) -> EffectIdentifiability:
     """The detection limit of an effect beside what is left of the residual."""
-    scatter = SURE / np.sqrt(of.information) if of.information > 0 else np.inf
-    why = "the simulation of a twin with it became unstable" if of.score.unstable else ""
     parameter = list(of.candidate.ranges)[of.at]
+    allowed = of.candidate.ranges[parameter]
+
+    def strength(times: float) -> float:
+        size = of.typical * times
+        return size if size < max(allowed.high, -allowed.low) else np.inf
+
+    scatter = SURE / np.sqrt(of.information) if of.information > 0 else np.inf
+    both = strength(float(scatter)), strength(_worth(case, explained, of.beyond))
+    why = "" if np.isfinite(max(both)) else "no strength within its range would show"
     return EffectIdentifiability(
         of.score.name,
         parameter,
-        of.candidate.ranges[parameter].unit,
+        allowed.unit,
         of.typical,
-        of.typical * float(scatter),
-        of.typical * _worth(case, explained, of.beyond),
+        *both,
         1 - of.left / of.size if of.size else 0.0,
         _confounded(of, among),
-        why,
+        "the simulation of a twin with it became unstable" if of.score.unstable else why,
     )
 
 

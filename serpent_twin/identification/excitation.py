@@ -73,16 +73,21 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
-def advice(case: Case[Any], pieces: Any, base: ParameterVector, hidden: Mapping[str, Array]) -> str:
+def advice(
+    case: Case[Any],
+    pieces: Any,
+    base: ParameterVector,
+    without: Comparison,
+    hidden: Mapping[str, Array],
+) -> str:
     """A sentence on the motion that would show effects that are hidden in these logs; nothing for none.
 
-    `hidden` holds the parameters of each effect. A twin with it is compared with one without: the motion
-    that its difference follows most, of those in the logs, is what there should be more of. An effect whose
-    memory outlives a segment shows where poses are held.
+    `hidden` holds the parameters of each effect. A twin with it is compared with the base, `without` any: the
+    motion that its difference follows most, of those in the logs, is what there should be more of. An effect
+    whose memory outlives a segment shows where poses are held.
     """
     if not hidden:
         return ""
-    without = case.compare(base, pieces)
     still = [each.name for each in excitation(without) if each.still]
     wanted: dict[str, list[str]] = {}
     for name, values in list(hidden.items())[:_ADVISED]:

@@ -52,7 +52,7 @@ class EffectIdentifiability:
     typical: float
     """A strength that the machine may well have"""
     by_scatter: float
-    """Strength that is three standard errors from zero; infinite where none is"""
+    """Strength that is three standard errors from zero; infinite where none within its range is"""
     by_gain: float
     """Strength that betters the error by as much as an accepted effect must; infinite where none does"""
     taken_up: float
