@@ -62,14 +62,14 @@ def score_test(logs):
     return size * strength, strength / np.sqrt(known.weight * float(left @ change))
 
 
-def test_twice_the_limit_is_beyond_three_standard_errors(root, limit):
+def test_twice_the_strength_that_scatter_allows_is_beyond_three_standard_errors(root, limit):
     assert limit.told and 0 < limit.by_scatter < limit.by_gain == limit.limit
-    found, error = score_test(record(root / "strong", 2 * limit.limit))
+    found, error = score_test(record(root / "strong", 2 * limit.by_scatter))
     assert found > SURE * error
 
 
 def test_a_tenth_of_it_is_not_and_the_standard_error_is_as_predicted(root, limit):
-    found, error = score_test(record(root / "weak", 0.1 * limit.limit))
+    found, error = score_test(record(root / "weak", 0.1 * limit.by_scatter))
     assert abs(found) < SURE * error
     assert limit.by_scatter == pytest.approx(SURE * error, rel=0.5)
 
