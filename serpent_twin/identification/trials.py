@@ -89,6 +89,7 @@ class Trials:
     def rivals(self, case: Case[Any], name: str, rounds: Sequence[Round]) -> tuple[Rival, ...]:
         """The rivals of an accepted effect, each fitted in its place and compared on held-out logs."""
         number, done = next((n, r) for n, r in enumerate(rounds, 1) if name in r.accepted)
+        case = replace(case, noise=done.base.noise)  # by which the base's derivative is weighed
         scores = {other: trial.score for other, trial in done.trials.items()}
         alike, winner = rivals(name, scores), done.trials[name].errors
         beside = [n for n in case.candidates[name].confused_with if n in scores]
