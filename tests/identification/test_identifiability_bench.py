@@ -8,7 +8,7 @@ import pytest
 from bench_arm import NONE, Job, draw, inject, record_many
 from serpent_twin.identification.acceptance import SURE
 from serpent_twin.identification.check_logs import Check, check
-from serpent_twin.identification.detection import opening_fit
+from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit
@@ -37,25 +37,32 @@ def root(tmp_path_factory):
     return tmp_path_factory.mktemp("limits")
 
 
+def opened(logs):
+    """A case with its segments and opening, and the effect where the arm has it: in the gripper."""
+    read = MACHINE.read(logs)
+    case = MACHINE.open(read)
+    pieces = case.pieces(read)
+    case = case.reweighted(ParameterVector(np.zeros(len(case.declared))), pieces)
+    effect = case.candidates[EFFECT]
+    return case, pieces, opening_fit(case, pieces), replace(effect, variants=effect.variants[:1])
+
+
 @pytest.fixture(scope="module")
 def limit(root):
     """That of the effect, from logs of the arm without it."""
-    found = check(Check(record(root / "clean")))
+    case, pieces, opening, effect = opened(record(root / "clean"))
+    found = identifiability(case, pieces, opening, scores(case, pieces, opening, [effect]))
     return next(each for each in found.effects if each.name == EFFECT)
 
 
 def score_test(logs):
     """Strength of the effect in a score test on the calibrated twin, and its standard error."""
-    read = MACHINE.read(logs)
-    case = MACHINE.open(read)
-    pieces = case.pieces(read)
-    start = ParameterVector(np.zeros(len(case.declared)))
-    case = case.reweighted(start, pieces)
-    opening, free = opening_fit(case, pieces), free_parameters(case, ())
+    case, pieces, opening, effect = opened(logs)
+    start, free = opening.point, free_parameters(case, ())
     first = fit(case, pieces, start, free, 1, case.segments[0], known=opening)
     case = case.reweighted(first.point, pieces)
     base = fit(case, pieces, first.point, free, 0, case.segments[0], carried=first)
-    (found,) = scores(case, pieces, base, [case.candidates[EFFECT]])
+    (found,) = scores(case, pieces, base, [effect])
     known, change = Information.of(case, base), found.change.astype(float)
     left, _, size = known.projected(change, base.residual.ravel().astype(float))
     strength = found.tried[0]
