@@ -33,7 +33,7 @@ class Demo(Checked):
 def steps(out: Path) -> list[tuple[str, list[Any]]]:
     """What is done, and the command that does it."""
     twin = out / "loop" / "arm_a" / "twin.json"
-    quick = ["--readout", "analytical", "linear", "residual", "ensemble", "observer"]
+    quick = ["--readout", "analytical", "linear", "residual", "residual_mlp", "observer"]
     return [
         ("Collect sessions of the twin",
          ["serpent_twin.collect", "--out", out / "logs", "--sessions", 5, "--steps", 600]),

@@ -32,7 +32,7 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
 _MOST_EFFECTS = 6
-_PLAIN = 0.3
+_PLAIN = 0.2
 """Relative gain of a candidate above which those that calibration may have absorbed are not tried"""
 
 
