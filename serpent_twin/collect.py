@@ -8,7 +8,7 @@ from serpent_twin.recording.collect import Collect, collect
 
 def main(config: Collect) -> None:  # noqa: D103 tyro would print it above the config's own
     paths = collect(config)
-    print(f"{counted(len(paths), 'session')} of {counted(config.steps, 'row')} in {config.out}")
+    print(f"{counted(len(paths), 'session')} of {counted(config.rows, 'row')} in {config.out}")
     next_step.say(next_step.after_logs(config.out, config.out.parent))
 
 

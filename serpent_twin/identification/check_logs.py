@@ -16,7 +16,8 @@ from serpent_twin.identification import check_page
 from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.score_test import scores
-from serpent_twin.machines.machine import Log, ParameterVector
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.rig import Log
 from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.files import finite, write_json
 from serpent_twin.runs.provenance import file_hash, provenance, versions

@@ -10,6 +10,7 @@ from serpent_twin.identification.acceptance import PairTrial
 from serpent_twin.identification.bars import Bars
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.moved import Moved
+from serpent_twin.identification.next_motion import NOT_EXCITED, next_motion
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.residual import LOADS, MARKERS, Comparison, Findings, Measure
 from serpent_twin.residual.learned import Learned
@@ -17,7 +18,7 @@ from serpent_twin.residual.noise import in_words
 from serpent_twin.residual.whiteness import Whiteness
 
 _LISTED = 3
-ACCEPTED, REJECTED, NOT_EXCITED = "accepted", "rejected", "not excited"
+ACCEPTED, REJECTED = "accepted", "rejected"
 UNSTABLE = "unstable"
 STANDS_IN = "stands in"
 UNTESTED = (NOT_EXCITED, UNSTABLE)
@@ -214,6 +215,9 @@ class Diagnosis:
                 name: [each.numbers(mm) for each in several]
                 for name, several in self.rivals.items()
             },
+            "next_motion": next_motion(
+                self.rivals, {each.name: each.verdict for each in self.candidates}
+            ),
             "pairs": [each.numbers() for each in self.pairs],
             "calibration": {name: each.numbers() for name, each in self.calibration.items()},
             "residual": {name: each.numbers() for name, each in self.findings.items()},

@@ -21,7 +21,7 @@ from serpent_twin.identification.diagnosis import Diagnosis
 from serpent_twin.identification.page import page
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.uncertainty import drawn
-from serpent_twin.machines.machine import Log
+from serpent_twin.machines.rig import Log
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import write
 from serpent_twin.runs.files import finite, write_json
@@ -156,7 +156,8 @@ def _write(
     settings: Mapping[str, Any],
 ) -> dict[str, Any]:
     origin = dict(settings) | provenance()
-    numbers = numbers | {"provenance": origin}
+    logs = str(config.logs.resolve())
+    numbers = numbers | {"provenance": origin | {"logs": logs}}
     assert tracer.final is not None
     about = {"arm": found.arm, "provenance": origin}
     tracer.case.write(tracer.final, config.out / "twin.json", about)

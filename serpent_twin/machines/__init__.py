@@ -5,7 +5,7 @@ import pkgutil
 from pathlib import Path
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.machine import Rig
+from serpent_twin.machines.rig import Rig
 
 
 def available() -> list[str]:
@@ -14,7 +14,7 @@ def available() -> list[str]:
     return sorted(
         file.name
         for file in pkgutil.iter_modules(here)
-        if file.name not in ("case", "machine", "measured")
+        if file.name not in ("case", "machine", "measured", "rig")
     )
 
 

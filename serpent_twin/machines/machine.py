@@ -1,23 +1,20 @@
 """Define what a machine must provide to be traced.
 
-A `Rig` reads logs of one kind of machine and opens a `Case` (`case.py`) of them. A `Machine` is what differs
-from one case to the next: how twins are built, how a log drives them, what is measured with which noise, and
-which effects are candidates. `residual` and `trace` use machines through these interfaces alone.
+A `Rig` (`rig.py`) reads logs of one kind of machine and opens a `Case` (`case.py`) of them. A `Machine` is
+what differs from one case to the next: how twins are built, how a log drives them, what is measured with
+which noise, and which effects are candidates. `residual` and `trace` use machines through these interfaces alone.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Range, by_name, ranges
 from serpent_twin.residual import Comparison, Measure
-
-if TYPE_CHECKING:
-    from serpent_twin.machines.case import Case
 
 
 @dataclass(frozen=True)
@@ -184,6 +181,20 @@ class Pieces(Protocol):
 P = TypeVar("P", bound=Pieces)
 
 
+@dataclass(frozen=True)
+class Proposals(Generic[P]):
+    """Motions that keep a machine's limits, each from and to the same pose, so that any order of them is a
+    motion.
+    """
+
+    kinds: tuple[str, ...]
+    """What each is, (M,)"""
+    targets: Array
+    """What commands the machine, (M, T, ·)"""
+    pieces: P
+    """What the machine's twin makes of each, (M,)"""
+
+
 class Machine(Protocol[P]):
     """A machine with first guesses: a parameter vector of zeros is its calibration's start."""
 
@@ -250,49 +261,21 @@ class Machine(Protocol[P]):
         """The segments as another measurement of the same motion would have started a twin."""
         ...
 
+    def propose(
+        self,
+        point: ParameterVector,
+        count: int,
+        seconds: float,
+        rate_hz: float,
+        rng: np.random.Generator,
+    ) -> Proposals[P]:
+        """Up to `count` motions [s] at a rate, simulated by the twin of a parameter vector; raises a
+        `SerpentError` where nothing here commands the machine, or no motion keeps its limits.
+        """
+        ...
+
     def write(
         self, point: ParameterVector, noise: Array, path: Path, about: Mapping[str, Any]
     ) -> None:
         """Write the twin of a parameter vector, PATH.json and PATH.xml; `noise` is what it leaves, (C,)."""
-        ...
-
-
-class Log(Protocol):
-    """One recording of a machine."""
-
-    @property
-    def path(self) -> Path | None:
-        """The file that it came from."""
-        ...
-
-    @property
-    def name(self) -> str:
-        """Its name in reports."""
-        ...
-
-    @property
-    def metadata(self) -> Mapping[str, Any]:
-        """The recorder's metadata."""
-        ...
-
-    @property
-    def readings(self) -> Array:
-        """What the machine's own sensors read, row by row, (T, N)."""
-        ...
-
-
-class Rig(Protocol):
-    """One kind of machine, and its logs."""
-
-    name: str
-    """Its name on the command line"""
-    about: str
-    """A description for the command line's help"""
-
-    def read(self, folder: Path) -> Sequence[Log]:
-        """A folder's sessions; raises a `SerpentError` on logs that are not of this machine."""
-        ...
-
-    def open(self, training: Sequence[Any]) -> "Case[Any]":
-        """First guesses out of training logs."""
         ...

@@ -133,6 +133,13 @@ def after_trace(config: "Trace") -> Words | None:
     return ["serpent_twin.collect", "--twin", str(twin), *at_rate(rate), "--out", str(out)]
 
 
+def after_plan(motion: Path, rate_hz: float) -> Words:
+    """After a motion was planned: let the arm follow it."""
+    out = named_after(motion.parent, motion.with_suffix(""), "motion", "next_logs")
+    given = ["--motion", str(motion), "--sessions", "2", *at_rate(rate_hz)]
+    return ["serpent_twin.collect", "--backend", "real", *given, "--out", str(out)]
+
+
 def after_sweep(config: "Sweep", table: Mapping[str, Any]) -> Words | None:
     """After a sweep: sessions of its softest arm, which readouts can be trained on."""
     from serpent_twin.recording.collect import Collect, check

@@ -4,11 +4,26 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
+
+from serpent_twin.arm.control import random_targets
 from serpent_twin.arm.parameters import NOMINAL, Parameters
+from serpent_twin.arrays import Array
 from serpent_twin.command_line.option_groups import Group
-from serpent_twin.command_line.options import Checked, RateHz, Seed, Sessions, Steps, Workers, when
+from serpent_twin.command_line.options import (
+    ABSENT,
+    Checked,
+    RateHz,
+    Seed,
+    Sessions,
+    Steps,
+    Workers,
+    when,
+)
+from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.natnet.live import NatNet
 from serpent_twin.recording import run_folder
+from serpent_twin.recording.motion import read as read_motion
 from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import SCHEMA_VERSION
@@ -41,7 +56,7 @@ class RealArm:
 
 @dataclass(frozen=True)
 class Collect(Checked):
-    """Collect session logs of an arm that follows random joint targets.
+    """Collect session logs of an arm that follows random joint targets, or a planned motion.
 
     Each session becomes OUT/session_NN.parquet. After an interruption, the same command continues with what
     is missing, and a larger --sessions adds to a finished run.
@@ -53,8 +68,10 @@ class Collect(Checked):
     """sim: the twin, as fast as it computes. real: the arm on its motor bus; see --port."""
     sessions: Sessions = 23
     """Number of sessions."""
-    steps: Steps = 2100
+    steps: Annotated[Steps, when(motion=ABSENT)] = 2100
     """Control steps, that is rows, of each session."""
+    motion: Path | None = None
+    """Motion to follow in each session, in place of random targets: python -m serpent_twin.plan writes it."""
     rate_hz: RateHz = 4.0
     """Control steps per second."""
     seed: Seed = 0
@@ -77,6 +94,17 @@ class Collect(Checked):
     def arm_name(self) -> str:
         """The arm's name in the logs."""
         return self.arm or ("twin" if self.backend == "sim" else self.real.setup.stem)
+
+    @property
+    def rows(self) -> int:
+        """Control steps of each session."""
+        return len(read_motion(self.motion).targets) if self.motion else self.steps
+
+    def targets(self, rng: np.random.Generator) -> Array:
+        """Joint targets of a session [rad], (rows, 9): the planned motion's, or random ones."""
+        if self.motion:
+            return read_motion(self.motion).targets
+        return random_targets(self.steps, rng)
 
     def simulated(self) -> ArmFile:
         """The arm to simulate."""
@@ -128,7 +156,10 @@ def metadata(config: Collect, session: int) -> dict[str, Any]:
 
 def settings(config: Collect) -> dict[str, Any]:
     """The settings that runs in one folder must share."""
-    common = {name: getattr(config, name) for name in ("backend", "steps", "rate_hz", "seed")}
+    common = {name: getattr(config, name) for name in ("backend", "rate_hz", "seed")}
+    common["steps"] = config.rows
+    if config.motion:
+        common["motion_sha256"] = file_hash(config.motion)
     common["arm"] = config.arm_name
     if config.backend == "real":
         from serpent_twin.recording.real import settings_of_arm
@@ -153,6 +184,11 @@ def _twin_file(config: Collect, said: dict[str, Any]) -> dict[str, Any]:
 
 def check(config: Collect) -> None:
     """Refuse what cannot be collected, before anything is written or moves."""
+    if config.motion and (rate := read_motion(config.motion).rate_hz) != config.rate_hz:
+        raise SerpentError(
+            f"{config.motion} was planned for {rate:g} control steps per second, not {config.rate_hz:g}: "
+            f"give --rate-hz {rate:g}."
+        )
     if config.backend == "sim":
         config.simulated().twin().substeps(1 / config.rate_hz)
     else:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from serpent_twin.arm.control import random_targets
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.cameras import Mocap, NoMocap
 from serpent_twin.hardware.dynamixel.bus import DynamixelBus
@@ -43,7 +42,7 @@ def record_all(config: Collect, missing: list[int], beside: Beside = NOTHING) ->
     setup = arm_of(config)
     if is_pseudo_terminal(setup.port):
         print(f"{setup.port} is a pseudo-terminal: the motors on it are simulated.")
-    total = len(missing) * config.steps
+    total = len(missing) * config.rows
     with stopped_by_signals(), tqdm(total=total, unit="row", disable=not missing) as bar:
         for session in missing:
 
@@ -84,7 +83,7 @@ def record_session(
     """Record one session; however it ends, its rows are sealed, and its metadata state why it ended."""
     path = session_path(config, session)
     for_targets, *_ = generators(config.seed, (session,))
-    targets = random_targets(config.steps, for_targets)
+    targets = config.targets(for_targets)
     bus, cameras, watch = DynamixelBus(setup), cameras_of(config), lost_markers.Watch()
     of_bus = FURTHER + (FURTHER_OF_CAMERAS if config.real.mocap != "none" else ())
     values = _further(bus, of_bus)

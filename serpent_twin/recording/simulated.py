@@ -13,7 +13,6 @@ from typing import Any
 
 from tqdm import tqdm
 
-from serpent_twin.arm.control import random_targets
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.recording import run_folder
@@ -38,10 +37,10 @@ def simulated_arm(
     """
     for_targets, for_loads, for_cameras = generators(config.seed, (session,))
     file = config.simulated()
-    prior_runtime += (session - 1) * config.steps / config.rate_hz
+    prior_runtime += (session - 1) * config.rows / config.rate_hz
     twin, parameters = file.twin(prior_runtime), file.design.parameters
     arm = SimulatedArm.of(twin, parameters, for_loads, for_cameras, config.marker_loss)
-    return arm, random_targets(config.steps, for_targets)
+    return arm, config.targets(for_targets)
 
 
 def simulate_session(config: Collect, session: int, tick: Callable[[int], None]) -> Path:
@@ -82,7 +81,7 @@ def _work(config: Collect, job: tuple[int, int]) -> Path:
 
 @contextmanager
 def _progress(config: Collect, missing: int) -> Iterator[Callable[[int, str], None]]:
-    total = missing * config.steps
+    total = missing * config.rows
     with tqdm(total=total, unit="row", disable=not missing, smoothing=0.05) as bar:
 
         def show(rows: int, sessions: str) -> None:
@@ -96,7 +95,7 @@ def _simulate_all(config: Collect, missing: list[int], show: Callable[[int, str]
     workers = min(config.workers or os.cpu_count() or 1, len(missing))
     if workers <= 1:
         for done, session in enumerate(missing):
-            before = done * config.steps
+            before = done * config.rows
             label = f"session {session} of {config.sessions}"
             simulate_session(config, session, lambda n, b=before, s=label: show(b + n, s))
         return
@@ -122,9 +121,10 @@ def _watch(
     config: Collect,
     show: Callable[[int, str], None],
 ) -> None:
+    length = config.rows
     while not all(job.done() for job in jobs):
         rows = list(counts)[:-1]
-        running = [str(n) for n, r in zip(missing, rows, strict=True) if 0 < r < config.steps]
+        running = [str(n) for n, r in zip(missing, rows, strict=True) if 0 < r < length]
         show(sum(rows), f"session {', '.join(running)} of {config.sessions}" if running else "")
         if any(job.done() and job.exception() for job in jobs):
             break

@@ -70,9 +70,9 @@ class ArmPieces:
         return np.abs(self.motors.velocity) > 2 * STANDING
 
 
-def cut(sessions: Sequence[Session], offset: Array) -> ArmPieces:
+def cut(sessions: Sequence[Session], offset: Array, seconds: float = SEGMENT) -> ArmPieces:
     """All whole segments of sessions without gaps in time, the last of each ending with its session."""
-    rows, parts = segments(sessions)
+    rows, parts = segments(sessions, seconds)
     prior_runtime = {s.name: s.prior_runtime for s in sessions}
     runs = {s.name: _run(s, offset) for s in sessions}
     velocity = {name: run.joint_velocity() for name, run in runs.items()}
@@ -94,13 +94,15 @@ def cut(sessions: Sequence[Session], offset: Array) -> ArmPieces:
     )
 
 
-def segments(sessions: Sequence[Session]) -> tuple[int, list[tuple[Session, int]]]:
+def segments(
+    sessions: Sequence[Session], seconds: float = SEGMENT
+) -> tuple[int, list[tuple[Session, int]]]:
     """Rows of a segment, and where each begins; raises a `SerpentError` if there is none."""
-    rows = max(8, round(SEGMENT * sessions[0].rate_hz))
+    rows = max(8, round(seconds * sessions[0].rate_hz))
     parts = [(s, at) for s in sessions for at in segment_starts(s.time, rows)]
     if not parts:
         raise SerpentError(
-            f"no session has {SEGMENT:g} s without a gap in time. Record longer sessions."
+            f"no session has {seconds:g} s without a gap in time. Record longer sessions."
         )
     return rows, parts
 

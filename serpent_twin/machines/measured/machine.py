@@ -17,6 +17,7 @@ from serpent_twin.machines.machine import (
     Declared,
     Output,
     ParameterVector,
+    Proposals,
     Quantity,
     effects_at,
 )
@@ -120,6 +121,20 @@ class RunMachine(ABC):
     ) -> Runs:
         """The same segments: runs start from what drives them, or from an encoder."""
         return pieces
+
+    def propose(
+        self,
+        point: ParameterVector,
+        count: int,
+        seconds: float,
+        rate_hz: float,
+        rng: np.random.Generator,
+    ) -> Proposals[Runs]:
+        """Refused: its logs were measured elsewhere."""
+        raise SerpentError(
+            f"nothing here commands the machine {self.name!r}: its logs were measured elsewhere. Only "
+            "for the arm can a motion be planned; look at what check says of the motion."
+        )
 
     def compare(self, point: ParameterVector | None, pieces: Runs) -> Comparison:
         """Measured beside predicted, in blocks that are judged one by one."""

@@ -1,0 +1,1 @@
+"""Plan the motion that decides what a trace's logs left open."""

@@ -1,0 +1,148 @@
+"""Plan a motion from its options, and write it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from tqdm import tqdm
+
+from serpent_twin.arrays import Array
+from serpent_twin.command_line.options import Checked, Seed
+from serpent_twin.errors import SerpentError
+from serpent_twin.planning import criterion, evidence, page, traced
+from serpent_twin.planning.criterion import Question
+from serpent_twin.planning.traced import Traced
+from serpent_twin.recording import motion
+from serpent_twin.reporting.report import text_table, write
+from serpent_twin.runs.provenance import file_hash, provenance
+from serpent_twin.stored import within
+
+PIECE = 20.0
+"""Seconds of a piece of motion"""
+_STEPS = 5
+
+
+@dataclass(frozen=True)
+class Plan(Checked):
+    """Plan the motion that best tells apart what a trace's logs could not tell apart or could not show.
+
+    OUT gets the motion; the folder of the same name without .parquet gets report.html and report.md. Of the
+    pieces of motion that keep the limits of the arm, those are chosen that raise the least distance between
+    rivals, or the least distance of an effect from none, most.
+    """
+
+    trace: Path
+    """Folder of a finished trace of the arm."""
+    out: Path = Path("motion.parquet")
+    """File for the motion, which collect --motion takes; ends in .parquet."""
+    rivals: tuple[str, ...] = ()
+    """Effects to tell apart, two or more; without, what diagnosis.json names under next_motion."""
+    minutes: Annotated[float, within(0.34, 60.0, "min")] = 3.0
+    """Length of the motion."""
+    candidates: Annotated[int, within(2, 200)] = 18
+    """Pieces of motion that are simulated, of which the best are chosen."""
+    logs: Path | None = None
+    """The trace's logs, if they are no longer where they were."""
+    seed: Seed = 0
+    """Seed of the pieces of motion."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A motion and what it is expected to decide."""
+
+    motion: motion.Motion
+    questions: tuple[Question, ...]
+    before: Array
+    """Evidence of the logs, (R, R)"""
+    after: Array
+    """With the motion's, (R, R)"""
+    kinds: tuple[str, ...]
+    """What each piece of the motion is"""
+
+
+def plan(config: Plan) -> Planned:
+    """Plan a motion, write it and its report, and print what it decides."""
+    if config.out.suffix != ".parquet":
+        raise SerpentError(f"--out {config.out} must end in .parquet.")
+    with tqdm(total=_STEPS, unit="step", desc="the trace and its logs") as bar:
+        trace = traced.read(config.trace, config.logs)
+        bar.update()
+        asked = questions(trace, config.rivals)
+        rng = np.random.default_rng(config.seed)
+        bar.set_description_str("motions")
+        proposals = trace.case.machine.propose(
+            trace.fit.point, config.candidates, PIECE, trace.rate_hz, rng
+        )
+        bar.update()
+        bar.set_description_str("what the logs tell")
+        rows = evidence.rows(trace, asked)
+        before = evidence.known(trace, rows)
+        bar.update()
+        bar.set_description_str("what the motions tell")
+        each = evidence.of_pieces(trace, rows, proposals.pieces)
+        bar.update()
+        count = max(1, int(60 * config.minutes / PIECE))
+        order = criterion.chosen(before, each, rows.questions, count)
+        bar.update()
+    kinds = tuple(proposals.kinds[n] for n in order)
+    about = {
+        "rig": trace.rig,
+        "arm": trace.diagnosis.get("arm", ""),
+        "twin_sha256": file_hash(config.trace / "twin.json"),
+        "decides": [str(each) for each in rows.questions],
+        "pieces": kinds,
+        "seed": config.seed,
+        "provenance": provenance(),
+    }
+    targets = np.concatenate([proposals.targets[n] for n in order])
+    found = Planned(
+        motion.Motion(targets, trace.rate_hz, about),
+        rows.questions,
+        before,
+        before + np.sum([each[n] for n in order], axis=0),
+        kinds,
+    )
+    _write(config, found)
+    return found
+
+
+def questions(trace: Traced, rivals: Sequence[str] = ()) -> list[tuple[str, str]]:
+    """Effects, each with its rival or none: the rivals given, else what the trace left open, else every
+    candidate.
+    """
+    known = [name for name in trace.case.candidates if name not in trace.case.unseen]
+    if unknown := [name for name in rivals if name not in known]:
+        raise SerpentError(
+            f"--rivals {' '.join(unknown)}: no such effect of this machine. There are: {', '.join(known)}."
+        )
+    if rivals:
+        if len(set(rivals)) != len(rivals) or len(rivals) < 2:
+            raise SerpentError("--rivals needs the names of two or more different effects.")
+        return [(one, other) for n, one in enumerate(rivals) for other in rivals[n + 1 :]]
+    asked = [
+        (each["effect"], each["rival"] or "")
+        for each in trace.diagnosis.get("next_motion", [])
+        if each["effect"] in known and (not each["rival"] or each["rival"] in known)
+    ]
+    if asked:
+        return asked
+    print("This trace left nothing open; the motion is one that shows every candidate effect.")
+    return [(name, "") for name in known if name not in trace.fit.point.effects]
+
+
+def _write(config: Plan, found: Planned) -> None:
+    config.out.parent.mkdir(parents=True, exist_ok=True)
+    motion.write(config.out, found.motion)
+    table = page.decides(found.questions, found.before, found.after)
+    facts: dict[str, Any] = {"trace": str(config.trace), "seed": str(config.seed)}
+    report = write(
+        page.page(found.motion, table, found.kinds, PIECE, facts), config.out.with_suffix("")
+    )
+    print(text_table(table))
+    print(table.note)
+    print(
+        f"{config.out}: the motion, {len(found.motion.targets)} control steps. {report}: the report."
+    )

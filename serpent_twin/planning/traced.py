@@ -1,0 +1,100 @@
+"""Read the folder of a finished trace back."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from serpent_twin import machines
+from serpent_twin.errors import SerpentError
+from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.least_squares import Fit
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.runs.provenance import file_hash
+
+_ADVICE = "Give the --out folder of a finished python -m serpent_twin.trace."
+
+
+@dataclass(frozen=True)
+class Traced:
+    """A finished trace: its machine, its last fit, and what it found."""
+
+    folder: Path
+    case: Case[Any]
+    """Weighed as in the last fit"""
+    pieces: Any
+    """The training segments"""
+    fit: Fit
+    """The last fit, of the corrected twin"""
+    diagnosis: Mapping[str, Any]
+    """What diagnosis.json holds"""
+    rig: str
+    """The kind of machine"""
+    rate_hz: float
+    """Of its logs"""
+    fitted: Mapping[str, ParameterVector]
+    """Fits of single candidates, by the candidate's name"""
+
+
+def read(folder: Path, logs: Path | None = None) -> Traced:
+    """A trace's folder, and the logs it was made of, by default where they were then; raises a `SerpentError`
+    if either is not there or not the same.
+    """
+    settings, diagnosis = _json(folder / "trace.json"), _json(folder / "diagnosis.json")
+    try:
+        name, hashes, held = settings["rig"], settings["input_sha256"], settings["held_out"]
+        said = logs or Path(diagnosis["provenance"]["logs"])
+    except (KeyError, TypeError):
+        raise SerpentError(
+            f"{folder} does not say where its logs are: it was made by an earlier version. Give them with "
+            "--logs."
+        ) from None
+    rig = machines.find(name)
+    sessions = {each.name: each for each in rig.read(said)}
+    for each, known in hashes.items():
+        path = sessions[each].path if each in sessions else None
+        if path is None or file_hash(path) != known:
+            raise SerpentError(
+                f"{said} is not what {folder} was made of: {each} is missing or has changed. Give the "
+                "logs of that trace with --logs, or trace these."
+            )
+    names = [n for n in hashes if n not in held] if isinstance(held, list) else [*hashes][:-held]
+    training = [sessions[each] for each in names]
+    case = rig.open(training)
+    fit, fitted = _fits(folder / "stages", case, diagnosis)
+    case = replace(case, noise=fit.noise)
+    rate = float(training[0].metadata.get("rate_hz", 0.0))
+    return Traced(folder, case, case.pieces(training), fit, diagnosis, name, rate, fitted)
+
+
+def _json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        raise SerpentError(f"there is no readable {path}. {_ADVICE}") from None
+
+
+def _fits(
+    stages: Path, case: Case[Any], diagnosis: Mapping[str, Any]
+) -> tuple[Fit, dict[str, ParameterVector]]:
+    """The last fit, and the points of the full fits of single candidates."""
+    found = sorted(stages.glob("*.npz"))
+    names = [each["name"] for each in diagnosis["effects"]]
+    final = "last" if names else "calibrated_3"
+    if stages / f"{final}.npz" not in found:
+        raise SerpentError(f"{stages} lacks {final}.npz. {_ADVICE}")
+    notes = Checkpoints(stages, case.clock)
+    fits = {
+        path.stem: notes.fit(path.stem, _missing)
+        for path in found
+        if path.stem == final or path.stem.startswith(("fit_", "rival_"))
+    }
+    last = fits.pop(final)
+    single = {n: each.point for each in fits.values() for n in each.point.effects if n not in names}
+    return last, single
+
+
+def _missing() -> Fit:
+    raise SerpentError(f"a stage of the trace has vanished while it was read. {_ADVICE}")

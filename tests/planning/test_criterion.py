@@ -1,0 +1,75 @@
+"""Test the distance between rivals on linear models, where it has a closed form."""
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from serpent_twin.planning.criterion import Question, chosen, gram, schur
+
+N = 40
+
+
+def model(seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.standard_normal((2, N)), rng.standard_normal(N), rng.standard_normal(N)
+
+
+def evidence(J, one, other, weight, prior):
+    out = gram(np.array([*J, one, other]), weight)
+    out[[0, 1], [0, 1]] += prior
+    return out
+
+
+def fitted_distance(J, one, other, weight, prior):
+    """By least squares on the rows themselves, with a row of data for each prior."""
+    A = np.vstack([np.sqrt(weight) * np.array([*J, other]).T, np.diag([*np.sqrt(prior), 0.0])[:2]])
+    b = np.r_[np.sqrt(weight) * one, 0.0, 0.0]
+    rest = b - A @ np.linalg.lstsq(A, b, rcond=None)[0]
+    return np.linalg.norm(rest)
+
+
+def test_distance_is_that_of_the_best_fit_of_the_rival():
+    J, one, other = model()
+    prior = np.array([4.0, 0.1])
+    asked = Question("a", "b", 2, ((0, 1, 3),))
+    found = asked.distance(evidence(J, one, other, 0.3, prior))
+    assert found == pytest.approx(fitted_distance(J, one, other, 0.3, prior), rel=1e-9)
+
+
+def test_standard_error_is_that_of_the_normal_equations():
+    J, one, _ = model(1)
+    asked = Question("a", "", 2, ((0, 1),))
+    full = gram(np.array([*J, one]), 0.7)
+    assert asked.relative_error(full) == pytest.approx(np.sqrt(np.linalg.inv(full)[2, 2]))
+
+
+def test_probability_is_how_often_the_better_fit_is_the_right_one():
+    rng = np.random.default_rng(3)
+    one, other = 0.2 * rng.standard_normal((2, N))
+    difference = one - other
+    asked = Question("a", "b", 0, ((),))
+    noise = rng.standard_normal((20_000, N))
+    right = ((one + noise - one) ** 2).sum(1) < ((one + noise - other) ** 2).sum(1)
+    expected = asked.probability(gram(difference[None], 1.0))
+    assert right.mean() == pytest.approx(expected, abs=0.012)
+    assert expected == pytest.approx(ndtr(np.linalg.norm(difference) / 2))
+
+
+def test_logs_add_up():
+    J, one, other = model(4)
+    rows = np.array([*J, one, other])
+    halves = gram(rows[:, :15], 0.5) + gram(rows[:, 15:], 0.5)
+    np.testing.assert_allclose(halves, gram(rows, 0.5))
+
+
+def test_what_another_row_explains_is_nothing():
+    J, one, _ = model(5)
+    assert schur(gram(np.array([one, -3 * one]), 1.0), 0, [1]) == 0.0
+    assert schur(gram(np.array([*J, one]), 1.0), 2, []) == pytest.approx(one @ one)
+
+
+def test_pieces_are_chosen_for_the_question_that_is_worst_off():
+    questions = [Question("a", "", 0, ((),)), Question("b", "", 1, ((),))]
+    for_a, for_b, little = np.diag([9.0, 0.0]), np.diag([0.0, 4.0]), np.diag([1.0, 1.0])
+    assert chosen(np.diag([100.0, 1.0]), [for_a, for_b, little], questions, 2) == [1, 1]
+    assert chosen(np.diag([1.0, 100.0]), [for_a, for_b, little], questions, 1) == [0]
