@@ -2,7 +2,8 @@
 
 A `Rig` (`rig.py`) reads logs of one kind of machine and opens a `Case` (`case.py`) of them. A `Machine` is
 what differs from one case to the next: how twins are built, how a log drives them, what is measured with
-which noise, and which effects are candidates. `residual` and `trace` use machines through these interfaces alone.
+which noise, and which effects are candidates. `residual` and `trace` use machines through these interfaces
+alone.
 """
 
 from collections.abc import Mapping, Sequence
