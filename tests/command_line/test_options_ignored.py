@@ -25,6 +25,7 @@ NATNET_ON = {"backend": "real", "mocap": "natnet"}
 IGNORED = {
     "Collect": [
         ({}, REAL | CAMERAS | MULTICAST),
+        ({"motion": FILE}, REAL | CAMERAS | MULTICAST | {"steps"}),
         ({"backend": "real"}, SIM | CAMERAS | MULTICAST),
         (NATNET_ON, SIM | MULTICAST),
         (NATNET_ON | {"multicast": True}, SIM),
@@ -77,7 +78,7 @@ IGNORED = {
 } | {
     name: [({}, set())]
     for name in (
-        "Benchmarks", "CloseTheLoop", "CollectSpeed", "Confusion", "Demo", "EstimateSpeed",
+        "Benchmarks", "Check", "CloseTheLoop", "CollectSpeed", "Confusion", "Demo", "EstimateSpeed", "Plan",
         "FaultMatrix", "Fuzz", "Measured", "ReadoutTable", "ResultPage", "SimToReal", "SweepSpeed",
         "TraceSpeed", "WholeTrace",
     )

@@ -108,6 +108,7 @@ def simulated(design: TwinModel, targets: Array, rate_hz: float, number: int) ->
                 }
             )
     about = {"schema_version": SCHEMA_VERSION, "session": number, "rate_hz": rate_hz}
+    about["prior_runtime_s"] = 0.0
     return session_from_rows(rows, about)
 
 
