@@ -15,6 +15,8 @@ from serpent_twin.command_line.options import Checked
 
 CODE = ("serpent_twin", "experiments", "benchmarks")
 NEEDED = {
+    "Check": {"logs": Path("logs")},
+    "Plan": {"trace": Path("trace")},
     "Collect": {"out": Path("out")},
     "Estimate": {"model": Path("model"), "out": Path("out")},
     "Measured": {"data": Path("data")},
