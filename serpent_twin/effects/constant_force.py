@@ -10,7 +10,8 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import Effect, Several, parameter
 from serpent_twin.effects.moment import Moment
 
-_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
+_JOINTS = np.arange(N_JOINTS)
+_AXES = np.array([joint_axis(i).argmax() for i in _JOINTS])
 
 
 @dataclass(frozen=True)
@@ -47,21 +48,18 @@ class ConstantForce(Effect):
         return tuple(cls(0.2, 0.2, 0.2, place) for place in (0.5, 0.25))
 
     def act(self, moment: Moment, memory: None) -> None:
-        """Add the torques of the force."""
-        arm, runs = moment.arm, len(moment.joint_angle)
-        place = np.broadcast_to(self.place, (runs, 1))
-        begins = np.cumsum(arm.joint_offset[:, 0])
+        """Add the torques of the force: (lever × force) along each hinge's axis, by components."""
+        arm, each = moment.arm, np.arange(len(moment.joint_angle))
+        place = np.broadcast_to(self.place, (len(each), 1))
+        begins = arm.joint_offset[:, 0].cumsum()
         link = np.maximum((begins <= place).sum(axis=1) - 1, 0)
         origin, rotation = link_frames(moment.joint_angle, arm)
-        each = np.arange(runs)
-        point = (
-            origin[each, link] + (place[:, 0] - begins[link])[:, None] * rotation[each, link, :, 0]
+        along = place - begins[link][:, None]
+        point = origin[each, link] + along * rotation[each, link, :, 0]
+        x, y, z = np.moveaxis(point[:, None] - origin, -1, 0)
+        by = self.along_z * y - self.along_y * z
+        turning = np.stack(
+            [by, self.along_x * z - self.along_z * x, self.along_y * x - self.along_x * y], -1
         )
-        force = np.concatenate(
-            [np.broadcast_to(f, (runs, 1)) for f in (self.along_x, self.along_y, self.along_z)],
-            axis=1,
-        )
-        turning = np.cross(point[:, None] - origin, force[:, None])
-        axis = (rotation @ _AXES[..., None])[..., 0]
-        torque: Array = (axis * turning).sum(axis=-1)
-        moment.joint_torque += np.where(np.arange(N_JOINTS) <= link[:, None], torque, 0.0)
+        torque: Array = (rotation[:, _JOINTS, :, _AXES] * np.moveaxis(turning, 1, 0)).sum(axis=-1).T
+        moment.joint_torque += np.where(link[:, None] >= _JOINTS, torque, 0.0)
