@@ -1,6 +1,6 @@
 """Select candidate effects by a score test, and fit the selected ones fully."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -18,8 +18,10 @@ from serpent_twin.machines.machine import Candidate, ParameterVector
 
 EXCITED = 0.02
 """An effect whose typical strength changes the residual by less than this share of its rms is not excited"""
-_WORTH_A_FIT = 0.015
-"""Share of the residual's squares that a candidate must remove in the score test"""
+_WORTH_A_FIT, _BESIDE_OTHERS = 0.015, 0.03
+"""Share of the residual's squares that a candidate must remove in the score test: on top of a calibration,
+which may have absorbed most of an effect; and beside effects that were found. A full fit removes a few times
+as much, and acceptance asks for about 0.08."""
 _BESIDE_THE_BEST = 0.1
 """And of what the best candidate removes"""
 _DERIVATIVES = 2
@@ -209,15 +211,21 @@ def limits(candidate: Candidate, values: Array) -> list[str]:
 
 
 def worth_fitting(
-    scores: Sequence[Score], candidates: Mapping[str, Candidate], most: int = 3
+    scores: Sequence[Score],
+    candidates: Mapping[str, Candidate],
+    most: int = 3,
+    beside: Collection[str] = (),
 ) -> list[str]:
-    """Names of candidates to fit fully: the best few, and those that the best can be confused with."""
+    """Names of candidates to fit fully, beside effects that were found: the best few, and those that the best
+    can be confused with.
+    """
     ranked = sorted(scores, key=lambda s: -s.share)
-    least = max(_WORTH_A_FIT, _BESIDE_THE_BEST * ranked[0].share) if ranked else 0.0
+    least = _BESIDE_OTHERS if beside else _WORTH_A_FIT
+    least = max(least, _BESIDE_THE_BEST * ranked[0].share) if ranked else 0.0
     best = [s.name for s in ranked if s.share > least and s.excitation > EXCITED][:most]
     excited = {s.name for s in scores if s.excitation > EXCITED}
-    beside = [n for name in best[:1] for n in candidates[name].confused_with if n in excited]
-    return list(dict.fromkeys([*best, *beside]))
+    alike = [n for name in best[:1] for n in candidates[name].confused_with if n in excited]
+    return list(dict.fromkeys([*best, *alike]))
 
 
 def full_fit(case: Case[Any], pieces: Any, base: Fit, found: Score, on_progress: OnProgress) -> Fit:

@@ -47,7 +47,8 @@ class Trials:
         """
         found = self.scores(f"scores_{stage}", case, begun, names)
         trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
-        chosen = worth_fitting(list(found.values()), case.candidates)[:most]
+        there = begun.point.effects
+        chosen = worth_fitting(list(found.values()), case.candidates, beside=there)[:most]
         for name in chosen:
             self.on_progress(f"{stage.replace('_', ', from the ')}: fitting {name}")
             fitted = self.notes.fit(
