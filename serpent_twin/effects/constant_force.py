@@ -11,7 +11,7 @@ from serpent_twin.effects.effect import Effect, Several, parameter
 from serpent_twin.effects.moment import Moment
 
 _JOINTS = np.arange(N_JOINTS)
-_AXES = np.array([joint_axis(i).argmax() for i in _JOINTS])
+_AXES = np.array([joint_axis(i).argmax() for i in range(N_JOINTS)])
 
 
 @dataclass(frozen=True)
