@@ -159,9 +159,11 @@ def _truth(name: str, parameters: dict[str, float], strength: float) -> Truth:
 
 def _variant(kind: type[Effect], parameters: dict[str, float]) -> str:
     """Which of an effect's variants it is, if their strengths are not to be compared."""
-    if len({variant.strength for variant in kind.variants()}) == 1:
+    variants = kind.variants()
+    if len({variant.strength for variant in variants}) == 1:
         return ""
-    told = {n: parameters.get(n) for n, r in ranges(kind).items() if not r.fitted}
+    unlike = [n for n in ranges(kind) if len({getattr(variant, n) for variant in variants}) > 1]
+    told = {n: parameters.get(n) for n in unlike if not ranges(kind)[n].fitted}
     return ", ".join(f"{n} {value:g}" for n, value in told.items() if value is not None)
 
 

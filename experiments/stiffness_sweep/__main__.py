@@ -18,7 +18,7 @@ from experiments.stiffness_sweep.arms import place, placed
 from experiments.stiffness_sweep.engine import engine_ratio, seconds_per_point
 from experiments.stiffness_sweep.networks import added, networks
 from experiments.stiffness_sweep.page import page, reasons
-from experiments.stiffness_sweep.plan import GRID, POSED, Plan, full, quick
+from experiments.stiffness_sweep.plan import GRID, POSED, SweepPlan, full, quick
 from experiments.stiffness_sweep.rows import rows_of
 from experiments.stiffness_sweep.transfer import matrix
 from serpent_twin import machines, stored
@@ -100,7 +100,7 @@ def main(config: StiffnessSweep) -> None:  # noqa: D103 tyro would print it abov
 
 
 def measured(
-    config: StiffnessSweep, plan: Plan
+    config: StiffnessSweep, plan: SweepPlan
 ) -> tuple[dict[str, list[SweepRow]], list[dict[str, Any]]]:
     """All points of a plan, and what each took; what is there is not measured again."""
     named = plan.points()
@@ -124,19 +124,23 @@ def measured(
     return rows, costs
 
 
-def engine(plan: Plan) -> dict[str, float]:
+def engine(plan: SweepPlan) -> dict[str, float]:
     """The sweep's simulation against MuJoCo alone, on a short point of the nominal stiffness."""
     return {"ratio": engine_ratio(plan.point(NOMINAL.strand_stiffness))}
 
 
-def read(config: StiffnessSweep, plan: Plan, folder: Path) -> list[Session]:
+def read(config: StiffnessSweep, plan: SweepPlan, folder: Path) -> list[Session]:
     """The sessions of an arm that are to be used."""
     sessions = machines.find("arm").read(folder)[: config.sessions or None]
     return [session.rows(slice(0, plan.log_rows)) for session in sessions]
 
 
 def arm(
-    config: StiffnessSweep, plan: Plan, name: str, sessions: Sequence[Session], twin: Path | None
+    config: StiffnessSweep,
+    plan: SweepPlan,
+    name: str,
+    sessions: Sequence[Session],
+    twin: Path | None,
 ) -> dict[str, Any]:
     """What is found of a logged arm."""
     folder = config.out / "arms"
@@ -146,7 +150,7 @@ def arm(
 
 
 def settings(
-    config: StiffnessSweep, plan: Plan, folders: Mapping[str, Path], twins: Mapping[str, Path]
+    config: StiffnessSweep, plan: SweepPlan, folders: Mapping[str, Path], twins: Mapping[str, Path]
 ) -> dict[str, Any]:
     """What the results depend on."""
     return {

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.stiffness_sweep.plan import Plan
+from experiments.stiffness_sweep.plan import SweepPlan
 from serpent_twin import machines, reservoir
 from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_from_motor
 from serpent_twin.arm.inverse_kinematics import marker_offsets
@@ -70,7 +70,7 @@ def _median(arm: twin_model.TwinModel, source: str) -> ChartPosition:
     return ChartPosition(float(stiffness), float(max(0.0, slack)), source)
 
 
-def placed(sessions: Sequence[Session], at: ChartPosition, plan: Plan) -> dict[str, Any]:
+def placed(sessions: Sequence[Session], at: ChartPosition, plan: SweepPlan) -> dict[str, Any]:
     """Errors of readouts and memory of a logged arm, and of the twin at its place, in as many rows."""
     rows, rate = min(map(len, sessions)), sessions[0].rate_hz
     alike = replace(plan.measuring, sessions=len(sessions), session_steps=rows, session_rate=None)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from experiments.stiffness_sweep.plan import GRID, Plan
+from experiments.stiffness_sweep.plan import GRID, SweepPlan
 from serpent_twin.command_line.options import used_only
 from serpent_twin.reservoir.sweep.point import GridPoint
 from serpent_twin.reservoir.sweep.rows import SweepRow
@@ -14,7 +14,7 @@ Errors = Mapping[GridPoint, Mapping[str, float]]
 """Mean marker distances [mm] by point and readout"""
 
 
-def networks(plan: Plan, out: Path, workers: int) -> dict[GridPoint, dict[str, float]]:
+def networks(plan: SweepPlan, out: Path, workers: int) -> dict[GridPoint, dict[str, float]]:
     """Errors at every other stiffness of the grid, of the first seed; OUT gets folders of points."""
     first = [p for p in plan.points()[GRID] if p.seed == plan.seeds[0]]
     some = [p for p in first if p.stiffness in plan.stiffness[::2]]

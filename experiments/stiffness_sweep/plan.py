@@ -1,4 +1,4 @@
-"""Plan which arms the stiffness sweep measures, and how."""
+"""SweepPlan which arms the stiffness sweep measures, and how."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -40,7 +40,7 @@ class Weightless(GridPoint):
 
 
 @dataclass(frozen=True)
-class Plan:
+class SweepPlan:
     """Values to measure at; everything besides the grid at the grid's second slack."""
 
     stiffness: tuple[float, ...]
@@ -112,10 +112,10 @@ POSED = GRID, RATIO, NOISES
 """What is measured with pose errors; other commands do not change these, as sessions have their own"""
 
 
-def full(rate: float, slow: tuple[str, ...] = ()) -> Plan:
+def full(rate: float, slow: tuple[str, ...] = ()) -> SweepPlan:
     """The whole sweep at a rate [Hz]: 8 × 4 × 3 points, and some 50 others."""
     stiffness = tuple(float(f"{k:.3g}") for k in np.geomspace(600, 1.9e5, 8))
-    return Plan(
+    return SweepPlan(
         stiffness=stiffness,
         slack=(0.0, 3e-4, 1e-3, 3e-3),
         rate=rate,
@@ -132,7 +132,7 @@ def full(rate: float, slow: tuple[str, ...] = ()) -> Plan:
     )
 
 
-def quick() -> Plan:
+def quick() -> SweepPlan:
     """A minute's worth: shows that everything works, and little else."""
     stiffness = (2e3, 1.2e4, 8e4)
     few = Measuring(
@@ -140,7 +140,7 @@ def quick() -> Plan:
         coarsest=1.0, sessions=3, session_steps=260,
         session_rate=PUBLISHED_RATE, epochs=2,
     )  # fmt: skip
-    return Plan(
+    return SweepPlan(
         stiffness=stiffness,
         slack=(0.0, 1e-3),
         rate=PUBLISHED_RATE,

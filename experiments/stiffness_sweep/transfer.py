@@ -6,7 +6,7 @@ from typing import Any
 from tqdm import tqdm
 
 from experiments.stiffness_sweep.arms import trained
-from experiments.stiffness_sweep.plan import Plan
+from experiments.stiffness_sweep.plan import SweepPlan
 from serpent_twin.errors import SerpentError
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import SessionWindows, cut
@@ -18,7 +18,7 @@ READOUTS = ("linear", "residual")
 _MOST = 4  # twins
 
 
-def matrix(plan: Plan, logs: Mapping[str, Sequence[Session]]) -> dict[str, Any]:
+def matrix(plan: SweepPlan, logs: Mapping[str, Sequence[Session]]) -> dict[str, Any]:
     """Mean marker distances [mm] by readout, arm that trained, arm that tests."""
     arms = {**_twins(plan), **logs}
     tests = {name: cut([of[-1]], WINDOW, DROP).sessions[0] for name, of in arms.items()}
@@ -39,7 +39,7 @@ def _tested(
     }
 
 
-def _twins(plan: Plan) -> dict[str, list[Session]]:
+def _twins(plan: SweepPlan) -> dict[str, list[Session]]:
     """Sessions of twins from soft to stiff, by name; those that become unstable are left out."""
     step = -(-len(plan.stiffness) // _MOST)
     found, numbers = {}, range(1, plan.measuring.sessions + 1)

@@ -10,7 +10,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.reservoir import streams
 from serpent_twin.reservoir.rank import STREAMS_PER_CHANNEL
 from serpent_twin.reservoir.sweep import channels, drive, rigid
-from serpent_twin.reservoir.sweep.drive import Motion
+from serpent_twin.reservoir.sweep.drive import HeldResponse
 from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
 
 STREAMS = STREAMS_PER_CHANNEL * channels.COUNT
@@ -22,11 +22,11 @@ class ReservoirResponse:
 
     inputs: Array
     """Of the stretches, on [−1, 1], (B, K, 9)"""
-    motion: Motion
+    motion: HeldResponse
     """Of the stretches"""
     read: Array
     """Their channels as read, (B, K, 20)"""
-    replica: Motion
+    replica: HeldResponse
     """Of the first n stretches from other initial poses, each at rest on its motors' angles"""
     replica_read: Array
     """Their channels as read, (n, K, 20)"""
@@ -64,12 +64,12 @@ def simulate(point: GridPoint, measuring: Measuring) -> ReservoirResponse:
     )
 
 
-def _mover(point: GridPoint) -> Callable[[Array], Motion]:
+def _mover(point: GridPoint) -> Callable[[Array], HeldResponse]:
     """The simulation of a grid point's arm along inputs on [−1, 1]."""
     if point.stiffness is None:
         return lambda u: rigid.move(point.amplitude * u)
     return lambda u: drive.drive(point.design, point.amplitude * u, point.rate)
 
 
-def _some(motion: Motion, stretches: slice) -> Motion:
-    return Motion(**{name: values[stretches] for name, values in vars(motion).items()})
+def _some(motion: HeldResponse, stretches: slice) -> HeldResponse:
+    return HeldResponse(**{name: values[stretches] for name, values in vars(motion).items()})

@@ -5,7 +5,7 @@ import numpy as np
 from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.hardware import xl430
-from serpent_twin.reservoir.sweep.drive import Motion
+from serpent_twin.reservoir.sweep.drive import HeldResponse
 
 COUNT = 2 * N_MOTORS
 SETS = {
@@ -16,7 +16,7 @@ SETS = {
 """Columns of the channels by what a readout is given"""
 
 
-def read(motion: Motion, load_noise: float, rng: np.random.Generator) -> Array:
+def read(motion: HeldResponse, load_noise: float, rng: np.random.Generator) -> Array:
     """Motor angles [rad] and loads [1] as read, (B, K, 20): loads with noise, all in register units."""
     noisy = motion.load + load_noise * rng.standard_normal(motion.load.shape)
     angles = xl430.words(motion.motor_angle, xl430.POSITION_UNIT)

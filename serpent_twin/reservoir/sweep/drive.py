@@ -33,7 +33,7 @@ LONGER = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class HeldResponse:
     """Response in B stretches of K command periods, read at the end of each hold."""
 
     motor_angle: Array
@@ -68,7 +68,7 @@ def check(rate: float, amplitude: float) -> None:
         )
 
 
-def drive(design: TwinModel, targets: Array, rate: float) -> Motion:
+def drive(design: TwinModel, targets: Array, rate: float) -> HeldResponse:
     """Response of a twin model to joint targets [rad], (B, K + 1, 9), at a rate [Hz].
 
     A stretch begins at rest at its first targets. Raises SerpentError when the simulation gives up.
@@ -83,7 +83,7 @@ def drive(design: TwinModel, targets: Array, rate: float) -> Motion:
             f"the twin's simulation became unstable at time steps of {timestep * 1e3:.2g} ms."
         )
     held = slice(3, None, 2)
-    return Motion(
+    return HeldResponse(
         motors.angle[:, held],
         did.load[0, :, held],
         did.joint_angle[0, :, held],

@@ -13,16 +13,16 @@ from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import ARM, markers
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.arrays import Array
-from serpent_twin.reservoir.sweep.drive import Motion, coupled
+from serpent_twin.reservoir.sweep.drive import HeldResponse, coupled
 from serpent_twin.sim.cable_dynamics import addresses
 from serpent_twin.sim.twin_model import TwinModel
 
 
-def move(targets: Array) -> Motion:
+def move(targets: Array) -> HeldResponse:
     """Response to joint targets [rad], (B, K + 1, 9), at any rate: the arm rests in each hold."""
     joint = targets[:, 1:]
     load = loads(joint.reshape(-1, joint.shape[-1])).reshape(*joint.shape[:-1], -1)
-    return Motion(coupled(joint), load, joint, markers(joint))
+    return HeldResponse(coupled(joint), load, joint, markers(joint))
 
 
 def loads(joint_angle: Array) -> Array:
