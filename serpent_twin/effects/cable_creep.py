@@ -1,9 +1,11 @@
 """Let loaded cables creep, and recover."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import SMOOTH, Effect, parameter
@@ -46,8 +48,12 @@ class CableCreep(Effect):
         """A strand held at one length relaxes with the time constant τ / (1 + f)."""
         return SMOOTH * self.time / (1.0 + self.fraction)
 
+    @cached_property
+    def _chosen(self) -> NDArray[np.bool_]:
+        return chosen(self.strand)
+
     def act(self, moment: Moment, memory: Array) -> None:
         """Lengthen the strands, then let them creep on; exact for a stretch held over the step."""
         moment.slack += memory
-        goal = self.fraction * chosen(self.strand) * np.maximum(moment.stretch, 0.0)
+        goal = self.fraction * self._chosen * np.maximum(moment.stretch, 0.0)
         memory += (goal - memory) * -np.expm1(-moment.dt / self.time)

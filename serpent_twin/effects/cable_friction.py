@@ -1,9 +1,11 @@
 """Let cables rub on the pulleys that they pass."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.effects.effect import LOSS, Effect, Several, parameter, ranges
 from serpent_twin.effects.moment import Moment, at_joints, loops
@@ -40,9 +42,13 @@ class CableFriction(Effect):
         creeps = ranges(cls)["transition_velocity"].typical
         return (cls(0.1, creeps), cls(0.4, creeps, by_bend=1.0))
 
+    @cached_property
+    def _chosen(self) -> NDArray[np.bool_]:
+        return chosen(self.strand)
+
     def act(self, moment: Moment, memory: None) -> None:
         """Raise the hinges' friction by what their cables' tensions make."""
-        rubs = chosen(self.strand) * moment.tension
+        rubs = self._chosen * moment.tension
         pressed = at_joints(moment.arm.pulley_radii * loops(rubs))
         share = self.coefficient
         if np.any(by_bend := np.equal(self.by_bend, 1.0)):

@@ -1,9 +1,11 @@
 """Let a cable slip in its screw clamp."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import SMOOTH, Effect, parameter
@@ -44,9 +46,13 @@ class ClampSlip(Effect):
         """A strand held at one length slips to its grip with the time constant 1 / (rate k)."""
         return np.maximum(_PAST, SMOOTH / np.maximum(self.rate * moment.stiffness, 1e-9))
 
+    @cached_property
+    def _chosen(self) -> NDArray[np.bool_]:
+        return chosen(self.strand)
+
     def act(self, moment: Moment, memory: Array) -> None:
         """Lengthen the strands, then let them slip on; exact for a stretch held over the step."""
         moment.slack += memory
         excess = np.maximum(moment.tension - self.grip, 0.0)
         share = -np.expm1(-moment.dt * self.rate * moment.stiffness)
-        memory += chosen(self.strand) * share * excess / np.maximum(moment.stiffness, 1e-9)
+        memory += self._chosen * share * excess / np.maximum(moment.stiffness, 1e-9)

@@ -1,9 +1,11 @@
 """Let cables soften while the arm runs."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.effects.effect import Effect, Several, parameter
 from serpent_twin.effects.moment import Moment
@@ -40,8 +42,12 @@ class StiffnessDrift(Effect):
         """Warming, and wear."""
         return (cls(0.5), cls(0.5, carries=1.0))
 
+    @cached_property
+    def _chosen(self) -> NDArray[np.bool_]:
+        return chosen(self.strand)
+
     def act(self, moment: Moment, memory: None) -> None:
         """Soften the strands."""
         hours = (moment.time + self.carries * moment.prior_runtime) / 3600.0
         left = np.maximum(1.0 - self.rate * hours, LEAST)
-        moment.stiffness *= np.where(chosen(self.strand), left, 1.0)
+        moment.stiffness *= np.where(self._chosen, left, 1.0)

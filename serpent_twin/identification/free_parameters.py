@@ -55,6 +55,17 @@ def moved(
     return ParameterVector(declared, effects)
 
 
+def room(case: Case[Any], point: ParameterVector, free: FreeParameters) -> tuple[Array, Array]:
+    """The longest steps downwards and upwards within the effects' ranges, (len(free),) each."""
+    ends = []
+    for name, k in free.effects:
+        allowed, value = list(case.candidates[name].ranges.values())[k], point.effects[name][k]
+        ends.append((min(allowed.least - value, 0.0), max(allowed.high - value, 0.0)))
+    low, high = np.reshape(ends, (-1, 2)).T
+    open_ = np.full(len(free.declared), np.inf)
+    return np.r_[-open_, low], np.r_[open_, high]
+
+
 def between(before: ParameterVector, after: ParameterVector, free: FreeParameters) -> Array:
     """The step that was taken within the bounds."""
     declared = (after.declared - before.declared)[list(free.declared)]

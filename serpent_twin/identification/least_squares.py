@@ -10,19 +10,28 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.optimize import lsq_linear
 from scipy.special import stdtrit
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.free_parameters import FreeParameters, between, jacobian, moved
+from serpent_twin.identification.free_parameters import (
+    FreeParameters,
+    between,
+    jacobian,
+    moved,
+    room,
+)
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
-_DAMPINGS = ((0.0,), (0.3, 3.0))
-"""Levenberg's, tried in turn; those of a group side by side"""
+_DAMPINGS = (0.3, 3.0)
+"""Levenberg's, tried where the step without is no improvement; from then on beside it"""
 _SETTLED = 0.5
 """A step that reduces the cost by less, about half a standard error, is the last"""
 _SMALL_SHARE = 5e-4
 """A step that reduces the cost by less than this share is the last, too"""
+_SMALL_PART = 0.1
+"""And one that brings a cost that is not near by less than this part of the way there"""
 _SETTLED_SHARE = 1e-2
 """A derivative whose steps reduce the cost by less than this share is the last: another gains about a tenth
 """
@@ -112,6 +121,7 @@ def fit(
     known: Fit | None = None,
     carried: Fit | None = None,
     steps: int = _STEPS,
+    near: float = np.inf,
 ) -> Fit:
     """Fit to at most so many segments, spread evenly, with at most so many derivatives.
 
@@ -119,7 +129,8 @@ def fit(
     `known`, the segments and the derivative by the declared parameters are taken, so that only the
     effects' are simulated. From one that is `carried` over from other weights, and maybe fewer segments,
     the derivative is taken for the first steps instead of a simulation. The fit has converged when a new
-    derivative gives no better step; with no steps it is the derivative at the start.
+    derivative gives no better step; with no steps it is the derivative at the start. Above the cost `near`
+    there is no second derivative, and small steps are not worth it.
     """
     used = known.used if known else _spread(len(pieces), most, carried.used if carried else ())
     problem = _Problem(case, case.take(pieces, used), free, known)
@@ -138,7 +149,7 @@ def fit(
                 jacobian, taken.residual - at.residual, step, problem.variance_inflation
             )
             at = taken
-            if gained < max(_SETTLED, _SMALL_SHARE * at.cost):
+            if gained < max(_SETTLED, _SMALL_SHARE * at.cost, _SMALL_PART * (at.cost - near)):
                 break
         what = (
             f"derivative {n + (not carried)} of {derivatives}"
@@ -148,7 +159,7 @@ def fit(
         on_progress(f"{what}: cost {before:.0f} → {at.cost:.0f}")
         bettered = before - at.cost
         settled = steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost)
-        if settled and (n or not carried):
+        if (settled or at.cost > near) and (n or not carried):
             break
     inflation, noise = problem.variance_inflation, case.noise
     error, correlation = _errors(jacobian, at.residual, inflation, problem.prior)
@@ -192,6 +203,7 @@ class _Problem:
         effects = [(allowed.high - allowed.low) ** -2 for allowed in wide]
         self.prior = np.array([*declared, *effects])
         self.variance_inflation = 1.0
+        self.damped = False
 
     def begin(self, start: ParameterVector) -> tuple[_At, Array]:
         """The start and the derivative there; afterwards the data have their effective weight."""
@@ -224,21 +236,28 @@ class _Problem:
         return self._jacobian(point)[1]
 
     def step(self, at: _At, jacobian: Array) -> _At | None:
-        """Gauss-Newton's step, or with Levenberg's damping if that gives no improvement, or nothing."""
+        """Gauss-Newton's step, or with Levenberg's damping if that gives no improvement, or nothing. From a
+        derivative's first damped step on, all are tried side by side, and the best is taken.
+        """
         flat = jacobian.reshape(len(self.free), -1)
         normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
         pull = -(flat @ at.residual.ravel()) / self.variance_inflation - self.prior * self._lean(
             at.point
         )
-        for group in _DAMPINGS:
-            steps = [np.linalg.solve(normal + d * np.diag(np.diag(normal)), pull) for d in group]
+        ends = room(self.case, at.point, self.free)
+        for group in ((0.0, *_DAMPINGS),) if self.damped else ((0.0,), _DAMPINGS):
+            self.damped = len(group) > 1
+            steps = [_least(normal + d * np.diag(np.diag(normal)), pull, *ends) for d in group]
             tried = [moved(self.case, at.point, self.free, step) for step in steps]
-            for there, found in zip(tried, self.case.residual(tried, self.some), strict=True):
-                if (cost := self._cost(found, there)) < at.cost:
-                    return _At(there, found, cost)
+            found = self.case.residual(tried, self.some)
+            costs = [self._cost(each, there) for each, there in zip(found, tried, strict=True)]
+            best = int(np.argmin(costs))
+            if costs[best] < at.cost:
+                return _At(tried[best], found[best], costs[best])
         return None
 
     def _jacobian(self, point: ParameterVector) -> tuple[Array, Array]:
+        self.damped = False
         if self.known is None:
             return jacobian(self.case, point, self.free, self.some)
         residual, by_effects = jacobian(
@@ -258,8 +277,15 @@ class _Problem:
         return cost if np.isfinite(cost) else np.inf
 
 
+def _least(normal: Array, pull: Array, low: Array, high: Array) -> Array:
+    """The step x within bounds at which xᵀ N x / 2 − pull · x is least."""
+    root = np.linalg.cholesky(normal)
+    x: Array = lsq_linear(root.T, np.linalg.solve(root, pull), (low, high), "bvls").x
+    return x
+
+
 def _bettered(jacobian: Array, change: Array, step: Array, each: float) -> Array:
-    """The derivative that explains the change along the step, otherwise unchanged (Broyden 1965)."""
+    """The derivative, changed in place to explain the change along the step (Broyden 1965)."""
     flat = jacobian.reshape(len(jacobian), -1)
     metric = (flat**2).sum(axis=1) / each
     length = float(step @ (metric * step))
@@ -267,7 +293,10 @@ def _bettered(jacobian: Array, change: Array, step: Array, each: float) -> Array
         return jacobian
     missed = change - np.tensordot(step, jacobian, 1)
     along = (metric * step / length).astype(np.float32)
-    return jacobian + along[:, None, None] * missed.astype(np.float32)
+    missed = missed.astype(np.float32)
+    for each_row, by in zip(jacobian, along, strict=True):
+        each_row += by * missed
+    return jacobian
 
 
 def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tuple[Array, Array]:

@@ -24,7 +24,11 @@ which may have absorbed most of an effect; and beside effects that were found. A
 as much, and acceptance asks for about 0.08."""
 _BESIDE_THE_BEST = 0.1
 """And of what the best candidate removes"""
+_LIKE_THE_BEST = 0.03
+"""Of what the best candidate removes, for those that it can be confused with"""
 _DERIVATIVES = 2
+_NEAR = 0.3
+"""Share of the best candidate's gain in cost from which another is fitted further"""
 _SHOWS = 0.003
 """Share of the residual's squares from which a candidate's places are tried: one cable of ten shows by about
 a tenth in what all change"""
@@ -65,37 +69,43 @@ class Score:
 
 
 def scores(case: Case[Any], pieces: Any, base: Fit, candidates: Sequence[Candidate]) -> list[Score]:
-    """The score tests of candidates: one simulation per variant, side by side, with the base's Jacobian. Of
-    the best few that show and may be at many places, the places follow, each within the best one so far.
+    """The score tests of candidates: one simulation per variant, side by side, with the base's Jacobian."""
+    return list(
+        _tested(case, pieces, base, {c.name: (c, _columns(c)) for c in candidates}).values()
+    )
+
+
+def placed(case: Case[Any], pieces: Any, base: Fit, found: Mapping[str, Score]) -> list[Score]:
+    """New scores, at a better place, of the best few candidates that show and may be at many places: each
+    place is tried within the best one so far.
     """
-    some = case.take(pieces, base.used)
-    residual, known = case.residual([base.point], some)[0], Information.of(case, base)
-    test = partial(_tested, case, some, base, known, residual)
-    found = {s.name: s for s in test({c.name: (c, _columns(c)) for c in candidates})}
-    while nearer := _nearer(candidates, found):
-        better = [s for s in test(nearer) if s.share > _CLEARLY * found[s.name].share]
-        found |= {s.name: replace(s, excitation=found[s.name].excitation) for s in better}
-        candidates = [nearer[s.name][0] for s in better]
-    return list(found.values())
+    now, better = dict(found), set[str]()
+    nearer = _nearer([case.candidates[name] for name in found], now)
+    while nearer:
+        tested = _tested(case, pieces, base, nearer).items()
+        several = {n: s for n, s in tested if s.share > _CLEARLY * now[n].share}
+        now |= {n: replace(s, excitation=now[n].excitation) for n, s in several.items()}
+        better |= set(several)
+        nearer = _nearer([nearer[n][0] for n in several], now)
+    return [score for name, score in now.items() if name in better]
 
 
 _Tried = Mapping[str, tuple[Candidate, Sequence[Array]]]
 """Candidates by name, each with values of all its parameters"""
 
 
-def _tested(
-    case: Case[Any], some: Any, base: Fit, known: Information, residual: Array, tried: _Tried
-) -> list[Score]:
-    """The score of each candidate, by the best of the values tried."""
+def _tested(case: Case[Any], pieces: Any, base: Fit, tried: _Tried) -> dict[str, Score]:
+    """The score of each candidate on top of a base, by the best of the values tried."""
+    some, known = case.take(pieces, base.used), Information.of(case, base)
     points = {n: [base.point.having(n, v) for v in columns] for n, (_, columns) in tried.items()}
     every = [base.point, *(point for several in points.values() for point in several)]
     without, *changed = case.residual(every, some, rough=True)
-    out = []
+    out = {}
     for name, (candidate, _) in tried.items():
         changes = np.array([changed.pop(0) - without for _ in points[name]])
         weaker = partial(_weaker_point, base, candidate, points[name])
         changes = steadied(case, some, base.point, changes, weaker)
-        out.append(_score(known, residual, candidate, points[name], changes))
+        out[name] = _score(known, base.residual, candidate, points[name], changes)
     return out
 
 
@@ -217,19 +227,29 @@ def worth_fitting(
     beside: Collection[str] = (),
 ) -> list[str]:
     """Names of candidates to fit fully, beside effects that were found: the best few, and those that the best
-    can be confused with.
+    can be confused with and that remove something, too.
     """
     ranked = sorted(scores, key=lambda s: -s.share)
     least = _BESIDE_OTHERS if beside else _WORTH_A_FIT
     least = max(least, _BESIDE_THE_BEST * ranked[0].share) if ranked else 0.0
     best = [s.name for s in ranked if s.share > least and s.excitation > EXCITED][:most]
     excited = {s.name for s in scores if s.excitation > EXCITED}
-    alike = [n for name in best[:1] for n in candidates[name].confused_with if n in excited]
+    near = {s.name for s in scores if best and s.share > _LIKE_THE_BEST * ranked[0].share}
+    alike = [n for name in best[:1] for n in candidates[name].confused_with if n in excited & near]
     return list(dict.fromkeys([*best, *alike]))
 
 
-def full_fit(case: Case[Any], pieces: Any, base: Fit, found: Score, on_progress: OnProgress) -> Fit:
-    """A candidate fitted together with all declared parameters, from the best of a few strengths."""
+def full_fit(
+    case: Case[Any],
+    pieces: Any,
+    base: Fit,
+    found: Score,
+    on_progress: OnProgress,
+    best: float = np.inf,
+) -> Fit:
+    """A candidate fitted together with all declared parameters, from the best of a few strengths. Where
+    another reached the cost `best`, it must come near with its first derivative for a second one.
+    """
     names = [*base.point.effects, found.name]
     starts = _starts(case.candidates[found.name], found.start)
     points = [base.point.having(found.name, values) for values in starts]
@@ -242,9 +262,8 @@ def full_fit(case: Case[Any], pieces: Any, base: Fit, found: Score, on_progress:
     else:
         weak = _weaker(case.candidates[found.name], found.start, _WEAK)
         start = base.point.having(found.name, weak)
-    return fit(
-        case, pieces, start, free_parameters(case, names), _DERIVATIVES, 1, on_progress, known=base
-    )
+    free, near = free_parameters(case, names), base.cost - _NEAR * (base.cost - best)
+    return fit(case, pieces, start, free, _DERIVATIVES, 1, on_progress, known=base, near=near)
 
 
 def _starts(candidate: Candidate, values: Array) -> list[Array]:

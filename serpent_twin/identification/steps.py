@@ -109,15 +109,19 @@ class Tracer:
         self.identifiability = self._identifiable(opening)
         first = self._fit("calibrated_1", start, free, 1, opening)
         self._opening_case = self.case
-        self.case = self.case.reweighted(first.point, self.training)
+        self.case = self._weighed_by(first)
         second = self._fit("calibrated_2", first.point, free, 0, carried=first)
-        self.case = self.case.reweighted(second.point, self.training)
+        self.case = self._weighed_by(second)
         return opening, self._fit("calibrated_3", second.point, free, 3, carried=second)
+
+    def _weighed_by(self, found: Fit) -> Case[Any]:
+        """The case with the noise that a fit leaves."""
+        return self.case.weighed_by(found.residual, self.case.take(self.training, found.used))
 
     def _identifiable(self, opening: Fit) -> Identifiability:
         """What these logs can tell at all."""
         names = [name for name in self.case.candidates if name not in self.case.unseen]
-        found = self.trials.scores("scores_1_start", self.case, opening, names)
+        found = self.trials.scores("1_start", self.case, opening, names)
         return identifiability(self.case, self.training, opening, list(found.values()))
 
     def _fit(
@@ -149,7 +153,7 @@ class Tracer:
 
     def _polish(self, found: Fit, name: str) -> Fit:
         """Fit an accepted effect again with everything else, with updated weights."""
-        self.case = self.case.reweighted(found.point, self.training)
+        self.case = self._weighed_by(found)
         free = free_parameters(self.case, list(found.point.effects))
         return self._fit(name, found.point, free, 2, carried=found)
 
@@ -157,7 +161,7 @@ class Tracer:
         """The last fit, on more segments, from which the accepted effects are reported."""
         if not found.point.effects:
             return found
-        self.case = self.case.reweighted(found.point, self.training)
+        self.case = self._weighed_by(found)
         return self._fit("last", found.point, found.free, 0, carried=found, last=True)
 
     def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:

@@ -11,7 +11,7 @@ from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
 from serpent_twin.identification.least_squares import Fit, OnProgress, fit
 from serpent_twin.identification.left_out import chance_of_selection
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
-from serpent_twin.identification.score_test import Score, full_fit, scores, worth_fitting
+from serpent_twin.identification.score_test import Score, full_fit, placed, scores, worth_fitting
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import counted
@@ -45,16 +45,20 @@ class Trials:
         """Score tests of candidates on top of a fit, and full fits of the selected ones, judged against the
         base.
         """
-        found = self.scores(f"scores_{stage}", case, begun, names)
+        found = self.placed(stage, case, begun, self.scores(stage, case, begun, names))
         trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
         there = begun.point.effects
         chosen = worth_fitting(list(found.values()), case.candidates, beside=there)[:most]
+        best = begun.cost
         for name in chosen:
             self.on_progress(f"{stage.replace('_', ', from the ')}: fitting {name}")
             fitted = self.notes.fit(
                 f"fit_{stage}_{name}",
-                lambda one=found[name]: full_fit(case, self.training, begun, one, self.on_progress),
+                lambda one=found[name], most=best: full_fit(
+                    case, self.training, begun, one, self.on_progress, most
+                ),
             )
+            best = min(best, fitted.cost)
             trials[name] = self._judged(case, found[name], base, fitted, before, len(chosen))
         return trials
 
@@ -134,4 +138,16 @@ class Trials:
             self.on_progress(f"score tests of {counted(len(names), 'candidate')}")
             return scores(case, self.training, base, [case.candidates[name] for name in names])
 
-        return {each.name: each for each in self.notes.scores(stage, test)}
+        return {each.name: each for each in self.notes.scores(f"scores_{stage}", test)}
+
+    def placed(
+        self, stage: str, case: Case[Any], base: Fit, found: Mapping[str, Score]
+    ) -> dict[str, Score]:
+        """The same with the best place of those candidates that show and may be at many."""
+
+        def test() -> list[Score]:
+            self.on_progress("score tests of places")
+            return placed(case, self.training, base, found)
+
+        better = self.notes.scores(f"places_{stage}", test)
+        return {**found, **{each.name: each for each in better}}

@@ -121,9 +121,13 @@ class Case(Generic[P]):
         """The same case, each channel's noise set to the rms that a fitted twin leaves of it; a channel in
         which nothing was measured keeps its noise.
         """
-        return replace(
-            self, noise=self.noise_of(pieces.measured - self._respond([point], pieces)[0])
-        )
+        return self.weighed_by(self.residual([point], pieces)[0], pieces)
+
+    def weighed_by(self, residual: Array, pieces: P) -> "Case[P]":
+        """The same from the residual that the twin leaves on these segments, (S, T · C), by this noise."""
+        measured = pieces.measured
+        left = residual.reshape(measured.shape).astype(float) * self.noise
+        return replace(self, noise=self.noise_of(np.where(np.isfinite(measured), left, np.nan)))
 
     def noise_of(self, error: Array) -> Array:
         """The noise of each channel by its errors, (…, C), NaN where nothing was measured: their rms."""
@@ -147,21 +151,18 @@ class Case(Generic[P]):
         pieces: P,
         rng: np.random.Generator,
     ) -> float:
-        """Mean error of the pose, in its measure's unit, of a twin that lacks nothing: its start has the
-        measurement's noise, and its parameters are drawn from the fit's covariance.
+        """Mean error of the pose, in its measure's unit, of twins that lack nothing: their starts have the
+        measurement's noise, and their parameters are drawn from the fit's covariance.
         """
         measure = self.machine.outputs[0].measure
         pose = slice(0, sum(each.measure == measure for each in self.machine.outputs))
         judged = np.isfinite(pieces.measured[..., pose]).any(axis=-1)
         truth = self._respond([fit], pieces)[0, ..., pose]
-        noise, errors = self.machine.pose_noise(pieces), []
-        for point in drawn:
-            again = self.machine.measured_again(pieces, fit, rng)
-            moved = self._respond([point], again)[0, ..., pose]
-            moved = moved + noise * rng.standard_normal(moved.shape)
-            apart = (moved - truth)[judged].reshape(judged.sum(), -1, measure.dimension)
-            errors.append(np.nanmean(np.linalg.norm(apart, axis=-1)))
-        return measure.scale * float(np.mean(errors))
+        again = self.machine.measured_again(pieces, fit, rng)
+        moved = self._respond(drawn, again)[..., pose].copy()
+        moved += self.machine.pose_noise(pieces) * rng.standard_normal(moved.shape)
+        apart = (moved - truth)[:, judged].reshape(-1, measure.dimension)
+        return measure.scale * float(np.nanmean(np.linalg.norm(apart, axis=-1)))
 
     def write(self, point: ParameterVector, path: Path, about: Mapping[str, Any]) -> None:
         """Write the twin of a parameter vector, PATH.json and PATH.xml."""

@@ -11,7 +11,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim.cable_dynamics import CableDynamics, addresses
 from serpent_twin.sim.history import History
-from serpent_twin.sim.many_twins import PrescribedMotion, impose
+from serpent_twin.sim.many_twins import TIMESTEP, PrescribedMotion, impose
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import taken_up
 from serpent_twin.sim.reading_age import Readings
@@ -232,7 +232,8 @@ def replay_motors(
     motors = MotorTrajectory(clock, angle, np.gradient(angle, clock, axis=0))
     joint = joint_from_motor(motor_position[:1, :N_JOINTS])
     motion = PrescribedMotion(motors[None], joint, prior_runtime=prior_runtime)
-    response = impose([design], motion, mjcf.TIMESTEP, 1)
-    if response.unstable.any():
-        raise SerpentError(_UNSTABLE.format("its replay"))
-    return response[0, 0, 1:]
+    for timestep in (TIMESTEP, mjcf.TIMESTEP):
+        response = impose([design], motion, timestep, 1)
+        if not response.unstable.any():
+            return response[0, 0, 1:]
+    raise SerpentError(_UNSTABLE.format("its replay"))
