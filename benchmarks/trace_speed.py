@@ -25,8 +25,8 @@ from serpent_twin.machines.arm.machine import ArmMachine
 from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import counted
-from serpent_twin.sim.cable_dynamics import side_by_side
 from serpent_twin.sim.many_twins import TIMESTEP
+from serpent_twin.sim.stepper import side_by_side
 from serpent_twin.stored import within
 
 DATA = Path(__file__).resolve().parent.parent / "data" / "arm_a"

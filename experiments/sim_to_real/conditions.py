@@ -23,9 +23,9 @@ from serpent_twin.recording.loop import record
 from serpent_twin.recording.simulated_arm import SimulatedArm, generators
 from serpent_twin.sessions import Session
 from serpent_twin.sessions.session import session_from_rows
-from serpent_twin.sim.cable_dynamics import Variation
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import TwinModel
+from serpent_twin.sim.variation import Variation
 
 ROWS = 1200
 MORE_KG = 0.03

@@ -181,7 +181,7 @@ class Jaw(RunMachine):
         out = np.empty((D * S, T, 2))
         period = np.tile(pieces.period, D)[:, None]
         last = spindle.shape[1] - 1
-        turns.begin(spindle[:, :1], scale * load[:, :1], per_turn)
+        turns.settle(spindle[:, :1], scale * load[:, :1], per_turn)
         drive = asked = np.zeros_like(period)
         winch = spindle[:, :1]
         for k in range(last + 1):
@@ -228,7 +228,7 @@ class _Cables(Turns):
         self._damping = self.batch.expand("dof_damping")[:, [self._hinge]].copy()
         self._constraint = self.batch.bind("qfrc_constraint")
 
-    def begin(self, spindle: Array, load: Array, per_turn: Array) -> None:
+    def settle(self, spindle: Array, load: Array, per_turn: Array) -> None:
         """Put hinges and jaws where cables without friction hold them."""
         self._per_turn = per_turn
         self.qpos[:, [self._driven]] = self.qpos[:, [self._hinge]] = spindle

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.sim.cable_dynamics import structure
 from serpent_twin.sim.measured_motion import MeasuredMotion
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.reading_age import MarkersAfter
 from serpent_twin.sim.response import Response
+from serpent_twin.sim.stepper import structure
 from serpent_twin.sim.tangents import differences
 from serpent_twin.sim.twin_model import TwinModel
 

@@ -10,18 +10,15 @@ from numpy.typing import NDArray
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
-from serpent_twin.sim.cable_dynamics import (
-    CableDynamics,
-    Variation,
-    addresses,
-    set_timestep,
-    side_by_side,
-)
+from serpent_twin.effects import Moment
+from serpent_twin.sim.cable_dynamics import CableDynamics
 from serpent_twin.sim.history import History
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.response import Response
+from serpent_twin.sim.stepper import addresses, set_timestep, side_by_side
 from serpent_twin.sim.tangents import Differences, Tangents
 from serpent_twin.sim.twin_model import TwinModel
+from serpent_twin.sim.variation import Variation
 
 STANDING = 0.05
 """[rad/s] slower than this, a motor's load lies anywhere within its gear friction."""
@@ -104,7 +101,7 @@ class DrivenArms:
             now = before.towards(motors, share)
             self._hold(now, was + share * (joint_angle - was))
             dt = np.where(k < steps, interval / steps, 0.0)
-            self._cables.act(now.time[:, None], now.angle, now.velocity, dt)
+            self._cables.act(self._instant(now, dt))
 
     def _hold(self, motors: MotorTrajectory, joint_angle: Array) -> None:
         """Put joints and the jaw at given angles, at rest."""
@@ -116,7 +113,10 @@ class DrivenArms:
         self._qpos[:, self._jaw] = self._cables.jaw_at_rest(wound)
 
     def _begin(self, motors: MotorTrajectory) -> None:
-        self._cables.start(motors.time[:, None], motors.angle, motors.velocity)
+        self._cables.begin(self._instant(motors))
+
+    def _instant(self, motors: MotorTrajectory, dt: float | Array = 0.0) -> Moment:
+        return self._cables.moment(motors.time[:, None], motors.angle, motors.velocity, dt)
 
     @property
     def reading_age(self) -> Array:
@@ -165,10 +165,7 @@ class DrivenArms:
         shares of the stall torque, (P, n, 10).
         """
         assert self._tangents
-        motors = self._motors
-        winch = self._cables.act(
-            motors.time[:, None], motors.angle, motors.velocity, 0.0
-        ).winch_angle
+        winch = self._cables.act(self._instant(self._motors)).winch_angle
         torque = self._tangents.horn_torques(winch, self._cables.winch_reach)
         return self._tangents.markers(), torque / self._stall
 
@@ -193,7 +190,7 @@ class DrivenArms:
         are carried on by their velocity.
         """
         motors = self._motors
-        moment = self._cables.act(motors.time[:, None], motors.angle, motors.velocity, 0.0)
+        moment = self._cables.act(self._instant(motors))
         loss = moment.gear_friction * np.tanh(motors.velocity / (STANDING / 3))
         marker = self._markers()
         if self.reading_age.any():

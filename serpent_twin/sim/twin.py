@@ -9,13 +9,14 @@ from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.sim.cable_dynamics import CableDynamics, addresses
+from serpent_twin.sim.cable_dynamics import CableDynamics
 from serpent_twin.sim.history import History
 from serpent_twin.sim.many_twins import TIMESTEP, PrescribedMotion, impose
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import taken_up
 from serpent_twin.sim.reading_age import Readings
 from serpent_twin.sim.response import Response
+from serpent_twin.sim.stepper import addresses
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 _TORQUE = slice(2 * N_MOTORS, 3 * N_MOTORS)  # in the sensor vector, as mjcf.py orders it
@@ -67,7 +68,7 @@ class Twin:
         self.mechanism.prior_runtime = self.prior_runtime = prior_runtime
         self._readings = Readings()
         self._ran = 0.0  # a run that became unstable resets MuJoCo's clock
-        self.mechanism.start(*self._instant())
+        self.mechanism.begin(self.mechanism.moment(*self._instant()))
         self._look()
         History(self.batch).fill()
         self.batch.forward()
@@ -194,7 +195,7 @@ class Twin:
     def _look(self) -> None:
         """Update sensors and tensions to the present instant."""
         if self.mechanism.acting:
-            self.mechanism.act(*self._instant(), 0.0)
+            self.mechanism.act(self.mechanism.moment(*self._instant()))
         self.batch.forward()
 
     def substeps(self, duration: float) -> int:

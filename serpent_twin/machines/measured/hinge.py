@@ -2,16 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import mujoco
 
-from serpent_twin import effects
 from serpent_twin.arm.hinge_friction import STICKS
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Instant
-from serpent_twin.sim.cable_dynamics import addresses, set_timestep, side_by_side
 from serpent_twin.sim.history import History
+from serpent_twin.sim.stepper import Stepper, addresses, set_timestep, side_by_side
 
 HINGE, SENSOR = "joint1", "marker1"
 """The hinge that is driven and rubs, and the sensor of the angle that is measured"""
@@ -67,7 +66,7 @@ class TorqueMoment(HingeMoment):
     given = HingeMoment.given | {"winch_angle"}
 
 
-class Turns:
+class Turns(Stepper[HingeMoment]):
     """Runs side by side, run i of models[i] with effects[i]."""
 
     moment_of: ClassVar[type[HingeMoment]] = HingeMoment
@@ -76,7 +75,7 @@ class Turns:
     def __init__(
         self, models: Sequence[mujoco.MjModel], several: Sequence[Sequence[Effect]], timestep: Array
     ) -> None:
-        self.batch = side_by_side(models, 1)
+        super().__init__(side_by_side(models, 1), several)
         self.dt = timestep.reshape(-1, 1)
         set_timestep(self.batch, timestep)
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
@@ -89,8 +88,6 @@ class Turns:
         self.dof = int(dof[0])
         self._friction = self.batch.expand("dof_frictionloss")
         self._base = self._friction[:, [self.dof]].copy()
-        self._effects = effects.stacked(several)
-        self._memory: list[Any] = []
 
     def moment(
         self, time: Array, angle: Array, velocity: Array, asked: Array, drive: Array
@@ -109,8 +106,8 @@ class Turns:
         )
 
     def start(self, moment: HingeMoment) -> None:
-        """Begin: reset the effects' memories, and fill delayed sensors with the present reading."""
-        self._memory = effects.begin(self._effects, moment)
+        """Begin, and fill delayed sensors with the present reading."""
+        self.begin(moment)
         self.batch.forward()
         History(self.batch).fill()
         self.batch.forward()
@@ -122,11 +119,9 @@ class Turns:
         self.batch.forward()
         return self.sensors[:, 0].copy()
 
-    def act(self, moment: HingeMoment) -> HingeMoment:
-        """Let the effects act on the next time step, and set the hinge's friction from them."""
-        effects.act(self._effects, moment, self._memory)
+    def apply(self, moment: HingeMoment) -> None:
+        """Set the hinge's friction."""
         self._friction[:, [self.dof]] = moment.gear_friction
-        return moment
 
 
 def stick(joint: mujoco.MjsJoint) -> None:

@@ -2,19 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import mujoco
 import numpy as np
 
-from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Instant
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.trunk.body import TIME_STEP
 from serpent_twin.machines.trunk.shape import ENDS_AT, Shape
-from serpent_twin.sim.cable_dynamics import set_timestep, side_by_side
 from serpent_twin.sim.history import History
+from serpent_twin.sim.stepper import Stepper, set_timestep, side_by_side
 
 
 @dataclass
@@ -47,7 +46,7 @@ class TrunkMoment(Instant):
         self.motor_angle, self.winch_angle = angle.copy(), angle.copy()
 
 
-class Trunks:
+class Trunks(Stepper[TrunkMoment]):
     """Trunk i of models[i] and shapes[i] with effects[i], side by side."""
 
     def __init__(
@@ -58,17 +57,15 @@ class Trunks:
         threads: int,
     ) -> None:
         _refuse_memories(several)
-        self._batch = side_by_side(models, threads)
-        self._length = self._batch.bind("ten_length")
-        self._rest = self._batch.expand("tendon_lengthspring")
+        super().__init__(side_by_side(models, threads), several)
+        self._length = self.batch.bind("ten_length")
+        self._rest = self.batch.expand("tendon_lengthspring")
         self._straight = self._rest[:, :, 1].copy()
-        self._stiffness = self._batch.expand("tendon_stiffness")
-        self._bend = self._batch.expand("tendon_stiffnesspoly")
-        self._sensors = self._batch.bind("sensordata")
+        self._stiffness = self.batch.expand("tendon_stiffness")
+        self._bend = self.batch.expand("tendon_stiffnesspoly")
+        self._sensors = self.batch.bind("sensordata")
         self._wound = np.array([s["wound"][np.array(ENDS_AT) - 1] for s in shapes])
         self._zero = np.array([s["zero"] for s in shapes])
-        self._effects = effects.stacked(several)
-        self._memory: list[Any] = []
 
     def run(self, goal: Array, period: Array) -> tuple[Array, Array]:
         """Where disks (n, T, 9) and servos (n, T, 6) are in each row, for goals (n, T, 6) [rad], rows of
@@ -77,21 +74,20 @@ class Trunks:
         n, T = goal.shape[:2]
         steps = max(1, round(float(period.max()) / TIME_STEP))
         dt = (period / steps)[:, None]
-        set_timestep(self._batch, dt)
+        set_timestep(self.batch, dt)
         ahead = np.diff(goal, axis=1, append=goal[:, -1:])
         disks, servos = np.empty((n, T, 9)), np.empty((n, T, 6))
         moment = self._moment(goal[:, 0], ahead[:, 0] / (steps * dt), dt)
-        self._memory = effects.begin(self._effects, moment)
-        self._wind(moment.winch_angle)
-        self._batch.forward()
-        History(self._batch).fill()
+        self.begin(moment)
+        self.apply(moment)
+        self.batch.forward()
+        History(self.batch).fill()
         for t in range(T):
             for k in range(steps):
                 told = goal[:, t] + k / steps * ahead[:, t]
                 moment = self._moment(told, ahead[:, t] / (steps * dt), dt)
-                effects.act(self._effects, moment, self._memory)
-                self._wind(moment.winch_angle)
-                self._batch.step()
+                self.act(moment)
+                self.batch.step()
                 if k == 0:  # a step reads its sensors before it moves
                     disks[:, t], servos[:, t] = self._sensors, moment.motor_angle
         return disks, servos
@@ -102,8 +98,9 @@ class Trunks:
         torque = self._wound * (tension[:, 0::2] - tension[:, 1::2])
         return TrunkMoment(dt, velocity, torque, goal, goal.copy(), goal.copy())
 
-    def _wind(self, angle: Array) -> None:
-        wound = self._wound * (angle + self._zero)
+    def apply(self, moment: TrunkMoment) -> None:
+        """Wind the cables to where the servos stand."""
+        wound = self._wound * (moment.winch_angle + self._zero)
         self._rest[:, :, 1] = self._straight - np.repeat(wound, 2, axis=1) * np.tile([1.0, -1.0], 6)
 
 

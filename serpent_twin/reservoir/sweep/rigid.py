@@ -14,7 +14,7 @@ from serpent_twin.arm.geometry import ARM, markers
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.arrays import Array
 from serpent_twin.reservoir.sweep.drive import HeldResponse, coupled
-from serpent_twin.sim.cable_dynamics import addresses
+from serpent_twin.sim.stepper import addresses
 from serpent_twin.sim.twin_model import TwinModel
 
 
