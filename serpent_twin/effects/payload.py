@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.effects.effect import Effect, Several, parameter
+from serpent_twin.effects.links import last_joint, link_at
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,8 @@ class Payload(Effect):
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Add the mass to the inertia of the link that carries it."""
-        links = [body for body in spec.bodies if body.name.startswith("link")]
-        begins = np.cumsum([0.0, *(link.pos[0] for link in links[1:])])
-        at = max(self.place + begins[-1], 0.0)
-        carrier = int(np.searchsorted(begins, at, side="right")) - 1
-        link, lever = links[carrier], np.array([at - begins[carrier], 0.0, 0.0])
+        link, along = link_at(spec, last_joint(spec) + self.place)
+        lever = np.array([along, 0.0, 0.0])
         whole = link.mass + self.mass
         apart = lever - link.ipos
         link.inertia += link.mass * self.mass / whole * (apart @ apart - apart**2)

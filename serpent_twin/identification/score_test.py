@@ -24,8 +24,9 @@ which may have absorbed most of an effect; and beside effects that were found. A
 as much, and acceptance asks for about 0.08."""
 _BESIDE_THE_BEST = 0.1
 """And of what the best candidate removes"""
-_LIKE_THE_BEST = 0.03
-"""Of what the best candidate removes, for those that it can be confused with"""
+_LIKE_THE_BEST, _AT_LEAST = 0.03, 0.005
+"""Of what the best candidate removes, for those that it can be confused with; and of the residual's squares:
+what removes less would not be accepted in its place either"""
 _DERIVATIVES = 2
 _NEAR = 0.3
 """Share of the best candidate's gain in cost from which another is fitted further"""
@@ -234,7 +235,8 @@ def worth_fitting(
     least = max(least, _BESIDE_THE_BEST * ranked[0].share) if ranked else 0.0
     best = [s.name for s in ranked if s.share > least and s.excitation > EXCITED][:most]
     excited = {s.name for s in scores if s.excitation > EXCITED}
-    near = {s.name for s in scores if best and s.share > _LIKE_THE_BEST * ranked[0].share}
+    least = max(_AT_LEAST, _LIKE_THE_BEST * ranked[0].share) if best else np.inf
+    near = {s.name for s in scores if s.share > least}
     alike = [n for name in best[:1] for n in candidates[name].confused_with if n in excited & near]
     return list(dict.fromkeys([*best, *alike]))
 

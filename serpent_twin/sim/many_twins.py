@@ -25,7 +25,8 @@ from serpent_twin.sim.twin_model import TwinModel
 TIMESTEP = 0.005
 """[s]; a step of 1 ms moves the markers by about 0.1 mm, and by about 1 ms in time at most (tests)."""
 _SWEEPS = 20
-_FEW = 15  # runs; with 7, two threads take 1.1 times as long as one, with 21, 0.9 times
+_FEW, _FEW_ACTING = 4, 15
+"""Runs below which one thread is as fast as two, alone and where effects act between steps"""
 _SOFT = 7e3  # [N/m]; strands up to this stiffness are stable at twice the usual time step
 
 
@@ -129,10 +130,10 @@ def coarse_step(designs: Sequence[TwinModel]) -> float:
 
 
 def _threads(designs: Sequence[TwinModel], motion: PrescribedMotion) -> int:
-    """The fastest number of threads: one for few runs on which effects act between steps, else one a core."""
-    few = len(designs) * len(motion.motors.time) < _FEW
+    """The fastest number of threads: one for few runs, else one a core."""
     acting = any(effect.acts() for design in designs for effect in design.active)
-    return 1 if few and acting else os.cpu_count() or 1
+    few = len(designs) * len(motion.motors.time) < (_FEW_ACTING if acting else _FEW)
+    return 1 if few else os.cpu_count() or 1
 
 
 def substeps(motors: MotorTrajectory, timestep: float) -> NDArray[np.intp]:

@@ -228,8 +228,8 @@ class Tangents:
         return slope, stretch * (stiffness + bend * stretch)
 
     def _inverse_dynamics(self, s: _Steps) -> tuple[Array, Array, Array]:
-        """Derivatives of the torques that a motion needs without cables and friction, by acceleration,
-        position and velocity, amid the steps; each (S, nv, nv).
+        """Derivatives of the torques that a motion needs beside cables, friction and constant forces, by
+        acceleration, position and velocity, amid the steps; each (S, nv, nv).
         """
         model, data = self._bare
         middle, acceleration = len(s.dt) // 2, s.acceleration.mean(axis=0)
@@ -239,7 +239,7 @@ class Tangents:
             data.qacc[:] = acceleration[n]
             by_q, by_v, by_a = out[1, n], out[2, n], out[0, n]
             nothing = [None] * 4
-            mujoco.mjd_inverseFD(model, data, _NUDGE, False, by_q, by_v, by_a, *nothing)
+            mujoco.mjd_inverseFD(model, data, _NUDGE, True, by_q, by_v, by_a, *nothing)
         mass, turned, braked = np.swapaxes(out, -1, -2)
         return mass, turned, braked
 

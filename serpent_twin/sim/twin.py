@@ -19,6 +19,8 @@ from serpent_twin.sim.response import Response
 from serpent_twin.sim.stepper import addresses
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
+_GOALS, _PACES = slice(0, 2 * N_MOTORS, 2), slice(1, 2 * N_MOTORS, 2)
+"""Of the controls: actuators that effects add come after the motors"""
 _TORQUE = slice(2 * N_MOTORS, 3 * N_MOTORS)  # in the sensor vector, as mjcf.py orders it
 _MARKERS = slice(3 * N_MOTORS, 3 * N_MOTORS + 3 * N_JOINTS)
 _GAIN_I, _GAIN_P = 4, 6  # of a dcmotor's gainprm: mjcf.py's `controller`
@@ -55,13 +57,13 @@ class Twin:
         self._joint_q, _ = addresses(self.model, mjcf.JOINTS)
         self._jaw_q = addresses(self.model, ("jaw",))[0][0]
         self._time, self._ctrl = self.batch.bind("time"), self.batch.bind("ctrl")
-        self._force = self.batch.bind("actuator_force")
+        self._force = self.batch.bind("actuator_force")[:, :N_MOTORS]
         self._sensors, self._stretch = self.batch.bind("sensordata"), self.batch.bind("ten_length")
         self._strands = tuple(
             self.batch.expand(f"tendon_{of}")
             for of in ("lengthspring", "stiffness", "stiffnesspoly")
         )
-        self._gain = self.batch.expand("actuator_gainprm")
+        self._gain = self.batch.expand("actuator_gainprm")[:, :N_MOTORS]
         self._firmware_gain = self._gain.copy()
         self._goal, self._pace = np.zeros((2, nsim, N_MOTORS))
         self.mechanism = CableDynamics(self.batch, [design] * nsim, motors=True)
@@ -150,14 +152,14 @@ class Twin:
         most = self.arm.servo.stall_torque / self.arm.servo.velocity_i
         angle = self.qpos[:, self._motor_q]
         self._goal = np.clip(self._goal, angle - most, angle + most)
-        control = np.empty((len(angle), substeps, 2 * N_MOTORS))
+        control = np.zeros((len(angle), substeps, self.model.nu))
         elapsed = self.model.opt.timestep * np.arange(substeps)
-        control[:, :, 0::2], control[:, :, 1::2] = self._held_to(velocity, elapsed)
+        control[:, :, _GOALS], control[:, :, _PACES] = self._held_to(velocity, elapsed)
         ahead = self._held_to(velocity, np.array([duration]))
         torque = self._step(control) if self.mechanism.acting else self._roll(control)
         self._goal, self._pace = (each[:, 0] for each in ahead)
         # readings are of the present instant, not of a step ago
-        self._ctrl[:, 0::2], self._ctrl[:, 1::2] = self._goal, self._pace
+        self._ctrl[:, _GOALS], self._ctrl[:, _PACES] = self._goal, self._pace
         self._look()
         self._refuse_divergence()
         self._ran += duration
@@ -173,7 +175,7 @@ class Twin:
     def _roll(self, control: Array) -> Array:
         """Take all substeps at once: no effect acts in Python."""
         record = self.batch.rollout(control.shape[1], control, record=("actuator_force",))
-        return record["actuator_force"]
+        return record["actuator_force"][..., :N_MOTORS]
 
     def _step(self, control: Array) -> Array:
         """Step substep by substep, effects acting before each."""

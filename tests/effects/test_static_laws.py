@@ -138,17 +138,14 @@ def test_link_flex_bends_and_twists_by_compliance_times_moment():
 
 
 @pytest.mark.parametrize("place", [0.03, 0.30, 0.53])
-def test_a_constant_force_turns_the_hinges_as_mujoco_says(place):
-    """Torques by `mj_applyFT` at the same point of the same link."""
+def test_a_constant_force_turns_the_hinges_before_its_point(place):
+    """Torques by hand, axis · (lever × force), in the base's frame."""
     q, force = np.random.default_rng(3).normal(0, 0.3, 9), np.array([0.2, -0.5, 0.3])
-    data = statics(None, q)
-    model, link = data.model, int(np.searchsorted(np.cumsum(ARM.link_length), place))
-    body, base = data.body(f"link{link + 1}"), data.body("base").xmat.reshape(3, 3)
-    along = place - sum(ARM.link_length[:link])
-    point = body.xpos + body.xmat.reshape(3, 3)[:, 0] * along
-    applied = np.zeros(model.nv)
-    mujoco.mj_applyFT(model, data, base @ force, np.zeros(3), point, body.id, applied)
-    m = moment(rows=2, joint_angle=np.stack([q, 0 * q]))
-    KNOWN["constant_force"](*force, place=place).act(m, None)
-    hinges = [model.joint(f"joint{i}").dofadr[0] for i in range(1, 10)]
-    assert_allclose(m.joint_torque[0], applied[hinges], atol=1e-12)
+    data = statics(KNOWN["constant_force"](*force, place=place), q)
+    origin, rotation = link_frames(q)
+    link = int(np.searchsorted(np.cumsum(ARM.link_length), place))
+    point = origin[link] + rotation[link, :, 0] * (place - sum(ARM.link_length[:link]))
+    turning = np.cross(point - origin, force)
+    by_hand = [rotation[i] @ joint_axis(i) @ turning[i] if i <= link else 0.0 for i in range(9)]
+    hinges = [data.model.joint(f"joint{i}").dofadr[0] for i in range(1, 10)]
+    assert_allclose(data.qfrc_actuator[hinges], by_hand, atol=1e-9)

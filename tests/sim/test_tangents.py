@@ -62,7 +62,16 @@ def test_an_arm_without_dry_friction_or_slack_is_differentiated_to_a_twentieth()
 
 
 @pytest.mark.parametrize(
-    "name", ["", "cable_stiffening", "mocap_latency", "cable_creep", "link_flex", "payload"]
+    "name",
+    [
+        "",
+        "cable_stiffening",
+        "mocap_latency",
+        "cable_creep",
+        "link_flex",
+        "payload",
+        "constant_force",
+    ],
 )
 def test_an_arm_that_sticks_and_slips_is_differentiated_as_differences_do(name):
     """With an effect in the model, too, and with delayed cameras."""
