@@ -17,8 +17,9 @@ from experiments.measured.page import effect_told
 from experiments.measured.split import by_time
 from serpent_twin import machines, stored
 from serpent_twin.identification import Trace
+from serpent_twin.identification.fitted import NORMAL_95
 from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import NORMAL_95, fit
+from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.run import trace_sessions
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Recording, read_twin

@@ -14,8 +14,9 @@ import numpy as np
 from serpent_twin import machines
 from serpent_twin.identification.build_diagnosis import estimates
 from serpent_twin.identification.diagnosis import ParameterEstimate
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.least_squares import Fit, fit
+from serpent_twin.identification.least_squares import fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Recording, read_twin

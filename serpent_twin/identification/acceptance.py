@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.held_out import Errors, Gain, gain
-from serpent_twin.identification.least_squares import Fit
 from serpent_twin.identification.rivals import APART, Pair, Rival
 from serpent_twin.identification.score_test import (
     EXCITED,

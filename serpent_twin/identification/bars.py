@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.identification.least_squares import Fit
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.case import Case
 from serpent_twin.residual.noise import Noise, expected_distance

@@ -21,9 +21,9 @@ from serpent_twin.identification.diagnosis import (
     Tried,
     Unexplained,
 )
+from serpent_twin.identification.fitted import NORMAL_95, Fit
 from serpent_twin.identification.free_parameters import unstable
 from serpent_twin.identification.held_out import Errors, errors, gain
-from serpent_twin.identification.least_squares import NORMAL_95, Fit
 from serpent_twin.identification.moved import Moved, moved
 from serpent_twin.identification.score_test import at_bound
 from serpent_twin.identification.steps import Tracer

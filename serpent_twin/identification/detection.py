@@ -16,6 +16,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.identification.acceptance import SURE, WORTH_IT
 from serpent_twin.identification.excitation import advice, excitation
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.identifiability import (
     ALIKE,
@@ -24,7 +25,8 @@ from serpent_twin.identification.identifiability import (
     ParameterIdentifiability,
 )
 from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import Fit, fit, variance_inflation
+from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.objective import variance_inflation
 from serpent_twin.identification.score_test import Score, strengths
 from serpent_twin.identification.weak_directions import (
     NamedParameter,

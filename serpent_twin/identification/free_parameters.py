@@ -124,8 +124,9 @@ def _differences(
         return moved(case, point, free, share * steps[k] * (np.arange(len(free)) == which[k]))
 
     def changed(some: Sequence[int], share: float) -> tuple[Array, Array]:
-        rough = case.residual([point, *(after(k, share) for k in some)], pieces, rough=True)
-        return rough[0], rough[1:] - rough[0]
+        points = [point, *(after(k, share) for k in some)]
+        before, *found = case.residual(points, pieces, case.coarse_step(points))
+        return before, np.array(found) - before
 
     each = list(range(len(which)))
     without, ahead = changed(each, 1.0)

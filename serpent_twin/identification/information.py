@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.least_squares import Fit
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
 
 

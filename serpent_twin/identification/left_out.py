@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.held_out import blocks, chance
 from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import Fit
 from serpent_twin.machines.case import Case
 
 

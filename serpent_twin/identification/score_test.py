@@ -10,9 +10,10 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Range
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters, steadied
 from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import Fit, OnProgress, fit
+from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Candidate, ParameterVector
 
@@ -28,8 +29,6 @@ _LIKE_THE_BEST, _AT_LEAST = 0.03, 0.005
 """Of what the best candidate removes, for those that it can be confused with; and of the residual's squares:
 what removes less would not be accepted in its place either"""
 _DERIVATIVES = 2
-_NEAR = 0.3
-"""Share of the best candidate's gain in cost from which another is fitted further"""
 _SHOWS = 0.003
 """Share of the residual's squares from which a candidate's places are tried: one cable of ten shows by about
 a tenth in what all change"""
@@ -100,7 +99,7 @@ def _tested(case: Case[Any], pieces: Any, base: Fit, tried: _Tried) -> dict[str,
     some, known = case.take(pieces, base.used), Information.of(case, base)
     points = {n: [base.point.having(n, v) for v in columns] for n, (_, columns) in tried.items()}
     every = [base.point, *(point for several in points.values() for point in several)]
-    without, *changed = case.residual(every, some, rough=True)
+    without, *changed = case.residual(every, some, case.coarse_step(every))
     out = {}
     for name, (candidate, _) in tried.items():
         changes = np.array([changed.pop(0) - without for _ in points[name]])
@@ -247,24 +246,24 @@ def full_fit(
     base: Fit,
     found: Score,
     on_progress: OnProgress,
-    best: float = np.inf,
+    near: float = np.inf,
 ) -> Fit:
-    """A candidate fitted together with all declared parameters, from the best of a few strengths. Where
-    another reached the cost `best`, it must come near with its first derivative for a second one.
+    """A candidate fitted together with all declared parameters, from the best of a few strengths. It must
+    come below the cost `near` with its first derivative for a second one.
     """
     names = [*base.point.effects, found.name]
     starts = _starts(case.candidates[found.name], found.start)
     points = [base.point.having(found.name, values) for values in starts]
     some = case.take(pieces, base.used)
-    for rough in (True, False):
-        cost = np.nansum(case.residual(points, some, rough) ** 2, axis=(1, 2))
+    for timestep in (case.coarse_step(points), None):
+        cost = np.nansum(case.residual(points, some, timestep) ** 2, axis=(1, 2))
         if (stable := cost > 0).any():
             start = points[int(np.argmin(np.where(stable, cost, np.inf)))]
             break
     else:
         weak = _weaker(case.candidates[found.name], found.start, _WEAK)
         start = base.point.having(found.name, weak)
-    free, near = free_parameters(case, names), base.cost - _NEAR * (base.cost - best)
+    free = free_parameters(case, names)
     return fit(case, pieces, start, free, _DERIVATIVES, 1, on_progress, known=base, near=near)
 
 

@@ -7,7 +7,7 @@ repeat with it included. (5) An error above that of a twin that lacks nothing is
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,17 +23,32 @@ from serpent_twin.identification.acceptance import (
 )
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.detection import identifiability, opening_fit
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.held_out import Errors, gain, gave_up
 from serpent_twin.identification.identifiability import Identifiability
-from serpent_twin.identification.least_squares import Fit, OnProgress, fit
+from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
 _MOST_EFFECTS = 6
+_BEATS = 0.97
+"""Share of a first calibration's cost that a candidate from the opening must come below with its first
+derivative"""
 _PLAIN = 0.2
 """Relative gain of a candidate above which those that calibration may have absorbed are not tried"""
+
+
+@dataclass(frozen=True)
+class _Opening:
+    """Where a trace begins."""
+
+    case: Case[Any]
+    fit: Fit
+    """Without any step"""
+    calibrated: float
+    """What a first calibration makes of its cost"""
 
 
 class Tracer:
@@ -98,17 +113,17 @@ class Tracer:
         """Held-out errors of a parameter vector."""
         return self.trials.errors(self.case, point)
 
-    def _calibrate(self, start: ParameterVector) -> tuple[Fit, Fit]:
-        """Fit the declared parameters, updating weights in between; returns the opening, a fit without
-        any step, and the calibrated twin.
+    def _calibrate(self, start: ParameterVector) -> tuple[_Opening, Fit]:
+        """Fit the declared parameters, updating weights in between; returns the opening and the calibrated
+        twin.
         """
         self.case = self.case.reweighted(start, self.training)
         free = free_parameters(self.case, ())
         self.on_progress("opening")
-        opening = self.notes.fit("opening", lambda: opening_fit(self.case, self.training))
-        self.identifiability = self._identifiable(opening)
-        first = self._fit("calibrated_1", start, free, 1, opening)
-        self._opening_case = self.case
+        begun = self.notes.fit("opening", lambda: opening_fit(self.case, self.training))
+        self.identifiability = self._identifiable(begun)
+        first = self._fit("calibrated_1", start, free, 1, begun)
+        opening = _Opening(self.case, begun, first.cost)
         self.case = self._weighed_by(first)
         second = self._fit("calibrated_2", first.point, free, 0, carried=first)
         self.case = self._weighed_by(second)
@@ -164,7 +179,7 @@ class Tracer:
         self.case = self._weighed_by(found)
         return self._fit("last", found.point, found.free, 0, carried=found, last=True)
 
-    def _round(self, base: Fit, number: int, opening: Fit | None) -> Round:
+    def _round(self, base: Fit, number: int, opening: _Opening | None) -> Round:
         """Try all candidates; those that calibration may have absorbed also from the opening; and pairs, if
         none is accepted alone.
         """
@@ -178,7 +193,14 @@ class Tracer:
         plain = any(trial.gain and trial.gain.relative > _PLAIN for trial in trials.values())
         if opening and not plain:
             again = self.trials.each(
-                names, self._opening_case, opening, base, before, f"{number}_start", 2
+                names,
+                opening.case,
+                opening.fit,
+                base,
+                before,
+                f"{number}_start",
+                2,
+                _BEATS * opening.calibrated,
             )
             trials = {name: better_trial(trials[name], again[name]) for name in names}
         if best := best_trial(trials, self.case.candidates):

@@ -18,7 +18,7 @@ from serpent_twin.identification.diagnosis import (
     Tried,
 )
 from serpent_twin.identification.figures import ranked, spaced, stages
-from serpent_twin.identification.least_squares import NORMAL_95
+from serpent_twin.identification.fitted import NORMAL_95
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Table
 from serpent_twin.residual.noise import UNKNOWN

@@ -4,11 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from serpent_twin.identification.acceptance import CandidateTrial, PairTrial, Round, weakness_of_fit
 from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
-from serpent_twin.identification.least_squares import Fit, OnProgress, fit
+from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.left_out import chance_of_selection
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
 from serpent_twin.identification.score_test import Score, full_fit, placed, scores, worth_fitting
@@ -16,6 +19,8 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import counted
 
+_NEAR = 0.3
+"""Share of the best candidate's gain in cost from which another is fitted further"""
 _RIVALS = 2  # that were not fitted in their round, and are then
 
 
@@ -41,9 +46,10 @@ class Trials:
         before: Errors,
         stage: str,
         most: int | None = None,
+        beat: float = np.inf,
     ) -> dict[str, CandidateTrial]:
         """Score tests of candidates on top of a fit, and full fits of the selected ones, judged against the
-        base.
+        base. One that is not below the cost `beat` after its first derivative is fitted no further.
         """
         found = self.placed(stage, case, begun, self.scores(stage, case, begun, names))
         trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
@@ -52,10 +58,11 @@ class Trials:
         best = begun.cost
         for name in chosen:
             self.on_progress(f"{stage.replace('_', ', from the ')}: fitting {name}")
+            near = min(beat, begun.cost - _NEAR * (begun.cost - best))
             fitted = self.notes.fit(
                 f"fit_{stage}_{name}",
-                lambda one=found[name], most=best: full_fit(
-                    case, self.training, begun, one, self.on_progress, most
+                lambda one=found[name], near=near: full_fit(
+                    case, self.training, begun, one, self.on_progress, near
                 ),
             )
             best = min(best, fitted.cost)

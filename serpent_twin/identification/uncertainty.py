@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import moved
-from serpent_twin.identification.least_squares import Fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 

@@ -82,14 +82,19 @@ class Case(Generic[P]):
         """Some of the segments."""
         return pieces.take(which)
 
-    def residual(self, points: Sequence[ParameterVector], pieces: P, rough: bool = False) -> Array:
+    def coarse_step(self, points: Sequence[ParameterVector]) -> float | None:
+        """Time step [s] that is good enough for differences between these twins; None for the usual."""
+        return self.machine.coarse_step(points)
+
+    def residual(
+        self, points: Sequence[ParameterVector], pieces: P, timestep: float | None = None
+    ) -> Array:
         """Measured minus predicted, divided by its noise: (points, S, T · C); 0 where nothing was measured,
         NaN for a twin whose simulation gave up.
-        `rough` may be less exact where it is faster: good enough for differences between points.
+        Without a `timestep` [s], the usual ones are taken.
         """
         measured = pieces.measured
         at_once = max(1, int(_AT_ONCE / measured.size))
-        timestep = self.machine.coarse_step(points) if rough else None
         out = np.empty((len(points), len(pieces), measured[0].size), np.float32)
         for group in self.machine.alike(points):
             for n in range(0, len(group), at_once):

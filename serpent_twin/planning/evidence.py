@@ -85,7 +85,8 @@ def of_pieces(trace: Traced, asked: Rows, pieces: Any) -> list[Array]:
 def _changes(trace: Traced, asked: Rows, pieces: Any) -> Array:
     """What each row's effect changes of the residual, (E, S, n)."""
     case = trace.case
-    found = case.residual([*asked.before, *asked.after], pieces, rough=True)
+    points = [*asked.before, *asked.after]
+    found = case.residual(points, pieces, case.coarse_step(points))
     changes = found[len(asked.before) :] - found[: len(asked.before)]
     for n, name in enumerate(asked.names):
         base, values = asked.before[n], asked.after[n].effects[name]

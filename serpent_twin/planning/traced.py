@@ -9,7 +9,7 @@ from typing import Any
 from serpent_twin import machines
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.checkpoints import Checkpoints
-from serpent_twin.identification.least_squares import Fit
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.runs.provenance import file_hash

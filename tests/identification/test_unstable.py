@@ -27,8 +27,8 @@ class Fragile(LinearCase):
     one: float = np.inf
     gust: float = np.inf
 
-    def residual(self, points, pieces, rough=False):
-        out = super().residual(points, pieces, rough)
+    def residual(self, points, pieces, timestep=None):
+        out = super().residual(points, pieces, timestep)
         for n, p in enumerate(points):
             if p.declared[0] > self.one or p.effects.get(GUST, [0.0])[0] > self.gust:
                 out[n] = np.nan

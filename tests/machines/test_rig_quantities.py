@@ -7,8 +7,8 @@ from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.identification.build_diagnosis import _calibrated
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters
-from serpent_twin.identification.least_squares import Fit
 from serpent_twin.machines import jaw, trunk, xl330
 from serpent_twin.machines.arm.cable_law import CableLaw
 from serpent_twin.machines.arm.quantities import quantities

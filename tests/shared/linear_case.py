@@ -42,13 +42,17 @@ class LinearCase:
     def take(self, pieces, which):
         return [pieces[k] for k in which]
 
-    def residual(self, points, pieces, rough=False):
+    def coarse_step(self, points):
+        return 0.5
+
+    def residual(self, points, pieces, timestep=None):
+        """Longer time steps move all numbers alike."""
         out = []
         for p in points:
             r = self.y - self.X @ p.declared
             r = r - self.g * p.effects.get(GUST, [0.0])[0]
             out.append((r - self.other * p.effects.get(NOTHING, [0.0])[0])[pieces])
-        return self.weigh(np.array(out))
+        return self.weigh(np.array(out) + (timestep or 0.0))
 
     def weigh(self, rows):
         return rows / np.tile(self.noise, NUMBERS // self.channels)

@@ -83,9 +83,10 @@ class ArmMachine:
         """Those whose models have one structure."""
         return alike([self.vector.design(point) for point in points])
 
-    def coarse_step(self, points: Sequence[ParameterVector]) -> float:
+    def coarse_step(self, points: Sequence[ParameterVector]) -> float | None:
         """As long as is stable at the strands' stiffness [s]."""
-        return coarse_step([self.vector.design(point) for point in points])
+        coarse = coarse_step([self.vector.design(point) for point in points])
+        return coarse if coarse > TIMESTEP else None
 
     def respond(
         self, points: Sequence[ParameterVector], pieces: ArmPieces, timestep: float | None = None

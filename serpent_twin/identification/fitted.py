@@ -1,0 +1,53 @@
+"""Hold a fitted twin, with the standard errors of its parameters."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.identification.free_parameters import FreeParameters
+from serpent_twin.machines.machine import ParameterVector
+
+NORMAL_95 = 1.96
+"""Standard errors from the middle to the end of a 95 % interval"""
+SIMPLIFIED = 0.01
+"""Relative standard error of an effect's strength for what the twin's laws simplify, which no scatter of
+residuals shows (a type B uncertainty: JCGM 100, 4.3); independent arms of other laws were off by as much."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted twin."""
+
+    point: ParameterVector
+    free: FreeParameters
+    cost: float
+    """Weighted squares over the segments `used`, divided by `variance_inflation`, priors included"""
+    variance_inflation: float
+    """How many of the residual's correlated numbers count as one independent number"""
+    error: Array
+    """Standard errors of the free parameters, in their coordinates, (len(free),)"""
+    correlation: Array
+    """Of these errors, (len(free), len(free))"""
+    converged: bool
+    jacobian: Array
+    """Derivative of the residual by the free parameters on the segments `used`, (len(free), S, n)"""
+    residual: Array
+    """On the segments `used`, (S, n)"""
+    used: tuple[int, ...]
+    noise: Array
+    """What the residual was divided by, (channels,)"""
+
+    def standard_error(self, coordinates: Sequence[int]) -> float:
+        """Of the sum of some of the declared coordinates; those held fixed have none."""
+        at = [self.free.declared.index(k) for k in coordinates if k in self.free.declared]
+        error = self.error[at]
+        return float(np.sqrt(error @ self.correlation[np.ix_(at, at)] @ error))
+
+    def interval(self, name: str, index: int) -> tuple[float, float, float]:
+        """An effect's parameter with its 95 % interval, from scatter and from model error."""
+        at = len(self.free.declared) + self.free.effects.index((name, index))
+        value = float(self.point.effects[name][index])
+        half = NORMAL_95 * float(np.hypot(self.error[at], SIMPLIFIED * value))
+        return value, value - half, value + half

@@ -1,0 +1,172 @@
+"""State what a fit makes least, a residual's weighted squares and the priors, and step towards less."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from serpent_twin.arrays import Array
+from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.free_parameters import FreeParameters, jacobian, moved, room
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
+
+_DAMPINGS = (0.3, 3.0)
+"""Levenberg's, tried where the step without is no improvement; from then on beside it"""
+
+
+def variance_inflation(residual: Array, channels: int) -> float:
+    """Numbers of a residual, (S, T · channels), per independent number.
+
+    In time: 1 + 2 Σ ρ_k, the autocorrelations to the first that is not positive (Geyer). Between
+    channels: how unevenly the covariance's eigenvalues share the variance, C tr(Σ²) / tr(Σ)².
+    """
+    rows = residual.reshape(len(residual), -1, channels).astype(float)
+    rows = rows - rows.mean(axis=1, keepdims=True)
+    flat = rows.reshape(-1, channels)
+    covariance = flat.T @ flat / len(flat)
+    total = np.trace(covariance)
+    if total <= 0:
+        return 1.0
+    used = np.count_nonzero(np.diag(covariance))
+    together = used * (covariance**2).sum() / total**2
+    lasting = 1.0
+    for k in range(1, rows.shape[1] // 4):
+        rho = (rows[:, :-k] * rows[:, k:]).sum() / (rows**2).sum()
+        if rho <= 0:
+            break
+        lasting += 2 * rho
+    return float(max(1.0, together * lasting))
+
+
+@dataclass(frozen=True)
+class At:
+    """A parameter vector with its residual."""
+
+    point: ParameterVector
+    residual: Array
+    cost: float
+
+
+class Objective:
+    """The objective of a fit: a case's residual on some segments, and the priors."""
+
+    def __init__(self, case: Case[Any], some: Any, free: FreeParameters, known: Fit | None) -> None:
+        self.case, self.some, self.free, self.known = case, some, free, known
+        declared = [1 / case.declared[k].prior ** 2 for k in free.declared]
+        wide = [list(case.candidates[name].ranges.values())[k] for name, k in free.effects]
+        effects = [(allowed.high - allowed.low) ** -2 for allowed in wide]
+        self.prior = np.array([*declared, *effects])
+        self.variance_inflation = 1.0
+        self.damped = False
+        self._anchor: At
+        self._timestep: float | None = None
+        self._correction: Array | None = None
+
+    def begin(self, start: ParameterVector) -> tuple[At, Array]:
+        """The start and the derivative there; afterwards the data have their effective weight."""
+        residual, jacobian = self._jacobian(start)
+        self.variance_inflation = (
+            self.known.variance_inflation
+            if self.known
+            else variance_inflation(residual, self.case.channels)
+        )
+        return self._anchored(start, residual), jacobian
+
+    def again(self, point: ParameterVector) -> tuple[At, Array]:
+        """A parameter vector anew, and a fresh derivative there."""
+        residual, jacobian = self._jacobian(point)
+        return self._anchored(point, residual), jacobian
+
+    def exact(self, at: At) -> At:
+        """The same parameter vector as the usual time steps have it."""
+        if self._timestep is None or at is self._anchor:
+            return at
+        residual = self.case.residual([at.point], self.some)[0]
+        return At(at.point, residual, self._cost(residual, at.point))
+
+    def carry(
+        self, start: ParameterVector, carried: Fit, used: tuple[int, ...]
+    ) -> tuple[At, Array]:
+        """The same with the derivative of a fit to other weights, for the segments that it has."""
+        residual = self.case.residual([start], self.some)[0]
+        self.variance_inflation = variance_inflation(residual, self.case.channels)
+        shape = (len(self.free), *residual.shape)
+        out = np.empty(shape, np.float32)
+        scale = np.tile(carried.noise / self.case.noise, residual.shape[1] // self.case.channels)
+        for n, segment in enumerate(carried.used):
+            out[:, used.index(segment)] = carried.jacobian[:, n] * scale
+        if lacking := [n for n, segment in enumerate(used) if segment not in carried.used]:
+            some = self.case.take(self.some, lacking)
+            out[:, lacking] = jacobian(self.case, start, self.free, some)[1]
+        return self._anchored(start, residual), out
+
+    def step(self, at: At, jacobian: Array) -> At | None:
+        """Gauss-Newton's step, or with Levenberg's damping if that gives no improvement, or nothing. From a
+        derivative's first damped step on, all are tried side by side, and the best is taken.
+        """
+        flat = jacobian.reshape(len(self.free), -1)
+        normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
+        pull = -(flat @ at.residual.ravel()) / self.variance_inflation - self.prior * self._lean(
+            at.point
+        )
+        ends = room(self.case, at.point, self.free)
+        for group in ((0.0, *_DAMPINGS),) if self.damped else ((0.0,), _DAMPINGS):
+            self.damped = len(group) > 1
+            steps = [_least(normal + d * np.diag(np.diag(normal)), pull, *ends) for d in group]
+            tried = [moved(self.case, at.point, self.free, step) for step in steps]
+            found = self._residual(tried)
+            costs = [self._cost(each, there) for each, there in zip(found, tried, strict=True)]
+            best = int(np.argmin(costs))
+            if costs[best] < at.cost:
+                return At(tried[best], found[best], costs[best])
+        return None
+
+    def _jacobian(self, point: ParameterVector) -> tuple[Array, Array]:
+        self.damped = False
+        if self.known is None:
+            return jacobian(self.case, point, self.free, self.some)
+        residual, by_effects = jacobian(
+            self.case, point, FreeParameters((), self.free.effects), self.some
+        )
+        by_declared = self.known.jacobian[: len(self.free.declared)]
+        return residual, np.concatenate([by_declared, by_effects])
+
+    def _anchored(self, point: ParameterVector, residual: Array) -> At:
+        """A parameter vector with its exact residual, from which steps go from now on."""
+        self._anchor = At(point, residual, self._cost(residual, point))
+        self._timestep, self._correction = self.case.coarse_step([point]), None
+        return self._anchor
+
+    def _residual(self, points: Sequence[ParameterVector]) -> Array:
+        """Residuals in longer time steps, corrected by what these change where the derivative was taken; in
+        the usual ones where they are unstable.
+        """
+        if self._timestep:
+            if self._correction is None:
+                anchor = self.case.residual([self._anchor.point], self.some, self._timestep)[0]
+                self._correction = self._anchor.residual - anchor
+            found = self.case.residual(points, self.some, self._timestep) + self._correction
+            if np.isfinite(found).any():
+                return found
+            self._timestep = None
+        return self.case.residual(points, self.some)
+
+    def _lean(self, point: ParameterVector) -> Array:
+        """Deviations of the free parameters from their prior means; 0 for effects, which have no prior."""
+        declared = point.declared[list(self.free.declared)]
+        return np.r_[declared, np.zeros(len(self.free.effects))]
+
+    def _cost(self, residual: Array, point: ParameterVector) -> float:
+        squares = float((residual.astype(float) ** 2).sum()) / self.variance_inflation
+        cost = squares + float((self.prior * self._lean(point) ** 2).sum())
+        return cost if np.isfinite(cost) else np.inf
+
+
+def _least(normal: Array, pull: Array, low: Array, high: Array) -> Array:
+    """The step x within bounds at which xᵀ N x / 2 − pull · x is least."""
+    root = np.linalg.cholesky(normal)
+    x: Array = lsq_linear(root.T, np.linalg.solve(root, pull), (low, high), "bvls").x
+    return x
