@@ -145,10 +145,10 @@ class Objective:
         the usual ones where they are unstable.
         """
         if self._timestep:
-            if self._correction is None:
+            if (correction := self._correction) is None:
                 anchor = self.case.residual([self._anchor.point], self.some, self._timestep)[0]
-                self._correction = self._anchor.residual - anchor
-            found = self.case.residual(points, self.some, self._timestep) + self._correction
+                self._correction = correction = self._anchor.residual - anchor
+            found = self.case.residual(points, self.some, self._timestep) + correction
             if np.isfinite(found).any():
                 return found
             self._timestep = None
