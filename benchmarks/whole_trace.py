@@ -66,7 +66,7 @@ def main(config: WholeTrace) -> None:
     rows = BenchmarkRows()
     began, cpu = time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory() as folder, counted_steps() as engine:
-        trace(Trace(config.logs, Path(folder) / "trace"))
+        trace(Trace((config.logs,), Path(folder) / "trace"))
     seconds, cpu = time.perf_counter() - began, time.process_time() - cpu
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     rows.add("elapsed time", seconds, "s")

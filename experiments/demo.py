@@ -65,7 +65,7 @@ def main(config: Demo) -> None:
     ):
         print(f"  {(config.out / name).resolve()}  {what}")
     print("After `source .venv/bin/activate`, collect from the corrected twin:")
-    next_step.say(next_step.after_trace(Trace(DATA, config.out / "loop" / "arm_a", sessions=3)))
+    next_step.say(next_step.after_trace(Trace((DATA,), config.out / "loop" / "arm_a", sessions=3)))
 
 
 if __name__ == "__main__":

@@ -93,7 +93,7 @@ def diagnose(config: CloseTheLoop, name: str, folder: Path) -> dict[str, Any]:
     done = out / "diagnosis.json"
     if done.exists():
         return stored.read_json(done)
-    return trace(Trace(folder, out, sessions=config.sessions, seed=config.seed))
+    return trace(Trace((folder,), out, sessions=config.sessions, seed=config.seed))
 
 
 def _kept(diagnosis: Mapping[str, Any]) -> dict[str, Any]:

@@ -58,7 +58,7 @@ def _record_and_trace(
     truth = SOURCES[config.source]().write(trial, folder / "logs", length, config.seed)
     recorded = time.perf_counter() - began
     with (folder / "trace.log").open("a") as said, _quiet(said):
-        found = trace(Trace(folder / "logs", folder / "trace", seed=config.seed))
+        found = trace(Trace((folder / "logs",), folder / "trace", seed=config.seed))
     return truth, found, recorded
 
 

@@ -87,7 +87,7 @@ def _split(
     files = [str(r.path.name) for r in judging if r.path]
     bench, out = BENCHMARKS[name], _folder(config, name, judging)
     chosen_by = inner(training, bench) if config.held_out else (training, judging)
-    wanted = Trace(config.data / name, out, rig=name, seed=config.seed, judge=", ".join(files))
+    wanted = Trace((config.data / name,), out, rig=name, seed=config.seed, judge=", ".join(files))
     found, numbers = trace_sessions(wanted, machines.find(name), *chosen_by)
     compared, effects = found.comparisons, numbers["effects"]
     if config.held_out:

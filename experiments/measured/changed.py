@@ -67,7 +67,7 @@ def _one(name: str, twin: Path, run: Recording, out: Path, seed: int) -> dict[st
     machine: Any = machines.find(name)
     fitted, judging = by_time(run)
     asked = Trace(
-        run.path.parent,
+        (run.path.parent,),
         out / name / f"changed_{run.name}",
         rig=f"{name}, changed since {_digest(twin)}",
         seed=seed,

@@ -60,7 +60,7 @@ class Twins:
 
 def trace_arm(folder: Path, parts: Split, out: Path, seed: int, size: Size) -> Twins:
     """Trace an arm by its training sessions, its validation sessions judging: the test stays unseen."""
-    config = Trace(folder, out, judge="validation", seed=seed, twins=size.drawn)
+    config = Trace((folder,), out, judge="validation", seed=seed, twins=size.drawn)
     done = out / "diagnosis.json"
     if not done.exists():
         trace_sessions(config, machines.find("arm"), parts.train, parts.validate)

@@ -17,7 +17,8 @@ from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.score_test import scores
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.rig import Log
+from serpent_twin.machines.rig import Log, read_logs
+from serpent_twin.numerals import listed
 from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.files import finite, write_json
 from serpent_twin.runs.provenance import file_hash, provenance, versions
@@ -43,8 +44,8 @@ class Check(Checked):
     OUT gets identifiability.json, report.html, report.md and a figure.
     """
 
-    logs: Path
-    """Folder with the session logs of one machine; all of them are used."""
+    logs: tuple[Path, ...]
+    """Folder with the session logs of one machine, or several; all of them are used."""
     rig: Annotated[str, arg(help=f"The kind of machine: {machines.described()}.")] = "arm"
     """Name of the kind of machine."""
     out: Path | None = None
@@ -54,7 +55,7 @@ class Check(Checked):
 def check(config: Check) -> Identifiability:
     """Check a folder of logs: prints what they can tell, and writes it where the config says."""
     rig = machines.find(config.rig)
-    logs = rig.read(config.logs)
+    logs = read_logs(rig, config.logs)
     refuse_repeated(logs)
     settings = {"rig": config.rig, "versions": versions()}
     settings |= {"input_sha256": {each.name: file_hash(each.path) for each in logs if each.path}}
@@ -62,7 +63,7 @@ def check(config: Check) -> Identifiability:
         found = _checked(rig, logs)
         _print(found)
         if config.out:
-            _write(config.out, config.logs, found, settings)
+            _write(config.out, listed(config.logs), found, settings)
     return found
 
 
@@ -99,10 +100,10 @@ def _print(found: Identifiability) -> None:
     print(f"\n{found.sentence()}")
 
 
-def _write(out: Path, logs: Path, found: Identifiability, settings: dict[str, Any]) -> None:
+def _write(out: Path, logs: str, found: Identifiability, settings: dict[str, Any]) -> None:
     origin = settings | provenance()
     facts = {
-        "logs": str(logs),
+        "logs": logs,
         "commit": str(origin["git_commit"]),
         "versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items()),
     }

@@ -209,6 +209,7 @@ class Diagnosis:
                 f"after_{mm}": self.learned.after,
             },
             "cautions": list(self.cautions),
+            "power": self.power,
             "bars": self.bars.numbers(self.marker.key),
             "moved": [each.numbers() for each in self.moved],
             "rivals": {
@@ -265,8 +266,15 @@ class Diagnosis:
         else:
             what = "it lacked " + " and ".join(map(self._told, self.effects))
         rest = f"Unexplained: {self.unexplained.depends_on}" if self.unexplained.is_ else self.doubt
-        parts = (f"{self.arm}: {what}. {course}.", self.not_as_built, rest)
+        parts = (f"{self.arm}: {what}. {course}.", self.not_as_built, rest, self.power)
         return " ".join(part for part in parts if part)
+
+    @property
+    def power(self) -> str:
+        """Where nothing was found: how strong an effect would have had to be; else empty."""
+        if self.effects or self.unexplained.is_ or self.identifiability is None:
+            return ""
+        return self.identifiability.power()
 
     @property
     def not_as_built(self) -> str:

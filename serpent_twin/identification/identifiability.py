@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any
 
 from serpent_twin.identification.excitation import InputExcitation
@@ -112,9 +113,18 @@ class Identifiability:
         count = counted(len(self.effects), "effect")
         if not self.hidden:
             return f"These logs can show all {count} at a typical strength.{held}"
-        names = listed(name.replace("_", " ") for name in self.hidden)
+        names = listed(_spaced(name) for name in self.hidden)
         said = f"Of {count}, these logs cannot show {names} at a typical strength."
         return " ".join(filter(None, [f"{said}{held}", self.advice]))
+
+    def power(self) -> str:
+        """From which strength on each effect would have been found, in a sentence or two."""
+        found = [each for each in self.effects if isfinite(each.limit)]
+        limits = listed(f"{_spaced(each.name)} of {_amount(each)}" for each in found)
+        lost = listed(_spaced(each.name) for each in self.effects if not isfinite(each.limit))
+        told = [f"Would have been found, from that strength on: {limits}."] if found else []
+        told += [f"At no strength within its range: {lost}."] if lost else []
+        return " ".join(told)
 
     def numbers(self) -> dict[str, Any]:
         """The key `identifiability` of diagnosis.json, and identifiability.json."""
@@ -130,6 +140,15 @@ class Identifiability:
             "rows": self.rows,
             "variance_inflation": self.variance_inflation,
         }
+
+
+def _spaced(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _amount(effect: EffectIdentifiability) -> str:
+    unit = "" if effect.unit == "1" else f" {effect.unit}"
+    return f"{effect.limit:.2g}{unit}"
 
 
 def _verb(names: Sequence[str]) -> str:

@@ -53,7 +53,13 @@ def _given(diagnosis: Diagnosis, facts: Mapping[str, str]) -> str:
 
 def lead(diagnosis: Diagnosis) -> str:
     """What was missing, the gain of adding it, and what is left, in a few sentences."""
-    parts = (_found(diagnosis), _course(diagnosis), diagnosis.not_as_built, _rest(diagnosis))
+    parts = (
+        _found(diagnosis),
+        _course(diagnosis),
+        diagnosis.not_as_built,
+        _rest(diagnosis),
+        diagnosis.power,
+    )
     return " ".join(part for part in parts if part)
 
 

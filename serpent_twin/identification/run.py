@@ -21,8 +21,8 @@ from serpent_twin.identification.diagnosis import Diagnosis
 from serpent_twin.identification.page import page
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.uncertainty import drawn
-from serpent_twin.machines.rig import Log
-from serpent_twin.numerals import counted
+from serpent_twin.machines.rig import Log, read_logs
+from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import write
 from serpent_twin.runs.files import finite, write_json
 from serpent_twin.runs.provenance import file_hash, provenance, versions
@@ -44,8 +44,8 @@ class Trace(Checked):
     interrupted goes on when the same command is given again.
     """
 
-    logs: Path
-    """Folder with the session logs of one machine."""
+    logs: tuple[Path, ...]
+    """Folder with the session logs of one machine; or several, the oldest first."""
     out: Path
     """Folder for results; made if it does not exist."""
     rig: Annotated[str, arg(help=f"The kind of machine: {machines.described()}.")] = "arm"
@@ -72,7 +72,7 @@ def trace(config: Trace) -> dict[str, Any]:
 def planned(config: Trace) -> tuple[machines.Rig, Sequence[Any], Sequence[Any]]:
     """The machine, the training sessions and the held-out ones, of a config that can be traced."""
     rig = machines.find(config.rig)
-    return rig, *_split(config, rig.read(config.logs)[: config.sessions or None])
+    return rig, *_split(config, read_logs(rig, config.logs)[: config.sessions or None])
 
 
 def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]]:
@@ -82,12 +82,12 @@ def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]
         if not judging or len(judging) == len(sessions):
             raise SerpentError(
                 f"--judge {config.judge} names {len(judging)} of the {counted(len(sessions), 'session')} in "
-                f"{config.logs}: some must judge and some be fitted. Name others."
+                f"{listed(config.logs)}: some must judge and some be fitted. Name others."
             )
         return [s for s in sessions if s not in judging], judging
     if config.held_out < 1 or len(sessions) <= config.held_out:
         raise SerpentError(
-            f"{config.logs} has {counted(len(sessions), 'session')}, and --held-out is "
+            f"{listed(config.logs)} has {counted(len(sessions), 'session')}, and --held-out is "
             f"{config.held_out}: one at "
             "least must judge and one at least be fitted. Record more sessions; three to fit are good."
         )
@@ -135,7 +135,7 @@ def _run(
         )
         selection = tracer.select()
         on_progress("what is left")
-        arm = str(training[0].metadata.get("arm", config.logs.name))
+        arm = str(training[0].metadata.get("arm", config.logs[0].name))
         found = build_diagnosis(tracer, selection, arm, [_file(s) for s in judging])
         bar.total = bar.n
         bar.refresh()
@@ -156,7 +156,7 @@ def _write(
     settings: Mapping[str, Any],
 ) -> dict[str, Any]:
     origin = dict(settings) | provenance()
-    logs = str(config.logs.resolve())
+    logs = [str(each.resolve()) for each in config.logs]
     numbers = numbers | {"provenance": origin | {"logs": logs}}
     assert tracer.final is not None
     about = {"arm": found.arm, "provenance": origin}
@@ -164,7 +164,7 @@ def _write(
     if found.learned.on:
         found.learned.save(config.out / "learned.npz")
     facts = {
-        "logs": str(config.logs),
+        "logs": listed(config.logs),
         "seed": str(config.seed),
         "commit": str(origin["git_commit"]),
         "versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items()),

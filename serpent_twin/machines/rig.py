@@ -1,10 +1,13 @@
 """Define what a kind of machine must provide: how its logs are read, and first guesses."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import listed
 
 if TYPE_CHECKING:
     from serpent_twin.machines.case import Case
@@ -32,6 +35,33 @@ class Log(Protocol):
     def readings(self) -> Array:
         """What the machine's own sensors read, row by row, (T, N)."""
         ...
+
+
+def read_logs(rig: "Rig", folders: Sequence[Path]) -> list[Any]:
+    """The sessions of one machine in some folders, one folder after the other; with several folders, a
+    session's name holds its folder's. Raises a `SerpentError` that names what differs.
+    """
+    if len(folders) == 1:
+        return list(rig.read(folders[0]))
+    logs: list[Any] = []
+    for folder in folders:
+        found: Sequence[Any] = rig.read(folder)
+        logs += [replace(log, label=f"{folder.name}/{log.name}") for log in found]
+    for key in ("arm", "rate_hz"):
+        first: dict[Any, str] = {}
+        for log in logs:
+            first.setdefault(log.metadata.get(key), log.name)
+        if len(first) > 1:
+            found = ", ".join(f"{value} in {name}" for value, name in first.items())
+            raise SerpentError(
+                f"the logs differ in {key}: {found}. Give logs of one machine, recorded alike."
+            )
+    if len({log.name for log in logs}) < len(logs):
+        raise SerpentError(
+            f"two of the folders {listed(folders)} have the same name, so their sessions cannot be told "
+            "apart. Rename one."
+        )
+    return logs
 
 
 class Rig(Protocol):

@@ -81,7 +81,7 @@ def trace(plan: "TrainingPlan") -> Words | None:
 
     logs, out = plan.config.logs, plan.config.out
     where = named_after(out.parent, logs, "logs", "trace")
-    if not allowed(lambda: [segments(part) for part in planned(Trace(logs, where))[1:]]):
+    if not allowed(lambda: [segments(part) for part in planned(Trace((logs,), where))[1:]]):
         return None
     return ["serpent_twin.trace", "--logs", str(logs), "--out", str(where)]
 
@@ -90,11 +90,11 @@ def after_check(config: "Check") -> Words | None:
     """After a check of what logs can tell: trace them, if they can be."""
     from serpent_twin.identification.run import Trace, planned
 
-    where = named_after(Path(), config.logs, "logs", "trace")
+    where = named_after(Path(), config.logs[-1], "logs", "trace")
     if not allowed(lambda: planned(Trace(config.logs, where, config.rig))):
         return None
     rig = [] if config.rig == "arm" else ["--rig", config.rig]
-    return ["serpent_twin.trace", "--logs", str(config.logs), *rig, "--out", str(where)]
+    return ["serpent_twin.trace", "--logs", *map(str, config.logs), *rig, "--out", str(where)]
 
 
 def estimate(plan: "TrainingPlan", scores: Mapping[str, Any]) -> Words | None:
@@ -127,7 +127,7 @@ def after_trace(config: "Trace") -> Words | None:
         config.out / "twin.json",
         named_after(config.out.parent, config.out, "trace", "corrected"),
     )
-    rate = sessions.read_session(sessions.session_files(config.logs)[0]).rate_hz
+    rate = sessions.read_session(sessions.session_files(config.logs[0])[0]).rate_hz
     if not allowed(lambda: check(Collect(out, twin=twin, rate_hz=rate))):
         return None
     return ["serpent_twin.collect", "--twin", str(twin), *at_rate(rate), "--out", str(out)]

@@ -43,7 +43,7 @@ class Plan(Checked):
     """Length of the motion."""
     candidates: Annotated[int, within(2, 200)] = 18
     """Pieces of motion that are simulated, of which the best are chosen."""
-    logs: Path | None = None
+    logs: tuple[Path, ...] = ()
     """The trace's logs, if they are no longer where they were."""
     seed: Seed = 0
     """Seed of the pieces of motion."""

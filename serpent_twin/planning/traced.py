@@ -1,7 +1,7 @@
 """Read the folder of a finished trace back."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,8 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.rig import read_logs
+from serpent_twin.numerals import listed
 from serpent_twin.runs.provenance import file_hash
 
 _ADVICE = "Give the --out folder of a finished python -m serpent_twin.trace."
@@ -38,27 +40,27 @@ class Traced:
     """Fits of single candidates, by the candidate's name"""
 
 
-def read(folder: Path, logs: Path | None = None) -> Traced:
+def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
     """A trace's folder, and the logs it was made of, by default where they were then; raises a `SerpentError`
     if either is not there or not the same.
     """
     settings, diagnosis = _json(folder / "trace.json"), _json(folder / "diagnosis.json")
     try:
         name, hashes, held = settings["rig"], settings["input_sha256"], settings["held_out"]
-        said = logs or Path(diagnosis["provenance"]["logs"])
+        said = logs or _folders(diagnosis["provenance"]["logs"])
     except (KeyError, TypeError):
         raise SerpentError(
             f"{folder} does not say where its logs are: it was made by an earlier version. Give them with "
             "--logs."
         ) from None
     rig = machines.find(name)
-    sessions = {each.name: each for each in rig.read(said)}
+    sessions = {each.name: each for each in read_logs(rig, said)}
     for each, known in hashes.items():
         path = sessions[each].path if each in sessions else None
         if path is None or file_hash(path) != known:
             raise SerpentError(
-                f"{said} is not what {folder} was made of: {each} is missing or has changed. Give the "
-                "logs of that trace with --logs, or trace these."
+                f"{listed(said)} is not what {folder} was made of: {each} is missing or has changed. Give "
+                "the logs of that trace with --logs, or trace these."
             )
     names = [n for n in hashes if n not in held] if isinstance(held, list) else [*hashes][:-held]
     training = [sessions[each] for each in names]
@@ -67,6 +69,11 @@ def read(folder: Path, logs: Path | None = None) -> Traced:
     case = replace(case, noise=fit.noise)
     rate = float(training[0].metadata.get("rate_hz", 0.0))
     return Traced(folder, case, case.pieces(training), fit, diagnosis, name, rate, fitted)
+
+
+def _folders(said: str | list[str]) -> list[Path]:
+    """The logs' folders; an earlier version wrote one alone."""
+    return [Path(each) for each in ([said] if isinstance(said, str) else said)]
 
 
 def _json(path: Path) -> Any:

@@ -67,6 +67,8 @@ class Session:
     """Markers in the base frame [m], (T, 9, 3); NaN where lost."""
     extra: dict[str, np.ndarray] = field(default_factory=dict)
     """Further columns of the file by name, (T,) each."""
+    label: str = ""
+    """Its name, if it is not the file's."""
 
     def __post_init__(self) -> None:
         if "rate_hz" in self.metadata:
@@ -94,8 +96,9 @@ class Session:
 
     @property
     def name(self) -> str:
-        """File name without its ending, such as `session_01`."""
-        return self.path.stem if self.path else f"session_{self.metadata.get('session', 0):02d}"
+        """File name without its ending, such as `session_01`, unless a label is given."""
+        number = f"session_{self.metadata.get('session', 0):02d}"
+        return self.label or (self.path.stem if self.path else number)
 
     @property
     def rate_hz(self) -> float:
@@ -136,7 +139,7 @@ def rate_of(metadata: Mapping[str, Any], where: str) -> float:
 def session_from_rows(rows: Sequence[Mapping[str, Any]], metadata: dict[str, Any]) -> Session:
     """A session in memory out of rows, each a mapping of the names in `FIELDS` to arrays of one row."""
     arrays = {name: np.array([row[name] for row in rows], float) for name in FIELDS}
-    return Session(path=None, metadata=metadata, **arrays, extra={})
+    return Session(path=None, metadata=metadata, **arrays, extra={}, label="")
 
 
 def session_from_columns(

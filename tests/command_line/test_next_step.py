@@ -68,7 +68,7 @@ def test_logs_are_trained_on_and_then_traced(place):
     assert step == "python -m serpent_twin.train --logs 'my runs/logs' --out readouts"
     step = after(run(fewer(step, QUICK), place))
     assert step == "python -m serpent_twin.trace --logs 'my runs/logs' --out trace"
-    asked = Trace(place / "my runs/logs", place / "trace")
+    asked = Trace((place / "my runs/logs",), place / "trace")
     assert [len(part) for part in planned(asked)[1:]] == [2, 1]
     step = after(run("python -m serpent_twin.log info 'my runs/logs'", place))
     assert step.endswith("--out readouts_2")  # the other one holds a run
@@ -79,9 +79,9 @@ def test_a_corrected_twin_is_collected_from_trained_on_and_followed(place):
     twin = place / "trace" / "twin.json"
     twin.parent.mkdir()
     twin_model.write(twin, NOMINAL_TWIN.with_effect(Payload(mass=0.03)), {})
-    step = next_step.after_trace(Trace(place / "my runs/logs", Path("trace")))
+    step = next_step.after_trace(Trace((place / "my runs/logs",), Path("trace")))
     assert step is None  # there is no such twin from here
-    step = next_step.after_trace(Trace(place / "my runs/logs", place / "trace"))
+    step = next_step.after_trace(Trace((place / "my runs/logs",), place / "trace"))
     assert step == ["serpent_twin.collect", "--twin", str(twin), "--out", str(place / "corrected")]
     step = after(
         run(fewer("python -m serpent_twin.collect --twin trace/twin.json --out corrected"), place)

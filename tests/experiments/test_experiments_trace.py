@@ -108,9 +108,10 @@ def faked(monkeypatch):
     calls = []
 
     def fake(config):
-        name = config.logs.parent.name.rsplit("-", 1)[0]
+        (logs,) = config.logs
+        name = logs.parent.name.rsplit("-", 1)[0]
         calls.append(name)
-        assert len(list(config.logs.glob("session_*.parquet"))) == 2
+        assert len(list(logs.glob("session_*.parquet"))) == 2
         assert not set(confusion_outside.OUTSIDE) & set(CATALOGUE)
         print("talk")
         if name == "sticking_joint":
@@ -180,7 +181,7 @@ def arms(tmp_path, monkeypatch):
             write_session(folder / f"session_{number:02d}.parquet", log)
 
     def fake(config):
-        calls.append(config.logs.name)
+        calls.append(config.logs[0].name)
         config.out.mkdir()
         found = diagnosis([("payload", {"mass": estimate(0.15, 0.14, 0.16)})])
         twin_model.write(config.out / "twin.json", built, {})

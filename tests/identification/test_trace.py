@@ -52,7 +52,7 @@ def diagnosis(logs, tmp_path_factory):
     def of(name: str) -> tuple[dict, Path]:
         if name not in made:
             out = tmp_path_factory.mktemp("trace") / name
-            made[name] = trace(Trace(logs[name], out)), out
+            made[name] = trace(Trace((logs[name],), out)), out
         return made[name]
 
     return of
@@ -101,19 +101,19 @@ def test_what_the_catalogue_lacks_is_left_unexplained(diagnosis):
 @pytest.mark.slow
 def test_the_same_command_goes_on_and_gives_the_same(diagnosis, logs):
     found, out = diagnosis("none")
-    again = trace(Trace(logs["none"], out))
+    again = trace(Trace((logs["none"],), out))
     for key in ("effects", "candidates", "error_mm", "unexplained"):
         assert json.dumps(again[key]) == json.dumps(found[key])
 
 
 def test_one_session_is_too_few(logs, tmp_path):
     with pytest.raises(SerpentError, match=r"has 1 session,.*Record more"):
-        trace(Trace(logs["none"], tmp_path / "out", sessions=1))
+        trace(Trace((logs["none"],), tmp_path / "out", sessions=1))
 
 
 def test_an_unknown_rig_is_refused_with_what_there_is(logs, tmp_path):
     with pytest.raises(SerpentError, match=r"no rig 'leg'.*arm"):
-        trace(Trace(logs["none"], tmp_path / "out", rig="leg"))
+        trace(Trace((logs["none"],), tmp_path / "out", rig="leg"))
 
 
 def test_logs_without_markers_are_refused(logs, tmp_path):
@@ -123,7 +123,7 @@ def test_logs_without_markers_are_refused(logs, tmp_path):
         lambda s: replace(s, marker=np.full_like(s.marker, np.nan)),
     )
     with pytest.raises(SerpentError, match="No marker was seen"):
-        trace(Trace(blind, tmp_path / "out"))
+        trace(Trace((blind,), tmp_path / "out"))
 
 
 def test_logs_that_say_they_have_no_markers_are_refused(logs, tmp_path):
@@ -132,7 +132,7 @@ def test_logs_that_say_they_have_no_markers_are_refused(logs, tmp_path):
         return replace(session, marker=np.full_like(session.marker, np.nan), metadata=metadata)
 
     with pytest.raises(SerpentError, match=r"no markers|No marker"):
-        trace(Trace(changed(logs["none"], tmp_path / "blind", blind), tmp_path / "out"))
+        trace(Trace((changed(logs["none"], tmp_path / "blind", blind),), tmp_path / "out"))
 
 
 def test_logs_of_another_machine_are_refused(logs, tmp_path):
@@ -140,7 +140,7 @@ def test_logs_of_another_machine_are_refused(logs, tmp_path):
         logs["none"], tmp_path / "foreign", lambda s: replace(s, marker=1.2 * s.marker)
     )
     with pytest.raises(SerpentError, match=r"1\.200 times as far apart"):
-        trace(Trace(foreign, tmp_path / "out"))
+        trace(Trace((foreign,), tmp_path / "out"))
 
 
 def test_two_arms_in_one_folder_are_refused(logs, tmp_path):
@@ -150,7 +150,7 @@ def test_two_arms_in_one_folder_are_refused(logs, tmp_path):
 
     mixed = changed(logs["none"], tmp_path / "mixed", rename)
     with pytest.raises(SerpentError, match="differ in arm"):
-        trace(Trace(mixed, tmp_path / "out"))
+        trace(Trace((mixed,), tmp_path / "out"))
 
 
 def test_the_gripper_s_cable_pulls_where_its_jaw_is_held_and_only_there(logs):

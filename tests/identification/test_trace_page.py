@@ -284,3 +284,12 @@ def test_a_parameter_that_is_not_as_built_is_no_success():
     assert "winch radius, motor 3 is 17.4 mm where 16 is expected, 14.4 × its tolerance" in said
     assert "may stand for payload" in said
     assert any("17.4" in row[2] for row in sections(found)["Calibration"].blocks[0].rows)
+
+
+def test_nothing_missing_is_said_with_the_power_it_had():
+    nothing = diagnosis()
+    for said in (nothing.sentence(), lead(nothing)):
+        assert "Would have been found, from that strength on: mocap latency of 0.004 s" in said
+        assert "At no strength within its range: " in said
+    assert not diagnosis(effects=(PAYLOAD,)).power
+    assert not diagnosis(unexplained=REST).power

@@ -87,7 +87,7 @@ def test_a_trace_names_what_was_put_in(tmp_path):
     for n, (name, kp) in enumerate(gains.items()):
         about, columns = pendulum(kp, 0.004, 0.002, 0.35, seed=n, seconds=6)
         write_log(tmp_path / "logs" / f"{name}.parquet", about, **columns)
-    asked = Trace(tmp_path / "logs", tmp_path / "out", rig="xl330", judge="c_*")
+    asked = Trace((tmp_path / "logs",), tmp_path / "out", rig="xl330", judge="c_*")
     found = trace(asked)
     assert found["effects"][0]["name"] == "gear_friction"
     assert not {"payload", "mocap_latency", "joint_elasticity"} & {

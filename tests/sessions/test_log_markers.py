@@ -65,7 +65,7 @@ def test_train_and_trace_refuse_the_session_and_name_its_fault(name, sessions, t
     with pytest.raises(SerpentError, match=rf"session_02\.parquet: .*({says})"):
         train(Train(logs, tmp_path / "readouts", readout=("linear",)))
     with pytest.raises(SerpentError, match=rf"session_02\.parquet: .*({says})"):
-        trace(Trace(logs, tmp_path / "trace"))
+        trace(Trace((logs,), tmp_path / "trace"))
     assert not (tmp_path / "readouts").exists() and not (tmp_path / "trace").exists()
 
 

@@ -147,7 +147,7 @@ def test_trace_refuses_them_whatever_was_asked(options, twice, tmp_path):
     with pytest.raises(
         SerpentError, match=r"session_01.parquet and .*session_03.parquet hold|3.*and.*1"
     ):
-        trace(Trace(twice, tmp_path / "out", **options))
+        trace(Trace((twice,), tmp_path / "out", **options))
     assert not (tmp_path / "out").exists()
 
 
