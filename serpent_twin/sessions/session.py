@@ -151,7 +151,7 @@ def session_from_columns(
         for name, f in FIELDS.items()
     }
     extra = {name: column for name, column in columns.items() if name not in UNITS}
-    return Session(path=path, metadata=metadata, **arrays, extra=extra)
+    return Session(path=path, metadata=metadata, **arrays, extra=extra, label="")
 
 
 def columns_of(session: Session) -> dict[str, np.ndarray]:
