@@ -53,13 +53,7 @@ def _given(diagnosis: Diagnosis, facts: Mapping[str, str]) -> str:
 
 def lead(diagnosis: Diagnosis) -> str:
     """What was missing, the gain of adding it, and what is left, in a few sentences."""
-    parts = (
-        _found(diagnosis),
-        _course(diagnosis),
-        diagnosis.not_as_built,
-        _rest(diagnosis),
-        diagnosis.power,
-    )
+    parts = (_found(diagnosis), _course(diagnosis), diagnosis.not_as_built, _rest(diagnosis))
     return " ".join(part for part in parts if part)
 
 
@@ -109,7 +103,7 @@ def _course(diagnosis: Diagnosis) -> str:
 def _rest(diagnosis: Diagnosis) -> str:
     rest = diagnosis.unexplained
     if not rest.is_:
-        return diagnosis.doubt
+        return f"{diagnosis.doubt} {diagnosis.power}".strip()
     share = f"{100 * rest.share:.0f} % of the squared error stays unexplained."
     return f"{share} {rest.depends_on}".strip()
 
