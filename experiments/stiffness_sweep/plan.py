@@ -137,7 +137,7 @@ def quick() -> SweepPlan:
     stiffness = (2e3, 1.2e4, 8e4)
     few = Measuring(
         delays=(4, 2, 0), memory_delay=8, taps=2, stretches=10, washout=10, repeated=40, stream=4,
-        coarsest=1.0, sessions=3, session_steps=260,
+        coarsest=1.0, sessions=3, session_steps=200,
         session_rate=PUBLISHED_RATE, epochs=2,
     )  # fmt: skip
     return SweepPlan(
@@ -149,8 +149,8 @@ def quick() -> SweepPlan:
         amplitudes=(SPEED / PUBLISHED_RATE / 2, SPEED / PUBLISHED_RATE),
         weightless=stiffness[1:2],
         noises=(LOAD_NOISE, NOMINAL.load_noise),
-        steps=600,
-        log_rows=400,
+        steps=400,
+        log_rows=300,
         measuring=few,
         networks=("mlp",),
     )
