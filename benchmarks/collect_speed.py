@@ -24,7 +24,8 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.numerals import counted
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.sim.twin import Twin
 from serpent_twin.stored import within
 

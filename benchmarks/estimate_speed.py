@@ -24,7 +24,8 @@ from serpent_twin.estimators import Estimator, Live, find
 from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.estimators.online import Online
 from serpent_twin.readouts.windows import SessionWindows, Windows, cut
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import TwinModel

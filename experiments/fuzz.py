@@ -32,7 +32,8 @@ from serpent_twin.hardware.motive import read_take
 from serpent_twin.hardware.natnet import packets, reading
 from serpent_twin.hardware.natnet.reading import PacketError
 from serpent_twin.readouts import find, load, windows
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.runs.files import write_json
 from serpent_twin.sessions import FIELDS, Journal, read_session, session_files, write_session
 from serpent_twin.sessions.check import examine

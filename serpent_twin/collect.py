@@ -3,7 +3,8 @@
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.numerals import counted
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 
 
 def main(config: Collect) -> None:  # noqa: D103 tyro would print it above the config's own

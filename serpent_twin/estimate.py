@@ -4,7 +4,8 @@ import sys
 
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
-from serpent_twin.live.estimate import Estimate, estimate
+from serpent_twin.live.estimate import estimate
+from serpent_twin.live.options import Estimate
 
 
 def main(config: Estimate) -> None:  # noqa: D103 tyro would print it above the config's own

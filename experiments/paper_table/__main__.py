@@ -24,7 +24,8 @@ from experiments.result_page import publish, store
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import GIVEN, Checked, Seed, when
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.reporting.report import text_table
 from serpent_twin.runs.files import json_text
 from serpent_twin.runs.provenance import git_commit

@@ -12,7 +12,8 @@ from serpent_twin.estimators import Estimator, load
 from serpent_twin.identification.run import Trace, trace_sessions
 from serpent_twin.readouts.trainable import Trainable
 from serpent_twin.readouts.windows import Windows, cut
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.estimators import Estimator
 from serpent_twin.numerals import counted
-from serpent_twin.recording.collect import Collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.sim.arm_file import ArmFile
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 

@@ -26,7 +26,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.belief import Belief
 from serpent_twin.hardware.dynamixel.shutdown import STOPPING
-from serpent_twin.live.stream import Page, Sample
+from serpent_twin.live.sample import Page, Sample
 from serpent_twin.readouts.score import distances, step_means
 from serpent_twin.reporting.rerun_layout import KEY, LOADS, TEN, Plot, blueprint, key, loads
 from serpent_twin.reporting.rerun_recording import ESTIMATED, MEASURED, Writer, hue

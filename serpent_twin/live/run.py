@@ -3,7 +3,7 @@
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tqdm import tqdm
 
@@ -12,21 +12,20 @@ from serpent_twin.hardware.cameras import NoMocap
 from serpent_twin.live.arm import Drive
 from serpent_twin.live.figures import Course
 from serpent_twin.live.follower import COLUMNS, Follower
-from serpent_twin.live.stream import Page, RerunStream
-from serpent_twin.recording import collect, simulated
+from serpent_twin.live.options import Estimate
+from serpent_twin.live.sample import Page
+from serpent_twin.live.stream import RerunStream
+from serpent_twin.recording import run_settings, simulated
 from serpent_twin.recording.ending import sealed, stopped_by_signals
 from serpent_twin.recording.loop import Beside, Row, record
 from serpent_twin.sim import twin_model
-
-if TYPE_CHECKING:
-    from serpent_twin.live.estimate import Estimate
 
 
 @dataclass(frozen=True)
 class LivePlan:
     """A config with its estimator and its drive, checked."""
 
-    config: "Estimate"
+    config: Estimate
     """The config"""
     estimator: Estimator
     """What estimates"""
@@ -40,7 +39,7 @@ class LivePlan:
     @property
     def session(self) -> Path:
         """The log."""
-        return collect.session_path(self.drive, 1)
+        return run_settings.session_path(self.drive, 1)
 
 
 def run(plan: LivePlan, follower: Follower, course: Course) -> None:
@@ -73,7 +72,7 @@ def _simulate(plan: LivePlan, beside: Beside) -> None:
     arm, targets = simulated.simulated_arm(drive, 1, drive.prior_runtime)
     cameras = arm.cameras if plan.config.markers else NoMocap()
     markers = "simulated" if plan.config.markers else "none"
-    about = collect.metadata(drive, 1) | {"markers": markers} | dict(beside.about)
+    about = run_settings.metadata(drive, 1) | {"markers": markers} | dict(beside.about)
     if drive.own:
         path = str(plan.config.model / "readout.json")
         about["twin"] = {"path": path, "design": twin_model.to_dict(drive.own)}

@@ -8,11 +8,9 @@ import contextlib
 import multiprocessing as mp
 import queue
 import threading
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 
@@ -20,43 +18,11 @@ from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.live.follower import LATENCY, MARKERS
+from serpent_twin.live.sample import Page, Sample
 from serpent_twin.recording.loop import Row
 
 START = 60.0
 """Longest time that the drawing process may take to start [s]"""
-
-
-@dataclass(frozen=True)
-class Page:
-    """What is drawn, and where it goes."""
-
-    readout: str
-    """What estimates"""
-    about: str
-    """Of which arm"""
-    file: Path | None
-    """The recording to write, if any"""
-    view: bool
-    """Whether the viewer shows it meanwhile"""
-
-
-class Sample(NamedTuple):
-    """What is drawn of one row."""
-
-    time: float
-    """[s]"""
-    motor: Array
-    """[rad], (10,)"""
-    load: Array
-    """Fraction of the stall torque, (10,)"""
-    measured: Array
-    """[m], (9, 3), NaN where lost"""
-    estimated: Array
-    """[m], (9, 3), NaN where unknown"""
-    covariance: Array
-    """[m²], (9, 3, 3), NaN where unknown"""
-    latency_ms: float
-    """From the reading to the estimate"""
 
 
 class RerunStream:

@@ -13,7 +13,7 @@ from serpent_twin.runs.files import unused
 if TYPE_CHECKING:  # each command imports this module, which imports the others when it checks them
     from serpent_twin.identification import Trace
     from serpent_twin.identification.check_logs import Check
-    from serpent_twin.live.estimate import Estimate
+    from serpent_twin.live.options import Estimate
     from serpent_twin.reservoir.sweep.run import Sweep
     from serpent_twin.training.train import TrainingPlan
 
@@ -99,7 +99,8 @@ def after_check(config: "Check") -> Words | None:
 
 def estimate(plan: "TrainingPlan", scores: Mapping[str, Any]) -> Words | None:
     """Follow the arm by the readout of the least error that can."""
-    from serpent_twin.live.estimate import Estimate, planned
+    from serpent_twin.live.estimate import planned
+    from serpent_twin.live.options import Estimate
 
     out = plan.config.out
     where, rate = unused(out.parent / "live"), plan.sessions.test[0].rate_hz
@@ -119,7 +120,8 @@ def estimate(plan: "TrainingPlan", scores: Mapping[str, Any]) -> Words | None:
 def after_trace(config: "Trace") -> Words | None:
     """After a trace of the arm: collect from the corrected twin, at the logs' rate."""
     from serpent_twin import sessions
-    from serpent_twin.recording.collect import Collect, check
+    from serpent_twin.recording.collect import check
+    from serpent_twin.recording.options import Collect
 
     if config.rig != "arm":
         return None
@@ -142,7 +144,8 @@ def after_plan(motion: Path, rate_hz: float) -> Words:
 
 def after_sweep(config: "Sweep", table: Mapping[str, Any]) -> Words | None:
     """After a sweep: sessions of its softest arm, which readouts can be trained on."""
-    from serpent_twin.recording.collect import Collect, check
+    from serpent_twin.recording.collect import check
+    from serpent_twin.recording.options import Collect
 
     stiffness = "strand_stiffness"
     arms = [each for each in table["points"] if stiffness in each["arm"] and not each["failed"]]

@@ -8,7 +8,7 @@ from serpent_twin.runs.files import unused
 
 if TYPE_CHECKING:  # each command imports this module, which imports the others when it checks them
     from serpent_twin.hardware.natnet.live import NatNet
-    from serpent_twin.recording.collect import RealArm
+    from serpent_twin.recording.options import RealArm
 
 
 def after_device(port: str) -> Words:
@@ -19,21 +19,21 @@ def after_device(port: str) -> Words:
 
 def after_doctor(port: str, where: Path) -> Words | None:
     """After nothing was found against a run: a short session."""
-    from serpent_twin.recording.collect import RealArm
+    from serpent_twin.recording.options import RealArm
 
     return first_run(RealArm(port, where), ["--port", port, *_setup(where)])
 
 
 def after_zero(where: Path) -> Words | None:
     """After the straight pose was set: a short session."""
-    from serpent_twin.recording.collect import RealArm
+    from serpent_twin.recording.options import RealArm
 
     return first_run(RealArm(setup=where), _setup(where))
 
 
 def after_frame(out: Path, natnet: "NatNet") -> Words:
     """After the base frame was found: a short session with cameras, or the setup of the arm first."""
-    from serpent_twin.recording.collect import RealArm
+    from serpent_twin.recording.options import RealArm
 
     frame = ["--frame", str(out)] if out != RealArm().frame else []
     cameras = ["--mocap", "natnet", *flags(natnet, type(natnet)()), *frame]
@@ -43,7 +43,8 @@ def after_frame(out: Path, natnet: "NatNet") -> Words:
 
 def first_run(real: "RealArm", options: Words) -> Words | None:
     """Ten seconds of the real arm, or of what stands for it."""
-    from serpent_twin.recording.collect import Collect, check
+    from serpent_twin.recording.collect import check
+    from serpent_twin.recording.options import Collect
 
     out = unused(Path("first_run"))
     config = Collect(out, backend="real", sessions=1, steps=40, real=real)
@@ -54,6 +55,6 @@ def first_run(real: "RealArm", options: Words) -> Words | None:
 
 
 def _setup(path: Path) -> Words:
-    from serpent_twin.recording.collect import RealArm
+    from serpent_twin.recording.options import RealArm
 
     return ["--setup", str(path)] if path != RealArm().setup else []

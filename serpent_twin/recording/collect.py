@@ -1,114 +1,15 @@
 """Record motors and markers while the arm follows random targets."""
 
-from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
 
-import numpy as np
-
-from serpent_twin.arm.control import random_targets
-from serpent_twin.arm.parameters import NOMINAL, Parameters
-from serpent_twin.arrays import Array
-from serpent_twin.command_line.option_groups import Group
-from serpent_twin.command_line.options import (
-    ABSENT,
-    Checked,
-    RateHz,
-    Seed,
-    Sessions,
-    Steps,
-    Workers,
-    when,
-)
 from serpent_twin.errors import SerpentError
-from serpent_twin.hardware.natnet.live import NatNet
 from serpent_twin.recording import run_folder
 from serpent_twin.recording.motion import read as read_motion
-from serpent_twin.runs.provenance import file_hash, provenance
+from serpent_twin.recording.options import Collect
+from serpent_twin.recording.run_settings import session_path, settings
 from serpent_twin.runs.run_lock import claimed
-from serpent_twin.sessions import SCHEMA_VERSION
-from serpent_twin.sim import arm_file, twin_model
-from serpent_twin.sim.arm_file import ArmFile
-from serpent_twin.stored import within
 
 SETTINGS = "collect.json"
-REAL, CAMERAS, SIMULATED = Group("real arm"), Group("camera"), Group("simulated arm")
-_SIM = when(backend="sim")
-OF_ARM = when(backend="sim", but=("controller_gain",))
-"""The simulated arm's parameters: the controller's gain is also the real arm's"""
-
-
-@dataclass(frozen=True)
-class RealArm:
-    """Where the real arm and its cameras are."""
-
-    port: str = ""
-    """Serial port of the motors, such as /dev/serial/by-id/…; else the one in --setup."""
-    setup: Path = Path("arm.toml")
-    """The arm's setup: ids, directions, zero and limits; python -m serpent_twin.bus.zero writes it."""
-    mocap: Annotated[Literal["none", "natnet"], CAMERAS] = "none"
-    """natnet: markers from Motive, live. none: a log without markers; merge a take afterwards."""
-    natnet: Annotated[NatNet, CAMERAS, when(mocap="natnet")] = field(default_factory=NatNet)
-    """Where Motive streams, for --mocap natnet."""
-    frame: Annotated[Path, CAMERAS, when(mocap="natnet")] = Path("frame.json")
-    """Where the cameras see the arm's base; python -m serpent_twin.mocap frame writes it."""
-
-
-@dataclass(frozen=True)
-class Collect(Checked):
-    """Collect session logs of an arm that follows random joint targets, or a planned motion.
-
-    Each session becomes OUT/session_NN.parquet. After an interruption, the same command continues with what
-    is missing, and a larger --sessions adds to a finished run.
-    """
-
-    out: Path
-    """Folder for the session logs; made if it does not exist."""
-    backend: Literal["sim", "real"] = "sim"
-    """sim: the twin, as fast as it computes. real: the arm on its motor bus; see --port."""
-    sessions: Sessions = 23
-    """Number of sessions."""
-    steps: Annotated[Steps, when(motion=ABSENT)] = 2100
-    """Control steps, that is rows, of each session."""
-    motion: Path | None = None
-    """Motion to follow in each session, in place of random targets: python -m serpent_twin.plan writes it."""
-    rate_hz: RateHz = 4.0
-    """Control steps per second."""
-    seed: Seed = 0
-    """Seed of targets and noise; session n of seed s is always the same."""
-    arm: str = ""
-    """Name of the arm, stored in the logs; without: twin, or the setup file's name."""
-    marker_loss: Annotated[float, within(0.0, 0.99), SIMULATED, _SIM] = 0.0
-    """Share of marker readings that the simulated cameras lose."""
-    workers: Annotated[Workers, SIMULATED, _SIM] = 0
-    """Processes that simulate side by side; 0 for one a core. The logs do not depend on it."""
-    twin: Annotated[Path | None, SIMULATED, _SIM] = None
-    """The arm to simulate, in place of the parameters below: a twin.json, with all of its effects, or
-    its twin.xml, which takes its noise and the controller's gain from them."""
-    real: Annotated[RealArm, REAL, when(backend="real")] = field(default_factory=RealArm)
-    """The real arm, for --backend real."""
-    parameters: Annotated[Parameters, SIMULATED, OF_ARM] = NOMINAL
-    """For --backend sim: the arm's free parameters. The controller's gain is also the real arm's."""
-
-    @property
-    def arm_name(self) -> str:
-        """The arm's name in the logs."""
-        return self.arm or ("twin" if self.backend == "sim" else self.real.setup.stem)
-
-    @property
-    def rows(self) -> int:
-        """Control steps of each session."""
-        return len(read_motion(self.motion).targets) if self.motion else self.steps
-
-    def targets(self, rng: np.random.Generator) -> Array:
-        """Joint targets of a session [rad], (rows, 9): the planned motion's, or random ones."""
-        if self.motion:
-            return read_motion(self.motion).targets
-        return random_targets(self.steps, rng)
-
-    def simulated(self) -> ArmFile:
-        """The arm to simulate."""
-        return arm_file.read(self.twin, self.parameters)
 
 
 def collect(config: Collect) -> list[Path]:
@@ -121,7 +22,7 @@ def collect(config: Collect) -> list[Path]:
             from serpent_twin.recording import lost_markers, real  # only if its port is meant
 
             real.record_all(config, missing)
-            lost_markers.build_diagnosis(paths)
+            lost_markers.say(paths)
         else:
             from serpent_twin.recording import simulated
 
@@ -129,57 +30,6 @@ def collect(config: Collect) -> list[Path]:
                 print(note)
             simulated.simulate_all(config, missing)
     return paths
-
-
-def session_path(config: Collect, session: int) -> Path:
-    """Where session 1, 2, … of a run lies."""
-    return config.out / f"session_{session:02d}.parquet"
-
-
-def metadata(config: Collect, session: int) -> dict[str, Any]:
-    """The metadata of a session's file."""
-    said = settings(config)
-    return (
-        {
-            "schema_version": SCHEMA_VERSION,
-            "backend": config.backend,
-            "arm": config.arm_name,
-            "session": session,
-            "rate_hz": config.rate_hz,
-            "seed": config.seed,
-            "config": said,
-        }
-        | _twin_file(config, said)
-        | provenance()
-    )
-
-
-def settings(config: Collect) -> dict[str, Any]:
-    """The settings that runs in one folder must share."""
-    common = {name: getattr(config, name) for name in ("backend", "rate_hz", "seed")}
-    common["steps"] = config.rows
-    if config.motion:
-        common["motion_sha256"] = file_hash(config.motion)
-    common["arm"] = config.arm_name
-    if config.backend == "real":
-        from serpent_twin.recording.real import settings_of_arm
-
-        return common | settings_of_arm(config)
-    arm = config.simulated()
-    return common | {
-        "marker_loss": config.marker_loss,
-        "parameters": asdict(arm.design.parameters),
-        "model_sha256": arm.fingerprint,
-    }
-
-
-def _twin_file(config: Collect, said: dict[str, Any]) -> dict[str, Any]:
-    """The file of the arm; the model's hash is also of what an MJCF file includes."""
-    if config.twin is None:
-        return {}
-    hashes = {"sha256": file_hash(config.twin), "model_sha256": said["model_sha256"]}
-    about, arm = {"path": str(config.twin)} | hashes, config.simulated()
-    return {"twin": about if arm.model else about | {"design": twin_model.to_dict(arm.design)}}
 
 
 def check(config: Collect) -> None:
@@ -192,7 +42,7 @@ def check(config: Collect) -> None:
     if config.backend == "sim":
         config.simulated().twin().substeps(1 / config.rate_hz)
     else:
-        from serpent_twin.recording.real import arm_of, cameras_of
+        from serpent_twin.recording.real_arm import arm_of, cameras_of
 
         arm_of(config)
         cameras_of(config)

@@ -63,7 +63,7 @@ def named(which: np.ndarray) -> str:
     return f"marker{'s' * (len(numbers) > 1)} {', '.join(numbers)}"
 
 
-def build_diagnosis(paths: Sequence[Path]) -> None:
+def say(paths: Sequence[Path]) -> None:
     """Say how many rows of each session lack markers; raise if any is lost to a session's end."""
     for_good = []
     for path in paths:

@@ -5,25 +5,22 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
-from serpent_twin.errors import SerpentError
-from serpent_twin.hardware.cameras import Mocap, NoMocap
 from serpent_twin.hardware.dynamixel.bus import DynamixelBus
 from serpent_twin.hardware.dynamixel.setup import (
     ArmSetup,
-    find_setup,
     is_pseudo_terminal,
-    setup_to_run,
 )
 from serpent_twin.recording import lost_markers, run_folder
-from serpent_twin.recording.collect import Collect, metadata, session_path
 from serpent_twin.recording.ending import loop_times, sealed, stopped_by_signals
 from serpent_twin.recording.loop import NOTHING, Beside, Step, record
+from serpent_twin.recording.options import Collect
+from serpent_twin.recording.real_arm import arm_of, cameras_of
+from serpent_twin.recording.run_settings import metadata, session_path
 from serpent_twin.recording.simulated_arm import generators
 from serpent_twin.recording.sunken import bring_back
 from serpent_twin.sessions import Journal
@@ -53,28 +50,6 @@ def record_all(config: Collect, missing: list[int], beside: Beside = NOTHING) ->
                 bar.update(rows)
 
             record_session(config, setup, session, show, beside)
-
-
-def arm_of(config: Collect) -> ArmSetup:
-    """The arm's setup, which must know its port and where the arm is straight."""
-    setup = find_setup(config.real.setup, config.real.port)
-    if not Path(setup.port).exists():
-        raise SerpentError(
-            f"there is no port {setup.port}. Check cable and supply, and ls /dev/serial/by-id, or start "
-            "python -m serpent_twin.bus.device."
-        )
-    return setup_to_run(setup)
-
-
-def settings_of_arm(config: Collect) -> dict[str, Any]:
-    """Settings that runs of the same arm, recorded in the same way, share."""
-    setup = asdict(arm_of(config))
-    kept = ("ids", "direction", "zero", "homing_offset", "drive_mode", "limits")
-    return {name: setup[name] for name in kept} | {
-        "controller_gain": config.parameters.controller_gain,
-        "mocap": config.real.mocap,
-        "port_is_pseudo_terminal": is_pseudo_terminal(setup["port"]),
-    }
 
 
 def record_session(
@@ -179,13 +154,3 @@ def _account(bus: DynamixelBus) -> dict[str, Any]:
         "events": bus.recovery.events[:MOST_EVENTS],
         "answers": dict(bus.wire.counts),
     }
-
-
-def cameras_of(config: Collect) -> Mocap:
-    """The cameras asked for, not yet connected."""
-    if config.real.mocap == "none":
-        return NoMocap()
-    from serpent_twin.hardware.base_frame import Rigid
-    from serpent_twin.hardware.natnet.live import NatNetMocap
-
-    return NatNetMocap(config.real.natnet, Rigid.load(config.real.frame))

@@ -16,8 +16,9 @@ from tqdm import tqdm
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.recording import run_folder
-from serpent_twin.recording.collect import Collect, metadata, session_path
 from serpent_twin.recording.loop import record
+from serpent_twin.recording.options import Collect
+from serpent_twin.recording.run_settings import metadata, session_path
 from serpent_twin.recording.simulated_arm import SimulatedArm, generators
 from serpent_twin.runs.processes import processes
 from serpent_twin.sessions import Journal

@@ -20,7 +20,8 @@ from serpent_twin.hardware.dynamixel.wire import Wire
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.hardware.protocol import CLEAR_POSITION, Instruction
 from serpent_twin.hardware.xl430 import POSITION_UNIT
-from serpent_twin.recording.collect import Collect, RealArm, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect, RealArm
 
 MOTORS = range(1, 11)
 STRAIGHT = ArmSetup(zero=(0,) * 10)

@@ -17,7 +17,8 @@ from serpent_twin import next_step
 from serpent_twin.effects.payload import Payload
 from serpent_twin.emulator.device import running
 from serpent_twin.identification.run import Trace, planned
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.reservoir.sweep.run import Sweep
 from serpent_twin.sessions import read_folder, read_session, write_session
 from serpent_twin.sim import twin_model

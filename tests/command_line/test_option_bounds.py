@@ -13,7 +13,7 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import number as shown
-from serpent_twin.recording.collect import Collect
+from serpent_twin.recording.options import Collect
 
 ODD = [0, -1, nan, inf, 1e300, 1e-300, 10**300]
 SENSIBLE = {

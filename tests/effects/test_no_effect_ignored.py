@@ -19,15 +19,17 @@ from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import find
 from serpent_twin.estimators.bus_reading import BusReading
-from serpent_twin.live.estimate import Estimate, estimate
+from serpent_twin.live.estimate import estimate
 from serpent_twin.live.follower import Follower
+from serpent_twin.live.options import Estimate
 from serpent_twin.machines import jaw as tool
 from serpent_twin.machines import xl330
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.trunk.motion import Trunks
 from serpent_twin.readouts.windows import cut
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.reporting import rerun_recording
 from serpent_twin.sessions import read_session
 from serpent_twin.sim import twin_model

@@ -10,7 +10,8 @@ from serpent_twin.effects.payload import Payload
 from serpent_twin.estimators import find
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import cut
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import TwinModel

@@ -15,8 +15,9 @@ from serpent_twin.estimators import find, load
 from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import SessionWindows, cut
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
 from serpent_twin.recording.loop import record
+from serpent_twin.recording.options import Collect
 from serpent_twin.sessions import FIELDS, Session, read_folder
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin import Twin

@@ -14,7 +14,8 @@ from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import find, load
 from serpent_twin.estimators.weighing_observer import followed
-from serpent_twin.live.estimate import Estimate, estimate
+from serpent_twin.live.estimate import estimate
+from serpent_twin.live.options import Estimate
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import cut
 from serpent_twin.sim import twin_model

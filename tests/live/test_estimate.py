@@ -16,10 +16,12 @@ from serpent_twin.emulator.device import running
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import Estimator, load
 from serpent_twin.estimators.belief import Belief
-from serpent_twin.live.estimate import Estimate, estimate
+from serpent_twin.live.estimate import estimate
 from serpent_twin.live.follower import LATENCY, Follower
+from serpent_twin.live.options import Estimate
 from serpent_twin.readouts.windows import Windows, cut
-from serpent_twin.recording.collect import Collect, RealArm, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect, RealArm
 from serpent_twin.sessions import Session, examine, read_session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN

@@ -13,9 +13,11 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects.payload import Payload
 from serpent_twin.estimators import find, load
 from serpent_twin.estimators.adapted import Adapted
-from serpent_twin.live.estimate import Estimate, estimate
+from serpent_twin.live.estimate import estimate
+from serpent_twin.live.options import Estimate
 from serpent_twin.readouts.windows import cut
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.sessions import read_folder, read_session, readings_hash
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN

@@ -6,9 +6,11 @@ from live_runs import STEPS, estimated, logged, spread, train_few
 from rerun.chunk import RrdReader
 
 from serpent_twin.live.draw import Drawing, ellipsoids
-from serpent_twin.live.estimate import Estimate, estimate
+from serpent_twin.live.estimate import estimate
 from serpent_twin.live.follower import COLUMNS
-from serpent_twin.live.stream import Page, RerunStream, Sample
+from serpent_twin.live.options import Estimate
+from serpent_twin.live.sample import Page, Sample
+from serpent_twin.live.stream import RerunStream
 
 
 def test_the_recording_holds_what_the_log_says(tmp_path):

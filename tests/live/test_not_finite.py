@@ -14,8 +14,9 @@ from typed import typed
 from serpent_twin import sessions
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import WindowEstimator, find
-from serpent_twin.live.estimate import Estimate, estimate
+from serpent_twin.live.estimate import estimate
 from serpent_twin.live.follower import Follower
+from serpent_twin.live.options import Estimate
 from serpent_twin.readouts import Readout
 from serpent_twin.readouts.linear import Linear
 from serpent_twin.readouts.residual_mlp import ResidualMlp

@@ -7,7 +7,8 @@ import pytest
 
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.machines.arm.recorder import controller_gain, recorded_by
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.sessions import read_folder
 
 

@@ -16,7 +16,8 @@ from serpent_twin.planning import evidence, traced
 from serpent_twin.planning.criterion import chosen
 from serpent_twin.planning.run import PIECE, Plan, plan, questions
 from serpent_twin.planning.traced import Traced
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 
 BACKLASH, FRICTION = "gear_backlash", "gear_friction"
 

@@ -16,7 +16,9 @@ from serpent_twin.arm.geometry import joint_from_motor
 from serpent_twin.arm.parameters import Parameters
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.xl430 import VELOCITY_UNIT
-from serpent_twin.recording.collect import Collect, collect, settings
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
+from serpent_twin.recording.run_settings import settings
 from serpent_twin.recording.simulated import simulate_session
 from serpent_twin.sessions import FIELDS, examine, read_folder, read_session, recover
 

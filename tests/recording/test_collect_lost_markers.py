@@ -14,7 +14,7 @@ from serpent_twin.emulator.device import running
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import IDENTITY
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
-from serpent_twin.recording.lost_markers import Watch, build_diagnosis
+from serpent_twin.recording.lost_markers import Watch, say
 from serpent_twin.sessions import read_journal, read_session, write_session
 
 STEPS, RATE = 60, 20
@@ -149,7 +149,7 @@ def test_what_is_lost_for_good_is_an_error(tmp_path, lost, says):
     metadata = session.metadata | {"markers_lost": rows(*lost).account()}
     path = write_session(tmp_path / "session_01.parquet", replace(session, metadata=metadata))
     if says is None:
-        build_diagnosis([path])
+        say([path])
     else:
         with pytest.raises(SerpentError, match=says):
-            build_diagnosis([path])
+            say([path])

@@ -14,8 +14,9 @@ from serpent_twin.emulator.device import running
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
 from serpent_twin.recording import real as real_module
-from serpent_twin.recording.collect import Collect, RealArm, collect
-from serpent_twin.recording.real import loop_times
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.ending import loop_times
+from serpent_twin.recording.options import Collect, RealArm
 from serpent_twin.sessions import examine, read_journal, read_session, recover
 
 QUIET = replace(NOMINAL, load_noise=0.0)

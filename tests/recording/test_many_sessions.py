@@ -14,8 +14,9 @@ from serpent_twin.hardware.dynamixel.registers import MotorRegisters
 from serpent_twin.hardware.dynamixel.setup import setup_to_run
 from serpent_twin.hardware.dynamixel.wire import Wire
 from serpent_twin.hardware.xl430 import POSITION_UNIT
-from serpent_twin.recording.collect import Collect, RealArm, collect
+from serpent_twin.recording.collect import collect
 from serpent_twin.recording.loop import record
+from serpent_twin.recording.options import Collect, RealArm
 from serpent_twin.recording.sunken import bring_back
 from serpent_twin.sessions import read_session
 

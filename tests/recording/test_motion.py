@@ -12,8 +12,9 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.machines.arm.motions import KINDS, proposed, simulated
 from serpent_twin.recording import motion
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
 from serpent_twin.recording.motion import Motion
+from serpent_twin.recording.options import Collect
 from serpent_twin.sessions import read_session
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
 

@@ -13,7 +13,7 @@ from typed import typed
 from serpent_twin.arm.geometry import joint_from_motor, markers
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.errors import SerpentError
-from serpent_twin.recording.collect import Collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.recording.simulated import simulate_session
 from serpent_twin.reservoir import capacities, check_inputs, expand, memory, taps
 from serpent_twin.reservoir.sweep import body, drive, pose, rigid, run

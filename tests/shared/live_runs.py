@@ -8,7 +8,8 @@ import numpy as np
 from serpent_twin.estimators import find
 from serpent_twin.live.follower import MARKERS, SPREADS
 from serpent_twin.readouts.windows import cut
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.sessions import Session, read_folder, read_session
 
 STEPS = 60

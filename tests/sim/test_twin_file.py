@@ -17,7 +17,8 @@ from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
 from serpent_twin.hardware.xl430 import VELOCITY_UNIT
-from serpent_twin.recording.collect import Collect, RealArm, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect, RealArm
 from serpent_twin.sessions import FIELDS, read_session
 from serpent_twin.sim import arm_file, twin_model
 from serpent_twin.sim.twin import Twin

@@ -9,7 +9,8 @@ from trainings import run, write
 
 from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
-from serpent_twin.recording.collect import Collect, collect
+from serpent_twin.recording.collect import collect
+from serpent_twin.recording.options import Collect
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sessions import read_folder
 from serpent_twin.sim import twin_model

@@ -1,0 +1,40 @@
+"""Hold what is drawn of a live estimate."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from serpent_twin.arrays import Array
+
+
+@dataclass(frozen=True)
+class Page:
+    """What is drawn, and where it goes."""
+
+    readout: str
+    """What estimates"""
+    about: str
+    """Of which arm"""
+    file: Path | None
+    """The recording to write, if any"""
+    view: bool
+    """Whether the viewer shows it meanwhile"""
+
+
+class Sample(NamedTuple):
+    """What is drawn of one row."""
+
+    time: float
+    """[s]"""
+    motor: Array
+    """[rad], (10,)"""
+    load: Array
+    """Fraction of the stall torque, (10,)"""
+    measured: Array
+    """[m], (9, 3), NaN where lost"""
+    estimated: Array
+    """[m], (9, 3), NaN where unknown"""
+    covariance: Array
+    """[m²], (9, 3, 3), NaN where unknown"""
+    latency_ms: float
+    """From the reading to the estimate"""
