@@ -15,6 +15,12 @@ from serpent_twin.runs.worker_pool import Pool
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
+def threads() -> int:
+    """Threads that simulations of this process may use: OMP_NUM_THREADS, else one a core."""
+    told = os.environ.get("OMP_NUM_THREADS", "")
+    return int(told) if told.isdecimal() and int(told) else os.cpu_count() or 1
+
+
 def _nothing() -> None: ...
 
 

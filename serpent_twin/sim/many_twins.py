@@ -4,7 +4,6 @@ The motors' angles wind the strands, whatever pulls: an error of the twin is not
 controller, nor caused by a servo's lag. Many twin models and many stretches of logs step side by side.
 """
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
+from serpent_twin.runs.processes import threads
 from serpent_twin.sim.measured_motion import MeasuredMotion
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import DrivenArms
@@ -130,10 +130,10 @@ def coarse_step(designs: Sequence[TwinModel]) -> float:
 
 
 def _threads(designs: Sequence[TwinModel], motion: PrescribedMotion) -> int:
-    """The fastest number of threads: one for few runs, else one a core."""
+    """The fastest number of threads: one for few runs, else all."""
     acting = any(effect.acts() for design in designs for effect in design.active)
     few = len(designs) * len(motion.motors.time) < (_FEW_ACTING if acting else _FEW)
-    return 1 if few else os.cpu_count() or 1
+    return 1 if few else threads()
 
 
 def substeps(motors: MotorTrajectory, timestep: float) -> NDArray[np.intp]:

@@ -22,14 +22,6 @@ LAG = 0.03  # of the arms' servos [s]
 ARMS = {"none": 0.0, "base_tilt": 0.08, "outside_force": 0.5}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def one_core():
-    """Simulate on one core: the tests of another file have the other one."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("os.cpu_count", lambda: 1)
-        yield
-
-
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
     """A folder of sessions for each arm, by its undeclared effect."""

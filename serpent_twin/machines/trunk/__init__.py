@@ -5,7 +5,6 @@ No mass, pulley radius or stiffness is published, and the logs hold no force: on
 weight to its cables' stiffness shows, and masses are in units of the trunk's own.
 """
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -55,6 +54,7 @@ from serpent_twin.machines.trunk.shape import (  # fmt: skip
     turned,
 )
 from serpent_twin.residual import MARKERS, Measure
+from serpent_twin.runs.processes import threads
 
 _SERVOS = Measure("motor angle", "the motor angles are", "motor angle error, rms", "°", "deg",
                   180 / np.pi, "rad")  # fmt: skip
@@ -152,7 +152,7 @@ class Trunk(RunMachine):
             shapes += [moved(self.start, self.kinds, point.declared)] * len(pieces)
             models += [self.spec(point.declared, there).compile()] * len(pieces)
             several += [(*self.fixed, *there)] * len(pieces)
-        trunks = Trunks(models, shapes, several, os.cpu_count() or 1)
+        trunks = Trunks(models, shapes, several, threads())
         D = len(points)
         goal = np.tile(np.stack([pieces.column[name] for name in GOALS], axis=-1), (D, 1, 1))
         found = np.concatenate(trunks.run(goal, np.tile(pieces.period, D)), axis=-1)
