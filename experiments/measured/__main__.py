@@ -13,7 +13,7 @@ from typing import Any
 from experiments.measured.benchmark import BENCHMARKS
 from experiments.measured.changed import changed
 from experiments.measured.named import judge
-from experiments.measured.page import effect_told, page, table
+from experiments.measured.page import effect_told, page, rejected, table
 from experiments.measured.regression import regressions
 from experiments.measured.split import Asked, asked, inner
 from experiments.result_page import publish, store
@@ -101,7 +101,8 @@ def _split(
         **{stage: bench.metric.of(compared[stage]) for stage in STAGES},
         "effects": [each["name"] for each in effects],
         "found": [effect_told(each) for each in effects],
-        "rejected": [t.name for t in found.candidates if t.verdict != "accepted"],
+        "stand_ins": [effect_told(each) for each in numbers["stand_ins"]],
+        "rejected": rejected(found),
         "regression": regressions(name, training, judging, bench.metric),
         "unexplained": found.unexplained.depends_on,
         "held_out": files,

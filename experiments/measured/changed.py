@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from experiments.measured.benchmark import BENCHMARKS
-from experiments.measured.page import effect_told
+from experiments.measured.page import effect_told, rejected
 from experiments.measured.split import by_time
 from serpent_twin import machines, stored
 from serpent_twin.identification import Trace
@@ -83,7 +83,8 @@ def _one(name: str, twin: Path, run: Recording, out: Path, seed: int) -> dict[st
         "after": error["corrected"],
         "effects": [each["name"] for each in effects],
         "found": [effect_told(each) for each in effects],
-        "rejected": [each.name for each in found.candidates if each.verdict != "accepted"],
+        "stand_ins": [effect_told(each) for each in numbers["stand_ins"]],
+        "rejected": rejected(found),
         "payload_ratio": carried(machine.changed(twin), fitted, effects, twin),
         "report": str((asked.out / "report.html").relative_to(out)),
     }

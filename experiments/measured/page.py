@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from experiments.measured.metric import METRICS, Metric
+from serpent_twin.identification.diagnosis import ACCEPTED, STANDS_IN, Diagnosis
 from serpent_twin.reporting.plot_style import COLOURS, INK, label_logarithmic, sheet, tidy
 from serpent_twin.reporting.report import Figure, Report, Section, Table
 
@@ -175,8 +176,17 @@ def _heading(metric: Metric) -> str:
 
 
 def lacked(each: Mapping[str, Any]) -> str:
-    """Name the effects that a twin lacked, with their numbers."""
+    """Name the effects that a twin lacked, with their numbers; or those that come nearest but leave too
+    much to be the cause.
+    """
+    if each["stand_ins"]:
+        return f"no cause is named; nearest come {'; '.join(each['stand_ins'])}"
     return "; ".join(each["found"]) or "nothing that is beyond chance"
+
+
+def rejected(found: Diagnosis) -> list[str]:
+    """The candidates that neither are causes nor come nearest."""
+    return [t.name for t in found.candidates if t.verdict not in (ACCEPTED, STANDS_IN)]
 
 
 def _rejected(each: Mapping[str, Any]) -> str:

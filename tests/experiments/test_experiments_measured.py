@@ -115,7 +115,7 @@ def traced(monkeypatch):
             candidates=[SimpleNamespace(name="cable_creep", verdict="rejected")],
             unexplained=SimpleNamespace(depends_on=""),
         )
-        return diagnosis, {"effects": found, "seconds": 1.0}
+        return diagnosis, {"effects": found, "stand_ins": [], "seconds": 1.0}
 
     monkeypatch.setattr(measured, "trace_sessions", fake)
 

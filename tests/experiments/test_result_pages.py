@@ -103,15 +103,18 @@ def test_the_page_of_injected_effects_says_what_each_arm_was_called():
 def test_the_page_of_measured_machines_has_splits_changes_and_what_was_rejected():
     split = {"held_out": ["a.parquet"], "nominal": 44.3, "calibrated": 13.2, "corrected": 9.1,
              "regression": {"commands": 11.3}, "found": ["payload (mass 0.1 [0.09 … 0.11] kg)"],
-             "rejected": ["joint_friction"], "unexplained": "It grows with the bend."}  # fmt: skip
+             "stand_ins": [], "rejected": ["joint_friction"],
+             "unexplained": "It grows with the bend."}  # fmt: skip
     after = {"file": "heavy.parquet", "before": 11.1, "rezeroed": 10.5, "after": 8.5, "found": [],
-             "rejected": [], "payload_ratio": {"value": 0.9, "low": 0.3, "high": 1.4}}  # fmt: skip
+             "stand_ins": ["payload (mass 0.3 kg)"], "rejected": [],
+             "payload_ratio": {"value": 0.9, "low": 0.3, "high": 1.4}}  # fmt: skip
     trunk = {"metric": "tip_rms_mm", "reference": 9.9, "reference_by": "a map", "splits": [split]}
     rigs = {"trunk": trunk | {"changed": [after]}}
     text = page("experiments.measured", rigs=rigs, settings={"held_out": "", "seed": 0})
     assert "| trunk | a | 44.30 mm | 13.20 mm | 9.10 mm | 11.30 mm (commands) | 9.90 mm |" in text
     assert "| trunk, changed | the end of heavy | 11.10 mm | 10.50 mm | 8.50 mm |  |  |" in text
     assert "0.9 [0.3 … 1.4] × the machine's own weight" in text and "joint friction" in text
+    assert "no cause is named; nearest come payload (mass 0.3 kg)" in text
     assert "the trunk's is a map" in text and "It grows with the bend." in text
 
 
