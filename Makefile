@@ -16,7 +16,7 @@ $(READY): requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --no-deps --editable .
 	touch $@
 
-demo: setup  ## Collect, train, close the loop, replay: some five minutes, results in demo/
+demo: setup  ## Collect, train, close the loop, replay: some three minutes, results in demo/
 	$(BIN)/python -m experiments.demo --out demo
 
 test: setup lint  ## Everything that CI runs: lint, types, all tests
@@ -40,7 +40,7 @@ faults: setup  ## Every fault of the bus through the collect loop: some five min
 fuzz: setup  ## Damaged packets and files, 10,000 of each source: some ten minutes
 	$(BIN)/python -m experiments.fuzz --out out/fuzz
 
-loop: setup  ## Find what the twin lacks of the arm in data/: some five minutes
+loop: setup  ## Find what the twin lacks of the arm in data/: some four minutes
 	$(BIN)/python -m experiments.close_the_loop --logs data --out close_the_loop
 
 sweep: setup  ## What stiffness does, in a few short points: some two minutes
