@@ -34,6 +34,8 @@ class SessionSpec:
     """Of the session, from 1."""
     seed: int
     """Of targets and noise, together with the number."""
+    target: Array | None = None
+    """Joint targets [rad], (T, 9); random ones if nothing is said"""
 
 
 def simulate(
@@ -92,7 +94,7 @@ class _Sensors:
         )
         low = np.where(np.arange(N_JOINTS) % 2 == 0, -ARM.target_range, 0.0)
         drawn = goals.uniform(low, ARM.target_range, (-(-steps // HOLD), N_JOINTS))
-        self.target = np.repeat(drawn, HOLD, axis=0)[:steps]
+        self.target = np.repeat(drawn, HOLD, axis=0)[:steps] if row.target is None else row.target
         self.load = row.arm.load_noise * noise.standard_normal((steps, N_MOTORS))
         self.marker = row.arm.marker_noise * noise.standard_normal((steps, N_JOINTS, 3))
         self.lost = noise.random((steps, N_JOINTS)) < row.arm.marker_loss

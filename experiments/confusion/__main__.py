@@ -9,7 +9,6 @@ ends, and the same command goes on.
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
@@ -21,12 +20,11 @@ from experiments.confusion.plan import Trial, chosen, plan
 from experiments.confusion.score import called, quantity, right, scores
 from experiments.confusion.trial import failed, run_before
 from experiments.result_page import publish, store
-from serpent_twin import stored
+from experiments.result_rows import Results
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import write
-from serpent_twin.runs.files import json_text, write_whole
 from serpent_twin.runs.processes import processes
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.runs.worker_pool import execute
@@ -54,38 +52,6 @@ def _trials(config: Confusion) -> list[Trial]:
             f"--only {' '.join(unknown)}: there is no such thing. There are {', '.join(sorted(words))}."
         )
     return chosen(every, config.only, config.trials)
-
-
-class TrialRow(stored.OpenForm, frozen=True):
-    """What every row of results.jsonl has."""
-
-    id: str
-    """Of the trial"""
-
-
-class Results:
-    """The rows of results.jsonl by trial; the file is replaced whole after every trial."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        lines = stored.read_json_lines(path) if path.exists() else []
-        ids = [stored.take(row, TrialRow, str(path)).id for row in lines]
-        self.rows: dict[str, dict[str, Any]] = dict(zip(ids, lines, strict=True))
-
-    @property
-    def scored(self) -> list[dict[str, Any]]:
-        """Rows of arms that were traced to the end."""
-        return [row for row in self.rows.values() if "failed" not in row]
-
-    @property
-    def failed(self) -> dict[str, str]:
-        """Why others were not; they are tried again."""
-        return {n: row["failed"] for n, row in self.rows.items() if "failed" in row}
-
-    def add(self, row: dict[str, Any]) -> None:
-        """Keep a row."""
-        self.rows[row["id"]] = row
-        write_whole(self.path, "".join(json_text(r, indent=None) for r in self.rows.values()))
 
 
 def _run(config: Confusion, trials: Sequence[Trial], results: Results) -> None:

@@ -16,7 +16,7 @@ from experiments.measured.benchmark import BENCHMARKS
 from experiments.measured.page import effect_told, rejected
 from experiments.measured.split import by_time
 from serpent_twin import machines, stored
-from serpent_twin.identification import Trace
+from serpent_twin.identification import Trace, held_out
 from serpent_twin.identification.fitted import NORMAL_95
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
@@ -48,7 +48,7 @@ def changed(
 def _before(name: str, twin: Path, runs: Sequence[Recording], path: Path) -> Path:
     """The twin of the machine as it was, fitted again to all its runs, with its parameters' errors."""
     of = {run.name: file_hash(run.path) for run in runs if run.path} | {"twin": _digest(twin)}
-    if path.exists() and read_twin(path, name).fitted_to == of:
+    if path.exists() and (told := read_twin(path, name)).fitted_to == of and told.error:
         return path
     case = machines.find(name).open(runs)
     pieces, at = case.pieces(runs), read_twin(twin, name).point
@@ -58,7 +58,8 @@ def _before(name: str, twin: Path, runs: Sequence[Recording], path: Path) -> Pat
     names = [case.declared[k].name for k in free.declared]
     errors = dict(zip(names, found.error[: len(names)].tolist(), strict=True))
     path.parent.mkdir(exist_ok=True)
-    case.write(found.point, path, {"fitted_to": of, "standard_error": errors})
+    left = held_out.errors(case.compare(found.point, pieces)).marker
+    case.write(found.point, path, {"fitted_to": of, "standard_error": errors, "error": left})
     return path
 
 

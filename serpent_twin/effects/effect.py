@@ -37,7 +37,16 @@ class Range:
         """Its lowest value while fitted: just above a low of zero, where the effect would leave the model."""
         return 1e-6 * self.typical if self.fitted and self.low == 0 else self.low
 
+    @property
+    def limit_begins(self) -> float:
+        """From where on a value is the law of the high end; infinite without such a law."""
+        return _NEARLY * self.high if self.limit and self.fitted else float("inf")
 
+
+_NEARLY = 0.3
+"""Share of a range from which on a value is the law of its high end: it is many thousand times the typical
+one there, and nothing shows any more how large it is
+"""
 SMOOTH = 0.2
 """Share of a time constant that one explicit time step may take: what relaxes does so without overshoot, and
 is never off by more than 5 %."""

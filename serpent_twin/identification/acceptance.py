@@ -25,6 +25,9 @@ CHANCE = 0.01
 """Greatest probability that the gain of an accepted effect is due to chance"""
 SURE = 3.0
 """Least distance of an accepted strength from zero, in standard errors"""
+BEYOND_DOUBT = 1e-4
+"""Probability of chance below which a gain shows by itself that a lone strength is not zero, however much the
+segments disagree about its size"""
 
 
 @dataclass(frozen=True)
@@ -124,6 +127,14 @@ def why_not(name: str, trial: CandidateTrial, candidate: Candidate) -> str:
     return weakness_of_fit(trial.fit, trial.gain, {name: candidate})
 
 
+def doubtful(name: str, trial: CandidateTrial, candidate: Candidate) -> bool:
+    """Whether a candidate was rejected for chance alone: a gain or a strength that more logs may show."""
+    if not trial.fit or not trial.gain or trial.gain.relative <= WORTH_IT:
+        return False
+    ends = too_strong(candidate, trial.fit.point.effects[name])
+    return not ends and bool(why_not(name, trial, candidate))
+
+
 def weakness_of_fit(fit: Fit, found: Gain, several: Mapping[str, Candidate]) -> str:
     """Why effects that were fitted together are not accepted, or nothing."""
     for name, candidate in several.items():
@@ -131,8 +142,9 @@ def weakness_of_fit(fit: Fit, found: Gain, several: Mapping[str, Candidate]) -> 
             return f"{found}; its {', '.join(ends)} runs to the end of the range"
     if too_weak := weakness(found):
         return f"{found}{too_weak}"
+    shown = len(several) == 1 and found.probability_of_chance < BEYOND_DOUBT
     sure = all(significant(fit, name, candidate) for name, candidate in several.items())
-    return "" if sure else f"{found}; its strength may be zero"
+    return "" if shown or sure else f"{found}; its strength may be zero"
 
 
 def best_trial(trials: dict[str, CandidateTrial], candidates: Mapping[str, Candidate]) -> str:

@@ -3,7 +3,7 @@
 A bar that rises with the error would pass any error. The bar is what a twin that lacks nothing would
 leave: the noise of the measurement, at the start too, and what a fit to logs of such noise leaves uncertain.
 What looks like noise from row to row, the jitter, may raise it only as far as no pose of the machine explains
-it.
+it; and what a twin of the machine left before that was changed may raise it, as no change explains that.
 """
 
 from collections.abc import Mapping
@@ -33,18 +33,23 @@ class Bars:
     """With the noise in the start, and parameters as uncertain as fits to such noise are"""
     jitter: float
     """By the part of the residual that changes from row to row like noise; not capped"""
+    before_change: float = 0.0
+    """What the twin left of the machine before that was changed; 0 without such a twin"""
 
     @property
     def bar(self) -> float:
-        """The error that is compared: the larger of a complete twin's and of the capped jitter."""
-        return float(np.fmax(self.complete_twin, np.fmin(self.jitter, self.camera_noise)))
+        """The error that is compared: the largest of a complete twin's, the capped jitter, and what the twin
+        left before a change.
+        """
+        capped = float(np.fmin(self.jitter, self.camera_noise))
+        return float(np.nanmax([self.complete_twin, capped, self.before_change]))
 
     def numbers(self, unit: str) -> Mapping[str, Any]:
         """Entries of diagnosis.json."""
-        held = "complete_twin" if self.bar == self.complete_twin else "jitter"
-        each = {
-            name: getattr(self, name) for name in ("camera_noise", "complete_twin", "jitter", "bar")
-        }
+        several = ("complete_twin", "before_change")
+        held = next((name for name in several if self.bar == getattr(self, name)), "jitter")
+        names = ("camera_noise", "complete_twin", "jitter", "before_change", "bar")
+        each = {name: getattr(self, name) for name in names}
         return {f"{name}_{unit}": value for name, value in each.items()} | {"held": held}
 
 
@@ -57,4 +62,4 @@ def bars(
     camera = measure.scale * float(np.mean(expected_distance(std, measure.dimension)))
     share = min(1.0, BEYOND * camera / error) if error > 0 else 1.0
     complete = case.expected(found.point, drawn(case, found, rng, _DRAWS, share), held_out, rng)
-    return Bars(camera, complete, noise.mean_jitter)
+    return Bars(camera, complete, noise.mean_jitter, case.machine.error_before_change)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.identification.acceptance import Round, Selection, seen, why_not
+from serpent_twin.identification.acceptance import Round, Selection, doubtful, seen, why_not
 from serpent_twin.identification.bars import BEYOND, Bars, bars
 from serpent_twin.identification.diagnosis import (
     ACCEPTED,
@@ -133,6 +133,8 @@ def estimates(case: Case, fit: Fit, name: str) -> dict[str, ParameterEstimate]:
         low, high = value, value
         if (name, k) in fit.free.effects:
             _, low, high = fit.interval(name, k)
+            if value >= allowed.limit_begins:
+                low, high = allowed.limit_begins, allowed.high
         out[parameter] = ParameterEstimate(
             value, max(low, allowed.low), min(high, allowed.high), allowed.unit
         )
@@ -153,7 +155,9 @@ def _tried(case: Case, selection: Selection, stand_in: bool) -> tuple[Tried, ...
             if verdict == ACCEPTED and stand_in:
                 verdict, why = STANDS_IN, "it comes nearest, but leaves too much to be the cause"
             by_segment = trial.gain.marker_by_segment if trial.gain else None
-            out[name] = Tried(name, trial.error, verdict, trial.score.share, by_segment, why)
+            doubt = verdict == REJECTED and doubtful(name, trial, case.candidates[name])
+            share = trial.score.share
+            out[name] = Tried(name, trial.error, verdict, share, by_segment, why, doubt)
     ordered = sorted(out.values(), key=lambda t: (t.verdict != ACCEPTED, -t.score))
     return tuple(ordered)
 

@@ -121,6 +121,8 @@ class Tried:
     """On held-out segments, if it was fitted"""
     why: str
     """In words"""
+    doubtful: bool = False
+    """Whether more logs may show it: they were better described with it, but that may be chance"""
 
 
 @dataclass(frozen=True)
@@ -217,7 +219,13 @@ class Diagnosis:
                 for name, several in self.rivals.items()
             },
             "next_motion": next_motion(
-                self.rivals, {each.name: each.verdict for each in self.candidates}
+                self.rivals,
+                {each.name: each.verdict for each in self.candidates},
+                [
+                    each.name
+                    for each in sorted(self.candidates, key=lambda each: each.error)
+                    if each.doubtful
+                ],
             ),
             "pairs": [each.numbers() for each in self.pairs],
             "calibration": {name: each.numbers() for name, each in self.calibration.items()},

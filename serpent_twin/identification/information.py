@@ -32,13 +32,17 @@ class Information:
 
     @classmethod
     def of(cls, case: Case[Any], fit: Fit) -> "Information":
-        """That of a fit: its declared parameters have priors, those of its effects none."""
-        none, declared = np.zeros(len(fit.free.effects)), list(fit.free.declared)
+        """That of a fit: its declared parameters have priors, those of its effects the width of their ranges,
+        without a mean, as in the fit: a strength at its limit changes nothing of the residual.
+        """
+        declared, known = list(fit.free.declared), case.candidates
+        several = [list(known[name].ranges.values())[k] for name, k in fit.free.effects]
+        wide = [(allowed.high - allowed.low) ** -2 for allowed in several]
         return cls(
             fit.jacobian.reshape(len(fit.free), -1),
             1 / fit.variance_inflation,
-            np.r_[[1 / case.declared[k].prior ** 2 for k in declared], none],
-            np.r_[fit.point.declared[declared], none],
+            np.r_[[1 / case.declared[k].prior ** 2 for k in declared], wide],
+            np.r_[fit.point.declared[declared], np.zeros(len(wide))],
         )
 
     def without(self, k: int) -> "Information":

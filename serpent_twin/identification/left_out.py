@@ -21,10 +21,14 @@ def chance_of_selection(
 ) -> float:
     """Probability that `after`, the best of so many, predicts sessions that were left out no better than
     `before`: of one paired test times their number (Bonferroni). Both used the same segments; `session` names
-    the sessions of all.
+    the sessions of all. Each block is judged by its own size, as a few segments may hold most of the squares.
     """
-    without, beside = (left_out(case, fit, session, after.noise) for fit in (before, after))
-    return min(1.0, among * chance((without - beside) / np.nanmean(without)))
+    without, beside = (
+        np.sqrt(left_out(case, fit, session, after.noise)) for fit in (before, after)
+    )
+    with np.errstate(invalid="ignore"):
+        share = 2 * (without - beside) / (without + beside)
+    return min(1.0, among * chance(share))
 
 
 def left_out(case: Case[Any], found: Fit, session: Sequence[str], noise: Array) -> Array:

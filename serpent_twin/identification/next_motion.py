@@ -6,13 +6,17 @@ from typing import Any
 from serpent_twin.identification.rivals import Rival
 
 NOT_EXCITED = "not excited"
+_DOUBTFUL = 3
 
 
 def next_motion(
-    rivals: Mapping[str, Sequence[Rival]], verdicts: Mapping[str, str]
+    rivals: Mapping[str, Sequence[Rival]],
+    verdicts: Mapping[str, str],
+    doubtful: Sequence[str] = (),
 ) -> list[dict[str, Any]]:
     """The open questions of a trace: rivals of accepted effects that its logs do not tell apart, the most
-    alike first, then candidates that its logs did not excite. Empty if nothing is open.
+    alike first; candidates whose gain may be chance, the best first; candidates that its logs did not excite.
+    Empty if nothing is open.
     """
     pairs = [
         (each.cosine, name, each.name)
@@ -24,5 +28,10 @@ def next_motion(
         {"effect": name, "rival": rival, "why": "not told apart"}
         for _, name, rival in sorted(pairs, key=lambda each: -each[0])
     ]
+    chance = [
+        {"effect": name, "rival": None, "why": "may be chance"} for name in doubtful[:_DOUBTFUL]
+    ]
     hidden = [name for name, verdict in verdicts.items() if verdict == NOT_EXCITED]
-    return alike + [{"effect": name, "rival": None, "why": NOT_EXCITED} for name in hidden]
+    return [*alike, *chance] + [
+        {"effect": name, "rival": None, "why": NOT_EXCITED} for name in hidden
+    ]

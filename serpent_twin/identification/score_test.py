@@ -1,6 +1,6 @@
 """Select candidate effects by a score test, and fit the selected ones fully."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -19,10 +19,9 @@ from serpent_twin.machines.machine import Candidate, ParameterVector
 
 EXCITED = 0.02
 """An effect whose typical strength changes the residual by less than this share of its rms is not excited"""
-_WORTH_A_FIT, _BESIDE_OTHERS = 0.015, 0.03
-"""Share of the residual's squares that a candidate must remove in the score test: on top of a calibration,
-which may have absorbed most of an effect; and beside effects that were found. A full fit removes a few times
-as much, and acceptance asks for about 0.08."""
+_WORTH_A_FIT = 0.015
+"""Share of the residual's squares that a candidate must remove in the score test. A full fit removes a few
+times as much, where calibration has absorbed an effect or its law bends; acceptance asks for about 0.08."""
 _BESIDE_THE_BEST = 0.1
 """And of what the best candidate removes"""
 _LIKE_THE_BEST, _AT_LEAST = 0.03, 0.005
@@ -200,11 +199,15 @@ def _scaled(candidate: Candidate, values: Array, size: float) -> Array | None:
 
 
 def at_bound(candidate: Candidate, values: Array) -> list[str]:
-    """Names of fitted parameters that lie at an end of their range other than absence."""
+    """Names of fitted parameters that lie at an end of their range other than absence, or are its law."""
     return [
         name
         for (name, allowed), value in zip(candidate.ranges.items(), values, strict=True)
-        if allowed.fitted and (value >= allowed.high or (allowed.low < 0 and value <= allowed.low))
+        if allowed.fitted
+        and (
+            value >= min(allowed.high, allowed.limit_begins)
+            or (allowed.low < 0 and value <= allowed.low)
+        )
     ]
 
 
@@ -224,14 +227,12 @@ def worth_fitting(
     scores: Sequence[Score],
     candidates: Mapping[str, Candidate],
     most: int = 3,
-    beside: Collection[str] = (),
 ) -> list[str]:
-    """Names of candidates to fit fully, beside effects that were found: the best few, and those that the best
-    can be confused with and that remove something, too.
+    """Names of candidates to fit fully: the best few, and those that the best can be confused with and that
+    remove something, too.
     """
     ranked = sorted(scores, key=lambda s: -s.share)
-    least = _BESIDE_OTHERS if beside else _WORTH_A_FIT
-    least = max(least, _BESIDE_THE_BEST * ranked[0].share) if ranked else 0.0
+    least = max(_WORTH_A_FIT, _BESIDE_THE_BEST * ranked[0].share) if ranked else 0.0
     best = [s.name for s in ranked if s.share > least and s.excitation > EXCITED][:most]
     excited = {s.name for s in scores if s.excitation > EXCITED}
     least = max(_AT_LEAST, _LIKE_THE_BEST * ranked[0].share) if best else np.inf

@@ -93,6 +93,7 @@ def bars(diagnosis: Diagnosis) -> Table:
         ("noise of the measurement alone", _fixed(of.camera_noise)),
         ("a twin that lacks nothing", _fixed(of.complete_twin)),
         ("what changes from row to row like noise", _fixed(of.jitter)),
+        *([("the twin before the change", _fixed(of.before_change))] if of.before_change else []),
         ("the bar", _fixed(of.bar)),
     )
     note = (

@@ -53,8 +53,7 @@ class Trials:
         """
         found = self.placed(stage, case, begun, self.scores(stage, case, begun, names))
         trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
-        there = begun.point.effects
-        chosen = worth_fitting(list(found.values()), case.candidates, beside=there)[:most]
+        chosen = worth_fitting(list(found.values()), case.candidates)[:most]
         best = begun.cost
         for name in chosen:
             self.on_progress(f"{stage.replace('_', ', from the ')}: fitting {name}")

@@ -16,10 +16,14 @@ def drawn(
     case: Case[Any], found: Fit, rng: np.random.Generator, n: int, share: float = 1.0
 ) -> list[ParameterVector]:
     """Twins that the data cannot distinguish from the fitted one; with only a share of its standard errors,
-    if given.
+    if given. A value that is at its limit stays.
     """
+    ranges = [list(case.candidates[name].ranges.values())[k] for name, k in found.free.effects]
+    values = [found.point.effects[name][k] for name, k in found.free.effects]
+    fixed = np.array([v >= r.limit_begins for v, r in zip(values, ranges, strict=True)], bool)
     half = np.linalg.cholesky(found.correlation + 1e-9 * np.eye(len(found.error)))
     steps = (half @ rng.standard_normal((len(found.error), n))).T * (share * found.error)
+    steps[:, len(found.free.declared) :][:, fixed] = 0.0
     return [moved(case, found.point, found.free, step) for step in steps]
 
 

@@ -220,6 +220,13 @@ class Machine(Protocol[P]):
         ...
 
     @property
+    def error_before_change(self) -> float:
+        """Mean error of the pose that the first guess, a fitted twin, left of the machine before that was
+        changed, in its measure's unit; 0 without such a twin.
+        """
+        ...
+
+    @property
     def segments(self) -> tuple[int, int]:
         """How many segments a fit uses at most while it searches, enough to distinguish effects, and the last
         fit.

@@ -42,8 +42,8 @@ class Question:
         return float(np.sqrt(min(schur(gram, self.row, rows) for rows in self.against)))
 
     def probability(self, gram: Array) -> float:
-        """That the log-likelihood ratio names the right one of effect and rival: it is normal, with mean d²/2
-        and variance d² at the distance d, so Φ(d / 2).
+        """That the log-likelihood ratio names the right one of effect and rival, or of effect and nothing: it
+        is normal, with mean d²/2 and variance d² at the distance d, so Φ(d / 2).
         """
         return float(ndtr(self.distance(gram) / 2))
 
@@ -74,16 +74,18 @@ def schur(gram: Array, row: int, others: Sequence[int]) -> float:
 def chosen(
     known: Array, pieces: Sequence[Array], questions: Sequence[Question], count: int
 ) -> list[int]:
-    """Which pieces of motion to run, one by one, each the one after which the least distance of all questions
-    is largest; a piece may be run again, which adds the same again.
+    """Which pieces of motion to run, one by one, each the one after which most questions are expected to be
+    answered rightly; a piece may be run again, which adds the same again. A question that no piece answers
+    takes none from the others.
     """
     out: list[int] = []
     for _ in range(count):
-        after = [_least(known + each, questions) for each in pieces]
+        after = [_expected(known + each, questions) for each in pieces]
         out.append(int(np.argmax(after)))
         known = known + pieces[out[-1]]
     return out
 
 
-def _least(gram: Array, questions: Sequence[Question]) -> float:
-    return min(each.distance(gram) for each in questions)
+def _expected(gram: Array, questions: Sequence[Question]) -> float:
+    """How many questions are expected to be answered rightly."""
+    return sum(each.probability(gram) for each in questions)

@@ -29,8 +29,8 @@ class Plan(Checked):
     """Plan the motion that best tells apart what a trace's logs could not tell apart or could not show.
 
     OUT gets the motion; the folder of the same name without .parquet gets report.html and report.md. Of the
-    pieces of motion that keep the limits of the arm, those are chosen that raise the least distance between
-    rivals, or the least distance of an effect from none, most.
+    pieces of motion that keep the limits of the arm, those are chosen after which most of the open questions
+    are expected to be answered rightly.
     """
 
     trace: Path

@@ -171,3 +171,36 @@ def test_the_page_of_sim_to_real_has_every_route_condition_and_change_and_its_fi
     drawn = {path.stem for path in (tmp_path / "figures").iterdir()}
     assert drawn == {"curves", "coverage", "changes"}
     assert all(f"](figures/{name}.png)" in text for name in drawn)
+
+
+def test_the_page_of_the_next_motion_counts_what_each_recording_let_a_trace_name():
+    def answer(*named, unexplained=False, alike=()):
+        return {"named": list(named), "stand_ins": [], "unexplained": unexplained,
+                "not_told_apart": list(alike), "error_mm": ERRORS, "seconds": 60.0}  # fmt: skip
+
+    def row(name, before, random, planned):
+        return {"id": f"{name}-00", "name": name, "strength": 0.02,
+                "answers": {"before": before, "random": random, "planned": planned}}  # fmt: skip
+
+    rows = [
+        row("payload", answer(), answer("base_tilt"), answer("payload")),
+        row("gear_backlash", answer(unexplained=True), answer("gear_backlash", alike=["x"]),
+            answer("gear_backlash")),
+    ]  # fmt: skip
+    settings = {"minutes": 2.0, "level": 0.5, "seed": 3}
+    text = page("experiments.next_motion", rows=rows, settings=settings, not_run=[], failed={})
+    assert "`python -m experiments.next_motion --minutes 2 --level 0.5 --seed 3`" in text
+    assert (
+        "| named, and nothing else | 0 of 2 (0 … 66 %) | 1 of 2 (9 … 91 %) | 2 of 2 (34 … 100 %) |"
+        in text
+    )
+    assert (
+        "| named, and every rival told apart | 0 of 2 (0 … 66 %) | 0 of 2 (0 … 66 %) | 2 of 2"
+        in text
+    )
+    assert (
+        "| an effect named that is not there | 0 of 2 (0 … 66 %) | 1 of 2 (9 … 91 %) | 0 of 2"
+        in text
+    )
+    assert "| gear_backlash-00 | 0.02 | unexplained | gear backlash | gear backlash |" in text
+    assert "The planned motion alone had 1 right, the random targets alone 0" in text

@@ -8,7 +8,13 @@ import pytest
 from linear_case import GUST, NOTHING, START, case, every
 
 from serpent_twin.effects import Range
-from serpent_twin.identification.acceptance import CandidateTrial, best_trial, why_not
+from serpent_twin.identification.acceptance import (
+    BEYOND_DOUBT,
+    CandidateTrial,
+    best_trial,
+    weakness_of_fit,
+    why_not,
+)
 from serpent_twin.identification.bars import BEYOND, Bars
 from serpent_twin.identification.build_diagnosis import _stands_in
 from serpent_twin.identification.free_parameters import free_parameters
@@ -18,6 +24,7 @@ from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.moved import _expected, moved
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
 from serpent_twin.identification.score_test import Score, full_fit, scores
+from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.machine import Candidate, Quantity
 
 RNG = np.random.default_rng(5)
@@ -123,6 +130,8 @@ def test_the_bar_does_not_rise_with_what_looks_like_noise():
     assert Bars(camera_noise=0.40, complete_twin=0.32, jitter=5.0).bar == 0.40
     assert Bars(camera_noise=0.40, complete_twin=0.32, jitter=0.35).bar == 0.35
     assert Bars(0.24, 0.32, float("nan")).bar == 0.32
+    assert Bars(0.24, 0.32, 5.0, 9.0).bar == 9.0 and Bars(0.24, 0.32, 0.3, 0.1).bar == 0.32
+    assert Bars(0.24, 0.32, 5.0, 9.0).numbers("mm")["held"] == "before_change"
     told = Bars(0.40, 0.32, 5.0).numbers("mm")
     assert told["held"] == "jitter" and told["bar_mm"] == 0.40 and BEYOND == 2.0
 
@@ -187,3 +196,52 @@ def test_a_strength_at_the_end_of_its_range_is_a_law_where_the_range_says_so():
     assert "runs to the end" in why_not(GUST, end, known)
     limited = {"size": replace(known.ranges["size"], limit="it blows as hard as it can")}
     assert why_not(GUST, end, replace(known, ranges=limited)) == ""
+    near = one.fit.point.having(GUST, np.array([0.9 * known.ranges["size"].high]))
+    vague = replace(one.fit, point=near, error=one.fit.error + 1e3)
+    doubted = replace(one, fit=vague, gain=replace(one.gain, probability_of_chance=0.005))
+    assert "may be zero" in why_not(GUST, doubted, known)
+    assert (
+        why_not(GUST, doubted, replace(known, ranges=limited)) == ""
+    )  # near it nothing tells how near
+
+
+def test_twins_that_logs_cannot_tell_apart_keep_a_strength_that_is_at_its_limit():
+    arm = case(0.7)
+    base = fit(
+        arm, every(), START.having(GUST, np.array([9.0])), free_parameters(arm, [GUST]), 0, 99
+    )
+    base = replace(base, point=base.point.having(GUST, np.array([9.0])))
+    rng = np.random.default_rng(1)
+    free = {each.effects[GUST][0] for each in drawn(arm, base, rng, 5)}
+    known = replace(arm.candidates[GUST], ranges={"size": Range("1", 0, 10, 1, limit="all of it")})
+    several = SimpleNamespace(candidates={**arm.candidates, GUST: known}, declared=arm.declared)
+    assert len(free) == 5
+    assert {each.effects[GUST][0] for each in drawn(several, base, rng, 5)} == {9.0}
+
+
+def test_beside_a_strength_at_its_limit_others_are_tested_as_if_it_were_held():
+    """It changes nothing of the residual, which once made the information singular."""
+    arm = case(0.7)
+    base = fit(
+        arm, every(), START.having(GUST, np.array([10.0])), free_parameters(arm, [GUST]), 1, 99
+    )
+    slopes = base.jacobian.copy()
+    slopes[-1] = 0.0
+    change = RNG.standard_normal(base.residual.size)
+    still = Information.of(arm, replace(base, jacobian=slopes))
+    assert still.beyond(change) == pytest.approx(still.without(len(slopes) - 1).beyond(change))
+
+
+def test_a_gain_beyond_doubt_shows_that_a_strength_is_not_zero():
+    """Segments may disagree about its size; of a pair, one of the two may still be nothing."""
+    arm = case(0.7)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+    one = fitted(GUST, arm, base, 0.3, 0.02)
+    vague = replace(one.fit, error=one.fit.error + 1e3)
+    assert one.gain.probability_of_chance < BEYOND_DOUBT
+    assert weakness_of_fit(vague, one.gain, {GUST: arm.candidates[GUST]}) == ""
+    likely = replace(one.gain, probability_of_chance=2 * BEYOND_DOUBT)
+    assert "may be zero" in weakness_of_fit(vague, likely, {GUST: arm.candidates[GUST]})
+    pair = {GUST: arm.candidates[GUST], NOTHING: arm.candidates[NOTHING]}
+    both = replace(vague, point=vague.point.having(NOTHING, np.array([0.1])))
+    assert "may be zero" in weakness_of_fit(both, one.gain, pair)

@@ -68,8 +68,15 @@ def test_what_another_row_explains_is_nothing():
     assert schur(gram(np.array([*J, one]), 1.0), 2, []) == pytest.approx(one @ one)
 
 
-def test_pieces_are_chosen_for_the_question_that_is_worst_off():
+def test_pieces_are_chosen_for_the_questions_that_they_decide():
     questions = [Question("a", "", 0, ((),)), Question("b", "", 1, ((),))]
     for_a, for_b, little = np.diag([9.0, 0.0]), np.diag([0.0, 4.0]), np.diag([1.0, 1.0])
     assert chosen(np.diag([100.0, 1.0]), [for_a, for_b, little], questions, 2) == [1, 1]
     assert chosen(np.diag([1.0, 100.0]), [for_a, for_b, little], questions, 1) == [0]
+
+
+def test_a_question_that_nothing_answers_takes_no_piece_from_the_others():
+    """Though it is the worst off, and one piece changes it most in proportion."""
+    questions = [Question("a", "", 0, ((),)), Question("hidden", "", 1, ((),))]
+    for_a, for_hidden = np.diag([4.0, 1e-8]), np.diag([0.1, 1e-6])
+    assert chosen(np.diag([1.0, 1e-8]), [for_hidden, for_a], questions, 3) == [1, 1, 1]

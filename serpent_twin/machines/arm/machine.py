@@ -193,6 +193,11 @@ class ArmMachine:
         nominal = replace(self, vector=replace(self.vector, start=NOMINAL_TWIN))
         return nominal.simulate([ParameterVector(np.zeros(len(self.declared)))], pieces)
 
+    @property
+    def error_before_change(self) -> float:
+        """Unknown."""
+        return 0.0
+
     def pose_noise(self, pieces: ArmPieces) -> float:
         """The cameras' [m]."""
         return camera_noise(pieces)

@@ -111,6 +111,11 @@ class RunMachine(ABC):
         """None: finite differences give all of them."""
         return {}
 
+    @property
+    def error_before_change(self) -> float:
+        """Unknown."""
+        return 0.0
+
     def pose_noise(self, pieces: Runs) -> Array:
         """The least noise of each coordinate."""
         pose = len(self.markers) * self.outputs[0].measure.dimension

@@ -44,6 +44,8 @@ class MachineTwin(stored.Form, frozen=True):
     """SHA-256 of the runs that it was fitted to"""
     standard_error: dict[str, Number] = field(default_factory=dict)
     """Of its coordinates"""
+    error: Annotated[float, stored.within(0.0, 1e6)] = 0.0
+    """Mean error of the pose on those runs, in its measure's unit; 0 if unknown"""
 
     def __post_init__(self) -> None:
         effects.require_distinct(self.effects)

@@ -102,6 +102,8 @@ class Trunk(RunMachine):
     """Effects that are present"""
     known: Mapping[str, Candidate] = field(default_factory=lambda: _sized(_CANDIDATES))
     """The candidates"""
+    before: float = 0.0
+    """Mean error of the disks that it left before a change [mm]"""
     name: str = "trunk"
     drives: Mapping[str, str] = field(
         default_factory=lambda: {g: f"motor {m}" for g, m in zip(GOALS, MOTORS, strict=True)}
@@ -122,6 +124,11 @@ class Trunk(RunMachine):
     def candidates(self) -> Mapping[str, Candidate]:
         """The candidates: effects that the trunk may have."""
         return self.known
+
+    @property
+    def error_before_change(self) -> float:
+        """Of the disks [mm]."""
+        return self.before
 
     @property
     def declared(self) -> tuple[Declared, ...]:
@@ -194,7 +201,7 @@ def _changed(twin: Path) -> Trunk:
     x = told.along([each.name for each in declared(tuple(KINDS))], f"{twin}: declared")
     there = told.several
     asked = [name for name in _CHANGES if name not in {effects.name_of(e) for e in there}]
-    return Trunk(moved(start, tuple(KINDS), x), _REZEROED, there, _sized(asked))
+    return Trunk(moved(start, tuple(KINDS), x), _REZEROED, there, _sized(asked), told.error)
 
 
 MACHINE = TrunkRig()

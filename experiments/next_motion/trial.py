@@ -1,0 +1,147 @@
+"""Record one arm, trace it, plan its next motion, and trace it with that and with more random targets."""
+
+import contextlib
+import shutil
+import time
+import zlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import bench_arm
+from bench_arm.record import SUBSTEPS
+from bench_arm.session import RATE, session
+from experiments.next_motion.config import EFFECTS, NextMotion
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.identification import Trace, trace
+from serpent_twin.planning.run import Plan, plan
+from serpent_twin.recording import motion
+from serpent_twin.sessions import write_session
+
+BEFORE, RANDOM, PLANNED = "before", "random", "planned"
+STAGES = (BEFORE, RANDOM, PLANNED)
+"""With the first recording alone, and with another one, of random targets or of the planned motion"""
+SESSIONS = 2  # of a recording
+_SPREAD = 0.3  # log: of the strengths of effects
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One arm with one effect."""
+
+    id: str
+    effect: str
+
+
+@dataclass(frozen=True)
+class _Arm:
+    built: bench_arm.BenchArm
+    effects: bench_arm.Effects
+    seed: int
+
+
+def trials(arms: int) -> list[Trial]:
+    """Each effect once, then each again, so that the table is balanced whenever it ends."""
+    return [Trial(f"{name}-{n:02d}", name) for n in range(arms) for name in EFFECTS]
+
+
+def run_before(end: float, config: NextMotion, trial: Trial) -> dict[str, Any] | None:
+    """The row of a trial; None without a trial after the time `end`, in seconds as `time.time`."""
+    return None if time.time() > end else run_trial(config, trial)
+
+
+def run_trial(config: NextMotion, trial: Trial) -> dict[str, Any]:
+    """Trace one arm three times; returns what was injected and what was found each time."""
+    folder = config.out / "arms" / trial.id
+    folder.mkdir(parents=True, exist_ok=True)
+    arm = _draw(config, trial)
+    row = {
+        "id": trial.id,
+        "name": trial.effect,
+        "strength": float(getattr(arm.effects, trial.effect)),
+    }
+    try:
+        with (
+            (folder / "said.log").open("a") as said,
+            contextlib.redirect_stdout(said),
+            contextlib.redirect_stderr(said),
+        ):
+            found = _traced(config, arm, folder)
+    except SerpentError as error:
+        return row | failed(trial, str(error))
+    if not config.keep:
+        for each in folder.iterdir():
+            if each.is_dir():
+                shutil.rmtree(each / "stages", ignore_errors=True)
+    return row | {"answers": found}
+
+
+def failed(trial: Trial, why: str) -> dict[str, Any]:
+    """The row of a trial that did not reach its end."""
+    return {"id": trial.id, "name": trial.effect, "failed": why}
+
+
+def _draw(config: NextMotion, trial: Trial) -> _Arm:
+    rng = np.random.default_rng([config.seed, zlib.crc32(trial.id.encode())])
+    built = replace(
+        bench_arm.draw(rng),
+        marker_noise=rng.uniform(0.15e-3, 0.5e-3),
+        load_noise=rng.uniform(0.004, 0.010),
+    )
+    level = config.level * float(np.exp(rng.uniform(-_SPREAD, _SPREAD)))
+    strength = level * bench_arm.TYPICAL[trial.effect]
+    effects = bench_arm.inject(trial.effect, strength, rng)
+    return _Arm(built, effects, int(rng.integers(1 << 31)))
+
+
+def _traced(config: NextMotion, arm: _Arm, folder: Path) -> dict[str, Any]:
+    """What each of the three traces found."""
+    logs = {stage: folder / f"logs_{stage}" for stage in STAGES}
+    _record(logs[BEFORE], arm, config.minutes, 1)
+    found = {BEFORE: _trace((logs[BEFORE],), folder / BEFORE)}
+    path = folder / "motion.parquet"
+    if not path.exists():
+        plan(Plan(folder / BEFORE, path, minutes=config.minutes))
+    targets = motion.read(path).targets
+    _record(logs[RANDOM], arm, config.minutes, 1 + SESSIONS)
+    _record(logs[PLANNED], arm, config.minutes, 1 + SESSIONS, targets)
+    for stage in (RANDOM, PLANNED):
+        found[stage] = _trace((logs[BEFORE], logs[stage]), folder / stage)
+    return found
+
+
+def _trace(logs: tuple[Path, ...], out: Path) -> dict[str, Any]:
+    found = trace(Trace(logs, out))
+    return {
+        "named": [each["name"] for each in found["effects"]],
+        "stand_ins": [each["name"] for each in found["stand_ins"]],
+        "unexplained": bool(found["unexplained"]["is"]),
+        "not_told_apart": sorted(
+            each["name"]
+            for several in found["rivals"].values()
+            for each in several
+            if not each["told_apart"]
+        ),
+        "error_mm": found["error_mm"],
+        "seconds": found["seconds"],
+    }
+
+
+def _record(
+    folder: Path, arm: _Arm, minutes: float, first: int, targets: Array | None = None
+) -> None:
+    """Record two sessions of random targets, or of a motion's, unless they are there."""
+    steps = len(targets) if targets is not None else int(minutes * 60 * RATE)
+    numbers = range(first, first + SESSIONS)
+    paths = [folder / f"session_{n:02d}.parquet" for n in numbers]
+    if all(path.exists() for path in paths):
+        return
+    folder.mkdir(exist_ok=True)
+    specs = [bench_arm.SessionSpec(arm.built, arm.effects, n, arm.seed, targets) for n in numbers]
+    for path, n, arrays in zip(
+        paths, numbers, bench_arm.simulate(specs, steps, SUBSTEPS), strict=True
+    ):
+        write_session(path, session(arrays, folder.parent.name, n))
