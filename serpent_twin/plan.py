@@ -9,7 +9,7 @@ __all__ = ["Plan", "plan"]
 
 def main(config: Plan) -> None:
     found = plan(config)
-    next_step.say(next_step.after_plan(config.out, found.motion.rate_hz))
+    next_step.say(next_step.after_plan(config.out, found.motion.rate_hz, found.motion.about["arm"]))
 
 
 if __name__ == "__main__":

@@ -5,12 +5,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
+
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
 
 if TYPE_CHECKING:
     from serpent_twin.machines.case import Case
+
+
+_SAME_CLOCK = 1.02
+"""Ratio of the times between two rows up to which two logs have one clock"""
+_CALIBRATION = ("direction", "zero", "homing_offset", "drive_mode")
+"""Of the setup of a real arm's motors"""
 
 
 class Log(Protocol):
@@ -32,6 +40,11 @@ class Log(Protocol):
         ...
 
     @property
+    def time(self) -> Array:
+        """When each row was recorded [s], (T,)."""
+        ...
+
+    @property
     def readings(self) -> Array:
         """What the machine's own sensors read, row by row, (T, N)."""
         ...
@@ -47,21 +60,39 @@ def read_logs(rig: "Rig", folders: Sequence[Path]) -> list[Any]:
     for folder in folders:
         found: Sequence[Any] = rig.read(folder)
         logs += [replace(log, label=f"{folder.name}/{log.name}") for log in found]
-    for key in ("arm", "rate_hz"):
-        first: dict[Any, str] = {}
-        for log in logs:
-            first.setdefault(log.metadata.get(key), log.name)
+    recorded = {log.name: _recorded(log) for log in logs}
+    for key in dict.fromkeys(key for each in recorded.values() for key in each):
+        first: dict[str, str] = {}
+        for name, each in recorded.items():
+            first.setdefault(each.get(key, "none"), name)
         if len(first) > 1:
             found = ", ".join(f"{value} in {name}" for value, name in first.items())
             raise SerpentError(
                 f"the logs differ in {key}: {found}. Give logs of one machine, recorded alike."
             )
+    period = {log.name: float(np.median(np.diff(log.time))) for log in logs}
+    slow, fast = max(period, key=period.__getitem__), min(period, key=period.__getitem__)
+    if period[slow] > _SAME_CLOCK * period[fast]:
+        raise SerpentError(
+            f"the logs' clocks differ: {period[slow]:.4g} s a row in {slow}, {period[fast]:.4g} s in {fast}. "
+            "Give logs of one machine, recorded alike."
+        )
     if len({log.name for log in logs}) < len(logs):
         raise SerpentError(
             f"two of the folders {listed(folders)} have the same name, so their sessions cannot be told "
             "apart. Rename one."
         )
     return logs
+
+
+def _recorded(log: Log) -> dict[str, str]:
+    """What logs must agree in: the machine, its rate, and how its motors' angles are counted."""
+    told = {name: str(log.metadata.get(name)) for name in ("arm", "rate_hz")}
+    setup = log.metadata.get("setup")
+    for name in _CALIBRATION if isinstance(setup, Mapping) else ():
+        for motor, value in enumerate(setup.get(name) or (), 1):
+            told[f"{name} of motor {motor}"] = str(value)
+    return told
 
 
 class Rig(Protocol):

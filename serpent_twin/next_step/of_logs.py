@@ -135,10 +135,11 @@ def after_trace(config: "Trace") -> Words | None:
     return ["serpent_twin.collect", "--twin", str(twin), *at_rate(rate), "--out", str(out)]
 
 
-def after_plan(motion: Path, rate_hz: float) -> Words:
+def after_plan(motion: Path, rate_hz: float, arm: str) -> Words:
     """After a motion was planned: let the arm follow it."""
     out = named_after(motion.parent, motion.with_suffix(""), "motion", "next_logs")
-    given = ["--motion", str(motion), "--sessions", "2", *at_rate(rate_hz)]
+    named = ["--arm", arm] if arm else []
+    given = ["--motion", str(motion), *named, "--sessions", "2", *at_rate(rate_hz)]
     return ["serpent_twin.collect", "--backend", "real", *given, "--out", str(out)]
 
 

@@ -34,11 +34,8 @@ def collect(config: Collect) -> list[Path]:
 
 def check(config: Collect) -> None:
     """Refuse what cannot be collected, before anything is written or moves."""
-    if config.motion and (rate := read_motion(config.motion).rate_hz) != config.rate_hz:
-        raise SerpentError(
-            f"{config.motion} was planned for {rate:g} control steps per second, not {config.rate_hz:g}: "
-            f"give --rate-hz {rate:g}."
-        )
+    if config.motion:
+        _check_motion(config, config.motion)
     if config.backend == "sim":
         config.simulated().twin().substeps(1 / config.rate_hz)
     else:
@@ -46,3 +43,19 @@ def check(config: Collect) -> None:
 
         arm_of(config)
         cameras_of(config)
+
+
+def _check_motion(config: Collect, path: Path) -> None:
+    """Refuse a motion that was planned for another rate or another arm."""
+    motion = read_motion(path)
+    if motion.rate_hz != config.rate_hz:
+        raise SerpentError(
+            f"{path} was planned for {motion.rate_hz:g} control steps per second, not {config.rate_hz:g}: "
+            f"give --rate-hz {motion.rate_hz:g}."
+        )
+    arm = motion.about.get("arm")
+    if arm and arm != config.arm_name:
+        raise SerpentError(
+            f"{path} was planned for the arm {arm}, not for {config.arm_name}: a trace would not take its "
+            f"logs together with those that it was planned from. Give --arm {arm} if this is that arm."
+        )

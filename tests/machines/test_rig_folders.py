@@ -40,6 +40,31 @@ def test_another_arm_s_folder_is_refused(folders):
         read_logs(MACHINE, folders)
 
 
+def test_logs_of_another_calibration_or_clock_are_refused(folders):
+    """With what differs, and where: the zero of one motor; rows that are 5 % further apart."""
+    path = folders[1] / "session_01.parquet"
+    other = read_session(path)
+
+    def rewritten(**changed):
+        path.unlink()
+        write_session(path, replace(other, **changed))
+
+    old = read_session(folders[0] / "session_01.parquet")
+    (folders[0] / "session_01.parquet").unlink()
+    zeroed = {**old.metadata, "setup": {"zero": [2048] * 10}}
+    write_session(folders[0] / "session_01.parquet", replace(old, metadata=zeroed))
+    rewritten(metadata={**other.metadata, "setup": {"zero": [2048, 2048, 2100, *[2048] * 7]}})
+    with pytest.raises(
+        SerpentError, match=r"differ in zero of motor 3: 2048 in old/session_01, 2100 in new/"
+    ):
+        read_logs(MACHINE, folders)
+    rewritten(metadata=zeroed, time=1.05 * other.time)
+    with pytest.raises(
+        SerpentError, match=r"clocks differ: 0\.26.* s a row in new/.*, 0\.25 s in old/"
+    ):
+        read_logs(MACHINE, folders)
+
+
 def test_folders_of_one_name_are_refused(folders, tmp_path):
     (tmp_path / "further").mkdir()
     folders[0].rename(tmp_path / "further" / "new")

@@ -12,6 +12,8 @@ from serpent_twin.identification.next_motion import next_motion
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.xl330 import Xl330
+from serpent_twin.next_step import after_plan
+from serpent_twin.next_step.words import typed
 from serpent_twin.planning import evidence, traced
 from serpent_twin.planning.criterion import chosen
 from serpent_twin.planning.run import PIECE, Plan, plan, questions
@@ -62,6 +64,11 @@ def test_a_trace_with_nothing_open_asks_for_every_candidate(trace, capsys):
     asked = questions(trace)
     assert {name for name, _ in asked} == set(trace.case.candidates)
     assert "left nothing open" in capsys.readouterr().out
+
+
+def test_the_next_step_lets_the_same_arm_follow_the_motion():
+    said = typed(after_plan(Path("motion.parquet"), 4.0, "arm_1"))
+    assert "serpent_twin.collect --backend real --motion motion.parquet --arm arm_1" in said
 
 
 def test_a_folder_that_is_no_trace_is_refused(tmp_path):

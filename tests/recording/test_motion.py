@@ -60,6 +60,14 @@ def test_what_does_not_fit_is_refused_with_what_to_do(tmp_path):
     motion.write(path, planned())
     assert "--rate-hz 4" in refusal(path, tmp_path, rate_hz=10.0)
     assert "--motion" in refusal(path, tmp_path, steps=50)
+    motion.write(path, planned(arm="arm_1"))
+    assert "Give --arm arm_1" in refusal(path, tmp_path)
+    assert (
+        len(
+            collect(Collect(tmp_path / "of_arm_1", motion=path, sessions=1, workers=1, arm="arm_1"))
+        )
+        == 1
+    )
     motion.write(path, planned(rig="trunk"))
     assert "only the arm" in refusal(path, tmp_path)
     motion.write(path, replace(planned(), targets=planned().targets + 1.0))

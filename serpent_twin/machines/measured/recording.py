@@ -43,6 +43,11 @@ class Recording:
         return self.label or (self.path.stem if self.path else "run")
 
     @property
+    def time(self) -> Array:
+        """When each row was recorded [s], (T,)."""
+        return self.columns["time"]
+
+    @property
     def readings(self) -> Array:
         """All columns but the time, (T, N)."""
         return np.stack([values for name, values in self.columns.items() if name != "time"], axis=1)
