@@ -25,7 +25,8 @@ from serpent_twin.identification.fitted import NORMAL_95, Fit
 from serpent_twin.identification.free_parameters import unstable
 from serpent_twin.identification.held_out import Errors, errors, gain
 from serpent_twin.identification.moved import Moved, moved
-from serpent_twin.identification.score_test import at_bound
+from serpent_twin.identification.profile import interval, near_zero
+from serpent_twin.identification.score_test import at_bound, strengths
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.machines.case import Case as AnyCase
@@ -63,7 +64,7 @@ def build_diagnosis(
     load = {name: each.load for name, each in held.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
     rest = _unexplained(found["corrected"], error, load, bar.bar)
-    named = _named(case, selection, held["calibrated"], held["corrected"])
+    named = _named(tracer, selection, held["calibrated"], held["corrected"])
     nearest = named if rest.is_ and _stands_in(error, bar) else ()
     return Diagnosis(
         arm=arm,
@@ -90,8 +91,11 @@ def build_diagnosis(
     )
 
 
-def _named(case: Case, selection: Selection, before: Errors, after: Errors) -> tuple[Named, ...]:
+def _named(
+    tracer: Tracer, selection: Selection, before: Errors, after: Errors
+) -> tuple[Named, ...]:
     """The effects found; the whole gain belongs to an effect that is alone."""
+    case = selection.case
     alone = len(selection.final.point.effects) == 1
     named = []
     for name in selection.final.point.effects:
@@ -101,7 +105,8 @@ def _named(case: Case, selection: Selection, before: Errors, after: Errors) -> t
         named.append(
             Named(
                 name=name,
-                parameters=estimates(case, selection.final, name),
+                parameters=estimates(case, selection.final, name)
+                | _profiled(tracer, selection, name),
                 gain=gained.marker,
                 gain_load=gained.load,
                 probability_of_chance=gained.probability_of_chance,
@@ -138,6 +143,21 @@ def estimates(case: Case, fit: Fit, name: str) -> dict[str, ParameterEstimate]:
         out[parameter] = ParameterEstimate(
             value, max(low, allowed.low), min(high, allowed.high), allowed.unit
         )
+    return out
+
+
+def _profiled(tracer: Tracer, selection: Selection, name: str) -> dict[str, ParameterEstimate]:
+    """The strengths of an effect that are near zero, with the intervals of the cost's profile."""
+    case, final, out = selection.case, selection.final, {}
+    several = list(case.candidates[name].ranges.items())
+    for k in strengths(case.candidates[name]):
+        parameter, allowed = several[k]
+        if (name, k) not in final.free.effects or not near_zero(final, name, k):
+            continue
+        value = float(final.point.effects[name][k])
+        if value < allowed.limit_begins:
+            low, high = interval(case, tracer.training, final, name, k, tracer.on_progress)
+            out[parameter] = ParameterEstimate(value, low, high, allowed.unit)
     return out
 
 
