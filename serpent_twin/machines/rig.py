@@ -88,8 +88,8 @@ def read_logs(rig: "Rig", folders: Sequence[Path]) -> list[Any]:
 def _recorded(log: Log) -> dict[str, str]:
     """What logs must agree in: the machine, its rate, and how its motors' angles are counted."""
     told = {name: str(log.metadata.get(name)) for name in ("arm", "rate_hz")}
-    setup = log.metadata.get("setup")
-    for name in _CALIBRATION if isinstance(setup, Mapping) else ():
+    setup: Mapping[str, Any] = log.metadata.get("setup") or {}
+    for name in _CALIBRATION:
         for motor, value in enumerate(setup.get(name) or (), 1):
             told[f"{name} of motor {motor}"] = str(value)
     return told

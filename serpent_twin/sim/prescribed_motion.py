@@ -20,6 +20,8 @@ from serpent_twin.sim.tangents import Differences, Tangents
 from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.sim.variation import Variation
 
+_LONGEST = 0.3
+"""Of a servo's lag and the age of its readings [s]"""
 STANDING = 0.05
 """[rad/s] slower than this, a motor's load lies anywhere within its gear friction."""
 
@@ -37,7 +39,7 @@ class DrivenArms:
         servo_lag: float = 0.0,
         nthread: int = 1,
     ) -> None:
-        """`servo_lag` is the time constant with which a motor takes up a new velocity [s]."""
+        """`servo_lag` is the mean time with which a motor takes up a new velocity after a row [s]."""
         self._lag, self._stall = servo_lag, designs[0].arm.servo.stall_torque
         self._batch, self._models = side_by_side(models, nthread), models
         self._cables = CableDynamics(self._batch, designs, motors=False)
@@ -135,7 +137,8 @@ class DrivenArms:
         before, interval = self._motors, to.time - self._motors.time
         dt = (interval / substeps)[:, None]
         set_timestep(self._batch, dt)
-        path = _Path(before.angle, to.angle, before.velocity, substeps * dt, self._lag)
+        old, late = before.velocity, self.reading_age[:, None]
+        path = _Path(before.angle, to.angle, old, substeps * dt, self._lag, late)
         began = before.time[:, None]
         lost = self.unstable  # their solver would iterate as long as it may
         stable = np.flatnonzero(~lost) if lost.any() else None
@@ -205,34 +208,49 @@ class DrivenArms:
 
 
 class _Path:
-    """Motion of motors between rows: each takes up the constant velocity that ends at the measured angle."""
+    """Motion of motors between rows: each takes up the constant velocity that ends at the measured angle.
 
-    def __init__(self, before: Array, after: Array, old: Array, period: Array, lag: float) -> None:
-        self._before, self._old, self._lag = before, old, lag
-        taken = lag * (1 - np.exp(-period / lag)) if lag else 0.0
-        self._new = (after - before - old * taken) / (period - taken)
+    Where readings are old, (n, 1) [s], the motors go on as they did for so long after a row: of the lag that
+    logs show, so much is dead time.
+    """
+
+    def __init__(
+        self, before: Array, after: Array, old: Array, period: Array, lag: float, late: Array
+    ) -> None:
+        self._old, self._dead = old, np.minimum(late, lag)
+        self._before, self._lag = before, lag - self._dead
+        period = period - self._dead
+        taken = self._lag * (1 - _faded(period, self._lag))
+        self._new = (after - before - old * (self._dead + taken)) / (period - taken)
 
     def at(self, t: Array) -> tuple[Array, Array]:
         """Angles [rad] and velocities [rad/s], (K, n, 10), at times [s] since the row before, (K, n, 1)."""
-        angle, velocity = taken_up(self._before, self._old, self._new, t, self._lag)
+        before = self._before + self._old * np.minimum(t, self._dead)
+        since = np.maximum(t - self._dead, 0.0)
+        angle, velocity = taken_up(before, self._old, self._new, since, self._lag)
         return angle, np.broadcast_to(velocity, angle.shape)
 
 
-def taken_up(before: Array, old: Array, new: Array, t: Array, lag: float) -> tuple[Array, Array]:
+def taken_up(
+    before: Array, old: Array, new: Array, t: Array, lag: float | Array
+) -> tuple[Array, Array]:
     """Angles [rad] and velocities [rad/s] a time t [s] after motors at angles `before` were given
     new velocities in place of old ones, with a lag of first order [s]; shapes broadcast.
 
     x(t) = x₀ + v t + (v₀ − v) τ (1 − exp(−t/τ)).
     """
-    if not lag:
-        return before + new * t, new
-    change, fading = old - new, np.exp(-t / lag)
+    change, fading = old - new, _faded(t, lag)
     return before + new * t + change * lag * (1 - fading), new + change * fading
 
 
+def _faded(t: Array, lag: float | Array) -> Array:
+    """What is left of a change after a time, with a lag of first order; nothing without a lag."""
+    return np.where(np.greater(lag, 0), np.exp(-t / np.maximum(lag, 1e-9)), 0.0)
+
+
 def servo_lag(logs: Sequence[tuple[Array, Array, Array]]) -> float:
-    """Time constant with which the motors take up a new velocity [s], from logs of time, (T,), angles and
-    velocities, (T, 10).
+    """Mean time with which the motors take up a new velocity after a row [s], from logs of time, (T,), angles
+    and velocities, (T, 10): the servos' lag, and how old the readings are.
 
     Between two rows a motor goes v T + (v₀ − v) τ, so τ is a slope; a log without jumps gives 0.
     """
@@ -243,4 +261,4 @@ def servo_lag(logs: Sequence[tuple[Array, Array, Array]]) -> float:
     x, y = np.concatenate(jump), np.concatenate(short)
     use = np.isfinite(x + y) & (np.abs(x) > 4 * STANDING)
     slope = float(x[use] @ y[use] / (x[use] @ x[use])) if use.sum() > 100 else 0.0
-    return float(np.clip(slope, 0.0, 0.05))
+    return float(np.clip(slope, 0.0, _LONGEST))

@@ -15,7 +15,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.sim.many_twins import PrescribedMotion, impose
 from serpent_twin.sim.measured_motion import gaps
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
-from serpent_twin.sim.prescribed_motion import DrivenArms
+from serpent_twin.sim.prescribed_motion import DrivenArms, _Path, servo_lag, taken_up
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
@@ -180,3 +180,27 @@ def test_the_cable_of_a_held_jaw_bends_the_arm(held):
     assert bent[-1] > 0.1
     assert tension[-1] > 1.0
     assert did.jaw_angle[0, 0] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_motors_whose_readings_are_old_go_on_until_the_command_reaches_them():
+    """The path between two readings against a motor that takes up its command late, in closed form."""
+    age, lag, period, old, new = 0.06, 0.03, 0.25, 0.4, -0.7
+    t = np.linspace(0.0, period, 51)[:, None, None]
+    since = np.maximum(t - age, 0.0)
+    true = old * np.minimum(t, age) + taken_up(np.zeros(()), old, new, since, lag)[0]
+    both = np.array([[0.0]]), true[-1], np.array([[old]]), np.array([[period]])
+    angle, velocity = _Path(*both, age + lag, np.array([[age]])).at(t)
+    assert_allclose(angle, true, atol=1e-12)
+    assert velocity[0] == pytest.approx(old) and velocity[-1] == pytest.approx(new, abs=2e-3)
+    without = _Path(*both, age + lag, np.array([[0.0]])).at(t)[0]
+    assert np.abs(without - true).max() > 2e-3
+
+
+@pytest.mark.parametrize("age", [0.0, 0.06])
+def test_the_lag_that_logs_show_holds_the_age_of_their_readings(age):
+    rng = np.random.default_rng(2)
+    time, lag, v = np.arange(400) * 0.25, 0.02, rng.uniform(-1, 1, (400, 10))
+    run = 0.25 - age
+    steps = v[:-1] * age + taken_up(np.zeros(()), v[:-1], v[1:], np.array(run), lag)[0]
+    angle = np.concatenate([np.zeros((1, 10)), np.cumsum(steps, axis=0)])
+    assert servo_lag([(time, angle, v)]) == pytest.approx(age + lag, abs=1e-3)

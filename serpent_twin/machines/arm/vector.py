@@ -8,8 +8,10 @@ import numpy as np
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
-from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
+from serpent_twin.effects import Effect
+from serpent_twin.effects.motor_latency import MotorLatency
 from serpent_twin.machines.arm.cable_law import CableLaw
 from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.machines.machine import (
@@ -86,7 +88,15 @@ class Vector:
             gear_friction=_plus(t.gear_friction, x["gear"]),
             marker=_plus(t.marker, 1e-3 * x["marker"]),
         )
-        return replace(self.start, tolerances=tolerances, effects=effects_at(point))
+        effects = effects_at(point)
+        parameters = self._without_age(effects)
+        return replace(self.start, parameters=parameters, tolerances=tolerances, effects=effects)
+
+    def _without_age(self, effects: Sequence[Effect]) -> Parameters:
+        """The start's parameters; of the servos' lag, as logs show it, the age of their readings is none."""
+        age = sum(effect.delay for effect in effects if isinstance(effect, MotorLatency))
+        known = self.start.parameters
+        return replace(known, servo_lag=max(0.0, known.servo_lag - age)) if age else known
 
 
 def _plus(nominal: Sequence[float], change: Array) -> tuple[float, ...]:
