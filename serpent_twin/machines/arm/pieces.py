@@ -7,14 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arm.geometry import N_JOINTS, joint_from_motor
-from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_offsets
+from serpent_twin.arm.inverse_kinematics import (
+    joints_from_markers,
+    marker_jacobian,
+    marker_offsets,
+)
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.residual.noise import GAIN, ORDER
 from serpent_twin.sessions import Session
 from serpent_twin.sim.measured_motion import MeasuredMotion, gaps
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import STANDING
 
+_ROWS = 600
+"""About so many tell the cameras' noise"""
 SEGMENT = 40.0
 """Seconds between two starts from measured joint angles."""
 
@@ -108,11 +115,18 @@ def segments(
 
 
 def camera_noise(pieces: ArmPieces) -> float:
-    """Standard deviation of a marker's coordinate [m]: what no pose explains."""
-    few = slice(None, None, max(1, pieces.motors.time.size // 600))
-    marker = pieces.marker.reshape(-1, N_JOINTS, 3)[few]
-    joint = pieces.joint_angle.reshape(-1, N_JOINTS)[few]
-    return marker_offsets(marker, joint)[2]
+    """Standard deviation of a marker's coordinate [m]: what no pose explains, and no slow change, since links
+    that bend or twist move markers beside every pose, too.
+    """
+    few = slice(None, None, max(1, pieces.motors.time.size // _ROWS))
+    some = pieces.marker[few]
+    marker = some.reshape(-1, N_JOINTS, 3)
+    joint = pieces.joint_angle[few].reshape(-1, N_JOINTS)
+    offset, _, rms = marker_offsets(marker, joint)
+    pose = joints_from_markers(marker, joint, offset)
+    left = (marker - marker_jacobian(pose, offset)[0]).reshape(some.shape)
+    white = np.nanmean(np.diff(left, ORDER, axis=1) ** 2) / GAIN / np.nanmean(left**2)
+    return rms * float(np.sqrt(np.fmin(1.0, white)))
 
 
 def segment_starts(time: Array, rows: int) -> list[int]:
