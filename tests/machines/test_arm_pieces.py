@@ -26,6 +26,8 @@ def rigid() -> ArmPieces:
 
 def test_the_noise_of_the_cameras_is_what_no_pose_explains(rigid):
     assert camera_noise(rigid) == pytest.approx(NOISE, rel=0.05)
+    lost = replace(rigid, marker=np.full_like(rigid.marker, np.nan))
+    assert camera_noise(lost) == 0.0
 
 
 def test_what_moves_slowly_beside_every_pose_is_no_noise_of_the_cameras(rigid):

@@ -14,7 +14,7 @@ from serpent_twin.arm.inverse_kinematics import (
 )
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.residual.noise import GAIN, ORDER
+from serpent_twin.residual.noise import FEWEST, GAIN, ORDER
 from serpent_twin.sessions import Session
 from serpent_twin.sim.measured_motion import MeasuredMotion, gaps
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
@@ -125,8 +125,11 @@ def camera_noise(pieces: ArmPieces) -> float:
     offset, _, rms = marker_offsets(marker, joint)
     pose = joints_from_markers(marker, joint, offset)
     left = (marker - marker_jacobian(pose, offset)[0]).reshape(some.shape)
-    white = np.nanmean(np.diff(left, ORDER, axis=1) ** 2) / GAIN / np.nanmean(left**2)
-    return rms * float(np.sqrt(np.fmin(1.0, white)))
+    change = np.diff(left, ORDER, axis=1)
+    if np.isfinite(change).sum() < FEWEST:
+        return rms
+    white = np.nanmean(change**2) / GAIN / np.nanmean(left**2)
+    return rms * float(np.sqrt(min(1.0, white)))
 
 
 def segment_starts(time: Array, rows: int) -> list[int]:
