@@ -117,6 +117,7 @@ def _publish(
     if not rows:
         return
     figures = scores(rows) | {"not_run": missing, "failed": failed, "settings": settings}
+    figures["asked"] = {"rounds": config.rounds, "only": list(config.only)}
     figures["rows"] = [{name: row[name] for name in KEPT} for row in rows]
     figures = store(config.out / "results.json", "experiments.confusion", figures)
     facts = {name: str(value) for name, value in settings.items()}

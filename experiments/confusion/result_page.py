@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from experiments.confusion.page import aims_table, arms_table, limits_table, strengths_table
+from experiments.confusion.plan import KNOWN, PAIR
 from experiments.confusion.score import limits
 from experiments.result_page import PageContent
 from serpent_twin.numerals import counted
@@ -24,8 +25,12 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
     rows, settings = results["rows"], results["settings"]
     size = f"--sessions {settings['sessions']} --steps {settings['steps']}"
     seed = f" --seed {settings['seed']}" if settings["seed"] else ""
-    some = f" --trials {len(rows)}" if results["not_run"] or results["failed"] else ""
-    command = f"python -m experiments.confusion --source {settings['source']} {size}{seed}{some}"
+    asked = results["asked"]
+    some = f" --only {' '.join(asked['only'])}" if asked["only"] else ""
+    if results["not_run"] or results["failed"]:
+        some += f" --trials {len(rows)}"
+    command = f"python -m experiments.confusion --source {settings['source']} {size}{seed}"
+    command += f" --rounds {asked['rounds']}{some}"
     data = (
         f"{_SOURCE[settings['source']]}; {counted(settings['sessions'], 'session')} × "
         f"{settings['steps']:,} steps each"
@@ -33,8 +38,9 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
     sections = [
         Section("", _TEXT, (arms_table(rows),)),
         Section("Rates", "", (aims_table(rows, results),)),
-        Section("Strengths", "", (strengths_table(rows),)),
     ]
+    if any(row["kind"] in (KNOWN, PAIR) for row in rows):
+        sections.append(Section("Strengths", "", (strengths_table(rows),)))
     if found := limits(rows):
         sections.append(Section("Detection limits", "", (limits_table(found),)))
     if results["failed"]:

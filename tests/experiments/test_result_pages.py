@@ -94,8 +94,9 @@ def test_the_page_of_injected_effects_says_what_each_arm_was_called():
     above = {"named_right_above_limit": {"count": 0, "of": 0}}
     settings = {"source": "bench", "sessions": 2, "steps": 600, "seed": 0}
     rest = {"settings": settings, "not_run": ["a"], "failed": {}}
+    rest["asked"] = {"rounds": 4, "only": ["clean", "payload"]}
     text = page("experiments.confusion", rows=rows, **above, **rest)
-    assert "--source bench --sessions 2 --steps 600 --trials 3`" in text
+    assert "--sessions 2 --steps 600 --rounds 4 --only clean payload --trials 3`" in text
     assert "| payload-00 | 0.1 kg | payload | 3.00 | 1.00 | yes |" in text
     assert "| creep-00 | 0.1 kg | nothing | 3.00 | 1.00 | no |" in text
 
