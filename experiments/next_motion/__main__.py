@@ -27,9 +27,9 @@ SETTINGS = "next_motion.json"
 
 def main(config: NextMotion) -> None:  # noqa: D103 tyro would print it above the config's own
     settings = {name: getattr(config, name) for name in ("minutes", "level", "seed")}
+    every = trials(config.arms, config.only)
     with claimed(config.out, SETTINGS, settings):
         results = Results(config.out / "results.jsonl")
-        every = trials(config.arms)
         _run(config, every, results)
         _publish(config, every, results, settings)
 

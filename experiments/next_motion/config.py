@@ -27,6 +27,8 @@ class NextMotion(Checked):
 
     out: Path = Path("next_motion")
     """Folder for results; the same command goes on where it stopped."""
+    only: tuple[str, ...] = ()
+    """Only arms with these effects; without, with all ten."""
     arms: Annotated[int, within(1, 1000)] = 2
     """Arms for each of the ten effects."""
     minutes: Annotated[float, within(1.0, 60.0, "min")] = 1.5

@@ -4,6 +4,7 @@ import contextlib
 import shutil
 import time
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -43,9 +44,14 @@ class _Arm:
     seed: int
 
 
-def trials(arms: int) -> list[Trial]:
+def trials(arms: int, only: Sequence[str] = ()) -> list[Trial]:
     """Each effect once, then each again, so that the table is balanced whenever it ends."""
-    return [Trial(f"{name}-{n:02d}", name) for n in range(arms) for name in EFFECTS]
+    if unknown := [name for name in only if name not in EFFECTS]:
+        raise SerpentError(
+            f"--only {' '.join(unknown)}: there is no such effect here. There are {', '.join(EFFECTS)}."
+        )
+    names = only or EFFECTS
+    return [Trial(f"{name}-{n:02d}", name) for n in range(arms) for name in names]
 
 
 def run_before(end: float, config: NextMotion, trial: Trial) -> dict[str, Any] | None:

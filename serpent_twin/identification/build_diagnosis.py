@@ -175,7 +175,8 @@ def _tried(case: Case, selection: Selection, stand_in: bool) -> tuple[Tried, ...
             if verdict == ACCEPTED and stand_in:
                 verdict, why = STANDS_IN, "it comes nearest, but leaves too much to be the cause"
             by_segment = trial.gain.marker_by_segment if trial.gain else None
-            doubt = verdict == REJECTED and doubtful(name, trial, case.candidates[name])
+            doubted = verdict == REJECTED and doubtful(name, trial, case.candidates[name])
+            doubt = trial.gain.probability_of_chance if trial.gain and doubted else None
             share = trial.score.share
             out[name] = Tried(name, trial.error, verdict, share, by_segment, why, doubt)
     ordered = sorted(out.values(), key=lambda t: (t.verdict != ACCEPTED, -t.score))

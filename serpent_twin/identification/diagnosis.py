@@ -121,8 +121,8 @@ class Tried:
     """On held-out segments, if it was fitted"""
     why: str
     """In words"""
-    doubtful: bool = False
-    """Whether more logs may show it: they were better described with it, but that may be chance"""
+    doubt: float | None = None
+    """Probability of chance, where these logs were better described with it, and more may show it [1]"""
 
 
 @dataclass(frozen=True)
@@ -221,11 +221,11 @@ class Diagnosis:
             "next_motion": next_motion(
                 self.rivals,
                 {each.name: each.verdict for each in self.candidates},
-                [
-                    each.name
+                {
+                    each.name: each.doubt
                     for each in sorted(self.candidates, key=lambda each: each.error)
-                    if each.doubtful
-                ],
+                    if each.doubt is not None
+                },
             ),
             "pairs": [each.numbers() for each in self.pairs],
             "calibration": {name: each.numbers() for name, each in self.calibration.items()},

@@ -12,8 +12,8 @@ from serpent_twin.residual.size import MOVING, is_moving
 
 BLOCKS = 5
 """Parts of a segment in which errors are compared"""
-CONFIRMED = 0.05
-"""Most probability of chance on the held-out logs alone"""
+CONFIRMED = 0.2
+"""Most probability of chance on the held-out logs alone: few correlated blocks hardly show less"""
 _FREEDOM = 0.7  # of the degrees of freedom, as the correlation of few blocks is itself uncertain
 
 
@@ -136,7 +136,7 @@ def chance(gains: Array) -> float:
 
 def together(selected: float, confirmed: float) -> float:
     """Probability of chance of an effect that some logs selected and others confirm, by Fisher's method; at
-    least that of the logs which confirm it, if these alone do not show it at 5 %.
+    least that of the logs which confirm it, if these by themselves hardly show it.
     """
     least = 1e-300
     joint = float(chdtrc(4, -2 * (np.log(max(selected, least)) + np.log(max(confirmed, least)))))

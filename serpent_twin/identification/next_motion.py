@@ -12,26 +12,23 @@ _DOUBTFUL = 3
 def next_motion(
     rivals: Mapping[str, Sequence[Rival]],
     verdicts: Mapping[str, str],
-    doubtful: Sequence[str] = (),
+    doubtful: Mapping[str, float] | None = None,
 ) -> list[dict[str, Any]]:
     """The open questions of a trace: rivals of accepted effects that its logs do not tell apart, the most
-    alike first; candidates whose gain may be chance, the best first; candidates that its logs did not excite.
-    Empty if nothing is open.
+    alike first; candidates whose gain may be chance, with its probability, the best first; candidates that
+    its logs did not excite. Empty if nothing is open.
     """
-    pairs = [
-        (each.cosine, name, each.name)
-        for name, several in rivals.items()
-        for each in several
-        if not each.told_apart
+
+    def entry(effect: str, rival: str | None, why: str, chance: float | None) -> dict[str, Any]:
+        asked = {"effect": effect, "rival": rival, "why": why}
+        return asked | {"probability_of_chance": chance}
+
+    open_ = [(n, each) for n, several in rivals.items() for each in several if not each.told_apart]
+    found = [
+        entry(name, each.name, "not told apart", each.probability)
+        for name, each in sorted(open_, key=lambda pair: -pair[1].cosine)
     ]
-    alike = [
-        {"effect": name, "rival": rival, "why": "not told apart"}
-        for _, name, rival in sorted(pairs, key=lambda each: -each[0])
-    ]
-    chance = [
-        {"effect": name, "rival": None, "why": "may be chance"} for name in doubtful[:_DOUBTFUL]
-    ]
+    for name, chance in list((doubtful or {}).items())[:_DOUBTFUL]:
+        found.append(entry(name, None, "may be chance", chance))
     hidden = [name for name, verdict in verdicts.items() if verdict == NOT_EXCITED]
-    return [*alike, *chance] + [
-        {"effect": name, "rival": None, "why": NOT_EXCITED} for name in hidden
-    ]
+    return found + [entry(name, None, NOT_EXCITED, None) for name in hidden]

@@ -10,13 +10,15 @@ rival's strength refitted.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import ndtr, ndtri
 
 from serpent_twin.arrays import Array
 
+_LEAST_SHARE = 0.02
+"""Of a distance, what is taken as confirmed where held-out logs confirm nothing"""
 _LEAST = 1e-12
 """Share of an effect's own change below which what is left is rounding"""
 
@@ -32,6 +34,8 @@ class Question:
     """The effect's row in the Gram matrix"""
     against: tuple[tuple[int, ...], ...]
     """Rows that may explain it instead, for each variant of the rival"""
+    share: float = 1.0
+    """Of the distance, what the held-out logs of the trace have confirmed of it [1]"""
 
     def __str__(self) -> str:
         name = self.effect.replace("_", " ")
@@ -39,7 +43,16 @@ class Question:
 
     def distance(self, gram: Array) -> float:
         """Between the effect and the best fit without it, in standard deviations."""
-        return float(np.sqrt(min(schur(gram, self.row, rows) for rows in self.against)))
+        squares = min(schur(gram, self.row, rows) for rows in self.against)
+        return self.share * float(np.sqrt(squares))
+
+    def confirmed(self, gram: Array, chance: float) -> "Question":
+        """The same with the share of the distance at which these logs name the right one as surely as the
+        held-out logs did: the rest is lost to what the twin is wrong about.
+        """
+        whole = self.distance(gram)
+        seen = 2 * float(ndtri(1 - np.clip(chance, 1e-6, 0.5)))
+        return replace(self, share=float(np.clip(seen / max(whole, 1e-9), _LEAST_SHARE, 1.0)))
 
     def probability(self, gram: Array) -> float:
         """That the log-likelihood ratio names the right one of effect and rival, or of effect and nothing: it

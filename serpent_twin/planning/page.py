@@ -14,7 +14,8 @@ _NOTE = """\
 Of two rivals: the probability that the log-likelihood ratio names the right one, Φ(d/2), where d is the
 distance between one and the best fit of the other in standard deviations. Of one effect: the expected
 standard error of its strength, as a share of its fitted or typical strength. Both to first order, with
-all declared parameters fitted again."""
+all declared parameters fitted again; of the distance, as much counts as the trace's held-out logs have
+confirmed, since no twin is exact."""
 
 
 def decides(questions: Sequence[Question], before: Array, after: Array) -> Table:

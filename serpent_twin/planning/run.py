@@ -1,7 +1,7 @@
 """Plan a motion from its options, and write it."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -80,6 +80,8 @@ def plan(config: Plan) -> Planned:
         bar.set_description_str("what the logs tell")
         rows = evidence.rows(trace, asked)
         before = evidence.known(trace, rows)
+        sure = tuple(_confirmed(each, before, trace.diagnosis) for each in rows.questions)
+        rows = replace(rows, questions=sure)
         bar.update()
         bar.set_description_str("what the motions tell")
         each = evidence.of_pieces(trace, rows, proposals.pieces)
@@ -128,9 +130,20 @@ def questions(trace: Traced, rivals: Sequence[str] = ()) -> list[tuple[str, str]
         if each["effect"] in known and (not each["rival"] or each["rival"] in known)
     ]
     if asked:
-        return asked
+        alone = [(effect, "") for effect, rival in asked if rival]  # it must still show
+        return list(dict.fromkeys([*asked, *alone]))
     print("This trace left nothing open; the motion is one that shows every candidate effect.")
     return [(name, "") for name in known if name not in trace.fit.point.effects]
+
+
+def _confirmed(question: Question, known: Array, diagnosis: Mapping[str, Any]) -> Question:
+    """A question with what the trace's held-out logs say of it, if they say anything."""
+    for each in diagnosis.get("next_motion", []):
+        chance = each.get("probability_of_chance")
+        same = (each["effect"], each["rival"] or "") == (question.effect, question.rival)
+        if same and chance is not None:
+            return question.confirmed(known, chance)
+    return question
 
 
 def _write(config: Plan, found: Planned) -> None:

@@ -80,3 +80,15 @@ def test_a_question_that_nothing_answers_takes_no_piece_from_the_others():
     questions = [Question("a", "", 0, ((),)), Question("hidden", "", 1, ((),))]
     for_a, for_hidden = np.diag([4.0, 1e-8]), np.diag([0.1, 1e-6])
     assert chosen(np.diag([1.0, 1e-8]), [for_hidden, for_a], questions, 3) == [1, 1, 1]
+
+
+def test_a_distance_is_as_sure_as_held_out_logs_have_confirmed_it():
+    """Twice the evidence is then √2 of what was seen, not of what a faultless twin would see."""
+    asked = Question("a", "b", 0, ((),))
+    known = np.array([[100.0]])
+    seen = asked.confirmed(known, 0.1)
+    assert seen.probability(known) == pytest.approx(0.9)
+    assert seen.distance(2 * known) == pytest.approx(np.sqrt(2) * seen.distance(known))
+    assert asked.confirmed(known, 1e-9).share < 1.0  # no more is believed than one in a million
+    assert asked.confirmed(np.array([[0.01]]), 0.1).share == 1.0
+    assert asked.confirmed(known, 0.7).share == asked.confirmed(known, 0.5).share > 0

@@ -96,8 +96,10 @@ def test_open_questions_stand_in_the_order_of_need():
         ("motor_latency", None),
     ]
     assert next_motion({}, {"payload": "rejected"}) == []
-    doubted = next_motion({}, {"payload": "rejected", "motor_latency": "not excited"}, ["payload"])
-    assert [(each["effect"], each["why"]) for each in doubted] == [
-        ("payload", "may be chance"),
-        ("motor_latency", "not excited"),
+    doubted = next_motion(
+        {}, {"payload": "rejected", "motor_latency": "not excited"}, {"payload": 0.03}
+    )
+    assert [tuple(each.values()) for each in doubted] == [
+        ("payload", None, "may be chance", 0.03),
+        ("motor_latency", None, "not excited", None),
     ]
