@@ -31,7 +31,7 @@ class NextMotion(Checked):
     """Only arms with these effects; without, with all ten."""
     arms: Annotated[int, within(1, 1000)] = 2
     """Arms for each of the ten effects."""
-    minutes: Annotated[float, within(1.0, 60.0, "min")] = 1.5
+    minutes: Annotated[float, within(1.0, 60.0, "min")] = 2.0
     """Length of a session; a recording is two sessions, and its second one judges."""
     level: Annotated[float, within(0.01, 10.0)] = 0.15
     """Strengths of effects, in strengths that an arm of this size shows clearly; each is drawn near it."""
