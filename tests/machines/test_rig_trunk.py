@@ -13,6 +13,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.measured import cut
 from serpent_twin.machines.trunk import MACHINE, Trunk
 from serpent_twin.machines.trunk.shape import ANGLES, CHANNEL, ENDS_AT, GOALS, KINDS, SEEN, TURNED
 
@@ -124,6 +125,18 @@ def test_a_vanishing_strength_leaves_the_nominal_trunk(name):
     nominal, there = (answer(machine, log(goal), **e)[0] for e in ({}, {name: values}))
     late = 2e-3 if name == "servo_sag" else 3e-4  # its lag is not its strength
     np.testing.assert_allclose(there[50:], nominal[50:], atol=late)
+
+
+def test_a_trunk_that_cannot_be_built_has_no_prediction_and_leaves_the_others():
+    """A step of a fit may leave a cable less than no length, which MuJoCo refuses."""
+    machine, run = Trunk(shape()), log([0.1] * 6)
+    runs = cut([run], machine.columns, [each.name for each in machine.outputs], machine.every)
+    at = np.zeros((2, len(machine.declared)))
+    names = [each.name for each in machine.declared]
+    at[1, names.index("stretch of motor 3's cables at rest")] = 1e4
+    nominal, impossible = machine.respond([ParameterVector(x) for x in at], runs)
+    assert np.isnan(impossible).all()
+    np.testing.assert_allclose(nominal, machine.respond([ParameterVector(at[0])], runs)[0])
 
 
 def test_what_was_hung_on_is_found_in_the_trunks_own_weights(tmp_path):

@@ -152,18 +152,25 @@ class Trunk(RunMachine):
     def respond(
         self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
     ) -> Array:
-        """Disks and servos, (D, S, T, 15)."""
-        shapes, models, several = [], [], []
-        for point in points:
+        """Disks and servos, (D, S, T, 15); not finite for a trunk that cannot be built."""
+        out = np.full((len(points), *pieces.time.shape, len(self.outputs)), np.nan)
+        shapes, models, several, built = [], [], [], []
+        for n, point in enumerate(points):
             there = effects_at(point)
+            try:
+                model = self.spec(point.declared, there).compile()
+            except ValueError:  # MuJoCo refuses cables of negative length
+                continue
+            built.append(n)
             shapes += [moved(self.start, self.kinds, point.declared)] * len(pieces)
-            models += [self.spec(point.declared, there).compile()] * len(pieces)
+            models += [model] * len(pieces)
             several += [(*self.fixed, *there)] * len(pieces)
-        trunks = Trunks(models, shapes, several, threads())
-        D = len(points)
-        goal = np.tile(np.stack([pieces.column[name] for name in GOALS], axis=-1), (D, 1, 1))
-        found = np.concatenate(trunks.run(goal, np.tile(pieces.period, D)), axis=-1)
-        return found.reshape(D, *pieces.time.shape, -1)
+        if built:
+            trunks, D = Trunks(models, shapes, several, threads()), len(built)
+            goal = np.tile(np.stack([pieces.column[name] for name in GOALS], axis=-1), (D, 1, 1))
+            found = np.concatenate(trunks.run(goal, np.tile(pieces.period, D)), axis=-1)
+            out[built] = found.reshape(D, *pieces.time.shape, -1)
+        return out
 
 
 @dataclass(frozen=True)
