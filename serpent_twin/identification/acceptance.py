@@ -166,6 +166,20 @@ def best_trial(trials: dict[str, CandidateTrial], candidates: Mapping[str, Candi
     return min(alike, key=lambda name: (_fitted(candidates[name]), -good[name]))
 
 
+def promising(trials: Mapping[str, CandidateTrial]) -> str:
+    """The best candidate whose gain is no chance and half of what is asked for, or none: a fit of everything
+    anew may make it enough.
+    """
+    good = {
+        name: trial.gain.relative
+        for name, trial in trials.items()
+        if trial.gain
+        and WORTH_IT / 2 < trial.gain.relative <= WORTH_IT
+        and trial.gain.probability_of_chance < CHANCE
+    }
+    return max(good, key=lambda name: good[name], default="")
+
+
 def _as_good(one: CandidateTrial, best: CandidateTrial) -> bool:
     """Whether held-out logs do not tell one candidate's fit from the best one's."""
     if one.errors is None or best.errors is None:

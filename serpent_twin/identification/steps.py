@@ -18,6 +18,7 @@ from serpent_twin.identification.acceptance import (
     Selection,
     best_trial,
     better_trial,
+    promising,
     weakness,
     weakness_of_fit,
 )
@@ -181,7 +182,7 @@ class Tracer:
 
     def _round(self, base: Fit, number: int, opening: _Opening | None) -> Round:
         """Try all candidates; those that calibration may have absorbed also from the opening; and pairs, if
-        none is accepted alone.
+        none is accepted alone. Without any, a promising candidate stands until it was fitted again.
         """
         names = [
             n
@@ -210,7 +211,8 @@ class Tracer:
         )
         good = [each for each in tried if not each.why_not]
         if not good:
-            return Round(base, before, trials, (), tried)
+            name = promising(trials)
+            return Round(base, before, trials, (name,) if name else (), tried)
         pair = max(good, key=lambda each: each.trial.gain.relative if each.trial.gain else 0.0)
         for name in pair.pair.names:
             trials[name] = replace(pair.trial, score=trials[name].score)

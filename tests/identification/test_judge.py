@@ -12,6 +12,7 @@ from serpent_twin.identification.acceptance import (
     BEYOND_DOUBT,
     CandidateTrial,
     best_trial,
+    promising,
     weakness_of_fit,
     why_not,
 )
@@ -185,6 +186,21 @@ def test_of_candidates_that_nothing_tells_apart_the_simplest_is_taken():
     better = replace(one.errors, marker_by_block=one.errors.marker_by_block - 0.1)
     trials["complex"] = replace(trials["complex"], errors=better)
     assert best_trial(trials, known) == "complex"
+
+
+def test_what_is_half_worth_it_is_fitted_again_before_it_is_rejected():
+    arm = case(0.7)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+    trials = {name: fitted(GUST, arm, base, size, 0.005)
+              for name, size in (("less", 0.025), ("more", 0.035), ("nothing", 0.01))}  # fmt: skip
+    assert promising(trials) == "more"
+    assert all(why_not(GUST, each, arm.candidates[GUST]) for each in trials.values())
+    chance = {
+        "more": replace(
+            trials["more"], gain=replace(trials["more"].gain, probability_of_chance=0.02)
+        )
+    }
+    assert promising(chance) == "" and promising({}) == ""
 
 
 def test_a_strength_at_the_end_of_its_range_is_a_law_where_the_range_says_so():
