@@ -53,13 +53,18 @@ class Bars:
         return {f"{name}_{unit}": value for name, value in each.items()} | {"held": held}
 
 
+def noise_alone(case: Case[Any], pieces: Any) -> float:
+    """Mean error of the pose by the measurement's noise alone, in its measure's unit."""
+    measure = case.machine.outputs[0].measure
+    std = np.atleast_1d(case.machine.pose_noise(pieces))
+    return measure.scale * float(np.mean(expected_distance(std, measure.dimension)))
+
+
 def bars(
     case: Case[Any], found: Fit, error: float, held_out: Any, noise: Noise, rng: np.random.Generator
 ) -> Bars:
     """The bars for a fitted twin that makes a mean error on held-out segments."""
-    measure = case.machine.outputs[0].measure
-    std = np.atleast_1d(case.machine.pose_noise(held_out))
-    camera = measure.scale * float(np.mean(expected_distance(std, measure.dimension)))
+    camera = noise_alone(case, held_out)
     share = min(1.0, BEYOND * camera / error) if error > 0 else 1.0
     complete = case.expected(found.point, drawn(case, found, rng, _DRAWS, share), held_out, rng)
     return Bars(camera, complete, noise.mean_jitter, case.machine.error_before_change)

@@ -19,9 +19,10 @@ from serpent_twin.machines.machine import Candidate, ParameterVector
 
 EXCITED = 0.02
 """An effect whose typical strength changes the residual by less than this share of its rms is not excited"""
-_WORTH_A_FIT = 0.015
-"""Share of the residual's squares that a candidate must remove in the score test. A full fit removes a few
-times as much, where calibration has absorbed an effect or its law bends; acceptance asks for about 0.08."""
+WORTH_A_FIT, BESIDE_OTHERS = 0.015, 0.03
+"""Share of the residual's squares that a candidate must remove in the score test, and beside effects that
+left little. A full fit removes a few times as much, where calibration has absorbed an effect or its law
+bends; acceptance asks for about 0.08."""
 _BESIDE_THE_BEST = 0.1
 """And of what the best candidate removes"""
 _LIKE_THE_BEST, _AT_LEAST = 0.03, 0.005
@@ -226,13 +227,14 @@ def limits(candidate: Candidate, values: Array) -> list[str]:
 def worth_fitting(
     scores: Sequence[Score],
     candidates: Mapping[str, Candidate],
+    least: float = WORTH_A_FIT,
     most: int = 3,
 ) -> list[str]:
-    """Names of candidates to fit fully: the best few, and those that the best can be confused with and that
-    remove something, too.
+    """Names of candidates to fit fully: the best few of those that remove at least a share, and those that
+    the best can be confused with and that remove something, too.
     """
     ranked = sorted(scores, key=lambda s: -s.share)
-    least = max(_WORTH_A_FIT, _BESIDE_THE_BEST * ranked[0].share) if ranked else 0.0
+    least = max(least, _BESIDE_THE_BEST * ranked[0].share) if ranked else 0.0
     best = [s.name for s in ranked if s.share > least and s.excitation > EXCITED][:most]
     excited = {s.name for s in scores if s.excitation > EXCITED}
     least = max(_AT_LEAST, _LIKE_THE_BEST * ranked[0].share) if best else np.inf

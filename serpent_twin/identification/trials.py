@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.acceptance import CandidateTrial, PairTrial, Round, weakness_of_fit
+from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
@@ -14,13 +15,23 @@ from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
 from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.left_out import chance_of_selection
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
-from serpent_twin.identification.score_test import Score, full_fit, placed, scores, worth_fitting
+from serpent_twin.identification.score_test import (
+    BESIDE_OTHERS,
+    WORTH_A_FIT,
+    Score,
+    full_fit,
+    placed,
+    scores,
+    worth_fitting,
+)
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import counted
 
 _NEAR = 0.3
 """Share of the best candidate's gain in cost from which another is fitted further"""
+LITTLE = 3.0
+"""Times the measurement's noise, below which effects that were found left little"""
 _RIVALS = 2  # that were not fitted in their round, and are then
 
 
@@ -53,7 +64,8 @@ class Trials:
         """
         found = self.placed(stage, case, begun, self.scores(stage, case, begun, names))
         trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
-        chosen = worth_fitting(list(found.values()), case.candidates)[:most]
+        least = self._worth_a_fit(case, begun, before)
+        chosen = worth_fitting(list(found.values()), case.candidates, least)[:most]
         best = begun.cost
         for name in chosen:
             self.on_progress(f"{stage.replace('_', ', from the ')}: fitting {name}")
@@ -67,6 +79,11 @@ class Trials:
             best = min(best, fitted.cost)
             trials[name] = self._judged(case, found[name], base, fitted, before, len(chosen))
         return trials
+
+    def _worth_a_fit(self, case: Case[Any], begun: Fit, before: Errors) -> float:
+        """Share of the residual that a candidate must remove: more, where the effects found left little."""
+        little = before.marker < LITTLE * noise_alone(case, self.held_out)
+        return BESIDE_OTHERS if begun.point.effects and little else WORTH_A_FIT
 
     def pairs(
         self, case: Case[Any], base: Fit, before: Errors, scores: Mapping[str, Score], number: int

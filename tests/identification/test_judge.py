@@ -24,9 +24,18 @@ from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.moved import _expected, moved
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
-from serpent_twin.identification.score_test import Score, full_fit, scores
+from serpent_twin.identification.score_test import (
+    BESIDE_OTHERS,
+    WORTH_A_FIT,
+    Score,
+    full_fit,
+    scores,
+)
+from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.machine import Candidate, Quantity
+from serpent_twin.residual import MARKERS
+from serpent_twin.residual.noise import expected_distance
 
 RNG = np.random.default_rng(5)
 ONE_SIDED, SIGNED = Range("1", 0.0, 10.0, 1.0), Range("1", -10.0, 10.0, 1.0)
@@ -261,3 +270,20 @@ def test_a_gain_beyond_doubt_shows_that_a_strength_is_not_zero():
     pair = {GUST: arm.candidates[GUST], NOTHING: arm.candidates[NOTHING]}
     both = replace(vague, point=vague.point.having(NOTHING, np.array([0.1])))
     assert "may be zero" in weakness_of_fit(both, one.gain, pair)
+
+
+@pytest.mark.parametrize(("left", "least"), [(0.5, BESIDE_OTHERS), (5.0, WORTH_A_FIT)])
+def test_beside_effects_that_left_little_a_candidate_must_remove_more(left, least):
+    """Of noise of 1 mm: below three times it, there is little left to explain."""
+    arm = case(0.7)
+    machine = SimpleNamespace(
+        outputs=[SimpleNamespace(measure=replace(MARKERS, scale=1.0))],
+        pose_noise=lambda _: 1.0 / float(expected_distance(1.0)),
+    )
+    noisy = SimpleNamespace(machine=machine)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 1, 99)
+    found = replace(base, point=base.point.having(GUST, np.array([0.7])))
+    trials = Trials(None, None, None, print)
+    errors = Errors(np.full((2, 5), 3 * left / 1.5), np.full((2, 5), np.nan))
+    assert trials._worth_a_fit(noisy, found, errors) == least
+    assert trials._worth_a_fit(noisy, base, errors) == WORTH_A_FIT
