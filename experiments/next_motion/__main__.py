@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from experiments.next_motion.config import NextMotion
 from experiments.next_motion.score import answer, share_right
-from experiments.next_motion.trial import STAGES, Trial, failed, run_before, trials
+from experiments.next_motion.trial import STAGES, TracedArm, failed, run_before, trials
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
 from serpent_twin.command_line import cli
@@ -34,14 +34,14 @@ def main(config: NextMotion) -> None:  # noqa: D103 tyro would print it above th
         _publish(config, every, results, settings)
 
 
-def _run(config: NextMotion, every: Sequence[Trial], results: Results) -> None:
+def _run(config: NextMotion, every: Sequence[TracedArm], results: Results) -> None:
     traced = {row["id"] for row in results.scored}
     missing = [trial for trial in every if trial.id not in traced]
     work = partial(run_before, time.time() + 60 * (config.budget_minutes or 1e9), config)
     done = len(every) - len(missing)
     with tqdm(total=len(every), initial=done, unit="arm", smoothing=0.1) as bar:
 
-        def keep(_: Trial, row: dict[str, Any] | None) -> None:
+        def keep(_: TracedArm, row: dict[str, Any] | None) -> None:
             if row is not None:
                 results.add(row)
                 bar.write(_line(row))
@@ -60,7 +60,7 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def _publish(
-    config: NextMotion, every: Sequence[Trial], results: Results, settings: dict[str, Any]
+    config: NextMotion, every: Sequence[TracedArm], results: Results, settings: dict[str, Any]
 ) -> None:
     rows, failures = results.scored, results.failed
     missing = [trial.id for trial in every if trial.id not in results.rows]

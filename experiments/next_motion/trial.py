@@ -30,7 +30,7 @@ _SPREAD = 0.3  # log: of the strengths of effects
 
 
 @dataclass(frozen=True)
-class Trial:
+class TracedArm:
     """One arm with one effect."""
 
     id: str
@@ -44,22 +44,22 @@ class _Arm:
     seed: int
 
 
-def trials(arms: int, only: Sequence[str] = ()) -> list[Trial]:
+def trials(arms: int, only: Sequence[str] = ()) -> list[TracedArm]:
     """Each effect once, then each again, so that the table is balanced whenever it ends."""
     if unknown := [name for name in only if name not in EFFECTS]:
         raise SerpentError(
             f"--only {' '.join(unknown)}: there is no such effect here. There are {', '.join(EFFECTS)}."
         )
     names = only or EFFECTS
-    return [Trial(f"{name}-{n:02d}", name) for n in range(arms) for name in names]
+    return [TracedArm(f"{name}-{n:02d}", name) for n in range(arms) for name in names]
 
 
-def run_before(end: float, config: NextMotion, trial: Trial) -> dict[str, Any] | None:
+def run_before(end: float, config: NextMotion, trial: TracedArm) -> dict[str, Any] | None:
     """The row of a trial; None without a trial after the time `end`, in seconds as `time.time`."""
     return None if time.time() > end else run_trial(config, trial)
 
 
-def run_trial(config: NextMotion, trial: Trial) -> dict[str, Any]:
+def run_trial(config: NextMotion, trial: TracedArm) -> dict[str, Any]:
     """Trace one arm three times; returns what was injected and what was found each time."""
     folder = config.out / "arms" / trial.id
     folder.mkdir(parents=True, exist_ok=True)
@@ -85,12 +85,12 @@ def run_trial(config: NextMotion, trial: Trial) -> dict[str, Any]:
     return row | {"answers": found}
 
 
-def failed(trial: Trial, why: str) -> dict[str, Any]:
+def failed(trial: TracedArm, why: str) -> dict[str, Any]:
     """The row of a trial that did not reach its end."""
     return {"id": trial.id, "name": trial.effect, "failed": why}
 
 
-def _draw(config: NextMotion, trial: Trial) -> _Arm:
+def _draw(config: NextMotion, trial: TracedArm) -> _Arm:
     rng = np.random.default_rng([config.seed, zlib.crc32(trial.id.encode())])
     built = replace(
         bench_arm.draw(rng),

@@ -127,7 +127,7 @@ def _where_large(feature: Feature, x: Array, fit: Array) -> str:
     large = np.abs(fit) > 0.5 * np.max(np.abs(fit))
     low, high = np.quantile(x[large], [0.02, 0.98])
     inside = (x >= low) & (x <= high)
-    if np.mean(inside) > 0.6 or np.mean(large[inside]) < 0.8:
+    if not inside.any() or np.mean(inside) > 0.6 or np.mean(large[inside]) < 0.8:
         return "along a curve"
     return f"most {between(low, high, feature.unit)}"
 

@@ -79,8 +79,8 @@ IGNORED = {
     name: [({}, set())]
     for name in (
         "Benchmarks", "Check", "CloseTheLoop", "CollectSpeed", "Confusion", "Demo", "EstimateSpeed", "Plan",
-        "FaultMatrix", "Fuzz", "Measured", "ReadoutTable", "ResultPage", "SimToReal", "SweepSpeed",
-        "TraceSpeed", "WholeTrace",
+        "FaultMatrix", "Fuzz", "Measured", "NextMotion", "ReadoutTable", "ResultPage", "SimToReal",
+        "SweepSpeed", "TraceSpeed", "WholeTrace",
     )
 }  # fmt: skip
 """What each config ignores, by what is given beside it: all else is used in that mode"""
