@@ -1,0 +1,97 @@
+"""Make small models and logs of their poses at rest, by potential energies that know nothing of MuJoCo."""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import minimize
+
+MASSES, LENGTHS, SPRINGS = (0.4, 0.25), (0.3, 0.25), (1.5, 0.8)  # [kg], [m], [N m/rad]
+GAIN = 4.0  # [N m/rad]
+MJCF = """<mujoco>
+  <option gravity="0 0 -9.81"/>
+  <worldbody>
+    <body name="upper" pos="0 0 1">
+      <joint name="shoulder" axis="0 1 0" stiffness="1.5"/>
+      <geom type="sphere" size="0.01" mass="0.4" pos="0.3 0 0" contype="0" conaffinity="0"/>
+      <body name="lower" pos="0.3 0 0">
+        <joint name="elbow" axis="0 1 0" stiffness="0.8"/>
+        <geom type="sphere" size="0.01" mass="0.25" pos="0.25 0 0" contype="0" conaffinity="0"/>
+        <site name="tip" pos="0.25 0 0"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="at_shoulder" joint="shoulder" kp="4" ctrlrange="-3 3"/>
+    <position name="at_elbow" joint="elbow" kp="4" ctrlrange="-3 3"/>
+  </actuator>
+</mujoco>
+"""
+TOML = """schema_version = 1
+model = "arm.xml"
+rows = "poses"
+
+[[drive]]
+actuator = "at_shoulder"
+column = "shoulder_deg"
+unit = "deg"
+
+[[drive]]
+actuator = "at_elbow"
+column = "elbow_deg"
+unit = "deg"
+
+[[measured]]
+site = "tip"
+columns = ["x", "y", "z"]
+unit = "mm"
+cameras = false
+noise = 0.3
+"""
+
+
+def places(angles):
+    """Both masses [m], (2, 3), the second at the tip."""
+    first, second = angles[0], angles[0] + angles[1]
+    upper = np.array([np.cos(first), 0.0, -np.sin(first)]) * LENGTHS[0]
+    lower = np.array([np.cos(second), 0.0, -np.sin(second)]) * LENGTHS[1]
+    return np.array([upper, upper + lower]) + [0.0, 0.0, 1.0]
+
+
+def rest(goals, gravity):
+    """Joint angles of least energy [rad], (2,), for goals [rad] under gravity [m/s²], (3,)."""
+
+    def energy(angles):
+        springs = sum(k * q**2 for k, q in zip(SPRINGS, angles, strict=True))
+        motors = sum(GAIN * (q - g) ** 2 for q, g in zip(angles, goals, strict=True))
+        weight = sum(m * (at @ gravity) for m, at in zip(MASSES, places(angles), strict=True))
+        return (springs + motors) / 2 - weight
+
+    return minimize(energy, np.asarray(goals) / 2, method="BFGS", options={"gtol": 1e-9}).x
+
+
+def machine(folder: Path) -> Path:
+    """Write the model and its machine.toml; returns the latter's path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "arm.xml").write_text(MJCF)
+    (folder / "machine.toml").write_text(TOML)
+    return folder / "machine.toml"
+
+
+def log(path: Path, seed: int, gravity=(0.0, 0.0, -9.81), poses=60, gap=0.0) -> Path:
+    """Write poses at random goals as CSV, with noise of 0.3 mm; `gap` is the motors' play [rad], of both or
+    of each.
+    """
+    gap = np.broadcast_to(gap, 2)
+    rng = np.random.default_rng(seed)
+    goals = rng.uniform(-0.8, 0.8, (poses, 2))
+    reached, at = np.empty_like(goals), goals[0] - gap / 2 * np.sign(goals[1] - goals[0])
+    for n, goal in enumerate(goals):
+        at = np.clip(at, goal - gap / 2, goal + gap / 2)
+        reached[n] = at
+    seen = np.array([places(rest(g, np.array(gravity)))[1] for g in reached])
+    seen = 1e3 * seen + 0.3 * rng.standard_normal(seen.shape)
+    rows = np.c_[np.degrees(goals), seen]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = "\n".join(",".join(f"{v:.6f}" for v in row) for row in rows)
+    path.write_text(f"shoulder_deg,elbow_deg,x,y,z\n{text}\n")
+    return path
