@@ -118,13 +118,12 @@ def injected(name: str, level: float, rng: np.random.Generator) -> Effect:
     """An effect at a level, in typical strengths; all else that it has is drawn."""
     if name in OUTSIDE:
         kind = OUTSIDE[name]
-        first = fields(kind)[0].name
-        strength = min(level * ranges(kind)[first].typical, ranges(kind)[first].high)
-        return kind(**{first: strength}, **place(name, rng))
+        first, allowed = next(iter(ranges(kind).items()))
+        return kind(**{first: min(level * allowed.typical, allowed.high)}, **place(name, rng))
     kind = by_name(name)
     variants = kind.variants()
     usual = variants[int(rng.integers(len(variants)))]
-    values = {each.name: float(getattr(usual, each.name)) for each in fields(kind)}
+    values = {each: float(getattr(usual, each)) for each in ranges(kind)}
     strong = strengths(ranges(kind))
     turn = rng.standard_normal(len(strong)) if len(strong) > 1 else np.ones(1)
     turn /= np.linalg.norm(turn)

@@ -80,6 +80,11 @@ class Effect:
     `act` are written so that both work. `edit` is given numbers only.
     """
 
+    at: str = field(default="", kw_only=True)
+    """Name of the joint, actuator or body where it is in a model that is not the arm's; empty: all that the
+    effect is about
+    """
+
     shows_in: ClassVar[str] = ""
     """How it shows in a log, in words."""
     confused_with: ClassVar[tuple[str, ...]] = ()
@@ -116,7 +121,7 @@ class Effect:
     @property
     def strength(self) -> float:
         """Its strength, in the unit of its first parameter; zero is absence."""
-        return float(getattr(self, fields(self)[0].name))
+        return float(getattr(self, next(iter(ranges(type(self))))))
 
     @property
     def absent(self) -> bool:
@@ -143,7 +148,8 @@ class Effect:
         """Typical instances in an arm of this size, from which fits start; more than one if a parameter
         that is not fitted sets its place or form.
         """
-        return (cls(**{n: r.typical for n, r in ranges(cls).items()}),)
+        typical: dict[str, Any] = {n: r.typical for n, r in ranges(cls).items()}
+        return (cls(**typical),)
 
     @classmethod
     def acts(cls) -> bool:
@@ -158,7 +164,7 @@ Several = tuple[Effect, ...]
 
 def ranges(kind: type[Effect]) -> dict[str, Range]:
     """The parameters of a kind of effect, by name."""
-    return {each.name: each.metadata["range"] for each in fields(kind)}
+    return {each.name: each.metadata["range"] for each in fields(kind) if each.metadata}
 
 
 def strengths(known: Mapping[str, Range]) -> tuple[str, ...]:
@@ -171,11 +177,13 @@ def strengths(known: Mapping[str, Range]) -> tuple[str, ...]:
 
 def stacked(several: Sequence[Sequence[Effect]]) -> list[Effect]:
     """The acting effects of n runs, each kind as one of n rows, in the order in which they act."""
-    rows, kinds = [], {type(effect) for each in several for effect in each}
-    for kind in sorted(kinds, key=lambda kind: (kind.stage, kind.__name__)):
+    rows, kinds = [], {(type(effect), effect.at) for each in several for effect in each}
+    for kind, at in sorted(kinds, key=lambda each: (each[0].stage, each[0].__name__, each[1])):
         if kind.acts():
-            of = [next((e for e in each if type(e) is kind), None) for each in several]
-            rows.append(stack([e or kind() for e in of]))
+            of = [
+                next((e for e in each if (type(e), e.at) == (kind, at)), None) for each in several
+            ]
+            rows.append(stack([e or kind(at=at) for e in of]))
     return rows
 
 
@@ -197,7 +205,7 @@ def edit(spec: mujoco.MjSpec, effects: Sequence[Effect]) -> None:
 
 def begin(effects: Sequence[Effect], moment: Any) -> list[Any]:
     """The memories of effects at the beginning of runs."""
-    return [_alone(effect.start, effect, moment) for effect in effects]
+    return [_alone(effect.start, effect, _here(effect, moment)) for effect in effects]
 
 
 def act(effects: Sequence[Effect], moment: Any, memories: Sequence[Any]) -> None:
@@ -205,7 +213,12 @@ def act(effects: Sequence[Effect], moment: Any, memories: Sequence[Any]) -> None
     which reads what the moment lacks, or changes what the simulation does not use.
     """
     for effect, memory in zip(effects, memories, strict=True):
-        _alone(effect.act, effect, moment, memory)
+        _alone(effect.act, effect, _here(effect, moment), memory)
+
+
+def _here(effect: Effect, moment: Any) -> Any:
+    """The moment as it is at an effect's place."""
+    return moment.at(effect.at) if effect.at else moment
 
 
 def _alone(do: Callable[..., Any], effect: Effect, moment: Any, *memory: Any) -> Any:

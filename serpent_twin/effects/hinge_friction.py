@@ -27,6 +27,6 @@ class HingeFriction(Effect):
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Let the hinges rub."""
         for joint in spec.joints:
-            if joint.name.startswith("joint"):
+            if joint.name == self.at if self.at else joint.name.startswith("joint"):
                 joint.frictionloss += self.coulomb
                 joint.damping[0] += self.viscous

@@ -25,5 +25,5 @@ class JointElasticity(Effect):
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Give each hinge its spring."""
         for joint in spec.joints:
-            if joint.name.startswith("joint"):
+            if joint.name == self.at if self.at else joint.name.startswith("joint"):
                 joint.stiffness[0] += self.stiffness

@@ -29,6 +29,14 @@ class Instant:
         instant.__post_init__()
         return instant
 
+    def at(self, place: str) -> Any:
+        """The moment of one of the model's things alone, arrays (n, 1); raises a `SerpentError` where there
+        is none of that name.
+        """
+        raise SerpentError(
+            f"an effect at {place!r} cannot act on this machine. Leave out its place."
+        )
+
     def __post_init__(self) -> None:
         own = self.__dict__
         for name in self.given:

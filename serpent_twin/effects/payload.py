@@ -9,13 +9,17 @@ import numpy as np
 from serpent_twin.effects.effect import Effect, Several, parameter
 from serpent_twin.effects.links import last_joint, link_at
 
+_SMALL = 1e-4
+"""Radius of a point mass in a model [m]"""
+
 
 @dataclass(frozen=True)
 class Payload(Effect):
     """A point mass on the long axis of a link: weight m g and inertia m r².
 
     Its place is measured along the straight arm, so that it moves from link to link without a jump. On a
-    link that bends or twists, the mass stays with the half that holds the link's joint.
+    link that bends or twists, the mass stays with the half that holds the link's joint. In a model that is
+    not the arm's, it is at a site, or at the origin of a body's frame.
     Source: Newton. MJCF expresses all of it. Tens of grams are typical, where the arm has 308.
     """
 
@@ -40,6 +44,12 @@ class Payload(Effect):
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Add the mass to the inertia of the link that carries it."""
+        if self.at:
+            site = spec.site(self.at)
+            body, at = (site.parent, site.pos) if site else (spec.body(self.at), np.zeros(3))
+            mass = body.add_geom(size=[_SMALL, 0.0, 0.0], mass=self.mass, pos=at)
+            mass.contype, mass.conaffinity = 0, 0
+            return
         link, along = link_at(spec, last_joint(spec) + self.place)
         lever = np.array([along, 0.0, 0.0])
         whole = link.mass + self.mass

@@ -13,6 +13,8 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.stored import Form, within
 
 _INSIDE = {"effect", "moment", "registry", "strands"}
+_AT = "@"
+"""Between the name of a law and that of its place"""
 
 
 def _find() -> dict[str, type[Effect]]:
@@ -41,14 +43,23 @@ def by_name(name: str) -> type[Effect]:
 
 
 def name_of(effect: Effect | type[Effect]) -> str:
-    """The effect's name."""
-    kind = effect if isinstance(effect, type) else type(effect)
-    return kind.__module__.rsplit(".", 1)[-1]
+    """The effect's name, and where it is, if that is not the arm: `payload@hand`."""
+    if isinstance(effect, type):
+        return effect.__module__.rsplit(".", 1)[-1]
+    return name_of(type(effect)) + (_AT + effect.at if effect.at else "")
+
+
+def placed(name: str) -> tuple[type[Effect], str]:
+    """The kind of effect of a name, and where it is."""
+    kind, _, at = name.partition(_AT)
+    return by_name(kind), at
 
 
 def to_dict(effect: Effect) -> dict[str, Any]:
     """An effect as twin.json stores it."""
-    return {"name": name_of(effect)} | {n: float(getattr(effect, n)) for n in ranges(type(effect))}
+    where = {"at": effect.at} if effect.at else {}
+    values = {n: float(getattr(effect, n)) for n in ranges(type(effect))}
+    return {"name": name_of(type(effect)), **where, **values}
 
 
 def _form(name: str, kind: type[Effect]) -> Any:
@@ -57,7 +68,7 @@ def _form(name: str, kind: type[Effect]) -> Any:
     """
     known = ranges(kind).items()
     allowed = [(n, Annotated[float, within(r.low, r.high, r.unit)], r.before) for n, r in known]
-    parts = [each[:2] if each[2] is None else each for each in allowed]
+    parts = [each[:2] if each[2] is None else each for each in allowed] + [("at", str, "")]
     return defstruct(name, parts, bases=(Form,), tag_field="name", tag=name, kw_only=True)
 
 
@@ -76,6 +87,6 @@ def restored(entry: Stored) -> Effect:
 
 def require_distinct(entries: Sequence[Stored]) -> None:
     """Refuse an effect that is given twice."""
-    kinds = [to_builtins(entry)["name"] for entry in entries]
+    kinds = [name_of(restored(entry)) for entry in entries]
     if twice := sorted({name for name in kinds if kinds.count(name) > 1}):
         raise SerpentError(f"effects has {', '.join(twice)} twice.")

@@ -1,9 +1,12 @@
 """Test every effect in every machine that may have it: absent at zero, else visible, stored and stable."""
 
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from types import SimpleNamespace
 
+import moving_models
 import numpy as np
 import pytest
 from measured_logs import jaw, pendulum
@@ -21,6 +24,9 @@ from serpent_twin.machines.arm.catalogue import CATALOGUE, LEFT_OUT
 from serpent_twin.machines.arm.vector import candidates
 from serpent_twin.machines.machine import Candidate
 from serpent_twin.machines.measured import HingeMoment, Recording, cut
+from serpent_twin.machines.model import machine as model_machine
+from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model.motion import with_starts
 from serpent_twin.sim.many_twins import impose
 from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.twin_model import TwinModel
@@ -87,8 +93,23 @@ def _trunk():
     return _bench(trunk, trunk.Trunk(shape(), known=both), log(goal), every=5)
 
 
+def _model():
+    """Any MJCF: an arm of two links, whose elbow has no spring in the model."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = moving_models.machine(Path(folder))
+        model = path.with_name("arm.xml")
+        model.write_text(model.read_text().replace('stiffness="0.8"', ""))
+        rig = open_machine(path)
+    time = np.arange(0.0, 1.0, 0.02)
+    goal = {f"goal_{n}": 0.5 * np.sin(2 * np.pi * n * time) for n in (1, 2)}
+    angle = {f"angle_{n}": 0.5 * goal[f"goal_{n}"] for n in (1, 2)}
+    log = with_starts(rig.described, Recording(None, {}, {"time": time, **goal, **angle}))
+    return _bench(model_machine, rig.open([log]).machine, log)
+
+
 BENCHMARKS = {
-    "arm": Bench(candidates(), arms), "jaw": _jaw(), "trunk": _trunk(), "xl330": _servo(),
+    "arm": Bench(candidates(), arms), "jaw": _jaw(), "model": _model(), "trunk": _trunk(),
+    "xl330": _servo(),
 }  # fmt: skip
 PAIRS = [(machine, name) for machine, bench in BENCHMARKS.items() for name in bench.candidates]
 of_machines = pytest.mark.parametrize(("machine", "name"), PAIRS)
@@ -99,12 +120,12 @@ def made(machine, name, times=1.0):
     """A candidate as its machine has it, its strength times a number."""
     found = BENCHMARKS[machine].candidates[name]
     values = dict(zip(found.ranges, found.variants[0], strict=True))
-    strength = next(iter(values))
-    return KNOWN[name](**{**values, strength: float(times * values[strength])})
+    strength, (kind, at) = next(iter(values)), effects.placed(name)
+    return kind(**{**values, strength: float(times * values[strength])}, at=at)
 
 
 def test_every_effect_is_in_some_machine():
-    assert {name for _, name in PAIRS} == set(KNOWN)
+    assert {effects.name_of(effects.placed(name)[0]) for _, name in PAIRS} == set(KNOWN)
 
 
 @pytest.mark.parametrize("name", sorted(set(KNOWN) - set(CATALOGUE) - set(LEFT_OUT)))
@@ -118,7 +139,8 @@ def test_what_the_arm_does_not_try_it_cannot_have(name):
 @of_machines
 def test_zero_is_the_nominal_twin_bit_for_bit(machine, name):
     """Alone, and beside a run that has it if both are of one structure."""
-    respond, zero, strong = BENCHMARKS[machine].respond, KNOWN[name](), made(machine, name)
+    kind, at = effects.placed(name)
+    respond, zero, strong = BENCHMARKS[machine].respond, kind(at=at), made(machine, name)
     assert zero.absent and not strong.absent
     nominal = respond(())[0]
     assert_array_equal(respond((zero,))[0], nominal)
@@ -153,7 +175,8 @@ def test_a_second_at_the_end_of_the_range_is_finite(machine, name):
     values = dict(zip(found.ranges, found.variants[0], strict=True))
     strength, allowed = next(iter(found.ranges.items()))
     for least in (1e-4 * allowed.typical, allowed.high):
-        did = BENCHMARKS[machine].respond((KNOWN[name](**{**values, strength: least}),))
+        kind, at = effects.placed(name)
+        did = BENCHMARKS[machine].respond((kind(**{**values, strength: least}, at=at),))
         assert np.isfinite(did).all() and np.abs(did).max() < 10.0
 
 
@@ -165,7 +188,7 @@ def test_says_what_it_is(kind):
         assert allowed.unit and name
         assert -np.inf < allowed.low <= allowed.typical <= allowed.high < np.inf
         assert allowed.low <= kind.__dataclass_fields__[name].default <= allowed.high
-    assert effects.ranges(kind)[fields(kind)[0].name].fitted
+    assert next(iter(effects.ranges(kind).values())).fitted
 
 
 @every

@@ -14,6 +14,7 @@ from serpent_twin.arm import mjcf
 from serpent_twin.effects import KNOWN, Effect, Moment
 
 LEFT_OUT: Mapping[str, str] = {
+    "gravity": "its size is known, and base_tilt turns it",
     "hinge_friction": "the arm's calibration fits friction and damping of each hinge",
     "link_compression": "the arm's links are of rigid nylon",
     "stribeck": "the arm's gears turn with its motors, which cables part from the hinges",

@@ -1,0 +1,99 @@
+"""Make logs of a moving two-link arm, by equations of motion that know nothing of MuJoCo."""
+
+from pathlib import Path
+
+import numpy as np
+import posed_models
+from posed_models import GAIN, LENGTHS, MASSES, SPRINGS
+from scipy.integrate import solve_ivp
+
+DAMPING, RATE, SECONDS = 0.15, 50.0, 8.0  # [N m s/rad], [Hz], [s]
+MJCF = (
+    posed_models.MJCF.replace(
+        "<worldbody>", '<option timestep="0.004" integrator="implicitfast"/><worldbody>'
+    )
+    .replace('stiffness="1.5"', 'stiffness="1.5" damping="0.15"')
+    .replace('stiffness="0.8"', 'stiffness="0.8" damping="0.15"')
+)
+TOML = """schema_version = 1
+model = "arm.xml"
+rows = "motion"
+time = { column = "t", unit = "s" }
+
+[[drive]]
+actuator = "at_shoulder"
+column = "goal_1"
+unit = "rad"
+
+[[drive]]
+actuator = "at_elbow"
+column = "goal_2"
+unit = "rad"
+
+[[measured]]
+joint = "shoulder"
+columns = ["angle_1"]
+unit = "rad"
+noise = 0.0005
+
+[[measured]]
+joint = "elbow"
+columns = ["angle_2"]
+unit = "rad"
+noise = 0.0005
+"""
+
+
+def machine(folder: Path) -> Path:
+    """Write the model and its machine.toml; returns the latter's path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "arm.xml").write_text(MJCF)
+    (folder / "machine.toml").write_text(TOML)
+    return folder / "machine.toml"
+
+
+def log(path: Path, seed: int, friction=0.0, at_tip=0.0, late=0.0) -> Path:
+    """Write a motion as CSV, with noise of 0.5 mrad: the elbow has Coulomb friction [N m], the tip a further
+    mass [kg], and the motors obey late [s].
+    """
+    rng = np.random.default_rng(seed)
+    size, speed, phase = (
+        rng.uniform(0.2, 0.5, (3, 2)),
+        rng.uniform(0.5, 4, (3, 2)),
+        rng.uniform(0, 6, (3, 2)),
+    )
+
+    def goal(t):
+        held = np.floor((t - late) * RATE + 1e-9) / RATE
+        return (size * np.sin(speed * max(held, 0.0) + phase)).sum(axis=0)
+
+    def rates(t, state):
+        q, v = state[:2], state[2:]
+        m1, m2 = MASSES[0], MASSES[1] + at_tip
+        a, b = LENGTHS
+        c, s = np.cos(q[1]), np.sin(q[1])
+        inertia = np.array(
+            [
+                [(m1 + m2) * a**2 + m2 * b**2 + 2 * m2 * a * b * c, m2 * b**2 + m2 * a * b * c],
+                [m2 * b**2 + m2 * a * b * c, m2 * b**2],
+            ]
+        ) + 2 / 5 * 1e-4 * np.array([[m1 + m2, m2], [m2, m2]])  # of the spheres
+        coriolis = m2 * a * b * s * np.array([-2 * v[0] * v[1] - v[1] ** 2, v[0] ** 2])
+        down = 9.81 * np.array(  # about +y, angles turn downwards
+            [(m1 + m2) * a * np.cos(q[0]) + m2 * b * np.cos(q.sum()), m2 * b * np.cos(q.sum())]
+        )
+        motors = GAIN * (goal(t) - q) - np.array(SPRINGS) * q - DAMPING * v
+        rubs = np.array([0.0, friction * np.tanh(v[1] / 1e-3)])
+        return np.r_[v, np.linalg.solve(inertia, motors + down - coriolis - rubs)]
+
+    start = posed_models.rest(goal(0.0), np.array([0.0, 0.0, -9.81]))
+    time = np.arange(0.0, SECONDS, 1 / RATE)
+    found = solve_ivp(
+        rates, (0, SECONDS), [*start, 0, 0], "LSODA", time, rtol=1e-7, atol=1e-9, max_step=1 / RATE
+    )
+    goals = np.array([goal(t + late) for t in time])
+    seen = found.y[:2].T + 5e-4 * rng.standard_normal((len(time), 2))
+    text = "\n".join(",".join(f"{v:.7f}" for v in row) for row in np.c_[time, goals, seen])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"t,goal_1,goal_2,angle_1,angle_2\n{text}\n")
+    return path
