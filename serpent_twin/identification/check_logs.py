@@ -11,7 +11,7 @@ from tqdm import tqdm
 from tyro.conf import arg
 
 from serpent_twin import machines
-from serpent_twin.command_line.options import Checked
+from serpent_twin.command_line.options import ABSENT, Checked, when
 from serpent_twin.identification import check_page
 from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.identifiability import Identifiability
@@ -46,19 +46,30 @@ class Check(Checked):
 
     logs: tuple[Path, ...]
     """Folder with the session logs of one machine, or several; all of them are used."""
-    rig: Annotated[str, arg(help=f"The kind of machine: {machines.described()}.")] = "arm"
+    rig: Annotated[
+        str, arg(help=f"The kind of machine: {machines.described()}."), when(machine=ABSENT)
+    ] = "arm"
     """Name of the kind of machine."""
+    machine: Path | None = None
+    """The machine.toml of any other machine, or its folder."""
     out: Path | None = None
     """Folder for results; made if it does not exist."""
+
+    @property
+    def named(self) -> str:
+        """The machine's name, or the path of its machine.toml."""
+        return machines.named(self.rig, self.machine)
 
 
 def check(config: Check) -> Identifiability:
     """Check a folder of logs: prints what they can tell, and writes it where the config says."""
-    rig = machines.find(config.rig)
+    rig = machines.find(config.named)
     logs = read_logs(rig, config.logs)
     refuse_repeated(logs)
-    settings = {"rig": config.rig, "versions": versions()}
+    settings = {"rig": config.named, "versions": versions()}
     settings |= {"input_sha256": {each.name: file_hash(each.path) for each in logs if each.path}}
+    if files := machines.made_of(rig):
+        settings["machine_sha256"] = files
     with claimed(config.out, SETTINGS, settings) if config.out else nullcontext():
         found = _checked(rig, logs)
         _print(found)

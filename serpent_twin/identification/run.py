@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -48,8 +49,12 @@ class Trace(Checked):
     """Folder with the session logs of one machine; or several, the oldest first."""
     out: Path
     """Folder for results; made if it does not exist."""
-    rig: Annotated[str, arg(help=f"The kind of machine: {machines.described()}.")] = "arm"
+    rig: Annotated[
+        str, arg(help=f"The kind of machine: {machines.described()}."), when(machine=ABSENT)
+    ] = "arm"
     """Name of the kind of machine."""
+    machine: Path | None = None
+    """The machine.toml of any other machine, or its folder."""
     held_out: Annotated[int, within(1, 10_000), _SESSIONS, when(judge=ABSENT)] = 1
     """Number of held-out sessions, the last ones: nothing is fitted to them, and they are the test."""
     judge: Annotated[str, _SESSIONS] = ""
@@ -63,6 +68,11 @@ class Trace(Checked):
     uncertainty of the fit: OUT/twins/drawn_NN.json; and OUT/twins/calibrated.json, without effects. A later
     run of the same command can add them."""
 
+    @property
+    def named(self) -> str:
+        """The machine's name, or the path of its machine.toml."""
+        return machines.named(self.rig, self.machine)
+
 
 def trace(config: Trace) -> dict[str, Any]:
     """Trace a folder of logs; returns what diagnosis.json holds."""
@@ -71,14 +81,14 @@ def trace(config: Trace) -> dict[str, Any]:
 
 def planned(config: Trace) -> tuple[machines.Rig, Sequence[Any], Sequence[Any]]:
     """The machine, the training sessions and the held-out ones, of a config that can be traced."""
-    rig = machines.find(config.rig)
+    rig = machines.find(config.named)
     return rig, *_split(config, read_logs(rig, config.logs)[: config.sessions or None])
 
 
 def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]]:
     """The sessions that are fitted to, and the held-out ones."""
     if config.judge:
-        judging = [s for s in sessions if s.path and s.path.match(config.judge)]
+        judging = [s for s in sessions if _is_named(s, config.judge)]
         if not judging or len(judging) == len(sessions):
             raise SerpentError(
                 f"--judge {config.judge} names {len(judging)} of the {counted(len(sessions), 'session')} in "
@@ -94,12 +104,17 @@ def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]
     return list(sessions[: -config.held_out]), list(sessions[-config.held_out :])
 
 
+def _is_named(session: Log, pattern: str) -> bool:
+    """Whether a session, or its file, has a name of a pattern."""
+    return fnmatchcase(session.name, pattern) or bool(session.path and session.path.match(pattern))
+
+
 def trace_sessions(
     config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
 ) -> tuple[Diagnosis, dict[str, Any]]:
     """Trace sessions that are split already; returns besides what diagnosis.json holds."""
     refuse_repeated([*training, *judging])
-    settings = _settings(config, training, judging)
+    settings = _settings(config, rig, training, judging)
     with claimed(config.out, SETTINGS, settings):
         began = time.perf_counter()
         tracer, selection, found = _run(config, rig, training, judging)
@@ -110,11 +125,15 @@ def trace_sessions(
         return found, _write(config, tracer, found, numbers, settings)
 
 
-def _settings(config: Trace, training: Sequence[Log], judging: Sequence[Log]) -> dict[str, Any]:
+def _settings(
+    config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
+) -> dict[str, Any]:
     inputs = {s.name: file_hash(s.path) for s in [*training, *judging] if s.path}
-    kept = {"rig": config.rig, "held_out": config.held_out, "seed": config.seed}
+    kept = {"rig": config.named, "held_out": config.held_out, "seed": config.seed}
     if config.judge:
         kept["held_out"] = [s.name for s in judging]
+    if files := machines.made_of(rig):
+        kept["machine_sha256"] = files
     return kept | {"input_sha256": inputs, "versions": versions()}
 
 

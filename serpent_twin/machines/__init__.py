@@ -6,6 +6,7 @@ from pathlib import Path
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.rig import Rig
+from serpent_twin.runs.provenance import file_hash
 
 
 def available() -> list[str]:
@@ -14,8 +15,23 @@ def available() -> list[str]:
     return sorted(
         file.name
         for file in pkgutil.iter_modules(here)
-        if file.name not in ("case", "machine", "measured", "rig")
+        if file.name not in ("case", "machine", "measured", "model", "rig")
     )
+
+
+def named(rig: str, machine: Path | None) -> str:
+    """What `find` takes, of a rig's name or the path of a machine.toml."""
+    if machine is None:
+        return rig
+    path = machine / "machine.toml" if machine.is_dir() else machine
+    if path.suffix != ".toml":
+        raise SerpentError(f"--machine {machine} is no .toml file. Name a machine.toml.")
+    return str(path.resolve())
+
+
+def made_of(rig: Rig) -> dict[str, str]:
+    """SHA-256 of the files that describe a machine, by name; nothing for one that is Python."""
+    return {path.name: file_hash(path) for path in getattr(rig, "files", ())}
 
 
 def described() -> str:
@@ -24,7 +40,9 @@ def described() -> str:
 
 
 def find(name: str) -> Rig:
-    """The rig of a name; raises a `SerpentError` that lists what there is."""
+    """The rig of a name, or of a machine.toml; raises a `SerpentError` that lists what there is."""
+    if name.endswith(".toml"):
+        return importlib.import_module(f"{__name__}.model").open_machine(Path(name))
     if name not in available():
         raise SerpentError(f"there is no rig {name!r}; there are: {', '.join(available())}.")
     return importlib.import_module(f"{__name__}.{name}").MACHINE

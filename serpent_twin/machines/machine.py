@@ -14,7 +14,7 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect, Range, by_name, ranges
+from serpent_twin.effects import Effect, Range, placed, ranges
 from serpent_twin.residual import Comparison, Measure
 
 
@@ -100,8 +100,10 @@ class Candidate:
 
 
 def candidate(name: str, **sized: Range) -> Candidate:
-    """An effect with its own ranges, or with ranges for a machine of another size than the arm's."""
-    kind = by_name(name)
+    """An effect, perhaps at a place, with its own ranges or with ranges for a machine of another size than
+    the arm's.
+    """
+    kind, _ = placed(name)
     known = {n: sized.get(n, r) for n, r in ranges(kind).items()}
     variants = [
         [sized[n].typical if n in sized else getattr(v, n) for n in known] for v in kind.variants()
@@ -150,11 +152,11 @@ def effect_at(name: str, values: Array) -> Effect:
     """An effect of given parameters, clipped to their ranges; a strength stays just above zero, where
     the effect would leave the model's structure.
     """
-    kind = by_name(name)
+    kind, at = placed(name)
     each = {}
     for (parameter, r), value in zip(ranges(kind).items(), values, strict=True):
         each[parameter] = float(np.clip(value, r.least, r.high))
-    return kind(**each)
+    return kind(**each, at=at)
 
 
 class Pieces(Protocol):

@@ -91,9 +91,10 @@ def after_check(config: "Check") -> Words | None:
     from serpent_twin.identification.run import Trace, planned
 
     where = named_after(Path(), config.logs[-1], "logs", "trace")
-    if not allowed(lambda: planned(Trace(config.logs, where, config.rig))):
+    if not allowed(lambda: planned(Trace(config.logs, where, config.rig, config.machine))):
         return None
     rig = [] if config.rig == "arm" else ["--rig", config.rig]
+    rig = ["--machine", str(config.machine)] if config.machine else rig
     return ["serpent_twin.trace", "--logs", *map(str, config.logs), *rig, "--out", str(where)]
 
 
@@ -123,7 +124,7 @@ def after_trace(config: "Trace") -> Words | None:
     from serpent_twin.recording.collect import check
     from serpent_twin.recording.options import Collect
 
-    if config.rig != "arm":
+    if config.named != "arm":
         return None
     twin, out = (
         config.out / "twin.json",

@@ -1,0 +1,168 @@
+"""Say what a machine.toml holds: which columns drive an MJCF, and which it is compared with."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import msgspec
+import mujoco
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.machines.model.units import TO_SI
+from serpent_twin.residual import ANGLE, MARKERS, TORQUE, Measure
+from serpent_twin.stored import Form, above, many, within
+
+VERSION: Literal[1] = 1
+"""Of machine.toml"""
+ADVICE = "docs/other-machines.md lists the keys."
+POSES, MOTION = "poses", "motion"
+"""What the rows of a log may be"""
+if TYPE_CHECKING:
+    Unit = str
+else:
+    Unit = Literal[tuple(TO_SI)]
+Number = Annotated[float, within(-1e9, 1e9)]
+Name = Annotated[str, msgspec.Meta(min_length=1)]
+Vector = Annotated[tuple[Number, ...], many(3)]
+
+
+class Column(Form, frozen=True):
+    """A column of a log, and what a number in it is."""
+
+    column: Name
+    unit: Unit = "1"
+    scale: Number = 1.0
+    """SI value = offset + scale × value in the unit; negative where the signs differ"""
+
+
+class DriveColumn(Column, frozen=True):
+    """A column that drives the model."""
+
+    actuator: str = ""
+    """Whose `ctrl` it is"""
+    offset: Number | Literal["keyframe"] = 0.0
+    """[SI]; or the keyframe's value"""
+
+
+class MeasuredColumns(Form, frozen=True):
+    """Columns that the model is compared with."""
+
+    columns: Annotated[tuple[Name, ...], many(1, 3)]
+    unit: Unit = "1"
+    scale: Number = 1.0
+    """As for a drive"""
+    offset: Number = 0.0
+    """[SI]"""
+    site: str = ""
+    """Whose position it is, in three columns"""
+    joint: str = ""
+    """Whose angle or length it is"""
+    sensor: str = ""
+    """Of the model, whose reading it is"""
+    point: Vector = (0.0, 0.0, 0.0)
+    """In the site's frame, where the marker sits [m]"""
+    cameras: bool = True
+    """Whether the frame of the site's position is known within some millimetres and degrees only"""
+    noise: Annotated[float, within(0.0, 1e6)] = 0.0
+    """Standard deviation in the unit; 0: estimated from the logs"""
+
+    @property
+    def of(self) -> tuple[str, str]:
+        """Kind and name of what is measured."""
+        found = [(kind, getattr(self, kind)) for kind in KINDS if getattr(self, kind)]
+        return found[0] if len(found) == 1 else ("", "")
+
+    @property
+    def measure(self) -> Measure:
+        """The quantity that is measured."""
+        return MARKERS if self.site else MEASURES[TO_SI[self.unit][1]]
+
+
+class Uncertain(Form, frozen=True):
+    """Numbers of the model that calibration fits, in place of those that it fits by default."""
+
+    number: Literal[
+        "joint stiffness", "joint damping", "joint friction", "armature", "actuator gain", "mass"
+    ]
+    of: Annotated[tuple[Name, ...], many(1, 1000)]
+    """Names of joints, actuators or bodies, with wildcards; all that match one text change alike"""
+    prior: Annotated[float, above(0.0, 10.0)] = 0.3
+    """Standard deviation of the logarithm of its ratio to the model's"""
+
+
+class Description(Form, frozen=True):
+    """What a machine.toml holds."""
+
+    schema_version: Literal[1]
+    model: Name
+    """MJCF file, from this file's folder"""
+    rows: Literal["poses", "motion"]
+    """Whether a log's rows are poses at rest, for each of which the model settles, or instants of a motion"""
+    drive: Annotated[tuple[DriveColumn, ...], many(1, 1000)]
+    measured: Annotated[tuple[MeasuredColumns, ...], many(1, 1000)]
+    name: str = ""
+    """Of the machine; by default the folder's"""
+    keyframe: str = ""
+    """Where runs begin, and what `offset = "keyframe"` means"""
+    time: Column | None = None
+    """Without: row by row"""
+    session: str = ""
+    """Column whose value names the session of a row, where a file holds several, one after the other"""
+    uncertain: tuple[Uncertain, ...] = ()
+    """In place of what calibration fits by default"""
+    segment: Annotated[int, within(0, 100_000)] = 0
+    """Rows that are fitted and judged as one; 0: 20 poses, or 100 rows of a motion"""
+
+
+_SLIDE = mujoco.mjtJoint.mjJNT_SLIDE
+KINDS = ("site", "joint", "sensor")
+"""What of a model can be measured"""
+_LENGTH = Measure("length", "the length is", "mean error of the length", "mm", "mm", 1e3, "m")
+_FORCE = Measure("force", "the force is", "force error, rms", "N", "n", 1.0, "N")
+MEASURES = {"m": _LENGTH, "rad": ANGLE, "N": _FORCE, "N m": TORQUE}
+"""By SI unit"""
+
+
+@dataclass(frozen=True, eq=False)
+class Described:
+    """A machine.toml and its model, which agree."""
+
+    path: Path
+    about: Description
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel
+    files: list[Path]
+    """All that it is made of"""
+
+    @property
+    def name(self) -> str:
+        """Of the machine."""
+        return self.about.name or self.path.resolve().parent.name
+
+    @property
+    def begin(self) -> Array:
+        """Where runs begin, (nq,)."""
+        return self.model.key(self.about.keyframe).qpos if self.about.keyframe else self.model.qpos0
+
+    def is_length(self, actuator: str) -> bool:
+        """Whether an actuator's control is a length: that of a tendon, or of a slide."""
+        return self.control_unit(actuator)[0] == "mm"
+
+    def control_unit(self, actuator: str) -> tuple[str, float]:
+        """The unit in which an actuator's control is stated, and how many of SI it is."""
+        n = self.model.actuator(actuator).id
+        kind, target = self.model.actuator_trntype[n], self.model.actuator_trnid[n, 0]
+        if self.model.actuator_biasprm[n, 1] == 0:  # no servo: its control is a force, a voltage, …
+            return "1", 1.0
+        slides = kind == mujoco.mjtTrn.mjTRN_JOINT and self.model.jnt_type[target] == _SLIDE
+        if kind == mujoco.mjtTrn.mjTRN_TENDON or slides:
+            return "mm", 1e-3
+        return "°", np.pi / 180
+
+    @property
+    def keyframe_controls(self) -> Array:
+        """Controls of the keyframe, (nu,); zeros without one."""
+        if not self.about.keyframe:
+            return np.zeros(self.model.nu)
+        return self.model.key(self.about.keyframe).ctrl.copy()

@@ -1,0 +1,101 @@
+"""Tell actuators what the columns of a log say, effects included, row by row."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from serpent_twin import effects
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Effect, Instant
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.measured import Runs
+from serpent_twin.machines.model.coordinates import SCALE, zero_of
+from serpent_twin.machines.model.description import Described
+
+
+def controls(
+    machine: Described, there: Sequence[Effect], x: Mapping[str, float], pieces: Runs
+) -> Array:
+    """What every row's drives tell the actuators, (S, T, nu), at coordinates `x` of the fit."""
+    model, rows = machine.model, pieces.time.shape[1]
+    told = np.empty((len(pieces), rows, model.nu))
+    start = machine.keyframe_controls
+    for each in machine.about.drive:
+        n = model.actuator(each.actuator).id
+        away = pieces.column[each.column] - start[n]
+        zero = machine.control_unit(each.actuator)[1] * x[zero_of(each.actuator)]
+        told[..., n] = start[n] + np.exp(x[SCALE]) * away + zero
+    several = effects.stacked([there] * len(told))
+    if not several:
+        return told
+    names = [model.actuator(n).name for n in range(model.nu)]
+    ahead, dt = np.asarray(np.gradient(told, axis=1)), pieces.period[:, None]
+    memory: list[object] = []
+    for t in range(rows):
+        now = told[:, t]
+        moment = DrivenMoment(names, dt, now.copy(), ahead[:, t], now.copy(), now.copy())
+        memory = memory if t else effects.begin(several, moment)
+        effects.act(several, moment, memory)
+        told[:, t] = moment.winch_angle
+    return told
+
+
+@dataclass
+class DrivenMoment(Instant):
+    """One row of n runs; arrays are (n, nu), one number an actuator. `tell` changes the goal."""
+
+    given: ClassVar[frozenset[str]] = frozenset(
+        {"names", "dt", "motor_angle", "motor_velocity", "goal"}
+    )
+
+    names: Sequence[str]
+    """Of the actuators, (nu,)"""
+    dt: Array
+    """To the next row [s], (n, 1)"""
+    motor_angle: Array
+    """What the log tells the actuators [m or rad]"""
+    motor_velocity: Array
+    """Its change to the next row [m or rad]"""
+
+    goal: Array
+    """The same as the motor angle, for effects that delay it"""
+    winch_angle: Array
+    """What reaches them; the same, unless the drive has play"""
+
+    def tell(self, goal: Array) -> None:
+        """Give the actuators another goal."""
+        object.__setattr__(self, "goal", goal)
+        self.winch_angle = goal.copy()
+
+    def at(self, place: str) -> "PartOfMoment":
+        """The moment of one actuator."""
+        if place not in self.names:
+            raise SerpentError(
+                f"there is no actuator {place!r}; there are: {', '.join(self.names)}. Name one of them."
+            )
+        return PartOfMoment(self, list(self.names).index(place))
+
+
+class PartOfMoment:
+    """A moment of one of many things: its arrays are (n, 1), and what is written there is written there."""
+
+    def __init__(self, whole: DrivenMoment, which: int) -> None:
+        self.__dict__.update(whole=whole, which=which)
+
+    def __getattr__(self, name: str) -> Array:
+        """One column of the whole."""
+        value = getattr(self.whole, name)
+        return value if name == "dt" else value[:, self.which : self.which + 1]
+
+    def tell(self, goal: Array) -> None:
+        """Give the actuator another goal."""
+        changed = self.whole.goal.copy()
+        changed[:, self.which : self.which + 1] = goal
+        self.whole.tell(changed)
+
+    def __setattr__(self, name: str, value: Array) -> None:
+        changed = getattr(self.whole, name).copy()
+        changed[:, self.which : self.which + 1] = value
+        setattr(self.whole, name, changed)

@@ -1,0 +1,146 @@
+"""Make any MJCF traceable whose machine.toml says what a log's columns are."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import ceil
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Effect, edit
+from serpent_twin.machines.machine import (
+    Candidate,
+    Declared,
+    Output,
+    ParameterVector,
+    Quantity,
+    by_coordinate,
+    effects_at,
+)
+from serpent_twin.machines.measured import Recording, RunMachine, Runs, cut
+from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
+from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.drives import controls
+from serpent_twin.machines.model.motion import measured_joints, moved, start_columns, starts
+from serpent_twin.machines.model.poses import Rests, settled
+from serpent_twin.machines.model.seen import Seen
+
+_FEWEST = 2
+"""Rows of a segment"""
+_LEAD = 4
+"""Poses before a segment that are sought, so that what remembers its past has one"""
+_POSES, _ROWS = 20, 100
+"""Rows of a segment of poses, and of a motion"""
+
+
+@dataclass(frozen=True)
+class ModelMachine(RunMachine):
+    """A model, and how the columns of a log drive it and are compared with it."""
+
+    described: Described
+    known: Mapping[str, Candidate]
+    """The candidates"""
+    coordinates: tuple[FittedNumber, ...]
+    outputs: tuple[Output, ...]
+    frame: Mapping[str, Any]
+    """`shift` of the cameras' frame, and the `pivot` about which it is turned, (3,) each [m]"""
+    segments: tuple[int, int] = (40, 80)
+    rests: Rests = field(default_factory=Rests, compare=False, repr=False)
+    """Poses found so far"""
+    every: int = 1
+    block: float = 0.0
+    """As short as can be: the error of a pose at rest hardly follows that of the one before"""
+    window: None = None
+    joints: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The machine's."""
+        return self.described.name
+
+    @property
+    def first(self) -> Mapping[str, Any]:
+        """Where the frame of the cameras starts."""
+        return self.frame
+
+    @property
+    def drives(self) -> Mapping[str, str]:
+        """Each drive's actuator, by its column."""
+        return {each.column: each.actuator for each in self.described.about.drive}
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns that a simulation reads."""
+        more = start_columns(self.described) if self.described.about.rows == MOTION else ()
+        return (*self.drives, *more)
+
+    @property
+    def markers(self) -> tuple[str, ...]:
+        """What the pose is made of."""
+        return tuple(each.of[1] for each in self.described.about.measured)
+
+    @property
+    def candidates(self) -> Mapping[str, Candidate]:
+        """The candidates: effects that the machine may have."""
+        return self.known
+
+    @property
+    def declared(self) -> tuple[Declared, ...]:
+        """What calibration fits."""
+        return tuple(each.declared for each in self.coordinates)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The physical quantity of each coordinate."""
+        return tuple(each.quantity for each in self.coordinates)
+
+    def pieces(self, sessions: Sequence[Recording]) -> Runs:
+        """Sessions in segments of some rows; whole, if a motion can start from its first row only."""
+        parts = [part for run in sessions for part in self._parts(run)]
+        return cut(parts, self.columns, [each.name for each in self.outputs])
+
+    def _parts(self, run: Recording) -> list[Recording]:
+        """A session in parts of one length, as nearly as it goes; of poses, each after a few in which nothing
+        counts as measured.
+        """
+        about, moves = self.described.about, self.described.about.rows == MOTION
+        whole = moves and not measured_joints(self.described)
+        parts = 1 if whole else ceil(len(run) / (about.segment or (_ROWS if moves else _POSES)))
+        ends = np.linspace(0, len(run), parts + 1).round().astype(int).tolist()
+        found = []
+        for start, end in pairwise(ends):
+            rows = slice(start if moves else max(0, start - _LEAD), end)
+            columns = {name: values[rows].copy() for name, values in run.columns.items()}
+            for output in self.outputs:
+                columns[output.name][: start - rows.start] = np.nan
+            if end - rows.start >= _FEWEST:
+                found.append(Recording(run.path, run.metadata, columns, run.name))
+        return found
+
+    def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
+        """The twin as MJCF."""
+        spec = self.described.spec.copy()
+        edit_numbers(spec, self.coordinates, by_coordinate(self.declared, declared))
+        edit(spec, effects)
+        return spec
+
+    def respond(
+        self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
+    ) -> Array:
+        """What twins show in each row, (D, S, T, C); not finite where a twin does not come to rest."""
+        out = np.full((len(points), *pieces.time.shape, len(self.outputs)), np.nan)
+        for k, point in enumerate(points):
+            out[k] = self._respond(point, pieces)
+        return out
+
+    def _respond(self, point: ParameterVector, pieces: Runs) -> Array:
+        machine, there = self.described, effects_at(point)
+        x = by_coordinate(self.declared, point.declared)
+        model = self.spec(point.declared, there).compile()
+        told, seen = controls(machine, there, x, pieces), Seen(machine, self.frame, x)
+        if machine.about.rows == MOTION:
+            return moved(model, told, starts(machine, pieces), machine.begin, seen, pieces.period)
+        return settled(model, told, machine.begin, seen, self.rests, pieces)

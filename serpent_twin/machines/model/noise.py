@@ -1,0 +1,59 @@
+"""Tell the noise of what is measured."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.model.description import MOTION, Described, MeasuredColumns
+from serpent_twin.machines.model.units import TO_SI
+
+_STILL = 0.005
+"""Change of a drive, of its range in the logs, below which two poses in a row should be one"""
+_LEAST = 1e-3
+"""Noise where no pose is repeated, of the range of what is measured"""
+_ROUNDING = 1e-5
+"""Least noise in motion, of that range"""
+_REPEATED = 8
+"""Poses that must be repeated for an estimate"""
+_MEDIAN = 0.6745
+"""Median of the absolute value of a normal number, over its standard deviation"""
+_FOURTH = np.sqrt(70.0)
+"""Standard deviation of a fourth difference of white noise, over the noise's"""
+
+
+def noise(
+    machine: Described, training: Sequence[Recording], measured: MeasuredColumns, name: str
+) -> float:
+    """Standard deviation of a column [SI]: as stated; or from poses that a log repeats, or from the fourth
+    differences of a motion.
+    """
+    if measured.noise:
+        return measured.noise * TO_SI[measured.unit][0]
+    values = np.concatenate([run.columns[name] for run in training])
+    span = float(np.nanmax(values) - np.nanmin(values))
+    if machine.about.rows == MOTION:
+        fourth = np.concatenate([np.diff(run.columns[name], n=4) for run in training])
+        return max(_ROUNDING * span, _deviation(fourth) / _FOURTH)
+    apart = _again(machine, training, name)
+    return max(_LEAST * span, _deviation(apart) / np.sqrt(2))
+
+
+def _again(machine: Described, training: Sequence[Recording], name: str) -> Array:
+    """By how much a column differs in poses that a log repeats."""
+    drives = [
+        np.array([run.columns[each.column] for each in machine.about.drive]) for run in training
+    ]
+    close = _STILL * np.ptp(np.concatenate(drives, axis=1), axis=1, keepdims=True)
+    again = [
+        np.diff(run.columns[name])[(np.abs(np.diff(told, axis=1)) < close).all(axis=0)]
+        for run, told in zip(training, drives, strict=True)
+    ]
+    return np.concatenate(again)
+
+
+def _deviation(values: Array) -> float:
+    """Standard deviation by the median of the absolute values; 0 of few."""
+    known = np.abs(values[np.isfinite(values)])
+    return float(np.median(known)) / _MEDIAN if len(known) >= _REPEATED else 0.0

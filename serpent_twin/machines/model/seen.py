@@ -1,0 +1,57 @@
+"""Read what is measured out of simulations, as the log has it."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from scipy.spatial.transform import Rotation
+
+from serpent_twin.arrays import Array
+from serpent_twin.machines.model.coordinates import CAMERAS
+from serpent_twin.machines.model.description import Described
+
+
+class Seen:
+    """What is measured of a machine at coordinates `x` of the fit, its sites in the frame of the cameras."""
+
+    def __init__(
+        self, machine: Described, frame: Mapping[str, Any], x: Mapping[str, float]
+    ) -> None:
+        self._about, self._frame, self._x = machine.about, frame, x
+
+    def bind(self, batch: Batch) -> None:
+        """Let the batch keep what is read: before its first step."""
+        for field in ("site_xpos", "site_xmat", "sensordata"):
+            batch.bind(field)
+
+    def read(self, batch: Batch) -> Array:
+        """What is measured now, (n, C)."""
+        model, found = batch.model, []
+        for each in self._about.measured:
+            kind, name = each.of
+            if kind == "site":
+                n = model.site(name).id
+                turn = batch.bind("site_xmat")[:, n].reshape(-1, 3, 3)
+                at = batch.bind("site_xpos")[:, n] + turn @ np.array(each.point)
+                found.append(self._by_cameras(at) if each.cameras else at)
+            elif kind == "joint":
+                found.append(batch.bind("qpos")[:, [address(model, name)]].copy())
+            else:
+                sensor = model.sensor(name)
+                first = int(sensor.adr[0])
+                found.append(batch.bind("sensordata")[:, first : first + int(sensor.dim[0])].copy())
+        return np.concatenate(found, axis=1)
+
+    def _by_cameras(self, at: Array) -> Array:
+        """Places in the world in the frame of the cameras [m], (n, 3)."""
+        turned, along = (np.array([self._x[name] for name in names]) for names in CAMERAS)
+        pivot, shift = np.array(self._frame["pivot"]), np.array(self._frame["shift"])
+        about = Rotation.from_rotvec(np.radians(turned))
+        return pivot + about.apply(at - pivot) + shift + 1e-3 * along
+
+
+def address(model: mujoco.MjModel, joint: str) -> int:
+    """Of a hinge or slide in qpos."""
+    return int(model.joint(joint).qposadr[0])

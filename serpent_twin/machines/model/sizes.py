@@ -1,0 +1,68 @@
+"""Measure how large forces and rates are in a machine's logs, by which effects and priors are sized."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.motion import angle_of, measured_joints, rate_of
+
+_MOST = 2000  # rows that are looked at
+_TURN = 0.1  # [rad] typical of a joint whose motion is not measured
+_RATE = 1.0  # [rad/s]
+_DIFFERENCE = 1e-6
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Typical values at each degree of freedom, (nv,) each."""
+
+    force: Array
+    """What moves it [N m or N]"""
+    rate: Array
+    """How fast it moves [rad/s or m/s]"""
+    stiffness: Array
+    """Change of the force that it takes to hold it still with its angle, where runs begin [N m/rad or N/m]"""
+
+
+def sizes(machine: Described, training: Sequence[Recording]) -> Sizes:
+    """Of the nominal model along the logs, where all joints are measured; else where runs begin."""
+    model, data = machine.model, mujoco.MjData(machine.model)
+    stiffness = _stiffness(machine, data)
+    joints = measured_joints(machine)
+    if machine.about.rows != MOTION or not joints:
+        return Sizes(_TURN * stiffness, np.full(model.nv, _RATE), stiffness)
+    order = [int(model.joint(name).dofadr[0]) for name in joints]
+    forces, rates = [], []
+    for run in training:
+        angle, rate = (
+            np.array([run.columns[of(j)] for j in joints]).T for of in (angle_of, rate_of)
+        )
+        change = np.gradient(rate, run.time, axis=0)
+        for t in range(0, len(run), max(1, len(run) * len(training) // _MOST)):
+            data.qpos[order], data.qvel[order], data.qacc[order] = angle[t], rate[t], change[t]
+            mujoco.mj_inverse(model, data)
+            forces.append(data.qfrc_inverse.copy())
+            rates.append(data.qvel.copy())
+    force, rate = (np.sqrt(np.mean(np.square(each), axis=0)) for each in (forces, rates))
+    return Sizes(np.maximum(force, 1e-9), np.maximum(rate, 1e-9), stiffness)
+
+
+def _stiffness(machine: Described, data: mujoco.MjData) -> Array:
+    model, found = machine.model, np.empty(machine.model.nv)
+    for n in range(model.nv):
+        forces = []
+        for side in (-_DIFFERENCE, _DIFFERENCE):
+            mujoco.mj_resetData(model, data)
+            data.qpos[:], data.ctrl[:] = machine.begin, machine.keyframe_controls
+            step = np.zeros(model.nv)
+            step[n] = side
+            mujoco.mj_integratePos(model, data.qpos, step, 1.0)
+            mujoco.mj_forward(model, data)
+            forces.append(data.qfrc_smooth[n])
+        found[n] = abs(forces[1] - forces[0]) / (2 * _DIFFERENCE)
+    return np.maximum(found, 1e-9)

@@ -1,0 +1,335 @@
+"""Test machines that a machine.toml describes: what is read, what is refused, what a trace of poses finds."""
+
+import json
+
+import moving_models
+import mujoco
+import numpy as np
+import posed_models
+import pytest
+
+from serpent_twin import machines
+from serpent_twin.errors import SerpentError
+from serpent_twin.identification.check_logs import Check, check
+from serpent_twin.identification.run import Trace, trace
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model.lines import line_of
+
+TILTED = (1.2, 0.0, -9.6)  # [m/s²]
+
+
+def logs(folder, sessions=4, **how):
+    for n in range(sessions):
+        posed_models.log(folder / f"poses_{n}.csv", n, **how)
+    return folder
+
+
+def traced(tmp_path, lacks="", **how):
+    path = posed_models.machine(tmp_path / "arm")
+    model = path.with_name("arm.xml")
+    model.write_text(model.read_text().replace(lacks, ""))
+    out = tmp_path / "trace"
+    trace(Trace((logs(tmp_path / "logs", **how),), out, machine=path))
+    return json.loads((out / "diagnosis.json").read_text())
+
+
+def test_a_model_of_the_machine_predicts_its_poses(tmp_path):
+    rig = open_machine(posed_models.machine(tmp_path))
+    recordings = rig.read(logs(tmp_path / "logs", 2))
+    case = rig.open(recordings)
+    pieces = case.pieces(recordings)
+    at = ParameterVector(np.zeros(len(case.declared)))
+    off = pieces.measured - case.machine.respond([at], pieces)[0]
+    assert np.nanstd(off) == pytest.approx(3e-4, rel=0.15)  # the noise of the log
+
+
+@pytest.mark.slow
+def test_nothing_is_missing_where_nothing_is(tmp_path):
+    found = traced(tmp_path)
+    assert found["effects"] == [] and not found["unexplained"]["is"]
+
+
+@pytest.mark.slow
+def test_gravity_that_leans_is_named_with_its_size(tmp_path):
+    found = traced(tmp_path, gravity=TILTED)
+    assert [each["name"] for each in found["effects"]] == ["gravity"]
+    along = found["effects"][0]["parameters"]["along_x"]
+    assert along["value"] == pytest.approx(TILTED[0], rel=0.2)
+    assert along["low"] < TILTED[0] < along["high"]
+
+
+@pytest.mark.slow
+def test_play_of_the_motors_is_named_with_its_size(tmp_path):
+    found = traced(tmp_path, gap=0.05)
+    assert [each["name"] for each in found["effects"]] == ["gear_backlash"]
+    gap = found["effects"][0]["parameters"]["gap"]
+    assert gap["value"] == pytest.approx(0.05, rel=0.1)
+
+
+@pytest.mark.slow
+def test_play_of_one_motor_is_named_with_its_place(tmp_path):
+    found = traced(tmp_path, gap=(0.0, 0.06))
+    assert [each["name"] for each in found["effects"]] == ["gear_backlash@at_elbow"]
+    gap = found["effects"][0]["parameters"]["gap"]
+    assert gap["value"] == pytest.approx(0.06, rel=0.1)
+    assert gap["low"] < 0.06 < gap["high"]
+    twin = json.loads((tmp_path / "trace" / "twin.json").read_text())
+    assert [each["at"] for each in twin["effects"]] == ["at_elbow"]
+
+
+@pytest.mark.slow
+def test_a_spring_that_a_number_of_the_model_can_stand_for_is_told_with_that_number(tmp_path):
+    """A softer motor of less reach moves the elbow as a spring beside it does: poses cannot tell them."""
+    found = traced(tmp_path, lacks=' stiffness="0.8"')
+    assert found["effects"] == []
+    moved = {each["name"]: each for each in found["moved"]}
+    assert moved["scale of the drives"]["stands_for"]["joint_elasticity@elbow"] > 0.9
+
+
+def moved(tmp_path, **how):
+    path = moving_models.machine(tmp_path / "arm")
+    for n in range(4):
+        moving_models.log(tmp_path / "logs" / f"motion_{n}.csv", n, **how)
+    out = tmp_path / "trace"
+    trace(Trace((tmp_path / "logs",), out, machine=path))
+    return json.loads((out / "diagnosis.json").read_text())
+
+
+def test_a_model_of_a_moving_machine_predicts_its_motion(tmp_path):
+    rig = open_machine(moving_models.machine(tmp_path))
+    recordings = rig.read_files([moving_models.log(tmp_path / "log.csv", 0)])
+    case = rig.open(recordings)
+    pieces = case.pieces(recordings)
+    assert pieces.time.shape == (4, 100)
+    at = ParameterVector(np.zeros(len(case.declared)))
+    off = pieces.measured - case.machine.respond([at], pieces)[0]
+    assert np.sqrt(np.nanmean(off**2)) < 2e-3  # rad: four times the noise, where angles reach 1
+
+
+def test_noise_is_estimated_from_a_motion(tmp_path):
+    path = moving_models.machine(tmp_path)
+    path.write_text(moving_models.TOML.replace("noise = 0.0005", ""))
+    rig = open_machine(path)
+    case = rig.open(rig.read_files([moving_models.log(tmp_path / "log.csv", 0)]))
+    least = [each.noise for each in case.machine.outputs]
+    assert least == pytest.approx([5e-4, 5e-4], rel=0.15)  # rad
+
+
+@pytest.mark.slow
+def test_nothing_is_missing_in_a_motion_where_nothing_is(tmp_path):
+    found = moved(tmp_path)
+    assert found["effects"] == [] and not found["unexplained"]["is"]
+
+
+@pytest.mark.slow
+def test_friction_of_one_joint_is_named_with_its_place(tmp_path):
+    found = moved(tmp_path, friction=0.03)
+    assert [each["name"] for each in found["effects"]] == ["hinge_friction@elbow"]
+    coulomb = found["effects"][0]["parameters"]["coulomb"]
+    assert coulomb["value"] == pytest.approx(0.03, rel=0.1)
+
+
+@pytest.mark.slow
+def test_motors_that_obey_late_are_named_with_their_delay(tmp_path):
+    found = moved(tmp_path, late=0.03)
+    assert [each["name"] for each in found["effects"]] == ["command_delay"]
+    delay = found["effects"][0]["parameters"]["delay"]
+    assert delay["value"] == pytest.approx(0.03, rel=0.1)
+    assert delay["low"] < 0.03 < delay["high"]
+
+
+def test_an_effect_at_a_place_that_is_not_there_is_refused(tmp_path):
+    rig = open_machine(posed_models.machine(tmp_path / "arm"))
+    recordings = rig.read(logs(tmp_path / "logs", 1))
+    case = rig.open(recordings)
+    none = np.zeros(len(case.declared))
+    at = ParameterVector(none, {"gear_backlash@at_wrist": np.array([0.01])})
+    with pytest.raises(SerpentError, match="there are: at_shoulder, at_elbow"):
+        case.residual([at], case.pieces(recordings))
+
+
+def test_joint_angles_are_compared_in_degrees(tmp_path):
+    path = posed_models.machine(tmp_path / "arm")
+    angles = '[[measured]]\njoint = "shoulder"\ncolumns = ["angle"]\nunit = "deg"\nscale = -1\n'
+    path.write_text(posed_models.TOML[: posed_models.TOML.index("[[measured]]")] + angles)
+    log = posed_models.log(tmp_path / "log.csv", 0)
+    head, *rows = log.read_text().splitlines()
+    goals = [np.radians([float(v) for v in row.split(",")[:2]]) for row in rows]
+    rest = [posed_models.rest(goal, np.array([0, 0, -9.81]))[0] for goal in goals]
+    lines = [f"{row},{-np.degrees(at):.6f}" for row, at in zip(rows, rest, strict=True)]
+    log.write_text("\n".join([f"{head},angle", *lines]))
+    rig = open_machine(path)
+    recordings = rig.read_files([log])
+    case = rig.open(recordings)
+    compared = case.compare(None, case.pieces(recordings))
+    assert compared.marker.unit == "°"
+    assert np.nanmax(compared.distance) < np.radians(0.01)
+
+
+def test_a_check_tells_what_poses_can_show(tmp_path):
+    path = posed_models.machine(tmp_path / "arm")
+    found = check(Check((logs(tmp_path / "logs", 2),), machine=path))
+    seen = {each.name: each for each in found.effects}
+    assert seen["gear_backlash"].told and seen["gear_backlash"].limit < 0.01  # rad
+
+
+@pytest.mark.parametrize(
+    "before, after, wanted",
+    [
+        (
+            'rows = "poses"',
+            'rows = "walks"',
+            'line 3: rows is the text "walks"; it must be "motion" or "poses"',
+        ),
+        ('unit = "deg"', 'unit = "grad"', 'line 8: drive[0].unit is the text "grad"'),
+        (
+            'actuator = "at_elbow"',
+            'actuator = "elbow"',
+            "line 11: drive[1].actuator is 'elbow', which",
+        ),
+        (
+            'site = "tip"',
+            'site = "hand"',
+            "line 16: measured[0].site is 'hand', which the model lacks",
+        ),
+        ('"x", "y", "z"', '"x", "y"', "line 17: measured[0].columns must be 3"),
+        ("noise = 0.3", "noisy = 0.3", "line 15: measured[0] has noisy, which is unknown"),
+        (
+            'unit = "mm"',
+            'unit = "deg"',
+            "line 18: measured[0].unit is 'deg', of rad; site 'tip' is in m",
+        ),
+        (
+            "noise = 0.3",
+            '[[uncertain]]\nnumber = "mass"\nof = ["leg"]',
+            "line 22: uncertain[0].of is 'leg'",
+        ),
+        (
+            "noise = 0.3",
+            '[[measured]]\njoint = "elbow"\ncolumns = ["q"]\nunit = "deg"',
+            "line 15: measured has quantities of several kinds",
+        ),
+        ("schema_version = 1", "schema_version = 2", "schema_version is 2"),
+        ('"arm.xml"', '"../arm.xml"', "outside the folder"),
+        ('"arm.xml"', '"leg.xml"', "there is no such file"),
+        ('rows = "poses"', 'rows = "motion"', "no time column is named"),
+    ],
+)
+def test_a_description_that_cannot_be_is_refused_by_line_and_key(tmp_path, before, after, wanted):
+    path = posed_models.machine(tmp_path)
+    path.write_text(posed_models.TOML.replace(before, after, 1))
+    with pytest.raises(SerpentError) as error:
+        machines.find(str(path))
+    assert wanted in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "before, after, wanted",
+    [
+        (
+            "elbow_deg",
+            "elbow",
+            "has no column 'elbow_deg'; there are: shoulder_deg, elbow, x, y, z",
+        ),
+        ("shoulder_deg,", "shoulder_deg,again,", "is no CSV table"),
+    ],
+)
+def test_a_log_without_what_the_machine_needs_is_refused(tmp_path, before, after, wanted):
+    rig = open_machine(posed_models.machine(tmp_path))
+    path = posed_models.log(tmp_path / "log.csv", 0)
+    path.write_text(path.read_text().replace(before, after, 1))
+    with pytest.raises(SerpentError) as error:
+        rig.read_files([path])
+    assert wanted in str(error.value)
+
+
+def test_degrees_that_are_taken_for_radians_are_told(tmp_path):
+    path = posed_models.machine(tmp_path)
+    path.write_text(posed_models.TOML.replace('unit = "deg"', 'unit = "rad"'))
+    with pytest.raises(SerpentError, match=r"range -3 … 3\. State its unit"):
+        open_machine(path).read_files([posed_models.log(tmp_path / "log.csv", 0)])
+
+
+def test_a_column_names_the_sessions_of_a_file(tmp_path):
+    path = posed_models.machine(tmp_path)
+    path.write_text('session = "which"\n' + posed_models.TOML)
+    log = posed_models.log(tmp_path / "log.csv", 0, poses=30)
+    head, *rows = log.read_text().splitlines()
+    labelled = [f"{row},{'rise' if n < 12 else 'fall'}" for n, row in enumerate(rows)]
+    log.write_text("\n".join([f"{head},which", *labelled]))
+    found = open_machine(path).read_files([log])
+    assert [(each.name, len(each)) for each in found] == [("rise", 12), ("fall", 18)]
+
+
+def test_a_model_that_does_not_come_to_rest_is_refused(tmp_path):
+    """A wheel on a motor has no rest."""
+    path = posed_models.machine(tmp_path)
+    wheel = posed_models.MJCF.replace('stiffness="0.8"', "").replace(
+        '<position name="at_elbow" joint="elbow" kp="4" ctrlrange="-3 3"/>',
+        '<motor name="at_elbow" joint="elbow" gear="9"/>',
+    )
+    path.with_name("arm.xml").write_text(wheel)
+    rig = open_machine(path)
+    with pytest.raises(SerpentError, match=r"does not come to rest in .* poses, first in log"):
+        rig.open(rig.read_files([posed_models.log(tmp_path / "log.csv", 0)]))
+
+
+def test_things_without_a_name_are_counted(tmp_path):
+    path = posed_models.machine(tmp_path)
+    model = path.with_name("arm.xml")
+    model.write_text(model.read_text().replace('<body name="upper"', "<body"))
+    rig = open_machine(path)
+    case = rig.open(rig.read_files([posed_models.log(tmp_path / "log.csv", 0)]))
+    assert "mass of number 1" in {each.name for each in case.declared}
+    model.write_text(model.read_text().replace('name="at_elbow" ', ""))
+    with pytest.raises(SerpentError, match="one has no name"):
+        open_machine(path)
+
+
+def test_a_machine_is_named_by_its_file_or_its_folder(tmp_path):
+    path = posed_models.machine(tmp_path / "arm")
+    for given in (path, path.parent):
+        assert machines.named("arm", given) == str(path)
+    assert machines.named("jaw", None) == "jaw"
+    with pytest.raises(SerpentError, match=r"Name a machine\.toml"):
+        machines.named("arm", path.with_name("arm.xml"))
+    with pytest.raises(SerpentError, match="--rig would be ignored beside --machine"):
+        Trace((tmp_path,), tmp_path / "out", rig="jaw", machine=path)
+
+
+def test_a_file_of_the_model_outside_its_folder_is_refused(tmp_path):
+    path = posed_models.machine(tmp_path / "arm")
+    (tmp_path / "hand.xml").write_text("<mujoco/>")
+    inside = '<mujoco><include file="../hand.xml"/>'
+    path.with_name("arm.xml").write_text(posed_models.MJCF.replace("<mujoco>", inside))
+    with pytest.raises(SerpentError, match="outside the folder"):
+        open_machine(path)
+
+
+def test_another_model_in_the_same_folder_is_another_trace(tmp_path):
+    path = posed_models.machine(tmp_path / "arm")
+    first = machines.made_of(machines.find(str(path)))
+    path.with_name("arm.xml").write_text(posed_models.MJCF.replace("0.8", "0.9"))
+    second = machines.made_of(machines.find(str(path)))
+    assert first["machine.toml"] == second["machine.toml"] and first["arm.xml"] != second["arm.xml"]
+
+
+def test_lines_of_keys_are_found():
+    text = 'top = 1\n\n[[drive]]\ncolumn = "a"\n[[drive]]\n# column\ncolumn = "b"\n[other]\nx = 1\n'
+    assert [line_of(key, text) for key in ("top", "drive[1].column", "drive[0]", "other.x")] == [
+        1,
+        7,
+        3,
+        9,
+    ]
+
+
+def test_the_twin_of_a_model_is_written_as_mjcf(tmp_path):
+    rig = open_machine(posed_models.machine(tmp_path / "arm"))
+    recordings = rig.read(logs(tmp_path / "logs", 2))
+    case = rig.open(recordings)
+    at = ParameterVector(np.zeros(len(case.declared)), {"gravity": np.array([1.0, 0.0, 0.5])})
+    case.write(at, tmp_path / "twin.json", {})
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))
+    np.testing.assert_allclose(model.opt.gravity, [1.0, 0.0, -9.31])
