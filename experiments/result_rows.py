@@ -1,10 +1,29 @@
 """Keep the rows of a study of many arms, one line of results.jsonl each."""
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
+
+from tqdm import tqdm
 
 from serpent_twin import stored
 from serpent_twin.runs.files import json_text, write_whole
+from serpent_twin.runs.processes import processes
+from serpent_twin.runs.worker_pool import execute
+
+
+class Trial(Protocol):
+    """One machine of a study."""
+
+    @property
+    def id(self) -> str:
+        """Its name in the study."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """What is wrong with it."""
+        ...
 
 
 class TrialRow(stored.OpenForm, frozen=True):
@@ -37,3 +56,42 @@ class Results:
         """Keep a row."""
         self.rows[row["id"]] = row
         write_whole(self.path, "".join(json_text(r, indent=None) for r in self.rows.values()))
+
+    def complete(
+        self,
+        every: Sequence[Any],
+        work: Callable[[Any], dict[str, Any] | None],
+        line: Callable[[dict[str, Any]], str],
+        workers: int,
+        unit: str = "arm",
+    ) -> None:
+        """Do the trials that have no row yet, side by side, and keep and print the row of each; work that
+        returns None was not begun.
+        """
+        traced = {row["id"] for row in self.scored}
+        missing = [trial for trial in every if trial.id not in traced]
+        done = len(every) - len(missing)
+        with tqdm(total=len(every), initial=done, unit=unit, smoothing=0.1) as bar:
+
+            def keep(_: Trial, row: dict[str, Any] | None) -> None:
+                if row is not None:
+                    self.add(row)
+                    failure = row.get("failed")
+                    bar.write(f"FAILED {row['id']}: {failure}" if failure else line(row))
+                    bar.update()
+
+            if workers == 1:
+                for trial in missing:
+                    keep(trial, work(trial))
+                return
+            with processes(workers) as pool:
+                for trial in execute(missing, work, pool, keep):
+                    keep(trial, failed_row(trial, _DIED))
+
+
+_DIED = "every process that tried it died, perhaps for want of memory"
+
+
+def failed_row(trial: Trial, why: str) -> dict[str, Any]:
+    """The row of a trial that did not reach its end."""
+    return {"id": trial.id, "name": trial.name, "failed": why}

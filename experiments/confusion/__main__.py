@@ -7,27 +7,23 @@ ends, and the same command goes on.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
-
-from tqdm import tqdm
 
 from experiments.confusion.arms import SOURCES
 from experiments.confusion.config import Confusion
 from experiments.confusion.page import page
 from experiments.confusion.plan import Trial, chosen, plan
 from experiments.confusion.score import called, quantity, right, scores
-from experiments.confusion.trial import failed, run_before
+from experiments.confusion.trial import run_before
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import write
-from serpent_twin.runs.processes import processes
 from serpent_twin.runs.run_lock import claimed
-from serpent_twin.runs.worker_pool import execute
 
 SETTINGS = "confusion.json"
 KEPT = ("id", "kind", "name", "truth", "named", "unexplained", "error_mm", "seconds")
@@ -39,7 +35,8 @@ def main(config: Confusion) -> None:  # noqa: D103 tyro would print it above the
     settings = {name: getattr(config, name) for name in ("source", "sessions", "steps", "seed")}
     with claimed(config.out, SETTINGS, settings):
         results = Results(config.out / "results.jsonl")
-        _run(config, trials, results)
+        work = partial(run_before, time.time() + 60 * (config.budget_minutes or 1e9), config)
+        results.complete(trials, work, _line, config.workers)
         _publish(config, trials, results, settings)
 
 
@@ -54,44 +51,7 @@ def _trials(config: Confusion) -> list[Trial]:
     return chosen(every, config.only, config.trials)
 
 
-def _run(config: Confusion, trials: Sequence[Trial], results: Results) -> None:
-    traced = {row["id"] for row in results.scored}
-    missing = [trial for trial in trials if trial.id not in traced]
-    done = len(trials) - len(missing)
-    with tqdm(total=len(trials), initial=done, unit="arm", smoothing=0.1) as bar:
-        bar.set_description("arms traced")
-
-        def keep(_: Trial, row: dict[str, Any] | None) -> None:
-            if row is not None:
-                results.add(row)
-                bar.write(_line(row))
-                bar.update()
-
-        for trial in _execute(config, missing, keep):
-            keep(
-                trial,
-                failed(trial, "every process that tried it died, perhaps for want of memory"),
-            )
-
-
-def _execute(
-    config: Confusion,
-    trials: Sequence[Trial],
-    keep: Callable[[Trial, dict[str, Any] | None], None],
-) -> list[Trial]:
-    """Run trials until the budget is spent; returns those that were given up."""
-    work = partial(run_before, time.time() + 60 * (config.budget_minutes or 1e9), config)
-    if config.workers == 1:
-        for trial in trials:
-            keep(trial, work(trial))
-        return []
-    with processes(config.workers) as pool:
-        return execute(trials, work, pool, keep)
-
-
 def _line(row: dict[str, Any]) -> str:
-    if "failed" in row:
-        return f"FAILED {row['id']}: {row['failed']}"
     verdict = "right" if right(row) else "WRONG"
     strengths = ", ".join(quantity(e["strength"], e["unit"]) for e in row["truth"]["effects"])
     error = row["error_mm"]

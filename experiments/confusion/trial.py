@@ -10,6 +10,7 @@ from typing import Any
 from experiments.confusion.arms import SOURCES, Length
 from experiments.confusion.config import Confusion
 from experiments.confusion.plan import Trial
+from experiments.result_rows import failed_row
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
 
@@ -26,7 +27,7 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
     try:
         truth, found, recorded = _record_and_trace(config, trial, folder)
     except SerpentError as error:
-        return failed(trial, str(error))
+        return failed_row(trial, str(error))
     if not config.keep:
         shutil.rmtree(folder / "logs", ignore_errors=True)
         shutil.rmtree(folder / "trace" / "stages", ignore_errors=True)
@@ -43,11 +44,6 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         "seconds": found["seconds"],
         "recording_seconds": recorded,
     }
-
-
-def failed(trial: Trial, why: str) -> dict[str, Any]:
-    """The row of a trial that did not reach its end."""
-    return {"id": trial.id, "kind": trial.kind, "name": trial.name, "failed": why}
 
 
 def _record_and_trace(

@@ -114,7 +114,7 @@ def _named(data: Path, held_out: str) -> tuple[str, Asked]:
     for name, bench in BENCHMARKS.items():
         rig: Any = machines.find(name)
         try:
-            judging = rig.read_files(files)
+            judging = [run for path in files for run in rig.read(path)]
         except SerpentError as error:
             reasons.append(str(error))
             continue

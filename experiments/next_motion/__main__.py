@@ -9,18 +9,14 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from tqdm import tqdm
-
 from experiments.next_motion.config import NextMotion
 from experiments.next_motion.score import answer, share_right
-from experiments.next_motion.trial import STAGES, TracedArm, failed, run_before, trials
+from experiments.next_motion.trial import STAGES, TracedArm, run_before, trials
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
 from serpent_twin.command_line import cli
 from serpent_twin.numerals import counted
-from serpent_twin.runs.processes import processes
 from serpent_twin.runs.run_lock import claimed
-from serpent_twin.runs.worker_pool import execute
 
 SETTINGS = "next_motion.json"
 
@@ -30,31 +26,12 @@ def main(config: NextMotion) -> None:  # noqa: D103 tyro would print it above th
     every = trials(config.arms, config.only)
     with claimed(config.out, SETTINGS, settings):
         results = Results(config.out / "results.jsonl")
-        _run(config, every, results)
+        work = partial(run_before, time.time() + 60 * (config.budget_minutes or 1e9), config)
+        results.complete(every, work, _line, config.workers)
         _publish(config, every, results, settings)
 
 
-def _run(config: NextMotion, every: Sequence[TracedArm], results: Results) -> None:
-    traced = {row["id"] for row in results.scored}
-    missing = [trial for trial in every if trial.id not in traced]
-    work = partial(run_before, time.time() + 60 * (config.budget_minutes or 1e9), config)
-    done = len(every) - len(missing)
-    with tqdm(total=len(every), initial=done, unit="arm", smoothing=0.1) as bar:
-
-        def keep(_: TracedArm, row: dict[str, Any] | None) -> None:
-            if row is not None:
-                results.add(row)
-                bar.write(_line(row))
-                bar.update()
-
-        with processes(config.workers) as pool:
-            for trial in execute(missing, work, pool, keep):
-                keep(trial, failed(trial, "every process that tried it died"))
-
-
 def _line(row: dict[str, Any]) -> str:
-    if "failed" in row:
-        return f"FAILED {row['id']}: {row['failed']}"
     said = ", ".join(f"{stage}: {answer(row['answers'][stage])}" for stage in STAGES)
     return f"{row['id']:20} {row['strength']:.3g}: {said}"
 

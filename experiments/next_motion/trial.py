@@ -15,6 +15,7 @@ import bench_arm
 from bench_arm.record import SUBSTEPS
 from bench_arm.session import RATE, session
 from experiments.next_motion.config import EFFECTS, NextMotion
+from experiments.result_rows import failed_row
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
@@ -34,7 +35,8 @@ class TracedArm:
     """One arm with one effect."""
 
     id: str
-    effect: str
+    name: str
+    """Of its effect"""
 
 
 @dataclass(frozen=True)
@@ -66,8 +68,8 @@ def run_trial(config: NextMotion, trial: TracedArm) -> dict[str, Any]:
     arm = _draw(config, trial)
     row = {
         "id": trial.id,
-        "name": trial.effect,
-        "strength": float(getattr(arm.effects, trial.effect)),
+        "name": trial.name,
+        "strength": float(getattr(arm.effects, trial.name)),
     }
     try:
         with (
@@ -77,17 +79,12 @@ def run_trial(config: NextMotion, trial: TracedArm) -> dict[str, Any]:
         ):
             found = _traced(config, arm, folder)
     except SerpentError as error:
-        return row | failed(trial, str(error))
+        return row | failed_row(trial, str(error))
     if not config.keep:
         for each in folder.iterdir():
             if each.is_dir():
                 shutil.rmtree(each / "stages", ignore_errors=True)
     return row | {"answers": found}
-
-
-def failed(trial: TracedArm, why: str) -> dict[str, Any]:
-    """The row of a trial that did not reach its end."""
-    return {"id": trial.id, "name": trial.effect, "failed": why}
 
 
 def _draw(config: NextMotion, trial: TracedArm) -> _Arm:
@@ -98,8 +95,8 @@ def _draw(config: NextMotion, trial: TracedArm) -> _Arm:
         load_noise=rng.uniform(0.004, 0.010),
     )
     level = config.level * float(np.exp(rng.uniform(-_SPREAD, _SPREAD)))
-    strength = level * bench_arm.TYPICAL[trial.effect]
-    effects = bench_arm.inject(trial.effect, strength, rng)
+    strength = level * bench_arm.TYPICAL[trial.name]
+    effects = bench_arm.inject(trial.name, strength, rng)
     return _Arm(built, effects, int(rng.integers(1 << 31)))
 
 

@@ -8,6 +8,7 @@ the trace find an effect here.
 """
 
 from serpent_twin.effects.effect import (
+    READING,
     Effect,
     Range,
     Several,
@@ -25,6 +26,7 @@ from serpent_twin.effects.moment import Geared, Instant, Moment, TorqueDriven, W
 from serpent_twin.effects.registry import (
     KNOWN,
     Stored,
+    StoredAnywhere,
     by_name,
     name_of,
     placed,
@@ -35,6 +37,7 @@ from serpent_twin.effects.registry import (
 
 __all__ = [
     "KNOWN",
+    "READING",
     "Effect",
     "Geared",
     "Instant",
@@ -42,6 +45,7 @@ __all__ = [
     "Range",
     "Several",
     "Stored",
+    "StoredAnywhere",
     "TorqueDriven",
     "Wound",
     "act",

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.effects.effect import Effect, Several, parameter
-from serpent_twin.effects.links import link_at
+from serpent_twin.effects.links import body_at, link_at
 
 _POINT = "constant_force"
 
@@ -15,6 +15,8 @@ _POINT = "constant_force"
 @dataclass(frozen=True)
 class ConstantForce(Effect):
     """A constant force (x, y, z) in the base's frame at a point on the arm's long axis.
+
+    In a model that is not the arm's, it is in the world's frame, at a site or the origin of a body's frame.
 
     A hose or a cable that drags at the arm, a spring that holds it, somebody who leans on it.
     Source: principle of virtual work. MJCF expresses all of it. A weight is such a force, too, but has
@@ -47,15 +49,23 @@ class ConstantForce(Effect):
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Add an actuator that pulls at the point whatever it is told."""
-        link, along = link_at(spec, self.place)
-        link.add_site(name=_POINT, pos=[along, 0.0, 0.0])
+        point, base = _POINT + self.at, "base"
+        if self.at:
+            base = f"{point} world"
+            spec.worldbody.add_site(name=base)
+            carrier, at = body_at(spec, self.at)
+            carrier.add_site(name=point, pos=at)
+        else:
+            link, along = link_at(spec, self.place)
+            link.add_site(name=point, pos=[along, 0.0, 0.0])
         force = spec.add_actuator(
-            name=_POINT,
+            name=point,
             trntype=mujoco.mjtTrn.mjTRN_SITE,
-            target=_POINT,
-            refsite="base",
+            target=point,
+            refsite=base,
             gear=[self.along_x, self.along_y, self.along_z, 0.0, 0.0, 0.0],
             gaintype=mujoco.mjtGain.mjGAIN_FIXED,
             biastype=mujoco.mjtBias.mjBIAS_AFFINE,
         )
         force.gainprm[0], force.biasprm[0] = 0.0, 1.0
+        force.ctrllimited = force.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE

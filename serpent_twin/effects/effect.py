@@ -38,11 +38,17 @@ class Range:
         return 1e-6 * self.typical if self.fitted and self.low == 0 else self.low
 
     @property
+    def anywhere(self) -> "Range":
+        """The same for a machine of any size: of the same sign, and finite."""
+        return replace(self, low=-_ANY if self.low < 0 else self.low, high=_ANY)
+
+    @property
     def limit_begins(self) -> float:
         """From where on a value is the law of the high end; infinite without such a law."""
         return _NEARLY * self.high if self.limit and self.fitted else float("inf")
 
 
+_ANY = 1e9
 _NEARLY = 0.3
 """Share of a range from which on a value is the law of its high end: it is many thousand times the typical
 one there, and nothing shows any more how large it is
@@ -51,9 +57,9 @@ SMOOTH = 0.2
 """Share of a time constant that one explicit time step may take: what relaxes does so without overshoot, and
 is never off by more than 5 %."""
 _UNKNOWN = 0.005  # [s] as the simulation's own
-COMMAND, SERVO, WINDING, CABLE, LOSS = range(5)
+COMMAND, SERVO, WINDING, CABLE, LOSS, READING = range(6)
 """Order in a time step: goals of the servos, their angles, the winding of the cables, the cables' properties,
-friction by their tension."""
+friction by their tension; and of what is read, after all time steps."""
 
 
 def parameter(
@@ -108,8 +114,8 @@ class Effect:
             )
 
     def __post_init__(self) -> None:
-        for name, allowed in ranges(type(self)).items():
-            value = getattr(self, name)
+        for name, known in ranges(type(self)).items():
+            value, allowed = getattr(self, name), known.anywhere if self.at else known
             if isinstance(value, np.ndarray):
                 continue
             if not (isfinite(value) and allowed.low <= value <= allowed.high):

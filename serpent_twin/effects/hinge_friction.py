@@ -6,6 +6,7 @@ from typing import ClassVar
 import mujoco
 
 from serpent_twin.effects.effect import Effect, parameter
+from serpent_twin.effects.links import HELD, let_rub
 
 
 @dataclass(frozen=True)
@@ -13,7 +14,8 @@ class HingeFriction(Effect):
     """Coulomb friction F sign(q̇) and viscous friction b q̇ of every hinge.
 
     Source: Coulomb's and Newton's laws of friction. MJCF expresses all of it, as frictionloss and
-    damping. Small servos lose 2 … 10 % of their stall torque to it.
+    damping; at a joint of any model, it holds within two time steps. Small servos lose 2 … 10 % of their
+    stall torque to it.
     """
 
     coulomb: float = parameter("N m", high=0.5, typical=0.03)
@@ -30,3 +32,7 @@ class HingeFriction(Effect):
             if joint.name == self.at if self.at else joint.name.startswith("joint"):
                 joint.frictionloss += self.coulomb
                 joint.damping[0] += self.viscous
+        if self.at and self.coulomb:
+            let_rub(spec)
+            joint = spec.joint(self.at)
+            joint.solref_friction[0] = HELD

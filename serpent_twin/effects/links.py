@@ -1,7 +1,12 @@
-"""Find places along the straight arm in a spec."""
+"""Find places in a spec."""
 
 import mujoco
 import numpy as np
+
+from serpent_twin.arrays import Array
+
+HELD = 1e-3
+"""Time constant with which dry friction holds [s]; MuJoCo raises it to two time steps"""
 
 
 def link_at(spec: mujoco.MjSpec, place: float) -> tuple[mujoco.MjsBody, float]:
@@ -19,3 +24,18 @@ def last_joint(spec: mujoco.MjSpec) -> float:
     """Distance of the last joint from joint 1 along the straight arm [m]."""
     links = [body for body in spec.bodies if body.name.startswith("link")]
     return float(sum(link.pos[0] for link in links[1:]))
+
+
+def body_at(spec: mujoco.MjSpec, name: str) -> tuple[mujoco.MjsBody, Array]:
+    """The body of a name, or of the site of that name, and where in its frame that is [m], (3,)."""
+    site = spec.site(name)
+    return (site.parent, np.array(site.pos)) if site else (spec.body(name), np.zeros(3))
+
+
+def let_rub(spec: mujoco.MjSpec) -> None:
+    """Let dry friction act in a model that has constraints turned off, and no other constraint."""
+    off = mujoco.mjtDisableBit
+    if spec.option.disableflags & off.mjDSBL_CONSTRAINT:
+        spec.option.disableflags &= ~int(off.mjDSBL_CONSTRAINT)
+        spec.option.disableflags |= int(off.mjDSBL_EQUALITY | off.mjDSBL_LIMIT | off.mjDSBL_CONTACT)
+    spec.option.disableflags &= ~int(off.mjDSBL_FRICTIONLOSS)

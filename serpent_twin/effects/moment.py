@@ -107,6 +107,15 @@ class Giving(Told, Protocol):
     """Torque of the cables on each servo's horn [N m]"""
 
 
+class Readings(Protocol):
+    """All rows of runs, after they are simulated."""
+
+    dt: Array
+    """Between rows [s], (n, 1)"""
+    reading: Array
+    """What is read, (n, T, C)"""
+
+
 class TorqueDriven(Protocol):
     """A moment of a machine whose drive gives a torque, not an angle."""
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.effects.effect import Effect, Several, parameter
-from serpent_twin.effects.links import last_joint, link_at
+from serpent_twin.effects.links import body_at, last_joint, link_at
 
 _SMALL = 1e-4
 """Radius of a point mass in a model [m]"""
@@ -45,10 +45,9 @@ class Payload(Effect):
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Add the mass to the inertia of the link that carries it."""
         if self.at:
-            site = spec.site(self.at)
-            body, at = (site.parent, site.pos) if site else (spec.body(self.at), np.zeros(3))
-            mass = body.add_geom(size=[_SMALL, 0.0, 0.0], mass=self.mass, pos=at)
-            mass.contype, mass.conaffinity = 0, 0
+            body, at = body_at(spec, self.at)
+            mass = body.add_body(pos=at, mass=self.mass, explicitinertial=True)
+            mass.inertia = 3 * [self.mass * _SMALL**2]
             return
         link, along = link_at(spec, last_joint(spec) + self.place)
         lever = np.array([along, 0.0, 0.0])

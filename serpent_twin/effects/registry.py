@@ -62,21 +62,23 @@ def to_dict(effect: Effect) -> dict[str, Any]:
     return {"name": name_of(type(effect)), **where, **values}
 
 
-def _form(name: str, kind: type[Effect]) -> Any:
-    """How an effect is stored: its name and all its parameters, within their ranges; those added since the
-    first files may be absent.
+def _form(name: str, kind: type[Effect], anywhere: bool) -> Any:
+    """How an effect is stored: its name and all its parameters, within their ranges, or what they may be
+    anywhere; those added since the first files may be absent.
     """
-    known = ranges(kind).items()
+    known = {n: r.anywhere if anywhere else r for n, r in ranges(kind).items()}.items()
     allowed = [(n, Annotated[float, within(r.low, r.high, r.unit)], r.before) for n, r in known]
     parts = [each[:2] if each[2] is None else each for each in allowed] + [("at", str, "")]
     return defstruct(name, parts, bases=(Form,), tag_field="name", tag=name, kw_only=True)
 
 
 if TYPE_CHECKING:
-    Stored = Form
+    Stored = StoredAnywhere = Form
 else:
-    Stored = Union[tuple(_form(name, kind) for name, kind in KNOWN.items())]  # noqa: UP007
+    Stored = Union[tuple(_form(name, kind, False) for name, kind in KNOWN.items())]  # noqa: UP007
     """An effect in a file."""
+    StoredAnywhere = Union[tuple(_form(name, kind, True) for name, kind in KNOWN.items())]  # noqa: UP007
+    """An effect in the file of a machine that may be of another size than the arm."""
 
 
 def restored(entry: Stored) -> Effect:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.held_out import Errors, Gain, gain
 from serpent_twin.identification.rivals import APART, Pair, Rival
@@ -23,6 +24,8 @@ WORTH_IT = 0.04
 """Least relative gain on held-out logs of an accepted effect, markers and loads with equal weight"""
 CHANCE = 0.01
 """Greatest probability that the gain of an accepted effect is due to chance"""
+MATTERS = 0.01
+"""Least strength of an accepted effect, in typical ones: less corrects the twin's own arithmetic"""
 SURE = 3.0
 """Least distance of an accepted strength from zero, in standard errors"""
 BEYOND_DOUBT = 1e-4
@@ -140,11 +143,19 @@ def weakness_of_fit(fit: Fit, found: Gain, several: Mapping[str, Candidate]) -> 
     for name, candidate in several.items():
         if ends := too_strong(candidate, fit.point.effects[name]):
             return f"{found}; its {', '.join(ends)} runs to the end of the range"
+        if not _matters(candidate, fit.point.effects[name]):
+            return f"{found}; its strength is less than {MATTERS:.0%} of what is typical"
     if too_weak := weakness(found):
         return f"{found}{too_weak}"
     shown = len(several) == 1 and found.probability_of_chance < BEYOND_DOUBT
     sure = all(significant(fit, name, candidate) for name, candidate in several.items())
     return "" if shown or sure else f"{found}; its strength may be zero"
+
+
+def _matters(candidate: Candidate, values: Array) -> bool:
+    """Whether one of an effect's strengths is worth a name."""
+    ranges = list(candidate.ranges.values())
+    return any(abs(values[k]) >= MATTERS * abs(ranges[k].typical) for k in strengths(candidate))
 
 
 def best_trial(trials: dict[str, CandidateTrial], candidates: Mapping[str, Candidate]) -> str:
@@ -188,8 +199,8 @@ def _as_good(one: CandidateTrial, best: CandidateTrial) -> bool:
 
 
 def _fitted(candidate: Candidate) -> int:
-    """How many parameters of a candidate logs identify."""
-    return sum(allowed.fitted for allowed in candidate.ranges.values())
+    """How many parameters of a candidate logs identify, one of several places included."""
+    return sum(allowed.fitted for allowed in candidate.ranges.values()) + bool(candidate.at)
 
 
 def seen(trial: CandidateTrial) -> bool:

@@ -13,6 +13,8 @@ from serpent_twin.identification.free_parameters import FreeParameters, jacobian
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
+_SINGLE = 1e-5
+"""Of a normal matrix of derivatives in single precision, what may be rounding"""
 _DAMPINGS = (0.3, 3.0)
 """Levenberg's, tried where the step without is no improvement; from then on beside it"""
 
@@ -166,7 +168,12 @@ class Objective:
 
 
 def _least(normal: Array, pull: Array, low: Array, high: Array) -> Array:
-    """The step x within bounds at which xᵀ N x / 2 − pull · x is least."""
-    root = np.linalg.cholesky(normal)
+    """The step x within bounds at which xᵀ N x / 2 − pull · x is least; short where single precision leaves
+    what x does there unknown.
+    """
+    try:
+        root = np.linalg.cholesky(normal)
+    except np.linalg.LinAlgError:
+        root = np.linalg.cholesky(normal + _SINGLE * np.diag(np.diag(normal)))
     x: Array = lsq_linear(root.T, np.linalg.solve(root, pull), (low, high), "bvls").x
     return x

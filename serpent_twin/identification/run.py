@@ -46,7 +46,7 @@ class Trace(Checked):
     """
 
     logs: tuple[Path, ...]
-    """Folder with the session logs of one machine; or several, the oldest first."""
+    """Folder or file with the session logs of one machine; or several, the oldest first."""
     out: Path
     """Folder for results; made if it does not exist."""
     rig: Annotated[
@@ -55,12 +55,16 @@ class Trace(Checked):
     """Name of the kind of machine."""
     machine: Path | None = None
     """The machine.toml of any other machine, or its folder."""
-    held_out: Annotated[int, within(1, 10_000), _SESSIONS, when(judge=ABSENT)] = 1
-    """Number of held-out sessions, the last ones: nothing is fitted to them, and they are the test."""
+    held_out: Annotated[
+        Annotated[int, within(1, 10_000)] | tuple[Path, ...], _SESSIONS, when(judge=ABSENT)
+    ] = 1
+    """Number of held-out sessions, the last ones; or files or folders with them, among LOGS or elsewhere.
+    Nothing is fitted to them, and they are the test."""
     judge: Annotated[str, _SESSIONS] = ""
-    """Names of the held-out files, in place of the last ones, such as kp200_*.parquet."""
+    """Names of the held-out files or sessions among LOGS, in place of the last ones, such as kp200_*.parquet.
+    """
     sessions: Annotated[int, within(0, 10_000), _SESSIONS] = 0
-    """Use only this many sessions, the first ones; 0 for all."""
+    """Use only this many sessions, the first ones, files of --held-out not counted; 0 for all."""
     seed: Seed = 0
     """Seed of bootstrap and permutations."""
     twins: Annotated[int, within(0, 1000)] = 0
@@ -73,6 +77,13 @@ class Trace(Checked):
         """The machine's name, or the path of its machine.toml."""
         return machines.named(self.rig, self.machine)
 
+    @property
+    def sources(self) -> tuple[Path, ...]:
+        """Folders and files of all sessions, those that are held out included."""
+        if isinstance(self.held_out, int):
+            return self.logs
+        return *self.logs, *(each for each in self.held_out if not _lies_in(each, self.logs))
+
 
 def trace(config: Trace) -> dict[str, Any]:
     """Trace a folder of logs; returns what diagnosis.json holds."""
@@ -82,11 +93,14 @@ def trace(config: Trace) -> dict[str, Any]:
 def planned(config: Trace) -> tuple[machines.Rig, Sequence[Any], Sequence[Any]]:
     """The machine, the training sessions and the held-out ones, of a config that can be traced."""
     rig = machines.find(config.named)
-    return rig, *_split(config, read_logs(rig, config.logs)[: config.sessions or None])
+    return rig, *_split(config, read_logs(rig, config.sources))
 
 
 def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]]:
     """The sessions that are fitted to, and the held-out ones."""
+    if not isinstance(config.held_out, int):
+        return _apart(config, sessions, config.held_out)
+    sessions = sessions[: config.sessions or None]
     if config.judge:
         judging = [s for s in sessions if _is_named(s, config.judge)]
         if not judging or len(judging) == len(sessions):
@@ -102,6 +116,26 @@ def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]
             "least must judge and one at least be fitted. Record more sessions; three to fit are good."
         )
     return list(sessions[: -config.held_out]), list(sessions[-config.held_out :])
+
+
+def _apart(
+    config: Trace, sessions: Sequence[Log], held_out: Sequence[Path]
+) -> tuple[list[Log], list[Log]]:
+    """The other sessions, and those of some files or folders."""
+    judging = [s for s in sessions if s.path and _lies_in(s.path, held_out)]
+    training = [s for s in sessions if s not in judging]
+    if not judging or not training:
+        raise SerpentError(
+            f"--held-out {listed(held_out)} names {len(judging)} of the {counted(len(sessions), 'session')} "
+            f"in all: some must judge and some be fitted. Name others."
+        )
+    return training[: config.sessions or None], judging
+
+
+def _lies_in(path: Path, sources: Sequence[Path]) -> bool:
+    """Whether a file or folder is one of some, or a file in one."""
+    every, path = [each.resolve() for each in sources], path.resolve()
+    return path in every or (path.is_file() and path.parent in every)
 
 
 def _is_named(session: Log, pattern: str) -> bool:
@@ -130,7 +164,7 @@ def _settings(
 ) -> dict[str, Any]:
     inputs = {s.name: file_hash(s.path) for s in [*training, *judging] if s.path}
     kept = {"rig": config.named, "held_out": config.held_out, "seed": config.seed}
-    if config.judge:
+    if config.judge or not isinstance(config.held_out, int):
         kept["held_out"] = [s.name for s in judging]
     if files := machines.made_of(rig):
         kept["machine_sha256"] = files
@@ -175,7 +209,7 @@ def _write(
     settings: Mapping[str, Any],
 ) -> dict[str, Any]:
     origin = dict(settings) | provenance()
-    logs = [str(each.resolve()) for each in config.logs]
+    logs = [str(each.resolve()) for each in config.sources]
     numbers = numbers | {"provenance": origin | {"logs": logs}}
     assert tracer.final is not None
     about = {"arm": found.arm, "provenance": origin}

@@ -34,8 +34,7 @@ from serpent_twin.machines.measured import (
     Runs,
     Turns,
     hinge,
-    read,
-    read_folder,
+    read_runs,
 )
 from serpent_twin.residual import ANGLE, TORQUE
 
@@ -277,13 +276,9 @@ class JawRig:
     name: str = "jaw"
     about: str = "a surgical tool's jaw on cables"
 
-    def read(self, folder: Path) -> list[Recording]:
-        """The runs of a folder."""
-        return read_folder(folder, _COLUMNS)
-
-    def read_files(self, paths: Sequence[Path]) -> list[Recording]:
-        """The runs of some files."""
-        return [read(path, _COLUMNS) for path in paths]
+    def read(self, source: Path) -> list[Recording]:
+        """The runs of a folder, or of one file."""
+        return read_runs(source, _COLUMNS)
 
     def open(self, training: Sequence[Recording]) -> Case[Runs]:
         """The jaw's zero is where a rigid tool has it on average."""

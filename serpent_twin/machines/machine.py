@@ -98,6 +98,11 @@ class Candidate:
     remembers: bool = False
     """Whether its memory is longer than a segment"""
 
+    @property
+    def at(self) -> str:
+        """The place that its name has."""
+        return placed(self.name)[1]
+
 
 def candidate(name: str, **sized: Range) -> Candidate:
     """An effect, perhaps at a place, with its own ranges or with ranges for a machine of another size than
@@ -105,9 +110,10 @@ def candidate(name: str, **sized: Range) -> Candidate:
     """
     kind, _ = placed(name)
     known = {n: sized.get(n, r) for n, r in ranges(kind).items()}
-    variants = [
-        [sized[n].typical if n in sized else getattr(v, n) for n in known] for v in kind.variants()
-    ]
+    variants = dict.fromkeys(
+        tuple(sized[n].typical if n in sized else getattr(v, n) for n in known)
+        for v in kind.variants()
+    )
     return Candidate(
         name,
         known,
@@ -154,7 +160,8 @@ def effect_at(name: str, values: Array) -> Effect:
     """
     kind, at = placed(name)
     each = {}
-    for (parameter, r), value in zip(ranges(kind).items(), values, strict=True):
+    for (parameter, known), value in zip(ranges(kind).items(), values, strict=True):
+        r = known.anywhere if at else known
         each[parameter] = float(np.clip(value, r.least, r.high))
     return kind(**each, at=at)
 

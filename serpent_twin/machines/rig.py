@@ -50,16 +50,19 @@ class Log(Protocol):
         ...
 
 
-def read_logs(rig: "Rig", folders: Sequence[Path]) -> list[Any]:
-    """The sessions of one machine in some folders, one folder after the other; with several folders, a
-    session's name holds its folder's. Raises a `SerpentError` that names what differs.
+def read_logs(rig: "Rig", sources: Sequence[Path]) -> list[Any]:
+    """The sessions of one machine in some folders or files, one after the other; with several, a session's
+    name holds that of its folder, or of its file if that holds several. Raises a `SerpentError` that names
+    what differs.
     """
-    if len(folders) == 1:
-        return list(rig.read(folders[0]))
+    if len(sources) == 1:
+        return list(rig.read(sources[0]))
     logs: list[Any] = []
-    for folder in folders:
-        found: Sequence[Any] = rig.read(folder)
-        logs += [replace(log, label=f"{folder.name}/{log.name}") for log in found]
+    for source in sources:
+        found: Sequence[Any] = rig.read(source)
+        alone = source.is_file() and len(found) == 1
+        within = source.resolve().parent.name if alone else source.stem
+        logs += [replace(log, label=f"{within}/{log.name}") for log in found]
     recorded = {log.name: _recorded(log) for log in logs}
     for key in dict.fromkeys(key for each in recorded.values() for key in each):
         first: dict[str, str] = {}
@@ -79,8 +82,8 @@ def read_logs(rig: "Rig", folders: Sequence[Path]) -> list[Any]:
         )
     if len({log.name for log in logs}) < len(logs):
         raise SerpentError(
-            f"two of the folders {listed(folders)} have the same name, so their sessions cannot be told "
-            "apart. Rename one."
+            f"two sessions of {listed(sources)} have the same name, so they cannot be told apart. Rename a "
+            "folder or a file."
         )
     return logs
 
@@ -103,8 +106,10 @@ class Rig(Protocol):
     about: str
     """A description for the command line's help"""
 
-    def read(self, folder: Path) -> Sequence[Log]:
-        """A folder's sessions; raises a `SerpentError` on logs that are not of this machine."""
+    def read(self, source: Path) -> Sequence[Log]:
+        """The sessions of a folder, or of one file; raises a `SerpentError` on logs that are not of this
+        machine.
+        """
         ...
 
     def open(self, training: Sequence[Any]) -> "Case[Any]":

@@ -31,8 +31,7 @@ from serpent_twin.machines.measured import (
     Runs,
     Turns,
     hinge,
-    read,
-    read_folder,
+    read_runs,
 )
 from serpent_twin.residual import ANGLE
 from serpent_twin.stored import OpenForm, above
@@ -233,13 +232,9 @@ class Xl330Rig:
     name: str = "xl330"
     about: str = "a Dynamixel XL330 that swings a mass"
 
-    def read(self, folder: Path) -> list[Recording]:
-        """The runs of a folder."""
-        return [_with_velocity(run) for run in read_folder(folder, _COLUMNS, DriveSettings)]
-
-    def read_files(self, paths: Sequence[Path]) -> list[Recording]:
-        """The runs of some files."""
-        return [_with_velocity(read(path, _COLUMNS, DriveSettings)) for path in paths]
+    def read(self, source: Path) -> list[Recording]:
+        """The runs of a folder, or of one file."""
+        return [_with_velocity(run) for run in read_runs(source, _COLUMNS, DriveSettings)]
 
     def open(self, training: Sequence[Recording]) -> Case[Runs]:
         """The data sheet's numbers are the first guess."""

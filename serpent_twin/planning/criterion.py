@@ -19,6 +19,8 @@ from serpent_twin.arrays import Array
 
 _LEAST_SHARE = 0.02
 """Of a distance, what is taken as confirmed where held-out logs confirm nothing"""
+_HIDDEN = 2.0
+"""Distance from nothing, in standard deviations, up to which logs hide an effect"""
 _LEAST = 1e-12
 """Share of an effect's own change below which what is left is rounding"""
 
@@ -34,8 +36,10 @@ class Question:
     """The effect's row in the Gram matrix"""
     against: tuple[tuple[int, ...], ...]
     """Rows that may explain it instead, for each variant of the rival"""
+    free: tuple[int, ...] = ()
+    """Rows of the free parameters"""
     share: float = 1.0
-    """Of the distance, what the held-out logs of the trace have confirmed of it [1]"""
+    """Of the distance, what counts [1]"""
 
     def __str__(self) -> str:
         name = self.effect.replace("_", " ")
@@ -53,6 +57,13 @@ class Question:
         whole = self.distance(gram)
         seen = 2 * float(ndtri(1 - np.clip(chance, 1e-6, 0.5)))
         return replace(self, share=float(np.clip(seen / max(whole, 1e-9), _LEAST_SHARE, 1.0)))
+
+    def hidden(self, gram: Array) -> "Question":
+        """The same about an effect no stronger than these logs can hide: an effect that they show beyond
+        doubt at its typical strength would otherwise ask for nothing.
+        """
+        shown = float(np.sqrt(schur(gram, self.row, self.free)))
+        return replace(self, share=min(1.0, _HIDDEN / max(shown, 1e-9)))
 
     def probability(self, gram: Array) -> float:
         """That the log-likelihood ratio names the right one of effect and rival, or of effect and nothing: it

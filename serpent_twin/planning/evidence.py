@@ -49,16 +49,16 @@ def rows(trace: Traced, asked: Asked) -> Rows:
     questions = []
     for effect, rival in asked:
         base = _without(point, effect)
-        free = [
+        free = tuple(
             n
             for n in range(len(fit.free))
             if n < len(fit.free.declared)
             or fit.free.effects[n - len(fit.free.declared)][0] != effect
-        ]
+        )
         row = add(effect, base, _values(trace, effect))
         variants = _variants(trace, rival) if rival else ()
         against = [(*free, add(rival, _without(base, rival), each)) for each in variants]
-        questions.append(Question(effect, rival, row, tuple(against) or (tuple(free),)))
+        questions.append(Question(effect, rival, row, tuple(against) or (free,), free))
     if not questions:
         raise SerpentError("there is no effect that a motion could be planned for.")
     return Rows(tuple(questions), tuple(before), tuple(after), tuple(names))

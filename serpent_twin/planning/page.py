@@ -13,9 +13,9 @@ from serpent_twin.reporting.report import Figure, Report, Section, Table
 _NOTE = """\
 Of two rivals: the probability that the log-likelihood ratio names the right one, Φ(d/2), where d is the
 distance between one and the best fit of the other in standard deviations. Of one effect: the expected
-standard error of its strength, as a share of its fitted or typical strength. Both to first order, with
-all declared parameters fitted again; of the distance, as much counts as the trace's held-out logs have
-confirmed, since no twin is exact."""
+standard error of its strength, as a share of its strength. Both to first order, with all declared parameters
+fitted again. Of the distance, as much counts as the trace's held-out logs have confirmed, since no twin is
+exact; an effect that the trace has not named is taken to be as strong as its logs can hide."""
 
 
 def decides(questions: Sequence[Question], before: Array, after: Array) -> Table:

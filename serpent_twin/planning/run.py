@@ -1,6 +1,6 @@
 """Plan a motion from its options, and write it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -80,7 +80,7 @@ def plan(config: Plan) -> Planned:
         bar.set_description_str("what the logs tell")
         rows = evidence.rows(trace, asked)
         before = evidence.known(trace, rows)
-        sure = tuple(_confirmed(each, before, trace.diagnosis) for each in rows.questions)
+        sure = tuple(_confirmed(each, before, trace) for each in rows.questions)
         rows = replace(rows, questions=sure)
         bar.update()
         bar.set_description_str("what the motions tell")
@@ -136,14 +136,14 @@ def questions(trace: Traced, rivals: Sequence[str] = ()) -> list[tuple[str, str]
     return [(name, "") for name in known if name not in trace.fit.point.effects]
 
 
-def _confirmed(question: Question, known: Array, diagnosis: Mapping[str, Any]) -> Question:
-    """A question with what the trace's held-out logs say of it, if they say anything."""
-    for each in diagnosis.get("next_motion", []):
+def _confirmed(question: Question, known: Array, trace: Traced) -> Question:
+    """A question with what the trace says of it: the chance of its answer, or that it is not named."""
+    for each in trace.diagnosis.get("next_motion", []):
         chance = each.get("probability_of_chance")
         same = (each["effect"], each["rival"] or "") == (question.effect, question.rival)
         if same and chance is not None:
             return question.confirmed(known, chance)
-    return question
+    return question if question.effect in trace.fit.point.effects else question.hidden(known)
 
 
 def _write(config: Plan, found: Planned) -> None:

@@ -76,7 +76,8 @@ def jump(
     rng: np.random.Generator,
     permutations: int = 199,
 ) -> Jump | None:
-    """The greatest change of the mean of values (S, T, C) at one time, if beyond chance (1 %).
+    """The greatest change of the mean of values (S, T, C) at one time, if beyond chance (1 %); sessions too
+    short for one do not count.
 
     The chance level is found by shuffling blocks of rows within their session.
     """
@@ -87,12 +88,15 @@ def jump(
         of = [i for i, s in enumerate(session) if s == name]
         of.sort(key=lambda i: time[i, 0])
         y, t = rows[of].reshape(-1, rows.shape[2]), time[of].reshape(-1)
+        if len(y) <= 2 * _EDGE:
+            continue
         gain, at = _split(y - y.mean(axis=0))
         if best is None or gain > best[0]:
             best = gain, name, y, t, at
         shuffled = [_split(_shuffled(y - y.mean(axis=0), length, rng))[0] for _ in chance]
         chance = np.maximum(chance, shuffled)
-    assert best is not None
+    if best is None:
+        return None
     gain, name, y, t, at = best
     probability = float((1 + np.sum(chance >= gain)) / (permutations + 1))
     if probability > 0.01:
@@ -101,9 +105,13 @@ def jump(
     return Jump(name, float(t[at]), size, float(gain), probability)
 
 
+_EDGE = 4
+"""Rows before and after a jump at least"""
+
+
 def _split(y: Array) -> tuple[float, int]:
     """Share of |y|² that two means take away at the best row, and that row; y (N, C) has mean zero."""
-    n, edge = len(y), max(4, len(y) // 25)
+    n, edge = len(y), max(_EDGE, len(y) // 25)
     after = np.arange(edge, n - edge)
     total = np.cumsum(y, axis=0)[after - 1]
     gain = (total**2).sum(axis=1) * n / (after * (n - after))

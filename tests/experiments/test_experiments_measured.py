@@ -18,7 +18,7 @@ from experiments.measured.benchmark import BENCHMARKS
 from serpent_twin import machines
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.run import _file
-from serpent_twin.machines.measured import Recording, read, read_folder
+from serpent_twin.machines.measured import Recording, read_runs
 from serpent_twin.residual import ANGLE, MARKERS, Comparison
 
 
@@ -57,11 +57,8 @@ class TrunkRig:
 
     name = "trunk"
 
-    def read(self, folder):
-        return read_folder(folder, ("disk3_x",))
-
-    def read_files(self, paths):
-        return [read(path, ("disk3_x",)) for path in paths]
+    def read(self, source):
+        return read_runs(source, ("disk3_x",))
 
     def changed(self, twin):
         rig = TrunkRig()

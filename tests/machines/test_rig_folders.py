@@ -6,6 +6,7 @@ import pytest
 from paths import DATA
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.identification.run import Trace, planned
 from serpent_twin.machines.arm import MACHINE
 from serpent_twin.machines.rig import read_logs
 from serpent_twin.sessions import read_session, write_session
@@ -70,3 +71,22 @@ def test_folders_of_one_name_are_refused(folders, tmp_path):
     folders[0].rename(tmp_path / "further" / "new")
     with pytest.raises(SerpentError, match="have the same name"):
         read_logs(MACHINE, [tmp_path / "further" / "new", folders[1]])
+
+
+def test_files_are_held_out_by_name_wherever_they_lie(folders, tmp_path):
+    """Among the logs, or in no folder of them; --sessions counts those that are fitted."""
+    own, other = folders[0] / "session_02.parquet", folders[1] / "session_01.parquet"
+    write_session(own, read_session(DATA / "arm_a" / "session_03.parquet")[:200])
+    for held_out, training, judging in (
+        ((own,), ["session_01"], ["session_02"]),
+        ((other,), ["old/session_01", "old/session_02"], ["new/session_01"]),
+        ((folders[1],), ["old/session_01", "old/session_02"], ["new/session_01"]),
+        ((own, other), ["old/session_01"], ["old/session_02", "new/session_01"]),
+    ):
+        config = Trace(folders[:1], tmp_path / "out", held_out=held_out)
+        found = planned(config)[1:]
+        assert [[log.name for log in each] for each in found] == [training, judging]
+    few = Trace(folders[:1], tmp_path / "out", held_out=(other,), sessions=1)
+    assert [log.name for log in planned(few)[1]] == ["old/session_01"]
+    with pytest.raises(SerpentError, match="names 2 of the 2 sessions in all"):
+        planned(Trace(folders[:1], tmp_path / "out", held_out=(folders[0],)))

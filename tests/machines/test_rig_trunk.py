@@ -159,7 +159,7 @@ def test_what_was_hung_on_is_found_in_the_trunks_own_weights(tmp_path):
 def test_angles_are_linear_between_the_rows_in_which_they_are_new(tmp_path):
     angle = np.repeat(np.arange(20.0), 5)
     columns = {"time": 0.01 * np.arange(100)} | dict.fromkeys((*GOALS, *ANGLES, *SEEN), angle)
-    (run,) = MACHINE.read_files([write_log(tmp_path / "some.parquet", {}, **columns)])
+    (run,) = MACHINE.read(write_log(tmp_path / "some.parquet", {}, **columns))
     np.testing.assert_allclose(run.columns[TURNED[0]][:96], np.arange(96) / 5)
 
 
@@ -176,12 +176,12 @@ def test_refusals_say_what_to_do(tmp_path):
 def test_a_log_of_another_machine_is_refused(tmp_path):
     path = write_log(tmp_path / "some.parquet", {}, time=0.01 * np.arange(100))
     with pytest.raises(SerpentError, match=r"lacks motor1_command.* another machine"):
-        MACHINE.read_files([path])
+        MACHINE.read(path)
 
 
 @measured
 def test_first_guesses_find_where_the_measured_trunk_hangs():
-    (run,) = MACHINE.read_files([MEASURED / "controlled_1.parquet"])
+    (run,) = MACHINE.read(MEASURED / "controlled_1.parquet")
     start = MACHINE.open([run]).machine.start
     assert start["length"][0] == pytest.approx(0.1, abs=0.01)
     assert abs(start["base"][1]) < 0.02  # the origin of its frame

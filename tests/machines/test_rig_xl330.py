@@ -109,13 +109,13 @@ def test_refusals_say_what_to_do(tmp_path):
         MACHINE.read(tmp_path)
     write_log(path, about, **(columns | {"position": columns["position"] * np.nan}))
     with pytest.raises(SerpentError, match=r"position are not finite .* Repair or leave out"):
-        MACHINE.read_files([path])
+        MACHINE.read(path)
     write_log(path, about, **(columns | {"time": columns["time"][::-1]}))
     with pytest.raises(SerpentError, match=r"time does not increase .* Repair or leave out"):
-        MACHINE.read_files([path])
+        MACHINE.read(path)
     path.write_bytes(b"no parquet")
     with pytest.raises(SerpentError, match=r"not a whole Parquet file.* Copy it again"):
-        MACHINE.read_files([path])
+        MACHINE.read(path)
 
 
 def test_runs_of_unequal_length_lie_side_by_side():

@@ -92,3 +92,23 @@ def test_a_distance_is_as_sure_as_held_out_logs_have_confirmed_it():
     assert asked.confirmed(known, 1e-9).share < 1.0  # no more is believed than one in a million
     assert asked.confirmed(np.array([[0.01]]), 0.1).share == 1.0
     assert asked.confirmed(known, 0.7).share == asked.confirmed(known, 0.5).share > 0
+
+
+def test_an_effect_not_named_is_as_strong_as_the_logs_hide():
+    """Else a strength that shows beyond doubt asks for no motion, and the weakest effect for every piece."""
+    known = np.diag([1e4, 1.0])
+    asked = [
+        Question("strong", "", 0, ((),)).hidden(known),
+        Question("weak", "", 1, ((),)).hidden(known),
+    ]
+    assert asked[0].distance(known) == pytest.approx(2.0)
+    assert asked[1].distance(known) == pytest.approx(1.0)
+    for_strong, for_weak = np.diag([1e4, 0.0]), np.diag([0.0, 0.1])
+    assert chosen(known, [for_weak, for_strong], asked, 1) == [1]
+
+
+def test_rivals_that_are_not_named_are_told_apart_no_better_than_each_shows():
+    J, one, other = model(6)
+    known = gram(np.array([*J, one, other]), 1e4)
+    asked = Question("a", "b", len(J), ((*range(len(J)), len(J) + 1),), tuple(range(len(J))))
+    assert 0 < asked.hidden(known).distance(known) < 2.0 < asked.distance(known)

@@ -157,7 +157,7 @@ READERS: dict[str, Reader] = {
     ),
     "measured": Reader(
         _written("a.parquet", lambda path: write_log(path, _ABOUT, **_DRIVEN)),
-        lambda path: SERVO.read_files([path]), ("kp",), *_footer(b"measured"), inside=True, further=True,
+        lambda path: SERVO.read(path), ("kp",), *_footer(b"measured"), inside=True, further=True,
     ),
     "scores": Reader(
         _written("s.npz", _scores),

@@ -17,7 +17,7 @@ from serpent_twin.machines.arm.recorder import recorded_by
 from serpent_twin.machines.arm.vector import candidates, vector
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Candidate, ParameterVector
-from serpent_twin.sessions import Session, read_folder, refuse_damaged
+from serpent_twin.sessions import Session, read_folder, read_session, refuse_damaged
 from serpent_twin.sim.prescribed_motion import STANDING
 
 _FRICTIONS = (0.0015, 0.004, 0.01)  # [N m] of each hinge, tried with
@@ -35,9 +35,9 @@ class ArmRig:
     name: str = "arm"
     about: str = "the cable-driven serpentine arm"
 
-    def read(self, folder: Path) -> list[Session]:
-        """The sessions of a folder, checked."""
-        sessions = read_folder(folder)
+    def read(self, source: Path) -> list[Session]:
+        """The sessions of a folder, or that of one file, checked."""
+        sessions = [read_session(source)] if source.is_file() else read_folder(source)
         refuse_damaged(sessions)
         for session in sessions:
             if not np.isfinite(session.marker).any():

@@ -2,7 +2,7 @@
 
 from serpent_twin.machines.measured.hinge import HingeMoment, Turns
 from serpent_twin.machines.measured.machine import RunMachine
-from serpent_twin.machines.measured.recording import Recording, read, read_folder
+from serpent_twin.machines.measured.recording import Recording, read, read_runs
 from serpent_twin.machines.measured.runs import Runs, cut
 from serpent_twin.machines.measured.twin_file import MachineTwin, read_twin
 
@@ -15,6 +15,6 @@ __all__ = [
     "Turns",
     "cut",
     "read",
-    "read_folder",
+    "read_runs",
     "read_twin",
 ]

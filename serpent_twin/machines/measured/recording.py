@@ -76,10 +76,12 @@ def read(path: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any
     return Recording(path, about, found)
 
 
-def read_folder(
+def read_runs(
     folder: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any]
 ) -> list[Recording]:
-    """Read all runs of a folder, by name."""
+    """Read all runs of a folder, by name, or that of a file."""
+    if folder.is_file():
+        return [read(folder, columns, metadata)]
     if not folder.is_dir():
         raise SerpentError(f"There is no folder {folder}. Name the folder with the machine's logs.")
     files = sorted(folder.glob("*.parquet"))

@@ -35,7 +35,7 @@ class MachineTwin(stored.Form, frozen=True):
     first: dict[str, Number | tuple[Number, ...]]
     """Where the coordinates start, in SI units"""
     declared: dict[str, Coordinate]
-    effects: tuple[effects.Stored, ...]
+    effects: tuple[effects.StoredAnywhere, ...]
     schema_version: Literal[2] = VERSION
     arm: str = ""
     """Name of the machine whose logs made it"""
@@ -48,7 +48,7 @@ class MachineTwin(stored.Form, frozen=True):
     """Mean error of the pose on those runs, in its measure's unit; 0 if unknown"""
 
     def __post_init__(self) -> None:
-        effects.require_distinct(self.effects)
+        effects.require_distinct(self.effects)  # which makes each, within its range
 
     @property
     def several(self) -> tuple[Effect, ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,13 @@ from serpent_twin.machines.measured import Recording, Runs
 from serpent_twin.machines.model import log_file
 from serpent_twin.machines.model.candidates import candidates
 from serpent_twin.machines.model.coordinates import coordinates
-from serpent_twin.machines.model.description import POSES, Described
+from serpent_twin.machines.model.description import MOTION, POSES, Described
 from serpent_twin.machines.model.machine import ModelMachine
-from serpent_twin.machines.model.motion import with_starts
-from serpent_twin.machines.model.noise import noise
+from serpent_twin.machines.model.motion import STEPS, with_starts
+from serpent_twin.machines.model.noise import jitter, noise
 from serpent_twin.machines.model.reading import read
+
+_CONVERGED = 1 / 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,19 +46,11 @@ class ModelRig:
         """What it is."""
         return f"the model {self.described.about.model}"
 
-    def read(self, folder: Path) -> list[Recording]:
-        """The logs of a folder."""
-        return self._ready(log_file.read_folder(self.described, folder))
-
-    def read_files(self, paths: Sequence[Path]) -> list[Recording]:
-        """Some logs."""
-        found = [each for path in paths for each in log_file.read(self.described, path)]
-        return self._ready(found)
-
-    def _ready(self, runs: Sequence[Recording]) -> list[Recording]:
-        """Logs with the columns from which a motion starts."""
+    def read(self, source: Path) -> list[Recording]:
+        """The sessions of a folder, or of one file; of a motion with the columns from which it starts."""
+        runs = log_file.read_runs(self.described, source)
         if self.described.about.rows == POSES:
-            return list(runs)
+            return runs
         return [with_starts(self.described, run) for run in runs]
 
     def open(self, training: Sequence[Recording]) -> Case[Runs]:
@@ -74,6 +69,9 @@ class ModelRig:
             outputs,
             {"pivot": np.zeros(3), "shift": np.zeros(3)},
         )
+        if self.described.about.rows == MOTION:
+            machine = _quieter(machine, training)
+            machine = replace(machine, steps=_steps(machine, training))
         first, spread = _first(machine, training)
         return Case(replace(machine, frame=first), spread)
 
@@ -83,10 +81,41 @@ def open_machine(path: Path) -> ModelRig:
     return ModelRig(read(path))
 
 
+def _quieter(machine: ModelMachine, training: Sequence[Recording]) -> ModelMachine:
+    """The same with the noise that is left where the model follows quick motions, which look like noise."""
+    few = _few(machine.pieces(training))
+    off = few.measured - machine.respond([ParameterVector(np.zeros(len(machine.declared)))], few)[0]
+    told = [each.noise for each in machine.described.about.measured for _ in each.columns]
+    found = [
+        each if stated else replace(each, noise=min(each.noise, jitter(off[..., n])))
+        for n, (each, stated) in enumerate(zip(machine.outputs, told, strict=True))
+    ]
+    return replace(machine, outputs=tuple(found))
+
+
+def _steps(machine: ModelMachine, training: Sequence[Recording]) -> int:
+    """Time steps of a row, of which twice as many change what is seen by a third of its noise at most."""
+    few = _few(machine.pieces(training))
+    at = [ParameterVector(np.zeros(len(machine.declared)))]
+    noise = np.array([each.noise for each in machine.outputs])
+    coarse = machine.respond(at, few)
+    for fewer, steps in pairwise(STEPS):
+        fine = replace(machine, steps=steps).respond(at, few)
+        if np.sqrt(np.nanmean(((fine - coarse) / noise) ** 2)) < _CONVERGED:
+            return fewer
+        coarse = fine
+    return STEPS[-1]
+
+
+def _few(pieces: Runs) -> Runs:
+    """Some ten segments of all."""
+    return pieces.take(range(0, len(pieces), max(1, len(pieces) // 10)))
+
+
 def _first(machine: ModelMachine, training: Sequence[Recording]) -> tuple[dict[str, Any], Array]:
     """Where the cameras' frame starts, and how far the model is off there, (C,)."""
     pieces = machine.pieces(training)
-    few = pieces.take(range(0, len(pieces), max(1, len(pieces) // 10)))
+    few = _few(pieces)
     at = ParameterVector(np.zeros(len(machine.declared)))
     found = machine.respond([at], few)[0]
     _require_found(machine, few, found)

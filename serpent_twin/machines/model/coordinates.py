@@ -22,7 +22,7 @@ CAMERAS = (
 )
 """Names of the coordinates of the cameras' frame"""
 SCALE = "scale of the drives"
-"""Name of the coordinate that all drives share"""
+"""Name of the coordinate that all drives share which set a position"""
 
 
 def zero_of(actuator: str) -> str:
@@ -48,7 +48,7 @@ def coordinates(machine: Described) -> tuple[FittedNumber, ...]:
 
 
 def _drives(machine: Described) -> Iterator[FittedNumber]:
-    """The zero of each drive, and the scale that all share."""
+    """The zero of each drive, and the scale that all servos share; a force's is its actuator's gain."""
     for drive in machine.about.drive:
         low, high = machine.model.actuator(drive.actuator).ctrlrange
         unit, per = machine.control_unit(drive.actuator)
@@ -58,10 +58,11 @@ def _drives(machine: Described) -> Iterator[FittedNumber]:
             Declared(name, unit, prior, 0.1 * prior),
             Quantity(name, unit, 0.0, 1.0, (name,)),
         )
-    yield FittedNumber(
-        Declared(SCALE, "log 1", _SCALE, 0.1 * _SCALE),
-        Quantity(SCALE, "1", 1.0, 0.0, (SCALE,), 1.0),
-    )
+    if any(machine.is_servo(each.actuator) for each in machine.about.drive):
+        yield FittedNumber(
+            Declared(SCALE, "log 1", _SCALE, 0.1 * _SCALE),
+            Quantity(SCALE, "1", 1.0, 0.0, (SCALE,), 1.0),
+        )
 
 
 def _numbers(machine: Described) -> Iterator[FittedNumber]:

@@ -149,11 +149,15 @@ class Described:
         """Whether an actuator's control is a length: that of a tendon, or of a slide."""
         return self.control_unit(actuator)[0] == "mm"
 
+    def is_servo(self, actuator: str) -> bool:
+        """Whether an actuator's control is a position, not a force or a voltage."""
+        return bool(self.model.actuator_biasprm[self.model.actuator(actuator).id, 1])
+
     def control_unit(self, actuator: str) -> tuple[str, float]:
         """The unit in which an actuator's control is stated, and how many of SI it is."""
         n = self.model.actuator(actuator).id
         kind, target = self.model.actuator_trntype[n], self.model.actuator_trnid[n, 0]
-        if self.model.actuator_biasprm[n, 1] == 0:  # no servo: its control is a force, a voltage, …
+        if not self.is_servo(actuator):
             return "1", 1.0
         slides = kind == mujoco.mjtTrn.mjTRN_JOINT and self.model.jnt_type[target] == _SLIDE
         if kind == mujoco.mjtTrn.mjTRN_TENDON or slides:

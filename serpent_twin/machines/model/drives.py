@@ -8,17 +8,24 @@ import numpy as np
 
 from serpent_twin import effects
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect, Instant
+from serpent_twin.effects import READING, Effect, Instant
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.description import MOTION, Described
+
+_PARTS = 4
+"""Of a row"""
 
 
 def controls(
     machine: Described, there: Sequence[Effect], x: Mapping[str, float], pieces: Runs
 ) -> Array:
-    """What every row's drives tell the actuators, (S, T, nu), at coordinates `x` of the fit."""
+    """What the drives tell the actuators, (S, T, nu), at coordinates `x` of the fit.
+
+    Where effects act on a motion, in parts of rows: its drives hold what they are told until the next row,
+    and what is late changes between rows.
+    """
     model, rows = machine.model, pieces.time.shape[1]
     told = np.empty((len(pieces), rows, model.nu))
     start = machine.keyframe_controls
@@ -26,16 +33,20 @@ def controls(
         n = model.actuator(each.actuator).id
         away = pieces.column[each.column] - start[n]
         zero = machine.control_unit(each.actuator)[1] * x[zero_of(each.actuator)]
-        told[..., n] = start[n] + np.exp(x[SCALE]) * away + zero
-    several = effects.stacked([there] * len(told))
+        scale = np.exp(x[SCALE]) if machine.is_servo(each.actuator) else 1.0
+        told[..., n] = start[n] + scale * away + zero
+    several = [each for each in effects.stacked([there] * len(told)) if each.stage < READING]
     if not several:
         return told
     names = [model.actuator(n).name for n in range(model.nu)]
-    ahead, dt = np.asarray(np.gradient(told, axis=1)), pieces.period[:, None]
+    force = np.abs(model.actuator_gainprm[:, 0] * model.actuator_gear[:, 0])
+    parts = _PARTS if machine.about.rows == MOTION else 1
+    ahead, dt = np.asarray(np.gradient(told, axis=1)), pieces.period[:, None] / parts
+    told, ahead = np.repeat(told, parts, axis=1), np.repeat(ahead, parts, axis=1)
     memory: list[object] = []
-    for t in range(rows):
+    for t in range(rows * parts):
         now = told[:, t]
-        moment = DrivenMoment(names, dt, now.copy(), ahead[:, t], now.copy(), now.copy())
+        moment = DrivenMoment(names, dt, force, now.copy(), ahead[:, t], now.copy(), now.copy())
         memory = memory if t else effects.begin(several, moment)
         effects.act(several, moment, memory)
         told[:, t] = moment.winch_angle
@@ -44,25 +55,38 @@ def controls(
 
 @dataclass
 class DrivenMoment(Instant):
-    """One row of n runs; arrays are (n, nu), one number an actuator. `tell` changes the goal."""
+    """One row of n runs, or a part of one; arrays are (n, nu), one number an actuator. `tell` changes the
+    goal.
+    """
 
     given: ClassVar[frozenset[str]] = frozenset(
-        {"names", "dt", "motor_angle", "motor_velocity", "goal"}
+        {"names", "dt", "force_per_control", "motor_angle", "motor_velocity", "goal"}
     )
 
     names: Sequence[str]
     """Of the actuators, (nu,)"""
     dt: Array
-    """To the next row [s], (n, 1)"""
+    """To the next moment [s], (n, 1)"""
+    force_per_control: Array
+    """Of an actuator whose control is a force [N m or N], (nu,)"""
     motor_angle: Array
     """What the log tells the actuators [m or rad]"""
     motor_velocity: Array
-    """Its change to the next row [m or rad]"""
+    """Its change from row to row [m or rad]"""
 
     goal: Array
     """The same as the motor angle, for effects that delay it"""
     winch_angle: Array
     """What reaches them; the same, unless the drive has play"""
+
+    @property
+    def drive_torque(self) -> Array:
+        """What actuators that are told a force give [N m or N]."""
+        return self.winch_angle * self.force_per_control
+
+    @drive_torque.setter
+    def drive_torque(self, force: Array) -> None:
+        self.winch_angle = force / self.force_per_control
 
     def tell(self, goal: Array) -> None:
         """Give the actuators another goal."""

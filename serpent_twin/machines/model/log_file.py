@@ -15,6 +15,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import Column, Described, DriveColumn, MeasuredColumns
 from serpent_twin.machines.model.units import TO_SI
+from serpent_twin.numerals import counted
 
 FORMS = ("*.csv", "*.parquet")
 _FEWEST = 8
@@ -23,8 +24,8 @@ _BEYOND = 1.5
 """Times a range that a column may reach before its unit is doubted"""
 
 
-def read_folder(machine: Described, folder: Path) -> list[Recording]:
-    """The logs of a folder, or the one that is named, by name."""
+def read_runs(machine: Described, folder: Path) -> list[Recording]:
+    """The logs of a folder, by name, or that of a file."""
     if folder.is_file():
         return read(machine, folder)
     if not folder.is_dir():
@@ -47,7 +48,9 @@ def read(machine: Described, path: Path) -> list[Recording]:
             _require_unit(machine, path, name, found[name], each)
     rows = len(next(iter(found.values())))
     if rows < _FEWEST:
-        raise SerpentError(f"{path} has {rows} rows, fewer than {_FEWEST}. Leave it out.")
+        raise SerpentError(
+            f"{path} has {counted(rows, 'row')}, fewer than {_FEWEST}. Leave it out."
+        )
     found = {"time": _time(about.time, path, table, rows), **found}
     whole = Recording(path, {"arm": machine.name}, found)
     return _by_session(whole, _column(path, table, about.session)) if about.session else [whole]
@@ -103,7 +106,7 @@ def _drive(
     if odd := int((~np.isfinite(raw)).sum()):
         raise SerpentError(
             f"{path}: {drive.column!r}, which drives {drive.actuator}, has no number in {odd} of "
-            f"{len(raw)} rows. Leave those rows out."
+            f"{counted(len(raw), 'row')}. Leave those rows out."
         )
     n = machine.model.actuator(drive.actuator).id
     offset = drive.offset

@@ -22,11 +22,20 @@ from serpent_twin.machines.machine import (
 )
 from serpent_twin.machines.measured import Recording, RunMachine, Runs, cut
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
-from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.description import MOTION, POSES, Described
 from serpent_twin.machines.model.drives import controls
-from serpent_twin.machines.model.motion import measured_joints, moved, start_columns, starts
+from serpent_twin.machines.model.motion import (
+    LEAD,
+    STEPS,
+    StartGains,
+    measured_joints,
+    moved,
+    start,
+    start_columns,
+)
 from serpent_twin.machines.model.poses import Rests, settled
-from serpent_twin.machines.model.seen import Seen
+from serpent_twin.machines.model.readings import reread
+from serpent_twin.machines.model.seen import Seen, beginning
 
 _FEWEST = 2
 """Rows of a segment"""
@@ -50,6 +59,10 @@ class ModelMachine(RunMachine):
     segments: tuple[int, int] = (40, 80)
     rests: Rests = field(default_factory=Rests, compare=False, repr=False)
     """Poses found so far"""
+    steps: int = STEPS[0]
+    """Of time in a row of a motion, at least"""
+    gains: StartGains = field(default_factory=StartGains, compare=False, repr=False)
+    """How starts are improved"""
     every: int = 1
     block: float = 0.0
     """As short as can be: the error of a pose at rest hardly follows that of the one before"""
@@ -103,19 +116,18 @@ class ModelMachine(RunMachine):
         return cut(parts, self.columns, [each.name for each in self.outputs])
 
     def _parts(self, run: Recording) -> list[Recording]:
-        """A session in parts of one length, as nearly as it goes; of poses, each after a few in which nothing
-        counts as measured.
-        """
+        """A session in parts of nearly one length, each after a lead in which nothing counts as measured."""
         about, moves = self.described.about, self.described.about.rows == MOTION
         whole = moves and not measured_joints(self.described)
         parts = 1 if whole else ceil(len(run) / (about.segment or (_ROWS if moves else _POSES)))
-        ends = np.linspace(0, len(run), parts + 1).round().astype(int).tolist()
+        lead = 0 if whole else LEAD if moves else _LEAD
+        ends = np.linspace(lead if moves else 0, len(run), parts + 1).round().astype(int).tolist()
         found = []
-        for start, end in pairwise(ends):
-            rows = slice(start if moves else max(0, start - _LEAD), end)
+        for first, end in pairwise(ends):
+            rows = slice(max(0, first - lead), end)
             columns = {name: values[rows].copy() for name, values in run.columns.items()}
             for output in self.outputs:
-                columns[output.name][: start - rows.start] = np.nan
+                columns[output.name][: first - rows.start] = np.nan
             if end - rows.start >= _FEWEST:
                 found.append(Recording(run.path, run.metadata, columns, run.name))
         return found
@@ -141,6 +153,9 @@ class ModelMachine(RunMachine):
         x = by_coordinate(self.declared, point.declared)
         model = self.spec(point.declared, there).compile()
         told, seen = controls(machine, there, x, pieces), Seen(machine, self.frame, x)
-        if machine.about.rows == MOTION:
-            return moved(model, told, starts(machine, pieces), machine.begin, seen, pieces.period)
-        return settled(model, told, machine.begin, seen, self.rests, pieces)
+        begin = beginning(model, machine)
+        if machine.about.rows == POSES:
+            return settled(model, told, begin, seen, self.rests, pieces)
+        at = start(machine, begin, pieces)
+        found = moved(model, told, at, seen, pieces, self.gains, self.steps)
+        return reread(there, self.markers, found, pieces)

@@ -34,10 +34,14 @@ def noise(
     values = np.concatenate([run.columns[name] for run in training])
     span = float(np.nanmax(values) - np.nanmin(values))
     if machine.about.rows == MOTION:
-        fourth = np.concatenate([np.diff(run.columns[name], n=4) for run in training])
-        return max(_ROUNDING * span, _deviation(fourth) / _FOURTH)
+        return max(_ROUNDING * span, *(jitter(run.columns[name]) for run in training))
     apart = _again(machine, training, name)
     return max(_LEAST * span, _deviation(apart) / np.sqrt(2))
+
+
+def jitter(values: Array) -> float:
+    """Standard deviation of the noise in rows (..., T), by fourth differences; infinite of few rows."""
+    return _deviation(np.diff(values, n=4)) / _FOURTH or np.inf
 
 
 def _again(machine: Described, training: Sequence[Recording], name: str) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Runs
-from serpent_twin.machines.model.seen import Seen
+from serpent_twin.machines.model.seen import Seen, segments_of
 from serpent_twin.runs.processes import threads
 from serpent_twin.sim.equilibrium import Equilibrium
 from serpent_twin.sim.stepper import side_by_side
@@ -31,7 +31,7 @@ def settled(
     batch = side_by_side([model] * (S * T), threads())
     rest = Equilibrium(batch)
     seen.bind(batch)
-    batch.bind("ctrl")[...] = told.reshape(S * T, -1)
+    batch.bind("ctrl")[:, : told.shape[2]] = told.reshape(S * T, -1)  # the others are of effects
     pose = batch.bind("qpos")
     near, inverse = known.of(model.nv, pieces)
     pose[...] = begin if near is None else near
@@ -56,7 +56,7 @@ class Rests:
         """Poses (n, nq) and inverse stiffnesses (n, nv, nv) of all rows in models of so many degrees of
         freedom; None where some are unknown.
         """
-        found = [self._found.get((nv, *which)) for which in _segments(pieces)]
+        found = [self._found.get((nv, *which)) for which in segments_of(pieces)]
         if any(each is None for each in found):
             return None, None
         poses, inverse = zip(*[each for each in found if each], strict=True)
@@ -65,15 +65,7 @@ class Rests:
     def keep(self, pieces: Runs, poses: Array, inverse: Array) -> None:
         """Keep what was found of all rows."""
         rows = pieces.time.shape[1]
-        for n, which in enumerate(_segments(pieces)):
+        for n, which in enumerate(segments_of(pieces)):
             at = slice(n * rows, (n + 1) * rows)
             key = (inverse.shape[-1], *which)
             self._found[key] = poses[at], inverse[at].astype(np.float32)
-
-
-def _segments(pieces: Runs) -> list[tuple[str, float, int]]:
-    """What tells each segment of a log from all others."""
-    rows = pieces.time.shape[1]
-    return [
-        (name, float(time[0]), rows) for name, time in zip(pieces.session, pieces.time, strict=True)
-    ]

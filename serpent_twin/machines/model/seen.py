@@ -9,6 +9,7 @@ from mujoco.batch import Batch
 from scipy.spatial.transform import Rotation
 
 from serpent_twin.arrays import Array
+from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.coordinates import CAMERAS
 from serpent_twin.machines.model.description import Described
 
@@ -52,6 +53,27 @@ class Seen:
         return pivot + about.apply(at - pivot) + shift + 1e-3 * along
 
 
+def beginning(model: mujoco.MjModel, machine: Described) -> Array:
+    """Where runs of a model begin, (nq,): its own joints as ever, those that effects add at zero."""
+    own, out = machine.model, model.qpos0.copy()
+    if model.nq == own.nq:
+        return machine.begin
+    for n in range(own.njnt):
+        first = own.jnt_qposadr[n]
+        size = (own.jnt_qposadr[n + 1] if n + 1 < own.njnt else own.nq) - first
+        at = address(model, own.joint(n).name)
+        out[at : at + size] = machine.begin[first : first + size]
+    return out
+
+
 def address(model: mujoco.MjModel, joint: str) -> int:
     """Of a hinge or slide in qpos."""
     return int(model.joint(joint).qposadr[0])
+
+
+def segments_of(pieces: Runs) -> list[tuple[str, float, int]]:
+    """What tells each segment of a log from all others."""
+    rows = pieces.time.shape[1]
+    return [
+        (name, float(time[0]), rows) for name, time in zip(pieces.session, pieces.time, strict=True)
+    ]

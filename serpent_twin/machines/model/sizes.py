@@ -15,6 +15,8 @@ _MOST = 2000  # rows that are looked at
 _TURN = 0.1  # [rad] typical of a joint whose motion is not measured
 _RATE = 1.0  # [rad/s]
 _DIFFERENCE = 1e-6
+_LEAST = 1e-9
+_STILL = 1e-3  # [rad], [rad/s], [rad/s²] of a joint that does not move
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,8 @@ class Sizes:
     """What moves it [N m or N]"""
     rate: Array
     """How fast it moves [rad/s or m/s]"""
+    turn: Array
+    """How far [rad or m]"""
     stiffness: Array
     """Change of the force that it takes to hold it still with its angle, where runs begin [N m/rad or N/m]"""
 
@@ -35,9 +39,11 @@ def sizes(machine: Described, training: Sequence[Recording]) -> Sizes:
     stiffness = _stiffness(machine, data)
     joints = measured_joints(machine)
     if machine.about.rows != MOTION or not joints:
-        return Sizes(_TURN * stiffness, np.full(model.nv, _RATE), stiffness)
+        return Sizes(
+            _TURN * stiffness, np.full(model.nv, _RATE), np.full(model.nv, _TURN), stiffness
+        )
     order = [int(model.joint(name).dofadr[0]) for name in joints]
-    forces, rates = [], []
+    forces, rates, turns = [], [], []
     for run in training:
         angle, rate = (
             np.array([run.columns[of(j)] for j in joints]).T for of in (angle_of, rate_of)
@@ -48,8 +54,13 @@ def sizes(machine: Described, training: Sequence[Recording]) -> Sizes:
             mujoco.mj_inverse(model, data)
             forces.append(data.qfrc_inverse.copy())
             rates.append(data.qvel.copy())
-    force, rate = (np.sqrt(np.mean(np.square(each), axis=0)) for each in (forces, rates))
-    return Sizes(np.maximum(force, 1e-9), np.maximum(rate, 1e-9), stiffness)
+            turns.append(np.zeros(model.nv))
+            turns[-1][order] = angle[t]
+    found = (np.sqrt(np.mean(np.square(each), axis=0)) for each in (forces, rates, turns))
+    force, rate, turn = found
+    turn, rate = np.maximum(turn, _STILL), np.maximum(rate, _STILL)
+    force = np.maximum(force, _STILL * model.dof_M0)
+    return Sizes(force, rate, turn, np.maximum(stiffness, force / turn))
 
 
 def _stiffness(machine: Described, data: mujoco.MjData) -> Array:
@@ -65,4 +76,4 @@ def _stiffness(machine: Described, data: mujoco.MjData) -> Array:
             mujoco.mj_forward(model, data)
             forces.append(data.qfrc_smooth[n])
         found[n] = abs(forces[1] - forces[0]) / (2 * _DIFFERENCE)
-    return np.maximum(found, 1e-9)
+    return np.maximum(found, _LEAST)

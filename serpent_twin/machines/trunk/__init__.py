@@ -31,8 +31,7 @@ from serpent_twin.machines.measured import (
     Recording,
     RunMachine,
     Runs,
-    read,
-    read_folder,
+    read_runs,
     read_twin,
 )
 from serpent_twin.machines.trunk import body
@@ -182,13 +181,9 @@ class TrunkRig:
     twin: Path | None = None
     """twin.json of the trunk before something was changed"""
 
-    def read(self, folder: Path) -> list[Recording]:
-        """The runs of a folder."""
-        return [turned(run) for run in read_folder(folder, _COLUMNS)]
-
-    def read_files(self, paths: Sequence[Path]) -> list[Recording]:
-        """The runs of some files."""
-        return [turned(read(path, _COLUMNS)) for path in paths]
+    def read(self, source: Path) -> list[Recording]:
+        """The runs of a folder, or of one file."""
+        return [turned(run) for run in read_runs(source, _COLUMNS)]
 
     def changed(self, twin: Path) -> "TrunkRig":
         """The rig of a trunk that was changed since a trace wrote this twin.json."""

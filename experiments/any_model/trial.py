@@ -1,0 +1,115 @@
+"""Record one machine, describe it, trace it, and state what was there and what was found."""
+
+import contextlib
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.any_model.config import AnyModel
+from experiments.any_model.models import MODELS
+from experiments.any_model.record import Faulty, describe, record
+from experiments.result_rows import failed_row
+from serpent_twin.errors import SerpentError
+from serpent_twin.identification import Trace, trace
+
+CLEAN = "nothing"
+VECTORS = {"gravity": "m/s²", "constant_force": "N"}
+"""Laws whose strength is a vector"""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """One model with one fault, or without."""
+
+    model: str
+    fault: str
+    """Law and place, as the trace names it; empty: none"""
+
+    @property
+    def id(self) -> str:
+        """Its name in the study."""
+        return f"{self.model}-{self.name.replace('@', '-')}"
+
+    @property
+    def name(self) -> str:
+        """What is wrong with it."""
+        return self.fault or CLEAN
+
+    @property
+    def strength(self) -> float:
+        """Of the fault, in SI units."""
+        return MODELS[self.model].faults.get(self.fault, 0.0)
+
+
+def machines(only: Sequence[str] = ()) -> list[Machine]:
+    """Every model without a fault, then with each of its faults."""
+    every = [Machine(name, fault) for name, of in MODELS.items() for fault in ("", *of.faults)]
+    known = {each.model for each in every} | {each.name.partition("@")[0] for each in every}
+    if unknown := [name for name in only if name not in known]:
+        raise SerpentError(
+            f"--only {' '.join(unknown)}: there is no such thing here. There are {', '.join(sorted(known))}."
+        )
+    return [
+        each for each in every if not only or {each.model, each.name.partition("@")[0]} & {*only}
+    ]
+
+
+def run(config: AnyModel, machine: Machine) -> dict[str, Any]:
+    """Record a machine and trace it; returns what was there and what was found."""
+    folder, model = config.out / "machines" / machine.id, MODELS[machine.model]
+    path = describe(folder, model)
+    for n in range(config.sessions):
+        log = folder / "logs" / f"session_{n + 1}.csv"
+        if not log.exists():
+            seed = zlib.crc32(f"{config.seed} {machine.id} {n}".encode())
+            record(log, model, machine.fault, machine.strength, seed)
+    try:
+        with (
+            (folder / "said.log").open("a") as said,
+            contextlib.redirect_stdout(said),
+            contextlib.redirect_stderr(said),
+        ):
+            found = trace(Trace((folder / "logs",), folder / "trace", machine=path))
+    except SerpentError as error:
+        return failed_row(machine, str(error))
+    return {
+        "id": machine.id,
+        "model": machine.model,
+        "name": machine.name,
+        "true": _true(machine),
+        "named": [each["name"] for each in found["effects"]],
+        "strengths": _strengths(found),
+        "rivals": {
+            name: [each["name"] for each in several if not each["told_apart"]]
+            for name, several in found["rivals"].items()
+        },
+        "stand_ins": [each["name"] for each in found["stand_ins"]],
+        "unexplained": bool(found["unexplained"]["is"]),
+        "seconds": found["seconds"],
+    }
+
+
+def _true(machine: Machine) -> dict[str, float]:
+    """The strengths that were there, by the names of the effect's parameters."""
+    values = Faulty(MODELS[machine.model], machine.fault, machine.strength, 1).parameters
+    if machine.name.partition("@")[0] in VECTORS:
+        return {f"along_{axis}": float(v) for axis, v in zip("xyz", values, strict=True)}
+    return {"": float(values[0])} if machine.fault else {}
+
+
+def _strengths(found: dict[str, Any]) -> dict[str, dict[str, dict[str, float]]]:
+    """Value, low and high of each parameter of each named effect."""
+    return {
+        each["name"]: {
+            name: {key: of[key] for key in ("value", "low", "high")}
+            for name, of in each["parameters"].items()
+        }
+        for each in found["effects"]
+    }
+
+
+def written(folder: Path) -> Path:
+    """Where a study keeps its rows."""
+    return folder / "results.jsonl"
