@@ -1,4 +1,4 @@
-"""Look into session logs, check them, or recover a recording that was cut off."""
+"""Look into logs, check them, recover a recording that was cut off, or bring logs in and take them out."""
 
 from pathlib import Path
 
@@ -8,6 +8,8 @@ from tyro.conf import Positional
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
+from serpent_twin.exchange.exporting import export
+from serpent_twin.exchange.importing import import_logs, summary
 from serpent_twin.numerals import counted
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sessions.check import examine
@@ -79,6 +81,32 @@ def check_command(path: Positional[Path]) -> None:
     next_step.say(next_step.after_look(path))
 
 
+def import_command(files: Positional[tuple[Path, ...]], map: Path, out: Path) -> None:
+    """Make logs of recordings of other tools: CSV, Parquet, MCAP, ROS bags, LeRobot data sets.
+
+    Units, frames, rates and clocks are as the map says. OUT gets NAME.parquet of each recording, in SI units,
+    which a machine.toml names by its columns; and imported.json, which says what was taken and what was left.
+
+    Args:
+        files: Recordings: files or folders.
+        map: A map.toml, which says which fields become which columns.
+        out: Folder for the logs; made if it does not exist.
+    """
+    found = import_logs(files, map, out)
+    print(summary(found))
+    print(f"{out}: {counted(len(found), 'log')}.")
+
+
+def export_command(path: Positional[Path], out: Path) -> None:
+    """Write a log as CSV, or as MCAP with a message of JSON a row.
+
+    Args:
+        path: A log, .parquet.
+        out: The file to write, .csv or .mcap.
+    """
+    print(f"{out}: {counted(export(path, out), 'row')}.")
+
+
 def _short(value: object) -> str:
     text = str(value)
     return text if len(text) <= 160 else f"{text[:150]} … ({counted(len(text), 'character')})"
@@ -130,4 +158,12 @@ def _line(session: Session) -> str:
 
 
 if __name__ == "__main__":
-    cli.run({"recover": recover_command, "info": info_command, "check": check_command})
+    cli.run(
+        {
+            "recover": recover_command,
+            "info": info_command,
+            "check": check_command,
+            "import": import_command,
+            "export": export_command,
+        }
+    )

@@ -26,7 +26,7 @@ from serpent_twin.stored.form import (
 )
 from serpent_twin.stored.source import MOST, contents, require_file
 from serpent_twin.stored.syntax import parsed_json, parsed_toml
-from serpent_twin.stored.tables import ParquetTable, read_table
+from serpent_twin.stored.tables import ParquetTable, read_columns, read_table
 from serpent_twin.stored.words import found, names
 
 T = TypeVar("T")
@@ -47,6 +47,7 @@ __all__ = [
     "naming",
     "parse_json",
     "read_arrays",
+    "read_columns",
     "read_json",
     "read_json_lines",
     "read_table",

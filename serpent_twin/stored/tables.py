@@ -1,10 +1,11 @@
-"""Read a Parquet file: its columns and the metadata of its footer, of a size that fits into memory."""
+"""Read a table: its columns and the metadata of its footer, of a size that fits into memory."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.csv as csv
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
@@ -52,6 +53,18 @@ def read_table(path: Path, advice: str = "") -> ParquetTable:
             f"{path} is not a whole Parquet file: torn, damaged or something else. {advice}".rstrip()
         ) from None
     return ParquetTable(columns, schema.metadata or {}, table.num_rows)
+
+
+def read_columns(path: Path, advice: str = "") -> dict[str, NDArray[Any]]:
+    """The columns of a CSV or Parquet file, (T,) each; raises a `SerpentError` that says what is wrong."""
+    if path.suffix == ".parquet":
+        return read_table(path, advice).columns
+    require_file(path, MOST_TABLE, advice)
+    try:
+        table = csv.read_csv(path)
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+        raise SerpentError(f"{path} is no CSV table: {error}. {advice}".rstrip()) from None
+    return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
 def _require_room(path: Path, rows: int, columns: int, advice: str) -> None:

@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.model.units import TO_SI
 from serpent_twin.residual import ANGLE, MARKERS, TORQUE, Measure
 from serpent_twin.stored import Form, above, many, within
+from serpent_twin.units import TO_SI
 
 VERSION: Literal[1] = 1
 """Of machine.toml"""

@@ -5,8 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as csv
 from numpy.typing import NDArray
 
 from serpent_twin import stored
@@ -14,8 +12,8 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import Column, Described, DriveColumn, MeasuredColumns
-from serpent_twin.machines.model.units import TO_SI
 from serpent_twin.numerals import counted
+from serpent_twin.units import TO_SI
 
 FORMS = ("*.csv", "*.parquet")
 _FEWEST = 8
@@ -40,7 +38,7 @@ def read_runs(machine: Described, folder: Path) -> list[Recording]:
 
 def read(machine: Described, path: Path) -> list[Recording]:
     """The sessions of one log, columns in SI units; raises a `SerpentError` that names file and column."""
-    about, table = machine.about, _table(path)
+    about, table = machine.about, stored.read_columns(path, "Leave it out.")
     found = {each.column: _drive(machine, path, table, each) for each in about.drive}
     for each in about.measured:
         for name in each.columns:
@@ -67,17 +65,6 @@ def _by_session(whole: Recording, labels: NDArray[Any]) -> list[Recording]:
         )
         for rows in map(slice, begins.tolist(), [*begins[1:].tolist(), len(labels)])
     ]
-
-
-def _table(path: Path) -> dict[str, NDArray[Any]]:
-    if path.suffix == ".parquet":
-        return stored.read_table(path, "Leave it out.").columns
-    stored.require_file(path, stored.MOST * 100, "Leave it out.")
-    try:
-        table = csv.read_csv(path)
-    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        raise SerpentError(f"{path} is no CSV table: {error}. Leave it out.") from None
-    return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
 def _column(path: Path, table: dict[str, NDArray[Any]], name: str) -> NDArray[Any]:

@@ -7,7 +7,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import MOTION, Described, MeasuredColumns
-from serpent_twin.machines.model.units import TO_SI
+from serpent_twin.units import TO_SI
 
 _STILL = 0.005
 """Change of a drive, of its range in the logs, below which two poses in a row should be one"""

@@ -19,7 +19,7 @@ from serpent_twin.machines.model.description import (
 )
 from serpent_twin.machines.model.files import files
 from serpent_twin.machines.model.lines import with_line
-from serpent_twin.machines.model.units import TO_SI
+from serpent_twin.units import TO_SI
 
 _OBJECTS = {
     "site": mujoco.mjtObj.mjOBJ_SITE,

@@ -1,0 +1,126 @@
+"""Say what a map.toml holds: which fields of which streams become which columns."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from msgspec import Meta, field
+
+from serpent_twin import stored
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.stored import Form, many, within
+from serpent_twin.units import TO_SI
+
+ADVICE = "docs/other-machines.md lists the keys."
+if TYPE_CHECKING:
+    Unit = str
+else:
+    Unit = Literal[tuple(TO_SI)]
+Name = Annotated[str, Meta(min_length=1)]
+Number = Annotated[float, within(-1e9, 1e9)]
+Three = Annotated[tuple[Number, ...], many(3)]
+
+
+class MappedField(Form, frozen=True, rename={"source": "field"}):
+    """A field of a stream that becomes a column."""
+
+    source: Name
+    """Of a table, its column; of a message, such as position[2] or pose.position.x"""
+    column: Name
+    """Its name in the log"""
+    unit: Unit = "1"
+    scale: Number = 1.0
+    """SI value = offset + scale × value in the unit"""
+    offset: Number = 0.0
+    """[SI]"""
+
+
+class MappedPoint(Form, frozen=True):
+    """Three fields of a stream that are a place, and the frame that they are wanted in."""
+
+    fields: Annotated[tuple[Name, ...], many(3)]
+    columns: Annotated[tuple[Name, ...], many(3)]
+    unit: Unit = "m"
+    axes: Annotated[tuple[Three, ...], many(3)] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    """Each of the stream's axes in the frame wanted: row by row x, y, z"""
+    origin: Three = (0.0, 0.0, 0.0)
+    """Of the stream's frame, in the frame wanted [SI]"""
+
+    def __post_init__(self) -> None:
+        turn = np.array(self.axes)
+        if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3):
+            raise SerpentError("axes are not three of length 1 at right angles.")
+
+
+class Follows(Form, frozen=True):
+    """How the clock of a stream is set by motion: two columns that move alike."""
+
+    own: Name
+    """A column of this stream"""
+    like: Name
+    """A column of another stream, whose clock is right"""
+    most: Annotated[float, within(0.0, 60.0, "s")] = 2.0
+    """How far the clocks may be apart"""
+
+
+class MappedStream(Form, frozen=True):
+    """One topic, or a table."""
+
+    topic: str = ""
+    """Of messages; a table has none"""
+    time: str = ""
+    """Field with the time, such as header.stamp; without, when a message was recorded"""
+    time_unit: Unit = "s"
+    late: Annotated[float, within(-1e6, 1e6, "s")] = 0.0
+    """By how much its times are later than the others'"""
+    follows: Follows | None = None
+    """In place of `late`"""
+    fields: tuple[MappedField, ...] = ()
+    points: tuple[MappedPoint, ...] = ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of its columns in the log."""
+        return (
+            *(each.column for each in self.fields),
+            *(name for each in self.points for name in each.columns),
+        )
+
+
+class Map(Form, frozen=True):
+    """What a map.toml holds."""
+
+    schema_version: Literal[1]
+    stream: Annotated[tuple[MappedStream, ...], many(1, 1000)]
+    rate_hz: Annotated[float, within(0.0, 1e5, "Hz")] = 0.0
+    """Of the log; 0: the rows of the first stream"""
+    gap: Annotated[float, within(1e-6, 1e6, "s")] = field(default=0.2)
+    """Longest time between two messages that a straight line bridges; in longer ones nothing is known"""
+
+    def __post_init__(self) -> None:
+        names = [name for stream in self.stream for name in stream.columns]
+        if twice := sorted({name for name in names if names.count(name) > 1 or name == "time"}):
+            raise SerpentError(f"stream: the column {twice[0]!r} is there twice.")
+        for n, each in enumerate(self.stream):
+            key = f"stream[{n}]"
+            if not each.columns:
+                raise SerpentError(f"{key} has neither fields nor points.")
+            if each.late and each.follows:
+                raise SerpentError(f"{key} has late and follows: leave out one of them.")
+            if TO_SI[each.time_unit][1] != "s":
+                raise SerpentError(f"{key}.time_unit is {each.time_unit!r}; give a unit of time.")
+            if each.follows and each.follows.own not in each.columns:
+                raise SerpentError(f"{key}.follows.own is none of its columns.")
+            if each.follows and each.follows.like not in {*names} - {*each.columns}:
+                raise SerpentError(f"{key}.follows.like is no column of another stream.")
+
+
+def read(path: Path) -> Map:
+    """Read a map.toml; raises a `SerpentError` that names the key."""
+    return stored.read_toml(path, Map, ADVICE)
+
+
+def si(values: Array, unit: str, scale: float = 1.0, offset: float = 0.0) -> Array:
+    """Values in a unit in SI units."""
+    return offset + scale * TO_SI[unit][0] * values
