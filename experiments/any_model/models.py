@@ -34,8 +34,8 @@ class Model:
     """
     faults: Mapping[str, float]
     """Strengths of effects at places, one of which each machine has, in SI units"""
-    pace: float = 1.0
-    """Of the motion, against one of 0.1 … 0.8 Hz"""
+    planar: bool = False
+    """Whether nothing can move along y"""
 
 
 def _suite(name: str) -> mujoco.MjSpec:
@@ -84,6 +84,7 @@ MODELS: Mapping[str, Model] = {
         lambda: _suite("acrobot"), (np.pi, 0.0), 1.0, {"elbow": "elbow"}, 4.0,
         {"hinge_friction@elbow": 0.3, "joint_elasticity@shoulder": 3.0, "command_delay": 0.03,
          "constant_force@lower_arm": 1.5},
+        planar=True,
     ),
     "reacher": Model(
         lambda: _suite("reacher"), (0.0, 0.0), 1.0, {"shoulder": "shoulder", "wrist": "wrist"}, 0.5,
@@ -94,6 +95,7 @@ MODELS: Mapping[str, Model] = {
         _leg, (0.0, 0.0, 0.0), 0.4, {name: name for name in ("bthigh", "bshin", "bfoot")}, 3.0,
         {"hinge_friction@bshin": 3.0, "payload@bfoot": 1.5, "joint_stiffening@bthigh": 6000.0,
          "constant_force@bfoot": 15.0},
+        planar=True,
     ),
     "six_joints": Model(
         _six_joints, (0.0, np.pi, np.pi, 0.0, 0.5, 0.0), 0.5,

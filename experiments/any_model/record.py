@@ -28,6 +28,7 @@ class Faulty:
         self.law, _, self.at = fault.partition("@")
         self.strength = strength
         self.towards = np.random.default_rng(seed).standard_normal(3)
+        self.towards[1] *= not model.planar
         self.towards *= strength / np.linalg.norm(self.towards)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
@@ -119,7 +120,7 @@ def record(path: Path, model: Model, fault: str, strength: float, seed: int) -> 
     machine = Faulty(model, fault, strength, 1)
     joints = [machine.model.joint(n).name for n in range(machine.model.njnt)]
     size, phase = rng.uniform(0.3, 1, (3, len(joints))), rng.uniform(0, 2 * np.pi, (3, len(joints)))
-    turning = 2 * np.pi * model.pace * rng.uniform(0.1, 0.8, (3, len(joints)))
+    turning = 2 * np.pi * rng.uniform(0.1, 0.8, (3, len(joints)))
     size *= model.swing / size.sum(axis=0)
 
     def goal(time: float) -> Array:

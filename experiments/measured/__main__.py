@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.measured.benchmark import BENCHMARKS
+from experiments.measured.benchmark import BENCHMARKS, rig_of
 from experiments.measured.changed import changed
 from experiments.measured.named import judge
 from experiments.measured.page import effect_told, page, rejected, table
 from experiments.measured.regression import regressions
-from experiments.measured.split import Asked, asked, inner
+from experiments.measured.split import Asked, asked, inner, judged_by
 from experiments.result_page import publish, store
-from serpent_twin import machines
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.identification import Trace
@@ -84,14 +83,14 @@ def _split(
     config: Measured, name: str, training: list[Recording], judging: list[Recording]
 ) -> dict[str, Any]:
     """One split's entry in results.json."""
-    files = [str(r.path.name) for r in judging if r.path]
+    files, rig = judged_by(judging), rig_of(name, config.data)
     bench, out = BENCHMARKS[name], _folder(config, name, judging)
     chosen_by = inner(training, bench) if config.held_out else (training, judging)
     wanted = Trace((config.data / name,), out, rig=name, seed=config.seed, judge=", ".join(files))
-    found, numbers = trace_sessions(wanted, machines.find(name), *chosen_by)
+    found, numbers = trace_sessions(wanted, rig, *chosen_by)
     compared, effects = found.comparisons, numbers["effects"]
     if config.held_out:
-        judged = judge(name, out / "twin.json", training, judging)
+        judged = judge(rig, out / "twin.json", training, judging)
         compared = judged.comparisons
         effects = [
             {"name": n, "parameters": {p: vars(e) for p, e in each.items()}}
@@ -113,7 +112,8 @@ def _split(
 
 def _folder(config: Measured, name: str, judging: Sequence[Recording]) -> Path:
     """Where a split's trace leaves its results."""
-    return config.out / name / "_".join(sorted(r.name for r in judging))[:80]
+    names = [each.removesuffix(".parquet").removesuffix("*") for each in judged_by(judging)]
+    return config.out / name / "_".join(sorted(names))[:80]
 
 
 if __name__ == "__main__":

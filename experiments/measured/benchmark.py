@@ -2,8 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
-from experiments.measured.metric import MAE, RMSE, TIP_RMS, Metric
+from experiments.measured.metric import CENTRED_TIP_RMS, MAE, RMSE, TIP_RMS, Metric
+from serpent_twin import machines
+from serpent_twin.machines.model import open_machine
 
 
 @dataclass(frozen=True)
@@ -22,6 +26,12 @@ class Benchmark:
     """Where the original recordings are"""
     reference_by: str = ""
     """What reached the reference, where nothing is published"""
+    description: str = ""
+    """Name of the machine.toml beside this file, of a machine that is not Python, and of its MJCF, which lies
+    with the logs
+    """
+    model: str = ""
+    """The MJCF's name"""
     unchanged: str = "*"
     """Names of the files of the machine as it was; any other is of it after something was changed"""
 
@@ -50,4 +60,22 @@ BENCHMARKS: Mapping[str, Benchmark] = {
         reference_by="a cubic map from measured motor angles",
         unchanged="controlled_*",
     ),
+    "opencr": Benchmark(
+        CENTRED_TIP_RMS,
+        (("rep1_pair23_*",), ("rep1_pair12_*",), ("rep1_pair13_*",)),
+        reference=7.7,
+        sketch=7.0,
+        origin="github.com/ContinuumRoboticsLab/opencr-mujoco, commit 17fff8b",
+        reference_by="the authors' own fit of three segments' pretension, on the poses that it was fitted to",
+        description="opencr.toml",
+        model="v4.xml",
+    ),
 }
+
+
+def rig_of(name: str, data: Path) -> Any:
+    """A machine, whose logs lie in a folder of its name in the data."""
+    bench = BENCHMARKS[name]
+    if not bench.description:
+        return machines.find(name)
+    return open_machine(Path(__file__).with_name(bench.description), data / name / bench.model)

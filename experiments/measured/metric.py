@@ -49,8 +49,19 @@ def _rms_distance(error: Array) -> float:
     return float(1e3 * np.sqrt(np.nanmean((error**2).sum(axis=-1))))
 
 
+def _centred_rms_distance(error: Array) -> float:
+    return _rms_distance(error - np.nanmean(error.reshape(-1, error.shape[-1]), axis=0))
+
+
 MAE = Metric("mae_deg", "MAE", "mean absolute error", "°", _mean_angle)
 RMSE = Metric("rmse_deg", "RMSE", "root mean square error", "°", _rms_angle)
 TIP_RMS = Metric("tip_rms_mm", "tip RMS", "tip's distance, rms", "mm", _rms_distance)
 
-METRICS = {metric.name: metric for metric in (MAE, RMSE, TIP_RMS)}
+CENTRED_TIP_RMS = Metric(
+    "centred_tip_rms_mm",
+    "tip RMS, centred",
+    "tip's distance, rms, mean offset removed",
+    "mm",
+    _centred_rms_distance,
+)
+METRICS = {metric.name: metric for metric in (MAE, RMSE, TIP_RMS, CENTRED_TIP_RMS)}

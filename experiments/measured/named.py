@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin import machines
 from serpent_twin.identification.build_diagnosis import estimates
 from serpent_twin.identification.diagnosis import ParameterEstimate
 from serpent_twin.identification.fitted import Fit
@@ -36,11 +35,11 @@ class Judged:
 
 
 def judge(
-    rig: str, twin: Path, training: Sequence[Recording], judging: Sequence[Recording]
+    rig: Any, twin: Path, training: Sequence[Recording], judging: Sequence[Recording]
 ) -> Judged:
     """Fit the effects of a traced twin, twin.json, to all training runs; compare on those that judge."""
-    case = machines.find(rig).open(training)
-    named = read_twin(twin, rig).point.effects
+    case = rig.open(training)
+    named = read_twin(twin, rig.name).point.effects
     bare = _fitted(case, training, ParameterVector(np.zeros(len(case.declared))))
     whole = _fitted(case, training, replace(bare.point, effects=named)) if named else bare
     points = {"nominal": None, "calibrated": bare.point, "corrected": whole.point}

@@ -60,6 +60,11 @@ def _motor_angles(run: Recording) -> Array:
     return _products([run.columns[f"motor{n}_position"] for n in _MOTORS], 3)
 
 
+def _tendons(run: Recording) -> Array:
+    """The nine tendons' displacements, and products of up to three."""
+    return _products([values for name, values in run.columns.items() if "servo" in name], 3)
+
+
 def _products(values: Sequence[Array], degree: int) -> Array:
     """All products of the values up to a degree, (T, features)."""
     chosen = [
@@ -94,6 +99,7 @@ KNOWN: Mapping[str, tuple[tuple[str, ...], Callable[[Sequence[Recording]], Kinds
         },
     ),
     "trunk": (_TIP, _trunk),
+    "opencr": (("tip_x", "tip_y", "tip_z"), lambda _: {"displacements, cubic": _tendons}),
 }
 """What is predicted for each rig, and from which features, as training runs suggest them; the last of
 several reads what the twin has to predict

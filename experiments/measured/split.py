@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from experiments.measured.benchmark import BENCHMARKS, Benchmark
-from serpent_twin import machines
+from experiments.measured.benchmark import BENCHMARKS, Benchmark, rig_of
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.rig import is_named
 from serpent_twin.numerals import counted
 from serpent_twin.sessions import refuse_repeated
 
@@ -32,8 +33,9 @@ def asked(data: Path, held_out: str = "") -> dict[str, Asked]:
         return dict([_named(data, held_out)])
     found, missing = {}, []
     for name, bench in BENCHMARKS.items():
-        if not any(file.match(bench.unchanged) for file in (data / name).glob("*.parquet")):
-            named = bench.unchanged.removesuffix("*") + "*.parquet"
+        form = "*.csv" if bench.description else "*.parquet"
+        if not any(file.match(bench.unchanged) for file in (data / name).glob(form)):
+            named = bench.unchanged.removesuffix("*") + form
             missing.append(f"{data / name} holds no {named} ({bench.origin} has the originals)")
             continue
         same, changed = _runs(data, name)
@@ -49,8 +51,8 @@ def asked(data: Path, held_out: str = "") -> dict[str, Asked]:
 
 
 def split(runs: Sequence[Recording], patterns: Sequence[str]) -> Split:
-    """Runs to fit, and runs that judge: those whose files match a pattern."""
-    judging = [r for r in runs if r.path and any(r.path.match(p) for p in patterns)]
+    """Runs to fit, and runs that judge: those who have, or whose files have, a name of a pattern."""
+    judging = [r for r in runs if any(is_named(r, p) for p in patterns)]
     training = [r for r in runs if r not in judging]
     if not judging or not training:
         raise SerpentError(
@@ -59,6 +61,15 @@ def split(runs: Sequence[Recording], patterns: Sequence[str]) -> Split:
             "some be fitted. Name those that judge: --held-out."
         )
     return training, judging
+
+
+def judged_by(judging: Sequence[Recording]) -> list[str]:
+    """The files that judge; of files that hold several runs, what the runs' names have in common."""
+    if all(r.path and r.path.stem == r.name for r in judging):
+        return [r.path.name for r in judging if r.path]
+    first, last = min(r.name for r in judging), max(r.name for r in judging)
+    same = takewhile(lambda pair: pair[0] == pair[1], zip(first, last, strict=False))
+    return ["".join(one for one, _ in same) + "*"]
 
 
 def inner(training: Sequence[Recording], bench: Benchmark) -> Split:
@@ -86,7 +97,7 @@ def by_time(run: Recording, share: float = 0.6) -> Split:
 
 def _runs(data: Path, name: str) -> Split:
     """A machine's runs as it was, and after something was changed."""
-    runs: Sequence[Any] = machines.find(name).read(data / name)
+    runs: Sequence[Any] = rig_of(name, data).read(data / name)
     unchanged = BENCHMARKS[name].unchanged
     same = [r for r in runs if r.path.match(unchanged)]
     if not same:
@@ -99,9 +110,8 @@ def _runs(data: Path, name: str) -> Split:
 
 def _patterns(runs: Sequence[Recording], bench: Benchmark) -> list[tuple[str, ...]]:
     """The bench's splits, as far as there are runs of these names; else every fourth run judges."""
-    paths = [r.path for r in runs if r.path]
-    known = [each for each in bench.splits if any(path.match(p) for path in paths for p in each)]
-    return known or [tuple(path.name for path in paths[1::4])]
+    known = [each for each in bench.splits if any(is_named(r, p) for r in runs for p in each)]
+    return known or [tuple(r.path.name for r in runs[1::4] if r.path)]
 
 
 def _named(data: Path, held_out: str) -> tuple[str, Asked]:
@@ -112,8 +122,8 @@ def _named(data: Path, held_out: str) -> tuple[str, Asked]:
         raise SerpentError(f"--held-out {held_out} names no file. Give a path with wildcards.")
     reasons = []
     for name, bench in BENCHMARKS.items():
-        rig: Any = machines.find(name)
         try:
+            rig = rig_of(name, data)
             judging = [run for path in files for run in rig.read(path)]
         except SerpentError as error:
             reasons.append(str(error))

@@ -25,9 +25,9 @@ class ServoLag(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("command_delay",)
 
     def edit(self, spec: mujoco.MjSpec) -> None:
-        """Filter what the actuators without dynamics of their own are told."""
+        """Filter what the actuators without dynamics of their own are told, if it does anything."""
         for each in spec.actuators:
-            bare = each.dyntype == mujoco.mjtDyn.mjDYN_NONE
+            bare = each.dyntype == mujoco.mjtDyn.mjDYN_NONE and each.gainprm[0] != 0
             if bare and each.name == (self.at or each.name):
                 each.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
                 each.dynprm[0] = self.time_constant

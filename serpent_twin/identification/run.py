@@ -3,7 +3,6 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,7 +21,7 @@ from serpent_twin.identification.diagnosis import Diagnosis
 from serpent_twin.identification.page import page
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.uncertainty import drawn
-from serpent_twin.machines.rig import Log, read_logs
+from serpent_twin.machines.rig import Log, is_named, read_logs
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import write
 from serpent_twin.runs.files import finite, write_json
@@ -102,7 +101,7 @@ def _split(config: Trace, sessions: Sequence[Log]) -> tuple[list[Log], list[Log]
         return _apart(config, sessions, config.held_out)
     sessions = sessions[: config.sessions or None]
     if config.judge:
-        judging = [s for s in sessions if _is_named(s, config.judge)]
+        judging = [s for s in sessions if is_named(s, config.judge)]
         if not judging or len(judging) == len(sessions):
             raise SerpentError(
                 f"--judge {config.judge} names {len(judging)} of the {counted(len(sessions), 'session')} in "
@@ -136,11 +135,6 @@ def _lies_in(path: Path, sources: Sequence[Path]) -> bool:
     """Whether a file or folder is one of some, or a file in one."""
     every, path = [each.resolve() for each in sources], path.resolve()
     return path in every or (path.is_file() and path.parent in every)
-
-
-def _is_named(session: Log, pattern: str) -> bool:
-    """Whether a session, or its file, has a name of a pattern."""
-    return fnmatchcase(session.name, pattern) or bool(session.path and session.path.match(pattern))
 
 
 def trace_sessions(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -86,6 +87,11 @@ def read_logs(rig: "Rig", sources: Sequence[Path]) -> list[Any]:
             "folder or a file."
         )
     return logs
+
+
+def is_named(log: Log, pattern: str) -> bool:
+    """Whether a session, or its file, has a name of a pattern."""
+    return fnmatchcase(log.name, pattern) or bool(log.path and log.path.match(pattern))
 
 
 def _recorded(log: Log) -> dict[str, str]:

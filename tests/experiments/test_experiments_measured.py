@@ -149,8 +149,8 @@ def test_files_named_elsewhere_judge_the_rig_that_reads_them(data, traced, tmp_p
     judges = []
 
     def judge(rig, twin, training, judging):
-        judges.append((rig, [r.name for r in training], [r.name for r in judging]))
-        there = compared(rig, 0)
+        judges.append((rig.name, [r.name for r in training], [r.name for r in judging]))
+        there = compared(rig.name, 0)
         return SimpleNamespace(comparisons=dict.fromkeys(measured.STAGES, there), effects={})
 
     monkeypatch.setattr(measured, "judge", judge)
@@ -168,11 +168,30 @@ def test_it_says_what_is_missing(data, traced, tmp_path, capsys):
     with pytest.raises(SerpentError, match=r"names no file. Give a path"):
         measured.main(measured.Measured(data, tmp_path / "out", held_out="nowhere/*"))
     with pytest.raises(SerpentError, match=r"0 are named kp999.* Name those that judge"):
-        measured_split.split([SimpleNamespace(path=Path("kp100_a.parquet"))], ["kp999_*"])
+        measured_split.split([recorded("kp100_a")], ["kp999_*"])
+
+
+def recorded(name):
+    return SimpleNamespace(path=Path(f"{name}.parquet"), name=name)
+
+
+def test_runs_of_one_file_are_told_by_what_their_names_share():
+    runs = [
+        Recording(Path("all.csv"), {}, {}, f"rep1_pair23_{n}") for n in ("opp_dir0", "same_dir60")
+    ]
+    assert measured_split.judged_by(runs) == ["rep1_pair23_*"]
+    assert measured_split.judged_by([recorded("a"), recorded("b")]) == ["a.parquet", "b.parquet"]
+
+
+def test_the_mean_offset_is_removed_where_the_metric_says_so():
+    off = np.tile([3e-3, 0.0, 0.0], (10, 1))
+    off[::2, 1] = 4e-3
+    metric = measured_metric.CENTRED_TIP_RMS
+    assert metric.between(off, np.zeros((10, 3))) == pytest.approx(2)
 
 
 def test_runs_of_other_names_are_split_by_their_order():
-    runs = [SimpleNamespace(path=Path(f"run_{n}.parquet")) for n in range(6)]
+    runs = [recorded(f"run_{n}") for n in range(6)]
     training, judging = measured_split.inner(runs, BENCHMARKS["xl330"])
     assert [r.path.stem for r in judging] == ["run_1", "run_5"] and len(training) == 4
 
@@ -238,7 +257,7 @@ def test_a_trunk_named_to_judge_is_searched_for_a_change(trunks, traced, tmp_pat
 
     def judge(rig, twin, training, judging):
         judges.append(([r.name for r in training], [r.name for r in judging]))
-        there = compared(rig, 4)
+        there = compared(rig.name, 4)
         return SimpleNamespace(comparisons=dict.fromkeys(measured.STAGES, there), effects={})
 
     monkeypatch.setattr(measured, "judge", judge)

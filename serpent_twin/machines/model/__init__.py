@@ -76,9 +76,11 @@ class ModelRig:
         return Case(replace(machine, frame=first), spread)
 
 
-def open_machine(path: Path) -> ModelRig:
-    """The machine of a machine.toml; raises a `SerpentError` that names line and key."""
-    return ModelRig(read(path))
+def open_machine(path: Path, model_file: Path | None = None) -> ModelRig:
+    """The machine of a machine.toml, whose MJCF may lie elsewhere; raises a `SerpentError` that names line
+    and key.
+    """
+    return ModelRig(read(path, model_file))
 
 
 def _quieter(machine: ModelMachine, training: Sequence[Recording]) -> ModelMachine:

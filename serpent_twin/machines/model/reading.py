@@ -36,14 +36,17 @@ _NUMBERS_OF = {
 }
 
 
-def read(path: Path) -> Described:
-    """Read a machine.toml and its MJCF; raises a `SerpentError` that names line and key."""
+def read(path: Path, model_file: Path | None = None) -> Described:
+    """Read a machine.toml and its MJCF, which may lie elsewhere; raises a `SerpentError` that names line and
+    key.
+    """
     raw = stored.contents(path, advice=ADVICE).decode(errors="replace")
     try:
         about = stored.read_toml(path, Description, ADVICE)
     except SerpentError as error:
         raise SerpentError(with_line(str(error), raw)) from None
-    file, several = path.parent / about.model, files(path, about.model)
+    file = model_file or path.parent / about.model
+    several = [path, *files(file, file.name)[1:]] if model_file else files(path, about.model)
     try:
         spec = mujoco.MjSpec.from_file(str(file))
         model = spec.compile()
