@@ -32,6 +32,8 @@ NOT_RUN = {
     "python -m serpent_twin.check": "exits 1 on few logs; tests/identification/test_check.py",
     "python -m serpent_twin.plan": "needs a finished trace; tests/planning/test_plan.py",
     "python -m serpent_twin.trace --machine": "needs a machine; tests/machines/test_model_machine.py",
+    "python -m serpent_twin.log import": "needs recordings; tests/exchange/test_import.py",
+    "python -m serpent_twin.log export": "tests/exchange/test_import.py",
     "python -m serpent_twin.trace --logs logs next_logs": "as above; tests/machines/test_rig_folders.py",
     "python -m serpent_twin.collect --backend real --motion": "tests/recording/test_motion.py",
     "python -m serpent_twin.bus.device": "serves until Ctrl-C; started by the test",

@@ -1,0 +1,86 @@
+"""Write how often a law at a place was named, in models of others, as a page."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from experiments.any_model.score import WITHIN, Row, covered, off, right, told, undecided
+from experiments.any_model.trial import CLEAN
+from experiments.result_page import PageContent
+from serpent_twin.identification.figures import spaced
+from serpent_twin.numerals import counted
+from serpent_twin.reporting.report import Section, Table
+
+_TEXT = """Each machine is a public model (dm_control's pendulum, acrobot and reacher, the hind leg of its
+cheetah, Kinova's six-joint arm with position servos) with one fault at one place, or with none. Its log is
+a CSV with what the actuators are told and what the joints' encoders read, at 50 Hz with noise of 0.3 mrad;
+the last of {sessions} judges. The data come from another integration than the twin's (Runge-Kutta, 0.25 ms),
+and the fault is a force, a command or a reading computed there, which shares nothing with the twin's effect.
+The machine.toml of each lists the drives and the joints, nothing else: numbers that calibration fits and
+candidates are the default."""
+
+
+def result_page(results: Mapping[str, Any]) -> PageContent:
+    """The page of a results.json."""
+    rows, settings = results["rows"], results["settings"]
+    command = "python -m experiments.any_model"
+    if settings["seed"]:
+        command += f" --seed {settings['seed']}"
+    sessions = counted(settings["sessions"], "session")
+    failures = [f"{name}: {why}" for name, why in results["failed"].items()]
+    failed = [Section("Not traced", "\n\n".join(failures))] if failures else []
+    return PageContent(
+        "Any model",
+        command,
+        f"{counted(len(rows), 'machine')} of five public models, {sessions} of 12 s each",
+        (
+            Section("", _TEXT.format(sessions=sessions), (_rates(rows),)),
+            Section("Machines", "", (_machines(rows),)),
+            *failed,
+        ),
+    )
+
+
+def _rates(rows: list[Row]) -> Table:
+    faulty = [row for row in rows if row["name"] != CLEAN]
+    clean = [row for row in rows if row["name"] == CLEAN]
+    found = [row for row in faulty if told(row)]
+    alone = [row for row in faulty if right(row) and len(row["named"]) == 1]
+    near = [row for row in found if off(row) <= WITHIN]
+    inside = [row for row in found if covered(row)]
+    lines = (
+        ("nothing named where nothing is", f"{sum(map(right, clean))} of {len(clean)}"),
+        ("the fault named first, at its place", f"{sum(map(right, faulty))} of {len(faulty)}"),
+        ("the fault named, and nothing else", f"{len(alone)} of {len(faulty)}"),
+        (
+            "among those said to be not told apart from what is named first",
+            f"{sum(map(undecided, faulty))} of {len(faulty)}",
+        ),
+        (f"strength within {WITHIN:.0%}", f"{len(near)} of {len(found)}"),
+        ("strength inside its 95 % interval", f"{len(inside)} of {len(found)}"),
+        (
+            "median of a trace's time on one core",
+            f"{np.median([r['seconds'] for r in rows]):.0f} s",
+        ),
+    )
+    return Table(("measure", "machines"), lines)
+
+
+def _machines(rows: list[Row]) -> Table:
+    lines = tuple(
+        (
+            spaced(row["model"]),
+            spaced(row["name"]),
+            ", ".join(f"{v:.3g}" for v in row["true"].values()),
+            ", ".join(map(spaced, row["named"]))
+            or ("unexplained" if row["unexplained"] else "nothing"),
+            told(row),
+            f"{row['seconds']:.0f}",
+        )
+        for row in rows
+    )
+    head = ("model", "fault", "strength", "named", "strength found", "seconds")
+    return Table(
+        head, lines, "In brackets, 95 % intervals; strengths in SI units, of a force along x, y, z."
+    )
