@@ -12,7 +12,14 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
 
-NAMES = ("collect_speed", "trace_speed", "whole_trace", "sweep_speed", "estimate_speed")
+NAMES = (
+    "collect_speed",
+    "trace_speed",
+    "whole_trace",
+    "any_model_speed",
+    "sweep_speed",
+    "estimate_speed",
+)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ TITLES = {
     "collect_speed": "Collecting sessions",
     "trace_speed": "The parts of a trace",
     "whole_trace": "A whole trace",
+    "any_model_speed": "A trace of any model",
     "sweep_speed": "Sweeping compliance",
     "estimate_speed": "One estimate, on one core",
 }

@@ -76,7 +76,7 @@ def _six_joints() -> mujoco.MjSpec:
 _SERVO, _BRAKE = 1000.0, 80.0  # [N m/rad], [N m s/rad]
 MODELS: Mapping[str, Model] = {
     "pendulum": Model(
-        lambda: _suite("pendulum"), (np.pi,), 1.0, {"torque": "hinge"}, 12.0,
+        lambda: _suite("pendulum"), (np.pi,), 1.0, {"torque": "hinge"}, 4.0,
         {"hinge_friction@hinge": 0.15, "joint_elasticity@hinge": 0.3, "torque_saturation@torque": 0.5,
          "command_delay": 0.03},
     ),
@@ -92,15 +92,15 @@ MODELS: Mapping[str, Model] = {
          "sensor_delay@shoulder": 0.03},
     ),
     "leg": Model(
-        _leg, (0.0, 0.0, 0.0), 0.4, {name: name for name in ("bthigh", "bshin", "bfoot")}, 3.0,
-        {"hinge_friction@bshin": 3.0, "payload@bfoot": 1.5, "joint_stiffening@bthigh": 6000.0,
+        _leg, (0.0, 0.0, 0.0), 0.4, {name: name for name in ("bthigh", "bshin", "bfoot")}, 1.0,
+        {"hinge_friction@bshin": 6.0, "payload@bfoot": 1.5, "joint_stiffening@bthigh": 6000.0,
          "constant_force@bfoot": 15.0},
         planar=True,
     ),
     "six_joints": Model(
         _six_joints, (0.0, np.pi, np.pi, 0.0, 0.5, 0.0), 0.5,
         {f"servo_{n}": f"joint_{n}" for n in range(1, 7)}, 0.0,
-        {"hinge_friction@joint_4": 3.0, "gear_backlash@servo_2": 0.02, "payload@b_5": 0.6,
+        {"hinge_friction@joint_4": 3.0, "gear_backlash@servo_2": 0.02, "constant_force@b_5": 12.0,
          "gravity": 1.5},
     ),
 }  # fmt: skip

@@ -12,7 +12,7 @@ from serpent_twin.effects.moment import Readings
 
 @dataclass(frozen=True)
 class SensorDelay(Effect):
-    """A reading at time t is that of t − delay; before a run's first row, what the first row reads.
+    """A reading at time t is that of t − delay; before a run's first row, on a straight line through it.
 
     Filters, exposure, queues, and clocks that were never set alike.
     Source: a pure dead time; between rows, readings are a cubic spline.
@@ -33,5 +33,7 @@ class SensorDelay(Effect):
         late = moment.reading.copy()
         for n in np.flatnonzero(ago > 0):
             if np.isfinite(late[n]).all():
-                late[n] = CubicSpline(rows, late[n])(np.maximum(rows - ago[n], 0.0))
+                spline, then = CubicSpline(rows, late[n]), rows - ago[n]
+                before = np.minimum(then, 0.0)[:, None]
+                late[n] = spline(np.maximum(then, 0.0)) + before * spline(0.0, 1)
         moment.reading = late

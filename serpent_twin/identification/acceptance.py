@@ -24,7 +24,7 @@ WORTH_IT = 0.04
 """Least relative gain on held-out logs of an accepted effect, markers and loads with equal weight"""
 CHANCE = 0.01
 """Greatest probability that the gain of an accepted effect is due to chance"""
-MATTERS = 0.01
+MATTERS = 0.02
 """Least strength of an accepted effect, in typical ones: less corrects the twin's own arithmetic"""
 SURE = 3.0
 """Least distance of an accepted strength from zero, in standard errors"""

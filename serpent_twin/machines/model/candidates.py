@@ -20,7 +20,7 @@ _REACH = 1e-3
 """The same below which a place has no lever worth a force [m/rad]"""
 _MOST_PLACES = 12
 """Of a kind in a model: with more, an effect is sought in all of them alike only"""
-_WIDE = 100.0
+_WIDE = 20.0
 """Of what is typical, how far a range goes"""
 _PLAY, _SPRING, _LOAD, _RUBS = 0.02, 0.1, 0.1, 0.1
 """Typical effects: of the range of a drive, of a joint's stiffness, of the mass that a body carries, of the

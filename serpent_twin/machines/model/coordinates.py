@@ -9,6 +9,7 @@ import numpy as np
 
 from serpent_twin.machines.machine import Declared, Quantity
 from serpent_twin.machines.model.description import MOTION, Described, Uncertain
+from serpent_twin.machines.model.masses import weigh
 
 _ZERO, _SCALE = 0.01, 0.05
 """Prior of a drive's zero, of its control's range; of the logarithm of the drives' scale"""
@@ -181,15 +182,4 @@ def edit_numbers(
                     actuators[n].gainprm[0] *= factor
                     actuators[n].biasprm[1:3] *= factor
                 case "mass":
-                    _weigh(bodies[n], factor)
-
-
-def _weigh(body: mujoco.MjsBody, factor: float) -> None:
-    """Scale a body's mass and inertia, which may come from its geoms."""
-    if body.explicitinertial:
-        body.mass *= factor
-        body.inertia *= factor
-        return
-    for geom in body.geoms:
-        geom.mass *= factor
-        geom.density *= factor
+                    weigh(bodies[n], factor)

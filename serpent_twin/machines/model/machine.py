@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from math import ceil
 from typing import Any
@@ -157,5 +158,6 @@ class ModelMachine(RunMachine):
         if machine.about.rows == POSES:
             return settled(model, told, begin, seen, self.rests, pieces)
         at = start(machine, begin, pieces)
-        found = moved(model, told, at, seen, pieces, self.gains, self.steps)
+        read = partial(reread, there, at.joints, pieces=pieces)
+        found = moved(model, told, at, seen, pieces, self.gains, self.steps, read)
         return reread(there, self.markers, found, pieces)

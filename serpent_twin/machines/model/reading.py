@@ -19,6 +19,7 @@ from serpent_twin.machines.model.description import (
 )
 from serpent_twin.machines.model.files import files
 from serpent_twin.machines.model.lines import with_line
+from serpent_twin.machines.model.masses import settle_total_mass
 from serpent_twin.units import TO_SI
 
 _OBJECTS = {
@@ -49,6 +50,7 @@ def read(path: Path, model_file: Path | None = None) -> Described:
     several = [path, *files(file, file.name)[1:]] if model_file else files(path, about.model)
     try:
         spec = mujoco.MjSpec.from_file(str(file))
+        settle_total_mass(spec)
         model = spec.compile()
     except ValueError as error:
         raise SerpentError(

@@ -14,6 +14,7 @@ from serpent_twin.machines.measured import Runs
 def reread(there: Sequence[Effect], names: Sequence[str], found: Array, pieces: Runs) -> Array:
     """What sensors make of readings, (S, T, C), each column of a named thing."""
     several = [each for each in effects.stacked([there] * len(found)) if each.stage == READING]
+    several = [each for each in several if not each.at or each.at in names]
     moment = ReadRuns(names, pieces.period[:, None], found)
     effects.act(several, moment, effects.begin(several, moment))
     return moment.reading
