@@ -12,7 +12,7 @@ from serpent_twin.runs.processes import processes
 from serpent_twin.runs.worker_pool import execute
 
 
-class Trial(Protocol):
+class StudyTrial(Protocol):
     """One machine of a study."""
 
     @property
@@ -73,7 +73,7 @@ class Results:
         done = len(every) - len(missing)
         with tqdm(total=len(every), initial=done, unit=unit, smoothing=0.1) as bar:
 
-            def keep(_: Trial, row: dict[str, Any] | None) -> None:
+            def keep(_: StudyTrial, row: dict[str, Any] | None) -> None:
                 if row is not None:
                     self.add(row)
                     failure = row.get("failed")
@@ -92,6 +92,6 @@ class Results:
 _DIED = "every process that tried it died, perhaps for want of memory"
 
 
-def failed_row(trial: Trial, why: str) -> dict[str, Any]:
+def failed_row(trial: StudyTrial, why: str) -> dict[str, Any]:
     """The row of a trial that did not reach its end."""
     return {"id": trial.id, "name": trial.name, "failed": why}

@@ -17,7 +17,7 @@ _NO_CONTACTS = mujoco.mjtDisableBit.mjDSBL_CONTACT
 
 
 @dataclass(frozen=True)
-class Model:
+class PublicModel:
     """A model, how its machine is driven, and what may be wrong with the model."""
 
     spec: Callable[[], mujoco.MjSpec]
@@ -74,30 +74,30 @@ def _six_joints() -> mujoco.MjSpec:
 
 
 _SERVO, _BRAKE = 1000.0, 80.0  # [N m/rad], [N m s/rad]
-MODELS: Mapping[str, Model] = {
-    "pendulum": Model(
+MODELS: Mapping[str, PublicModel] = {
+    "pendulum": PublicModel(
         lambda: _suite("pendulum"), (np.pi,), 1.0, {"torque": "hinge"}, 4.0,
         {"hinge_friction@hinge": 0.15, "joint_elasticity@hinge": 0.3, "torque_saturation@torque": 0.5,
          "command_delay": 0.03},
     ),
-    "acrobot": Model(
+    "acrobot": PublicModel(
         lambda: _suite("acrobot"), (np.pi, 0.0), 1.0, {"elbow": "elbow"}, 4.0,
         {"hinge_friction@elbow": 0.3, "joint_elasticity@shoulder": 3.0, "command_delay": 0.03,
          "constant_force@lower_arm": 1.5},
         planar=True,
     ),
-    "reacher": Model(
+    "reacher": PublicModel(
         lambda: _suite("reacher"), (0.0, 0.0), 1.0, {"shoulder": "shoulder", "wrist": "wrist"}, 0.5,
         {"hinge_friction@wrist": 0.002, "joint_elasticity@shoulder": 0.02, "servo_lag@wrist": 0.04,
          "sensor_delay@shoulder": 0.03},
     ),
-    "leg": Model(
+    "leg": PublicModel(
         _leg, (0.0, 0.0, 0.0), 0.4, {name: name for name in ("bthigh", "bshin", "bfoot")}, 1.0,
         {"hinge_friction@bshin": 6.0, "payload@bfoot": 1.5, "joint_stiffening@bthigh": 6000.0,
          "constant_force@bfoot": 15.0},
         planar=True,
     ),
-    "six_joints": Model(
+    "six_joints": PublicModel(
         _six_joints, (0.0, np.pi, np.pi, 0.0, 0.5, 0.0), 0.5,
         {f"servo_{n}": f"joint_{n}" for n in range(1, 7)}, 0.0,
         {"hinge_friction@joint_4": 3.0, "gear_backlash@servo_2": 0.02, "constant_force@b_5": 12.0,

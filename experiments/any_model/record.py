@@ -12,17 +12,17 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as csv
 
-from experiments.any_model.models import Model
+from experiments.any_model.models import PublicModel
 from serpent_twin.arrays import Array
 
 RATE, SECONDS, STEP, NOISE = 50.0, 12.0, 0.25e-3, 3e-4  # [Hz], [s], [s], [rad]
 _SLIDES = 0.002  # [rad/s] above which dry friction is whole
 
 
-class Faulty:
+class FaultyRun:
     """A machine with one fault of a strength; nothing for a machine like its model."""
 
-    def __init__(self, model: Model, fault: str, strength: float, seed: int) -> None:
+    def __init__(self, model: PublicModel, fault: str, strength: float, seed: int) -> None:
         spec = model.spec()
         spec.option.integrator, spec.option.timestep = mujoco.mjtIntegrator.mjINT_RK4, STEP
         self.law, _, self.at = fault.partition("@")
@@ -114,10 +114,10 @@ def _moved(along: Array) -> Array:
     return along @ along * np.eye(3) - np.outer(along, along)
 
 
-def record(path: Path, model: Model, fault: str, strength: float, seed: int) -> None:
+def record(path: Path, model: PublicModel, fault: str, strength: float, seed: int) -> None:
     """Write a session as CSV: time, what the actuators are told, what the joints' encoders read."""
     rng = np.random.default_rng(seed)
-    machine = Faulty(model, fault, strength, 1)
+    machine = FaultyRun(model, fault, strength, 1)
     joints = [machine.model.joint(n).name for n in range(machine.model.njnt)]
     size, phase = rng.uniform(0.3, 1, (3, len(joints))), rng.uniform(0, 2 * np.pi, (3, len(joints)))
     turning = 2 * np.pi * rng.uniform(0.1, 0.8, (3, len(joints)))
@@ -154,7 +154,7 @@ def record(path: Path, model: Model, fault: str, strength: float, seed: int) -> 
     csv.write_csv(pa.table(dict(zip(names, table.T, strict=True))), path)
 
 
-def describe(folder: Path, model: Model) -> Path:
+def describe(folder: Path, model: PublicModel) -> Path:
     """Write the model and its machine.toml as a user would; returns the latter's path."""
     spec = model.spec()
     compiled = spec.compile()

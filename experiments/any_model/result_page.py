@@ -57,7 +57,7 @@ def _rates(rows: list[Row]) -> Table:
             "among those said to be not told apart from what is named first",
             f"{sum(map(undecided, faulty))} of {len(faulty)}",
         ),
-        (f"strength within {WITHIN:.0%}", f"{len(near)} of {len(found)}"),
+        (f"strength within {100 * WITHIN:.0f} %", f"{len(near)} of {len(found)}"),
         ("strength inside its 95 % interval", f"{len(inside)} of {len(found)}"),
         (
             "median of a trace's time on one core",

@@ -9,7 +9,7 @@ from typing import Any
 
 from experiments.any_model.config import AnyModel
 from experiments.any_model.models import MODELS
-from experiments.any_model.record import Faulty, describe, record
+from experiments.any_model.record import FaultyRun, describe, record
 from experiments.result_rows import failed_row
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
@@ -20,7 +20,7 @@ VECTORS = {"gravity": "m/s²", "constant_force": "N"}
 
 
 @dataclass(frozen=True)
-class Machine:
+class FaultyMachine:
     """One model with one fault, or without."""
 
     model: str
@@ -43,9 +43,11 @@ class Machine:
         return MODELS[self.model].faults.get(self.fault, 0.0)
 
 
-def machines(only: Sequence[str] = ()) -> list[Machine]:
+def machines(only: Sequence[str] = ()) -> list[FaultyMachine]:
     """Every model without a fault, then with each of its faults."""
-    every = [Machine(name, fault) for name, of in MODELS.items() for fault in ("", *of.faults)]
+    every = [
+        FaultyMachine(name, fault) for name, of in MODELS.items() for fault in ("", *of.faults)
+    ]
     known = {each.model for each in every} | {each.name.partition("@")[0] for each in every}
     if unknown := [name for name in only if name not in known]:
         raise SerpentError(
@@ -56,7 +58,7 @@ def machines(only: Sequence[str] = ()) -> list[Machine]:
     ]
 
 
-def run(config: AnyModel, machine: Machine) -> dict[str, Any]:
+def run(config: AnyModel, machine: FaultyMachine) -> dict[str, Any]:
     """Record a machine and trace it; returns what was there and what was found."""
     folder, model = config.out / "machines" / machine.id, MODELS[machine.model]
     path = describe(folder, model)
@@ -91,9 +93,9 @@ def run(config: AnyModel, machine: Machine) -> dict[str, Any]:
     }
 
 
-def _true(machine: Machine) -> dict[str, float]:
+def _true(machine: FaultyMachine) -> dict[str, float]:
     """The strengths that were there, by the names of the effect's parameters."""
-    values = Faulty(MODELS[machine.model], machine.fault, machine.strength, 1).parameters
+    values = FaultyRun(MODELS[machine.model], machine.fault, machine.strength, 1).parameters
     if machine.name.partition("@")[0] in VECTORS:
         return {f"along_{axis}": float(v) for axis, v in zip("xyz", values, strict=True)}
     return {"": float(values[0])} if machine.fault else {}

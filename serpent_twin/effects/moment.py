@@ -107,7 +107,7 @@ class Giving(Told, Protocol):
     """Torque of the cables on each servo's horn [N m]"""
 
 
-class Readings(Protocol):
+class Measurements(Protocol):
     """All rows of runs, after they are simulated."""
 
     dt: Array

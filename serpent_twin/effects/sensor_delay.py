@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from serpent_twin.effects.effect import READING, Effect, parameter
-from serpent_twin.effects.moment import Readings
+from serpent_twin.effects.moment import Measurements
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class SensorDelay(Effect):
     stage: ClassVar[int] = READING
     needs: ClassVar[frozenset[str]] = frozenset({"reading"})
 
-    def act(self, moment: Readings, memory: None) -> None:
+    def act(self, moment: Measurements, memory: None) -> None:
         """Shift the readings of each run."""
         rows = np.arange(moment.reading.shape[1], dtype=float)
         ago = np.broadcast_to(self.delay / moment.dt, (len(moment.reading), 1))[:, 0]

@@ -41,7 +41,7 @@ def lateness(time: Array, own: Array, other_time: Array, other: Array, most: flo
     lags = correlation_lags(len(mine), len(theirs)) * step + begin - other_begin
     ones = [np.ones(len(each)) for each in (mine, theirs)]
     power = correlate(mine**2, ones[1], method="fft") * correlate(ones[0], theirs**2, method="fft")
-    shared = correlate(*ones, method="fft")
+    shared = correlate(ones[0], ones[1], method="fft")
     enough = (np.abs(lags) <= most) & (shared >= 0.3 * min(len(mine), len(theirs)))
     if not enough.any():
         raise SerpentError(

@@ -30,7 +30,7 @@ _FEWEST = 8
 
 
 @dataclass(frozen=True)
-class Stream:
+class ImportedStream:
     """One stream's columns, in SI units and its own rows."""
 
     name: str
@@ -55,7 +55,7 @@ class Imported:
     """Its file's, without the suffix"""
     columns: Mapping[str, Array]
     """`time` and all columns, (T,) each"""
-    streams: tuple[Stream, ...]
+    streams: tuple[ImportedStream, ...]
     unknown: int
     """Values that no message is near enough to"""
 
@@ -97,7 +97,7 @@ def read(path: Path, wanted: Map) -> list[Imported]:
 
 
 def _imported(name: str, recorded: Recorded, wanted: Map) -> Imported:
-    streams: list[Stream] = []
+    streams: list[ImportedStream] = []
     for n, each in enumerate(wanted.stream):
         try:
             streams.append(_stream(each, recorded))
@@ -119,7 +119,7 @@ def _imported(name: str, recorded: Recorded, wanted: Map) -> Imported:
     return Imported(name, {"time": time - time[0], **columns}, tuple(streams), unknown)
 
 
-def _stream(each: MappedStream, recorded: Recorded) -> Stream:
+def _stream(each: MappedStream, recorded: Recorded) -> ImportedStream:
     if each.topic not in recorded:
         there = ", ".join(sorted(recorded)) or "none"
         raise SerpentError(
@@ -148,7 +148,7 @@ def _stream(each: MappedStream, recorded: Recorded) -> Stream:
         *(n for of in each.points for n in of.fields),
     }
     left = [name for name in messages.fields if name not in asked]
-    return Stream(each.topic or "the table", time[kept], columns, left, unsorted, None)
+    return ImportedStream(each.topic or "the table", time[kept], columns, left, unsorted, None)
 
 
 def _times(each: MappedStream, messages: Messages) -> Array:
@@ -162,7 +162,9 @@ def _times(each: MappedStream, messages: Messages) -> Array:
     return found
 
 
-def _on_time(each: MappedStream, own: Stream, streams: Sequence[Stream]) -> Stream:
+def _on_time(
+    each: MappedStream, own: ImportedStream, streams: Sequence[ImportedStream]
+) -> ImportedStream:
     """A stream with its clock set."""
     late, clock = each.late, None
     if each.follows:
@@ -176,10 +178,10 @@ def _on_time(each: MappedStream, own: Stream, streams: Sequence[Stream]) -> Stre
             each.follows.most,
         )
         late = clock.late
-    return Stream(own.name, own.time - late, own.columns, own.left, own.unsorted, clock)
+    return ImportedStream(own.name, own.time - late, own.columns, own.left, own.unsorted, clock)
 
 
-def _rows(streams: Sequence[Stream], rate_hz: float) -> Array:
+def _rows(streams: Sequence[ImportedStream], rate_hz: float) -> Array:
     """When the log has rows [s]: while all streams are there."""
     begin, end = max(each.time[0] for each in streams), min(each.time[-1] for each in streams)
     if rate_hz:

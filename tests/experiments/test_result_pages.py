@@ -205,3 +205,29 @@ def test_the_page_of_the_next_motion_counts_what_each_recording_let_a_trace_name
     )
     assert "| gear_backlash-00 | 0.02 | unexplained | gear backlash | gear backlash |" in text
     assert "The planned motion alone had 1 right, the random targets alone 0" in text
+
+
+def test_the_page_of_any_model_counts_what_was_named():
+    def row(model, name, true, named, strengths):
+        return {"id": f"{model}-{name}", "model": model, "name": name, "true": true, "named": named,
+                "strengths": strengths, "rivals": {each: [] for each in named}, "stand_ins": [],
+                "unexplained": False, "seconds": 30.0}  # fmt: skip
+
+    lag = {"time_constant": {"value": 0.05, "low": 0.04, "high": 0.06}}
+    rows = [
+        row("reacher", "nothing", {}, [], {}),
+        row(
+            "reacher", "servo_lag@wrist", {"": 0.04}, ["servo_lag@wrist"], {"servo_lag@wrist": lag}
+        ),
+        row("leg", "payload@bfoot", {"": 1.5}, [], {}),
+    ]
+    settings = {"sessions": 4, "seed": 0}
+    text = page("experiments.any_model", rows=rows, settings=settings, failed={})
+    assert "`python -m experiments.any_model`" in text
+    assert "| nothing named where nothing is | 1 of 1 |" in text
+    assert "| the fault named first, at its place | 1 of 2 |" in text
+    assert "| strength within 10 % | 0 of 1 |" in text
+    assert "| strength inside its 95 % interval | 1 of 1 |" in text
+    assert (
+        "| reacher | servo lag@wrist | 0.04 | servo lag@wrist | 0.05 [0.04 … 0.06] | 30 |" in text
+    )

@@ -29,10 +29,11 @@ class McapSource:
             from mcap_ros2.decoder import DecoderFactory
         except ImportError as error:
             raise lacks(self.extra, error) from None
+        decoders: list[Any] = [DecoderFactory(), _Json()]
         times, decoded = defaultdict[str, list[float]](list), defaultdict[str, list[Any]](list)
         try:
             with path.open("rb") as file:
-                reader = make_reader(file, decoder_factories=[DecoderFactory(), _Json()])
+                reader = make_reader(file, decoder_factories=decoders)
                 summary = reader.get_summary()
                 known = {each.topic for each in summary.channels.values()} if summary else {*topics}
                 for _, channel, message, content in reader.iter_decoded_messages(list(topics)):

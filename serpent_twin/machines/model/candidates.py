@@ -12,6 +12,7 @@ from serpent_twin.effects import KNOWN, Range
 from serpent_twin.machines.machine import Candidate, candidate
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.motion import LEAD
 from serpent_twin.machines.model.sizes import Sizes, sizes
 
 _STILL = 1e-6
@@ -20,6 +21,8 @@ _REACH = 1e-3
 """The same below which a place has no lever worth a force [m/rad]"""
 _MOST_PLACES = 12
 """Of a kind in a model: with more, an effect is sought in all of them alike only"""
+_OF_SLIDES = {"N m": "N", "N m s/rad": "N s/m", "N m/rad": "N/m", "N m/rad³": "N/m³"}
+"""Units of a law of hinges, at a slide"""
 _WIDE = 20.0
 """Of what is typical, how far a range goes"""
 _PLAY, _SPRING, _LOAD, _RUBS = 0.02, 0.1, 0.1, 0.1
@@ -28,6 +31,8 @@ force that moves a joint
 """
 _LIGHT = 0.01
 """Share of the whole mass that a place is taken to carry at least"""
+_LATE = 1 / 3
+"""Of a segment's lead, by which a reading may be late"""
 _BENT = 0.02
 """Typical of a link under the moments that move it [rad]"""
 
@@ -37,7 +42,7 @@ def candidates(machine: Described, training: Sequence[Recording]) -> dict[str, C
     sized = sizes(machine, training)
     found = [candidate("gravity"), *_play(machine, training), *_joints(machine, sized)]
     if machine.about.rows == MOTION:
-        found += [candidate("command_delay"), *_late(machine), *_tendons(machine)]
+        found += [candidate("command_delay"), *_late(machine, training), *_tendons(machine)]
         found += _saturated(machine, training)
     found += _bodies(machine, sized)
     return {each.name: _confused(each, found) for each in found}
@@ -85,27 +90,34 @@ def _unit(machine: Described) -> str:
 
 
 def _joints(machine: Described, sized: Sizes) -> Iterator[Candidate]:
-    """At each hinge: a spring, if the model has none there, one that stiffens, and in motion friction."""
+    """At each hinge or slide: a spring, if the model has none, one that stiffens, and in motion friction."""
     model = machine.model
-    hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()
-    if len(hinges) > _MOST_PLACES:
+    single = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
+    joints = np.flatnonzero(single).tolist()
+    if len(joints) > _MOST_PLACES:
         return
-    for n in (each for each in hinges if model.joint(each).name):
+    for n in (each for each in joints if model.joint(each).name):
         name, dof = model.joint(n).name, model.jnt_dofadr[n]
+        slides = model.jnt_type[n] == mujoco.mjtJoint.mjJNT_SLIDE
+
+        def of(effect: str, parameter: str, typical: float, slides: bool = slides) -> Range:
+            known = _range(effect, parameter, typical)
+            return replace(known, unit=_OF_SLIDES[known.unit]) if slides else known
+
         if model.jnt_stiffness[n] == 0:
-            spring = _range("joint_elasticity", "stiffness", _SPRING * float(sized.stiffness[dof]))
+            spring = of("joint_elasticity", "stiffness", _SPRING * float(sized.stiffness[dof]))
             yield candidate(f"joint_elasticity@{name}", stiffness=spring)
         cubic = float(sized.stiffness[dof] / sized.turn[dof] ** 2)
-        stiffening = _range("joint_stiffening", "cubic", _SPRING * cubic)
+        stiffening = of("joint_stiffening", "cubic", _SPRING * cubic)
         yield candidate(f"joint_stiffening@{name}", cubic=stiffening)
         if machine.about.rows == MOTION:
             force, rate = float(sized.force[dof]), float(sized.rate[dof])
-            coulomb = _range("hinge_friction", "coulomb", _RUBS * force)
-            viscous = _range("hinge_friction", "viscous", _RUBS * force / rate)
+            coulomb = of("hinge_friction", "coulomb", _RUBS * force)
+            viscous = of("hinge_friction", "viscous", _RUBS * force / rate)
             yield candidate(f"hinge_friction@{name}", coulomb=coulomb, viscous=viscous)
 
 
-def _late(machine: Described) -> Iterator[Candidate]:
+def _late(machine: Described, training: Sequence[Recording]) -> Iterator[Candidate]:
     """A lag of each actuator, and of all alike; a delay of each reading, where there are others to be late
     against.
     """
@@ -120,7 +132,10 @@ def _late(machine: Described) -> Iterator[Candidate]:
         yield from (candidate(f"servo_lag@{name}") for name in bare)
     read = list(dict.fromkeys(each.of[1] for each in machine.about.measured))
     if 1 < len(read) <= _MOST_PLACES:
-        yield from (candidate(f"sensor_delay@{name}") for name in read)
+        longest = _LATE * LEAD * float(np.median(np.diff(training[0].time)))
+        known = effects.ranges(KNOWN["sensor_delay"])["delay"]
+        delay = replace(known, high=longest, typical=min(known.typical, longest / 3))
+        yield from (candidate(f"sensor_delay@{name}", delay=delay) for name in read)
 
 
 def _tendons(machine: Described) -> Iterator[Candidate]:

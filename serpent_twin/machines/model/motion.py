@@ -28,7 +28,7 @@ STEPS = (16, 32, 64, 128)
 
 
 @dataclass(frozen=True)
-class Start:
+class SegmentStart:
     """Where segments begin: J joints in the first row, and what was read of them in the rows of the lead."""
 
     joints: tuple[str, ...]
@@ -44,7 +44,7 @@ class Start:
 def moved(
     model: mujoco.MjModel,
     told: Array,
-    start: Start,
+    start: SegmentStart,
     seen: Seen,
     pieces: Runs,
     gains: "StartGains",
@@ -79,7 +79,7 @@ class StartGains:
     def __init__(self) -> None:
         self._found: dict[tuple[Hashable, ...], Array] = {}
 
-    def of(self, runs: "_Runs", start: Start, pieces: Runs) -> Array:
+    def of(self, runs: "_Runs", start: SegmentStart, pieces: Runs) -> Array:
         """The gains, (S, 2 J, J LEAD), of J joints."""
         keys = segments_of(pieces)
         if any(key not in self._found for key in keys):
@@ -87,7 +87,7 @@ class StartGains:
         return np.stack([self._found[key] for key in keys])
 
 
-def _gain(runs: "_Runs", start: Start, period: Array) -> Array:
+def _gain(runs: "_Runs", start: SegmentStart, period: Array) -> Array:
     """By finite differences of the rows of the lead; what these do not tell stays as it was."""
     S, J = start.state.shape[:2]
     base, slopes = runs.lead(start, start.state), []
@@ -132,7 +132,7 @@ class _Runs:
         for field in ("qpos", "qvel", "qacc", "ctrl", "act"):
             self.batch.bind(field)
 
-    def begin(self, start: Start, state: Array) -> None:
+    def begin(self, start: SegmentStart, state: Array) -> None:
         """Place all runs at their beginning, joints at angles and rates (S, J, 2)."""
         self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
         pose, speed = self.batch.bind("qpos"), self.batch.bind("qvel")
@@ -161,7 +161,7 @@ class _Runs:
             if last:
                 yield self._seen.read(self.batch)
 
-    def lead(self, start: Start, state: Array) -> Array:
+    def lead(self, start: SegmentStart, state: Array) -> Array:
         """The angles of joints in the rows of the lead, (S, J, LEAD)."""
         self.begin(start, state)
         at = [address(self._model, joint) for joint in start.joints]
@@ -198,14 +198,16 @@ def with_starts(machine: Described, run: Recording) -> Recording:
     return replace(run, columns=run.columns | more)
 
 
-def start(machine: Described, begin: Array, pieces: Runs) -> Start:
+def start(machine: Described, begin: Array, pieces: Runs) -> SegmentStart:
     """Where the segments of a log begin; where not all joints are measured, in one pose, (nq,)."""
     column, joints, S = pieces.column, tuple(measured_joints(machine)), len(pieces)
     if not joints:
-        return Start((), np.zeros((S, 0, 2)), np.zeros((S, 0, LEAD)), begin)
+        return SegmentStart((), np.zeros((S, 0, 2)), np.zeros((S, 0, LEAD)), begin)
     state = [[column[of(joint)][:, 0] for of in (angle_of, rate_of)] for joint in joints]
     reading = [column[reading_of(joint)][:, :LEAD] for joint in joints]
-    return Start(joints, np.moveaxis(np.array(state), 2, 0), np.stack(reading, axis=1), begin)
+    return SegmentStart(
+        joints, np.moveaxis(np.array(state), 2, 0), np.stack(reading, axis=1), begin
+    )
 
 
 def start_columns(machine: Described) -> Sequence[str]:

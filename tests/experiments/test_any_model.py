@@ -1,0 +1,84 @@
+"""Test the machines of the any-model experiment, and how a trace of one is judged."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from experiments.any_model import score
+from experiments.any_model.models import MODELS
+from experiments.any_model.record import FaultyRun
+from experiments.any_model.trial import FaultyMachine, machines
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.model.masses import settle_total_mass
+
+FAULTS = [(name, fault) for name, model in MODELS.items() for fault in model.faults]
+
+
+def moved(name, fault, strength):
+    machine = FaultyRun(MODELS[name], fault, strength, 1)
+    machine.data.qpos[:] = MODELS[name].middle
+    drives = len(MODELS[name].drives)
+    start = machine.data.qpos[:drives] if MODELS[name].gain == 0 else np.zeros(drives)
+    for n in range(400):
+        machine.step(start + 0.2 * np.sin(0.01 * n))
+    return machine.data.qpos.copy()
+
+
+@pytest.mark.parametrize(("name", "fault"), FAULTS)
+def test_a_fault_acts_in_proportion_to_its_strength(name, fault):
+    if fault.startswith("sensor_delay"):
+        pytest.skip("a delay of readings does not move the machine")
+    nothing, strength = moved(name, "", 0.0), MODELS[name].faults[fault]
+    small, large = (np.abs(moved(name, fault, k * strength) - nothing).max() for k in (0.01, 1))
+    assert 0 < small < 0.2 * large and large > 1e-5
+
+
+def test_a_mass_is_added_as_a_body_at_the_same_place_would_be():
+    """Huygens' and Steiner's axes, against MuJoCo's own sum over bodies."""
+    added = FaultyRun(MODELS["leg"], "payload@bfoot", 1.5, 1).model
+    spec = MODELS["leg"].spec()
+    settle_total_mass(spec)
+    child = spec.body("bfoot").add_body(mass=1.5, explicitinertial=True)
+    child.inertia = 3 * [1e-9]
+    other = spec.compile()
+    found = []
+    for model in (added, other):
+        data, mass = mujoco.MjData(model), np.zeros((3, 3))
+        data.qpos[:] = [0.1, 0.2, -0.3]
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, mass)
+        found.append(np.r_[mass.ravel(), data.qfrc_bias])
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-5)
+
+
+def row(fault, *named, **strengths):
+    machine = FaultyMachine("pendulum", fault)
+    return {
+        "name": machine.name,
+        "true": {"": 0.1} if fault else {},
+        "named": list(named),
+        "rivals": {named[0]: ["hinge_friction@hinge"]} if named else {},
+        "stand_ins": [],
+        "unexplained": False,
+        "strengths": {
+            name: {"coulomb": dict(zip(("value", "low", "high"), of, strict=True))}
+            for name, of in strengths.items()
+        },
+    }
+
+
+def test_a_machine_is_judged_by_what_is_named_first():
+    fault = "hinge_friction@hinge"
+    good = row(fault, fault, "gravity", **{fault: (0.11, 0.09, 0.12)})
+    assert score.right(good) and score.covered(good) and score.off(good) == pytest.approx(0.1)
+    swapped = row(fault, "gravity", fault, **{fault: (0.2, 0.19, 0.21)})
+    assert not score.right(swapped) and score.undecided(swapped) and not score.covered(swapped)
+    assert score.covered(row(fault, "gravity")) is None
+    assert score.right(row("")) and not score.right(row("", "gravity"))
+
+
+def test_a_model_or_a_kind_of_fault_can_be_asked_for():
+    assert {each.model for each in machines(("leg",))} == {"leg"}
+    assert {each.fault.partition("@")[0] for each in machines(("payload",))} == {"payload"}
+    with pytest.raises(SerpentError, match="--only hexapod: there is no such thing here"):
+        machines(("hexapod",))
