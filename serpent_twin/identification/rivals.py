@@ -73,9 +73,19 @@ def cosine(one: Score, other: Score) -> float:
     return float(abs(np.dot(one.beyond, other.beyond)) / length) if length > 0 else 0.0
 
 
-def rivals(winner: str, scores: Mapping[str, Score]) -> dict[str, float]:
-    """Effects that look like the winner, the most alike first, with the cosine."""
-    others = {name: cosine(scores[winner], each) for name, each in scores.items() if name != winner}
+def rivals(
+    winner: str, scores: Mapping[str, Score], candidates: Mapping[str, Candidate]
+) -> dict[str, float]:
+    """Effects that look like the winner, the most alike first, with the cosine; not those that look like its
+    opposite, where neither can have another sign.
+    """
+    one_way = {name for name in scores if not _signed(candidates[name])}
+    others = {
+        name: cosine(scores[winner], each)
+        for name, each in scores.items()
+        if name != winner
+        and (not {winner, name} <= one_way or np.dot(each.beyond, scores[winner].beyond) >= 0)
+    }
     order = sorted(others, key=lambda name: -others[name])
     return {name: others[name] for name in order if others[name] > ALIKE}
 

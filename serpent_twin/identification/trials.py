@@ -119,7 +119,7 @@ class Trials:
         number, done = next((n, r) for n, r in enumerate(rounds, 1) if name in r.accepted)
         case = replace(case, noise=done.base.noise)  # by which the base's derivative is weighed
         scores = {other: trial.score for other, trial in done.trials.items()}
-        alike, winner = rivals(name, scores), done.trials[name].errors
+        alike, winner = rivals(name, scores, case.candidates), done.trials[name].errors
         beside = [n for n in case.candidates[name].confused_with if n in scores]
         out = []
         for other in dict.fromkeys([*alike, *(n for n in beside if done.trials[n].fit)]):

@@ -63,8 +63,13 @@ def test_what_changes_the_residual_alike_is_a_rival():
         "other": scored("other", other),
     }
     assert cosine(found["a"], found["twice"]) == pytest.approx(1.0)
-    assert list(rivals("a", found)) == ["twice", "near"]
-    assert rivals("a", found)["near"] == pytest.approx(1 / np.sqrt(1.25), abs=0.05)
+    alike = rivals("a", found, of(*found))
+    assert list(alike) == ["twice", "near"]
+    assert alike["near"] == pytest.approx(1 / np.sqrt(1.25), abs=0.05)
+    friction = of(*found) | {name: candidate(name, ONE_SIDED) for name in ("a", "twice", "near")}
+    assert list(rivals("a", found, friction)) == [
+        "near"
+    ]  # twice as much of it is less than nothing
     assert Rival("near", 0.9, 0.2, 0.001).told_apart
     assert not Rival("near", 0.9, 0.0, 0.4).told_apart
     assert not Rival("near", 0.9, None, None).told_apart

@@ -61,13 +61,29 @@ def moved(
     runs = _Runs(model, told, seen, pieces.period, rows, steps)
     state = start.state
     if state.size:
-        gain = gains.of(runs, start, pieces)
-        for _ in range(_IMPROVED):
-            read = reading(runs.lead(start, state).swapaxes(1, 2)).swapaxes(1, 2)
-            off = np.nan_to_num(start.reading - read).reshape(len(state), -1)
-            state = state + (gain @ off[..., None]).reshape(state.shape)
+        state = _improved(runs, start, gains.of(runs, start, pieces), reading)
     runs.begin(start, state)
     return np.stack([seen.read(runs.batch), *runs.rows(rows - 1)], axis=1)
+
+
+def _improved(
+    runs: "_Runs", start: SegmentStart, gain: Array, reading: Callable[[Array], Array]
+) -> Array:
+    """Angles and rates at the start, (S, J, 2), from which the lead is followed best: each run takes steps as
+    far as they help.
+    """
+    state, best = start.state, start.state
+    least, step = np.full(len(best), np.inf), np.zeros_like(best)
+    for n in range(_IMPROVED + 1):
+        read = reading(runs.lead(start, state).swapaxes(1, 2)).swapaxes(1, 2)
+        off = np.nan_to_num(start.reading - read).reshape(len(state), -1)
+        size = (off**2).sum(axis=1)
+        better = (size < least)[:, None, None]
+        best, least = np.where(better, state, best), np.minimum(size, least)
+        if n < _IMPROVED:
+            step = np.where(better, (gain @ off[..., None]).reshape(state.shape), step / 2)
+            state = best + step
+    return best
 
 
 class StartGains:
