@@ -51,8 +51,12 @@ def name_of(effect: Effect | type[Effect]) -> str:
 
 def placed(name: str) -> tuple[type[Effect], str]:
     """The kind of effect of a name, and where it is."""
-    kind, _, at = name.partition(_AT)
-    return by_name(kind), at
+    return by_name(name.partition(_AT)[0]), place_of(name)
+
+
+def place_of(name: str) -> str:
+    """Where the effect of a name is."""
+    return name.partition(_AT)[2]
 
 
 def to_dict(effect: Effect) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect, Range, placed, ranges
+from serpent_twin.effects import Effect, Range, place_of, placed, ranges
 from serpent_twin.residual import Comparison, Measure
 
 
@@ -101,7 +101,7 @@ class Candidate:
     @property
     def at(self) -> str:
         """The place that its name has."""
-        return placed(self.name)[1]
+        return place_of(self.name)
 
 
 def candidate(name: str, **sized: Range) -> Candidate:
