@@ -18,7 +18,8 @@ a CSV with what the actuators are told and what the joints' encoders read, at 50
 the last of {sessions} judges. The data come from another integration than the twin's (Runge-Kutta, 0.25 ms),
 and the fault is a force, a command or a reading computed there, which shares nothing with the twin's effect.
 The machine.toml of each lists the drives and the joints, nothing else: numbers that calibration fits and
-candidates are the default."""
+candidates are the default. Strengths are above the detection limits that the traces state; below them
+nothing is named."""
 
 
 def result_page(results: Mapping[str, Any]) -> PageContent:
