@@ -147,12 +147,15 @@ def estimates(case: Case, fit: Fit, name: str) -> dict[str, ParameterEstimate]:
 
 
 def _profiled(tracer: Tracer, selection: Selection, name: str) -> dict[str, ParameterEstimate]:
-    """The strengths of an effect that are near zero, with the intervals of the cost's profile."""
+    """The strengths of an effect that are near zero, with the intervals of the cost's profile; for a vector's
+    component, zero is a value as any other.
+    """
     case, final, out = selection.case, selection.final, {}
-    several = list(case.candidates[name].ranges.items())
-    for k in strengths(case.candidates[name]):
+    several, strong = list(case.candidates[name].ranges.items()), strengths(case.candidates[name])
+    for k in strong:
         parameter, allowed = several[k]
-        if (name, k) not in final.free.effects or not near_zero(final, name, k):
+        component = len(strong) > 1 and allowed.low < 0
+        if component or (name, k) not in final.free.effects or not near_zero(final, name, k):
             continue
         value = float(final.point.effects[name][k])
         if value < allowed.limit_begins:
