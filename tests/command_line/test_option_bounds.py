@@ -29,7 +29,7 @@ SENSIBLE = {
 """What each of these numbers may be; 1e-300 is as good as 0 where that is a length or the like"""
 ALL = {("Trace", "sessions"), ("CloseTheLoop", "sessions"), ("StiffnessSweep", "sessions")}
 """Options of which 0 means all"""
-NOT = {("Confusion", "workers"), ("NextMotion", "workers")}
+NOT = {("AnyModel", "workers"), ("Confusion", "workers"), ("NextMotion", "workers")}
 """Those that have no automatic choice, unlike others of their name"""
 
 NUMERIC = [(k, n, h) for k, kind in configs().items() for n, h, _ in options(kind) if number(h)]

@@ -78,6 +78,7 @@ IGNORED = {
 } | {
     name: [({}, set())]
     for name in (
+        "AnyModel", "AnyModelSpeed",
         "Benchmarks", "Check", "CloseTheLoop", "CollectSpeed", "Confusion", "Demo", "EstimateSpeed", "Plan",
         "FaultMatrix", "Fuzz", "Measured", "NextMotion", "ReadoutTable", "ResultPage", "SimToReal",
         "SweepSpeed", "TraceSpeed", "WholeTrace",

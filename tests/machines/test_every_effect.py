@@ -110,8 +110,8 @@ def _model():
 def _tendon():
     """Any MJCF: a lever that a tendon pulls, and a wheel that a motor turns."""
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "lever.xml").write_text(LEVER)
-        (Path(folder) / "machine.toml").write_text(LEVER_TOML)
+        (Path(folder) / "lever.xml").write_text(moving_models.LEVER)
+        (Path(folder) / "machine.toml").write_text(moving_models.LEVER_TOML)
         rig = open_machine(Path(folder) / "machine.toml")
     time = np.arange(0.0, 1.0, 0.02)
     told = {"pulled": 0.05 * np.sin(2 * np.pi * time), "current": 0.1 * np.cos(7 * time)}
@@ -120,34 +120,6 @@ def _tendon():
     return _bench(model_machine, rig.open([log]).machine, log)
 
 
-LEVER = """<mujoco>
-  <worldbody>
-    <body name="lever">
-      <joint name="pivot" axis="0 1 0" damping="0.02" stiffness="1"/>
-      <geom size="0.01" pos="0.1 0 0" mass="0.2"/>
-    </body>
-    <body name="wheel" pos="1 0 0">
-      <joint name="axle" axis="0 1 0" damping="0.02"/>
-      <geom size="0.05" mass="0.2"/>
-    </body>
-  </worldbody>
-  <tendon><fixed name="cable"><joint joint="pivot" coef="0.1"/></fixed></tendon>
-  <actuator>
-    <position name="winch" tendon="cable" kp="1000" ctrlrange="-0.1 0.1"/>
-    <motor name="motor" joint="axle" gear="0.5"/>
-  </actuator>
-</mujoco>
-"""
-LEVER_TOML = """schema_version = 1
-model = "lever.xml"
-time = { column = "time", unit = "s" }
-rows = "motion"
-drive = [{ actuator = "winch", column = "pulled", unit = "m" }, { actuator = "motor", column = "current" }]
-measured = [
-    { joint = "pivot", columns = ["angle_1"], unit = "rad" },
-    { joint = "axle", columns = ["angle_2"], unit = "rad" },
-]
-"""
 BENCHMARKS = {
     "arm": Bench(candidates(), arms), "jaw": _jaw(), "model": _model(), "tendon": _tendon(),
     "trunk": _trunk(), "xl330": _servo(),

@@ -2,14 +2,12 @@
 
 import json
 
-import moving_models
 import mujoco
 import numpy as np
 import posed_models
 import pytest
 
 from serpent_twin import machines
-from serpent_twin.effects import KNOWN
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.check_logs import Check, check
 from serpent_twin.identification.run import Trace, trace
@@ -86,58 +84,6 @@ def test_a_spring_that_a_number_of_the_model_can_stand_for_is_told_with_that_num
     assert found["effects"] == []
     moved = {each["name"]: each for each in found["moved"]}
     assert moved["scale of the drives"]["stands_for"]["joint_elasticity@elbow"] > 0.9
-
-
-def moved(tmp_path, **how):
-    path = moving_models.machine(tmp_path / "arm")
-    for n in range(4):
-        moving_models.log(tmp_path / "logs" / f"motion_{n}.csv", n, **how)
-    out = tmp_path / "trace"
-    trace(Trace((tmp_path / "logs",), out, machine=path))
-    return json.loads((out / "diagnosis.json").read_text())
-
-
-def test_a_model_of_a_moving_machine_predicts_its_motion(tmp_path):
-    rig = open_machine(moving_models.machine(tmp_path))
-    recordings = rig.read(moving_models.log(tmp_path / "log.csv", 0))
-    case = rig.open(recordings)
-    pieces = case.pieces(recordings)
-    assert pieces.time.shape == (4, 112)  # 97 rows, after a lead of 15
-    at = ParameterVector(np.zeros(len(case.declared)))
-    off = pieces.measured - case.machine.respond([at], pieces)[0]
-    assert np.sqrt(np.nanmean(off**2)) < 6e-4  # rad: hardly more than the noise of 5e-4
-
-
-def test_noise_is_estimated_from_a_motion(tmp_path):
-    path = moving_models.machine(tmp_path)
-    path.write_text(moving_models.TOML.replace("noise = 0.0005", ""))
-    rig = open_machine(path)
-    case = rig.open(rig.read(moving_models.log(tmp_path / "log.csv", 0)))
-    least = [each.noise for each in case.machine.outputs]
-    assert least == pytest.approx([5e-4, 5e-4], rel=0.15)  # rad
-
-
-@pytest.mark.slow
-def test_nothing_is_missing_in_a_motion_where_nothing_is(tmp_path):
-    found = moved(tmp_path)
-    assert found["effects"] == [] and not found["unexplained"]["is"]
-
-
-@pytest.mark.slow
-def test_friction_of_one_joint_is_named_with_its_place(tmp_path):
-    found = moved(tmp_path, friction=0.03)
-    assert [each["name"] for each in found["effects"]] == ["hinge_friction@elbow"]
-    coulomb = found["effects"][0]["parameters"]["coulomb"]
-    assert coulomb["value"] == pytest.approx(0.03, rel=0.1)
-
-
-@pytest.mark.slow
-def test_motors_that_obey_late_are_named_with_their_delay(tmp_path):
-    found = moved(tmp_path, late=0.03)
-    assert [each["name"] for each in found["effects"]] == ["command_delay"]
-    delay = found["effects"][0]["parameters"]["delay"]
-    assert delay["value"] == pytest.approx(0.03, rel=0.1)
-    assert delay["low"] < 0.03 < delay["high"]
 
 
 def test_an_effect_at_a_place_that_is_not_there_is_refused(tmp_path):
@@ -334,23 +280,3 @@ def test_the_twin_of_a_model_is_written_as_mjcf(tmp_path):
     case.write(at, tmp_path / "twin.json", {})
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))
     np.testing.assert_allclose(model.opt.gravity, [1.0, 0.0, -9.31])
-
-
-def test_a_mass_that_is_added_takes_nothing_from_the_others(tmp_path):
-    """In a model whose masses are scaled to a total when it is compiled."""
-    path = posed_models.machine(tmp_path)
-    model = path.with_name("arm.xml")
-    own = open_machine(path).described.model
-    model.write_text(
-        model.read_text().replace("<mujoco>", '<mujoco><compiler settotalmass="1.3"/>')
-    )
-    rig = open_machine(path)
-    case = rig.open(rig.read(posed_models.log(tmp_path / "log.csv", 0)))
-    heavier = case.machine.spec(
-        np.zeros(len(case.declared)), [KNOWN["payload"](0.5, 0.0, at="tip")]
-    ).compile()
-    assert rig.described.model.body_mass.sum() == pytest.approx(1.3)
-    assert heavier.body_mass.sum() == pytest.approx(1.8)
-    ratio = rig.described.model.body_mass[1:] / own.body_mass[1:]
-    np.testing.assert_allclose(ratio, 2.0)  # 0.65 kg before
-    np.testing.assert_allclose(rig.described.model.body_inertia[1:] / own.body_inertia[1:], 2.0)

@@ -42,6 +42,34 @@ columns = ["angle_2"]
 unit = "rad"
 noise = 0.0005
 """
+LEVER = """<mujoco>
+  <worldbody>
+    <body name="lever">
+      <joint name="pivot" axis="0 1 0" damping="0.02" stiffness="1"/>
+      <geom size="0.01" pos="0.1 0 0" mass="0.2"/>
+    </body>
+    <body name="wheel" pos="1 0 0">
+      <joint name="axle" axis="0 1 0" damping="0.02"/>
+      <geom size="0.05" mass="0.2"/>
+    </body>
+  </worldbody>
+  <tendon><fixed name="cable"><joint joint="pivot" coef="0.1"/></fixed></tendon>
+  <actuator>
+    <position name="winch" tendon="cable" kp="1000" ctrlrange="-0.1 0.1"/>
+    <motor name="motor" joint="axle" gear="0.5"/>
+  </actuator>
+</mujoco>
+"""
+LEVER_TOML = """schema_version = 1
+model = "lever.xml"
+time = { column = "time", unit = "s" }
+rows = "motion"
+drive = [{ actuator = "winch", column = "pulled", unit = "m" }, { actuator = "motor", column = "current" }]
+measured = [
+    { joint = "pivot", columns = ["angle_1"], unit = "rad" },
+    { joint = "axle", columns = ["angle_2"], unit = "rad" },
+]
+"""
 
 
 def machine(folder: Path) -> Path:

@@ -1,0 +1,63 @@
+"""Test what a trace finds in motions of machines that a machine.toml describes."""
+
+import json
+
+import moving_models
+import numpy as np
+import pytest
+
+from serpent_twin.identification.run import Trace, trace
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.model import open_machine
+
+
+def moved(tmp_path, **how):
+    path = moving_models.machine(tmp_path / "arm")
+    for n in range(4):
+        moving_models.log(tmp_path / "logs" / f"motion_{n}.csv", n, **how)
+    out = tmp_path / "trace"
+    trace(Trace((tmp_path / "logs",), out, machine=path))
+    return json.loads((out / "diagnosis.json").read_text())
+
+
+def test_a_model_of_a_moving_machine_predicts_its_motion(tmp_path):
+    rig = open_machine(moving_models.machine(tmp_path))
+    recordings = rig.read(moving_models.log(tmp_path / "log.csv", 0))
+    case = rig.open(recordings)
+    pieces = case.pieces(recordings)
+    assert pieces.time.shape == (4, 112)  # 97 rows, after a lead of 15
+    at = ParameterVector(np.zeros(len(case.declared)))
+    off = pieces.measured - case.machine.respond([at], pieces)[0]
+    assert np.sqrt(np.nanmean(off**2)) < 6e-4  # rad: hardly more than the noise of 5e-4
+
+
+def test_noise_is_estimated_from_a_motion(tmp_path):
+    path = moving_models.machine(tmp_path)
+    path.write_text(moving_models.TOML.replace("noise = 0.0005", ""))
+    rig = open_machine(path)
+    case = rig.open(rig.read(moving_models.log(tmp_path / "log.csv", 0)))
+    least = [each.noise for each in case.machine.outputs]
+    assert least == pytest.approx([5e-4, 5e-4], rel=0.15)  # rad
+
+
+@pytest.mark.slow
+def test_nothing_is_missing_in_a_motion_where_nothing_is(tmp_path):
+    found = moved(tmp_path)
+    assert found["effects"] == [] and not found["unexplained"]["is"]
+
+
+@pytest.mark.slow
+def test_friction_of_one_joint_is_named_with_its_place(tmp_path):
+    found = moved(tmp_path, friction=0.03)
+    assert [each["name"] for each in found["effects"]] == ["hinge_friction@elbow"]
+    coulomb = found["effects"][0]["parameters"]["coulomb"]
+    assert coulomb["value"] == pytest.approx(0.03, rel=0.1)
+
+
+@pytest.mark.slow
+def test_motors_that_obey_late_are_named_with_their_delay(tmp_path):
+    found = moved(tmp_path, late=0.03)
+    assert [each["name"] for each in found["effects"]] == ["command_delay"]
+    delay = found["effects"][0]["parameters"]["delay"]
+    assert delay["value"] == pytest.approx(0.03, rel=0.1)
+    assert delay["low"] < 0.03 < delay["high"]
