@@ -33,6 +33,7 @@ from serpent_twin.machines.model.motion import (
     moved,
     start,
     start_columns,
+    start_gain,
 )
 from serpent_twin.machines.model.poses import Rests, settled
 from serpent_twin.machines.model.readings import reread
@@ -158,6 +159,15 @@ class ModelMachine(RunMachine):
         if machine.about.rows == POSES:
             return settled(model, told, begin, seen, self.rests, pieces)
         at = start(machine, begin, pieces)
+        gain = self.gains.of(pieces, self._start_gain) if at.joints else None
         read = partial(reread, there, at.joints, pieces=pieces)
-        found = moved(model, told, at, seen, pieces, self.gains, self.steps, read)
+        found = moved(model, told, at, seen, pieces, gain, self.steps, read)
         return reread(there, self.markers, found, pieces)
+
+    def _start_gain(self, pieces: Runs) -> Array:
+        """How the nominal model's starts are improved."""
+        machine, zero = self.described, np.zeros(len(self.declared))
+        x = by_coordinate(self.declared, zero)
+        model, told = self.spec(zero, ()).compile(), controls(machine, (), x, pieces)
+        at, seen = start(machine, machine.begin, pieces), Seen(machine, self.frame, x)
+        return start_gain(model, told, at, seen, pieces, self.steps)

@@ -47,7 +47,7 @@ def moved(
     start: SegmentStart,
     seen: Seen,
     pieces: Runs,
-    gains: "StartGains",
+    gain: Array | None,
     steps: int,
     reading: Callable[[Array], Array],
 ) -> Array:
@@ -55,13 +55,12 @@ def moved(
     times in each, in so many time steps of a row at least.
 
     Where all joints are measured, angles and rates at the start are improved until the model follows what was
-    read in the lead; `reading` is what sensors make of angles, (S, LEAD, J).
+    read in the lead, with a gain as `start_gain` finds it; `reading` is what sensors make of angles,
+    (S, LEAD, J).
     """
     rows = pieces.time.shape[1]
     runs = _Runs(model, told, seen, pieces.period, rows, steps)
-    state = start.state
-    if state.size:
-        state = _improved(runs, start, gains.of(runs, start, pieces), reading)
+    state = start.state if gain is None else _improved(runs, start, gain, reading)
     runs.begin(start, state)
     return np.stack([seen.read(runs.batch), *runs.rows(rows - 1)], axis=1)
 
@@ -87,24 +86,29 @@ def _improved(
 
 
 class StartGains:
-    """How far segments' starts move for what a model is off by in the lead: the gain of a Gauss-Newton step,
-    of the first model that was asked for; it serves those like it, which only differ in how fast they
-    converge.
+    """Gains by which starts are improved, found so far: those of the nominal model. They serve all like it,
+    which only differ in how fast they converge.
     """
 
     def __init__(self) -> None:
         self._found: dict[tuple[Hashable, ...], Array] = {}
 
-    def of(self, runs: "_Runs", start: SegmentStart, pieces: Runs) -> Array:
-        """The gains, (S, 2 J, J LEAD), of J joints."""
+    def of(self, pieces: Runs, find: Callable[[Runs], Array]) -> Array:
+        """The gains of all segments, (S, 2 J, J LEAD)."""
         keys = segments_of(pieces)
         if any(key not in self._found for key in keys):
-            self._found |= dict(zip(keys, _gain(runs, start, pieces.period), strict=True))
+            self._found |= dict(zip(keys, find(pieces), strict=True))
         return np.stack([self._found[key] for key in keys])
 
 
-def _gain(runs: "_Runs", start: SegmentStart, period: Array) -> Array:
-    """By finite differences of the rows of the lead; what these do not tell stays as it was."""
+def start_gain(
+    model: mujoco.MjModel, told: Array, start: SegmentStart, seen: Seen, pieces: Runs, steps: int
+) -> Array:
+    """How far segments' starts move for what a model is off by in the lead, (S, 2 J, J LEAD), of J joints:
+    the gain of a Gauss-Newton step, by finite differences. What the lead does not tell stays as it was.
+    """
+    period = pieces.period
+    runs = _Runs(model, told, seen, period, pieces.time.shape[1], steps)
     S, J = start.state.shape[:2]
     base, slopes = runs.lead(start, start.state), []
     for n in range(2 * J):
