@@ -28,12 +28,9 @@ def _random(time: Array, low: Array, high: Array, rng: np.random.Generator) -> A
 
 
 def _one_joint(time: Array, low: Array, high: Array, rng: np.random.Generator) -> Array:
-    """One joint to and fro between its limits, the others by little and slowly: what stands still sticks, and
-    where it sticks is no twin's to know.
-    """
+    """One joint to and fro between its limits, the others straight."""
     j, period = int(rng.integers(N_JOINTS)), float(rng.choice([5.0, 10.0, 20.0]))
-    slow = 2 * np.pi * time[:, None] / rng.uniform(8, 20, N_JOINTS)
-    out = (low + high) / 2 + _SMALL * (high - low) * np.sin(slow)
+    out = np.zeros((len(time), N_JOINTS))
     out[:, j] = low[j] + (high[j] - low[j]) * (0.5 - 0.5 * np.cos(2 * np.pi * time / period))
     return out
 

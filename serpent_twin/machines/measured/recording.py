@@ -80,7 +80,7 @@ def read_runs(
     folder: Path, columns: Sequence[str], metadata: type[Any] = dict[str, Any]
 ) -> list[Recording]:
     """Read all runs of a folder, by name, or that of a file."""
-    if folder.is_file():
+    if folder.exists() and not folder.is_dir():
         return [read(folder, columns, metadata)]
     if not folder.is_dir():
         raise SerpentError(f"There is no folder {folder}. Name the folder with the machine's logs.")

@@ -24,7 +24,7 @@ _BEYOND = 1.5
 
 def read_runs(machine: Described, folder: Path) -> list[Recording]:
     """The logs of a folder, by name, or that of a file."""
-    if folder.is_file():
+    if folder.exists() and not folder.is_dir():
         return read(machine, folder)
     if not folder.is_dir():
         raise SerpentError(f"There is no folder {folder}. Name the folder with the machine's logs.")
