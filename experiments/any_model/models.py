@@ -11,6 +11,8 @@ import dm_control
 import mujoco
 import numpy as np
 
+from serpent_twin.machines.model.masses import settle_total_mass
+
 _SUITE = Path(dm_control.__file__).parent / "suite"
 _KINOVA = Path(dm_control.__file__).parent / "third_party" / "kinova"
 _NO_CONTACTS = mujoco.mjtDisableBit.mjDSBL_CONTACT
@@ -40,6 +42,7 @@ class PublicModel:
 
 def _suite(name: str) -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_file(str(_SUITE / f"{name}.xml"))
+    settle_total_mass(spec)
     spec.option.disableflags |= int(_NO_CONTACTS)
     return spec
 

@@ -9,7 +9,6 @@ from experiments.any_model.models import MODELS
 from experiments.any_model.record import FaultyRun
 from experiments.any_model.trial import FaultyMachine, machines
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.model.masses import settle_total_mass
 
 FAULTS = [(name, fault) for name, model in MODELS.items() for fault in model.faults]
 
@@ -37,7 +36,6 @@ def test_a_mass_is_added_as_a_body_at_the_same_place_would_be():
     """Huygens' and Steiner's axes, against MuJoCo's own sum over bodies."""
     added = FaultyRun(MODELS["leg"], "payload@bfoot", 1.5, 1).model
     spec = MODELS["leg"].spec()
-    settle_total_mass(spec)
     child = spec.body("bfoot").add_body(mass=1.5, explicitinertial=True)
     child.inertia = 3 * [1e-9]
     other = spec.compile()
