@@ -20,7 +20,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as csv
 
-from benchmarks.rows import BenchmarkRows
+from benchmarks.rows import BenchmarkRows, ratio, seconds
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.identification import Trace, trace
@@ -114,13 +114,6 @@ def _settled(text: str, told: np.ndarray) -> np.ndarray:
     return np.array(seen)
 
 
-def seconds(of: Callable[[], object]) -> float:
-    """How long a call takes."""
-    start = time.perf_counter()
-    of()
-    return time.perf_counter() - start
-
-
 def opened(path: Path) -> tuple[Case, list]:
     """A machine's case and its logs."""
     rig = open_machine(path)
@@ -158,11 +151,15 @@ def main(config: AnyModelSpeed) -> None:
         half = run[config.joints, config.poses // 2]
         small = run[config.joints // 2, config.poses // 2]
 
-        def ratio(one: Callable[[], float], other: Callable[[], float]) -> float:
-            return float(np.median([one() / other() for _ in range(config.rounds)]))
-
-        rows.add("twice the poses to half of them", ratio(simulated(case, logs), half), "", "2")
-        rows.add("twice the joints to half of them", ratio(half, small), "", "at most 8")
+        rows.add(
+            "twice the poses to half of them",
+            ratio(simulated(case, logs), half, config.rounds),
+            "",
+            "2",
+        )
+        rows.add(
+            "twice the joints to half of them", ratio(half, small, config.rounds), "", "at most 8"
+        )
         rows.add("candidates", len(case.candidates))
         began = time.perf_counter()
         with contextlib.redirect_stdout(io.StringIO()):

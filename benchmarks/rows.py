@@ -1,8 +1,12 @@
 """Keep what a benchmark measures: a line on the screen, and a row of its JSON file."""
 
 import os
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from serpent_twin.runs.files import write_json
 
@@ -30,3 +34,15 @@ def told(value: float, unit: str) -> str:
     """A number of three digits at least, with its unit."""
     digits = f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
     return f"{digits} {unit}".strip()
+
+
+def seconds(of: Callable[[], object]) -> float:
+    """How long a call takes."""
+    start = time.perf_counter()
+    of()
+    return time.perf_counter() - start
+
+
+def ratio(one: Callable[[], float], other: Callable[[], float], rounds: int) -> float:
+    """The median of one over the other."""
+    return float(np.median([one() / other() for _ in range(rounds)]))

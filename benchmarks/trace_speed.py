@@ -6,15 +6,13 @@ against one of half of them, and memory.
 """
 
 import resource
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
-from benchmarks.rows import BenchmarkRows
+from benchmarks.rows import BenchmarkRows, ratio, seconds
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.identification.free_parameters import free_parameters
@@ -46,13 +44,6 @@ class TraceSpeed(Checked):
     """JSON file for the rows."""
 
 
-def seconds(of: Callable[[], object]) -> float:
-    """How long a call takes."""
-    start = time.perf_counter()
-    of()
-    return time.perf_counter() - start
-
-
 def bare(arm: ArmMachine, points: list[ParameterVector], pieces: ArmPieces) -> float:
     """Seconds for the same physics alone."""
     models = [arm.vector.design(point).spec(motors=False).compile() for point in points]
@@ -66,11 +57,6 @@ def bare(arm: ArmMachine, points: list[ParameterVector], pieces: ArmPieces) -> f
             batch.step()
 
     return seconds(run)
-
-
-def ratio(one: Callable[[], float], other: Callable[[], float], rounds: int) -> float:
-    """The median of one over the other."""
-    return float(np.median([one() / other() for _ in range(rounds)]))
 
 
 def main(config: TraceSpeed) -> None:

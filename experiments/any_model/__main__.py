@@ -9,7 +9,7 @@ from typing import Any
 
 from experiments.any_model.config import AnyModel
 from experiments.any_model.score import covered, off, right, told, undecided
-from experiments.any_model.trial import machines, run, written
+from experiments.any_model.trial import machines, run
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
 from serpent_twin.command_line import cli
@@ -23,7 +23,7 @@ def main(config: AnyModel) -> None:  # noqa: D103 tyro would print it above the 
     every = machines(config.only)
     settings = {"sessions": config.sessions, "seed": config.seed}
     with claimed(config.out, SETTINGS, settings):
-        results = Results(written(config.out))
+        results = Results(config.out / "results.jsonl")
         results.complete(every, partial(run, config), line, config.workers, "machine")
         rows, failures = results.scored, results.failed
         print(f"{counted(len(rows), 'machine')} traced, {len(failures)} failed.")

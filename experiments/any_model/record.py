@@ -14,9 +14,12 @@ import pyarrow.csv as csv
 
 from experiments.any_model.models import PublicModel
 from serpent_twin.arrays import Array
+from serpent_twin.effects import law_of, place_of
 
 RATE, SECONDS, STEP, NOISE = 50.0, 12.0, 0.25e-3, 3e-4  # [Hz], [s], [s], [rad]
 _SLIDES = 0.002  # [rad/s] above which dry friction is whole
+VECTORS = ("gravity", "constant_force")
+"""Laws whose strength is a vector"""
 
 
 class FaultyRun:
@@ -25,7 +28,7 @@ class FaultyRun:
     def __init__(self, model: PublicModel, fault: str, strength: float, seed: int) -> None:
         spec = model.spec()
         spec.option.integrator, spec.option.timestep = mujoco.mjtIntegrator.mjINT_RK4, STEP
-        self.law, _, self.at = fault.partition("@")
+        self.law, self.at = law_of(fault), place_of(fault)
         self.strength = strength
         self.towards = np.random.default_rng(seed).standard_normal(3)
         self.towards[1] *= not model.planar
@@ -44,8 +47,7 @@ class FaultyRun:
     @property
     def parameters(self) -> Array:
         """Of the effect that the trace should find, the strengths, (1,) or (3,)."""
-        vector = self.law in ("gravity", "constant_force")
-        return self.towards if vector else np.array([self.strength])
+        return self.towards if self.law in VECTORS else np.array([self.strength])
 
     def step(self, told: Array) -> None:
         """One step, in which the actuators are told something, (nu,)."""

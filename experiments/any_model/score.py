@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.any_model.trial import CLEAN, VECTORS
-from serpent_twin.effects import placed, ranges
+from experiments.any_model.record import VECTORS
+from experiments.any_model.trial import CLEAN
+from serpent_twin.effects import law_of, placed, ranges
 
 Row = Mapping[str, Any]
 """One line of results.jsonl"""
@@ -61,7 +62,7 @@ def _found(row: Row) -> tuple[Any, Any, Any, Any] | None:
         return None
     of = row["strengths"][row["name"]]
     kind, _ = placed(row["name"])
-    vector = row["name"].partition("@")[0] in VECTORS
+    vector = law_of(row["name"]) in VECTORS
     names = [f"along_{axis}" for axis in "xyz"] if vector else [next(iter(ranges(kind)))]
     true = np.array(list(row["true"].values()))
     return true, *(np.array([of[n][key] for n in names]) for key in ("value", "low", "high"))

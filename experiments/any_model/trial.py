@@ -4,19 +4,17 @@ import contextlib
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from experiments.any_model.config import AnyModel
 from experiments.any_model.models import MODELS
-from experiments.any_model.record import FaultyRun, describe, record
+from experiments.any_model.record import VECTORS, FaultyRun, describe, record
 from experiments.result_rows import failed_row
+from serpent_twin.effects import law_of
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
 
 CLEAN = "nothing"
-VECTORS = {"gravity": "m/s²", "constant_force": "N"}
-"""Laws whose strength is a vector"""
 
 
 @dataclass(frozen=True)
@@ -48,14 +46,12 @@ def machines(only: Sequence[str] = ()) -> list[FaultyMachine]:
     every = [
         FaultyMachine(name, fault) for name, of in MODELS.items() for fault in ("", *of.faults)
     ]
-    known = {each.model for each in every} | {each.name.partition("@")[0] for each in every}
+    known = {each.model for each in every} | {law_of(each.name) for each in every}
     if unknown := [name for name in only if name not in known]:
         raise SerpentError(
             f"--only {' '.join(unknown)}: there is no such thing here. There are {', '.join(sorted(known))}."
         )
-    return [
-        each for each in every if not only or {each.model, each.name.partition("@")[0]} & {*only}
-    ]
+    return [each for each in every if not only or {each.model, law_of(each.name)} & {*only}]
 
 
 def run(config: AnyModel, machine: FaultyMachine) -> dict[str, Any]:
@@ -96,7 +92,7 @@ def run(config: AnyModel, machine: FaultyMachine) -> dict[str, Any]:
 def _true(machine: FaultyMachine) -> dict[str, float]:
     """The strengths that were there, by the names of the effect's parameters."""
     values = FaultyRun(MODELS[machine.model], machine.fault, machine.strength, 1).parameters
-    if machine.name.partition("@")[0] in VECTORS:
+    if law_of(machine.name) in VECTORS:
         return {f"along_{axis}": float(v) for axis, v in zip("xyz", values, strict=True)}
     return {"": float(values[0])} if machine.fault else {}
 
@@ -110,8 +106,3 @@ def _strengths(found: dict[str, Any]) -> dict[str, dict[str, dict[str, float]]]:
         }
         for each in found["effects"]
     }
-
-
-def written(folder: Path) -> Path:
-    """Where a study keeps its rows."""
-    return folder / "results.jsonl"

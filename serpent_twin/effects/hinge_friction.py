@@ -6,7 +6,7 @@ from typing import ClassVar
 import mujoco
 
 from serpent_twin.effects.effect import Effect, parameter
-from serpent_twin.effects.links import HELD, let_rub
+from serpent_twin.effects.links import HELD, joints_at, let_rub
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,9 @@ class HingeFriction(Effect):
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Let the hinges rub."""
-        for joint in spec.joints:
-            if joint.name == self.at if self.at else joint.name.startswith("joint"):
-                joint.frictionloss += self.coulomb
-                joint.damping[0] += self.viscous
+        for joint in joints_at(spec, self.at):
+            joint.frictionloss += self.coulomb
+            joint.damping[0] += self.viscous
         if self.at and self.coulomb:
             let_rub(spec)
             joint = spec.joint(self.at)

@@ -6,6 +6,7 @@ from typing import ClassVar
 import mujoco
 
 from serpent_twin.effects.effect import Effect, parameter
+from serpent_twin.effects.links import joints_at
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,5 @@ class JointElasticity(Effect):
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Give each hinge its spring."""
-        for joint in spec.joints:
-            if joint.name == self.at if self.at else joint.name.startswith("joint"):
-                joint.stiffness[0] += self.stiffness
+        for joint in joints_at(spec, self.at):
+            joint.stiffness[0] += self.stiffness

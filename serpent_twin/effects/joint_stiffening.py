@@ -6,6 +6,7 @@ from typing import ClassVar
 import mujoco
 
 from serpent_twin.effects.effect import Effect, parameter
+from serpent_twin.effects.links import joints_at
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,5 @@ class JointStiffening(Effect):
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Add the cubic term."""
-        for joint in spec.joints:
-            if joint.name == self.at if self.at else joint.name.startswith("joint"):
-                joint.stiffness[2] += self.cubic
+        for joint in joints_at(spec, self.at):
+            joint.stiffness[2] += self.cubic

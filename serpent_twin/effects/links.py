@@ -32,6 +32,15 @@ def body_at(spec: mujoco.MjSpec, name: str) -> tuple[mujoco.MjsBody, Array]:
     return (site.parent, np.array(site.pos)) if site else (spec.body(name), np.zeros(3))
 
 
+def joints_at(spec: mujoco.MjSpec, name: str) -> list[mujoco.MjsJoint]:
+    """The joint of a name; without one, the hinges of the arm, and of machines whose joints are named so."""
+    return [
+        each
+        for each in spec.joints
+        if (each.name == name if name else each.name.startswith("joint"))
+    ]
+
+
 def let_rub(spec: mujoco.MjSpec) -> None:
     """Let dry friction act in a model that has constraints turned off, and no other constraint."""
     off = mujoco.mjtDisableBit

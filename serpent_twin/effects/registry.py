@@ -51,7 +51,12 @@ def name_of(effect: Effect | type[Effect]) -> str:
 
 def placed(name: str) -> tuple[type[Effect], str]:
     """The kind of effect of a name, and where it is."""
-    return by_name(name.partition(_AT)[0]), place_of(name)
+    return by_name(law_of(name)), place_of(name)
+
+
+def law_of(name: str) -> str:
+    """Which law the effect of a name is."""
+    return name.partition(_AT)[0]
 
 
 def place_of(name: str) -> str:

@@ -19,7 +19,7 @@ from serpent_twin.machines.model.coordinates import coordinates
 from serpent_twin.machines.model.description import MOTION, POSES, Described
 from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.machines.model.motion import STEPS, with_starts
-from serpent_twin.machines.model.noise import jitter, noise
+from serpent_twin.machines.model.noise import noise, quieter
 from serpent_twin.machines.model.reading import read
 
 _CONVERGED = 1 / 3
@@ -89,7 +89,9 @@ def _quieter(machine: ModelMachine, training: Sequence[Recording]) -> ModelMachi
     off = few.measured - machine.respond([ParameterVector(np.zeros(len(machine.declared)))], few)[0]
     told = [each.noise for each in machine.described.about.measured for _ in each.columns]
     found = [
-        each if stated else replace(each, noise=min(each.noise, jitter(off[..., n])))
+        each
+        if stated
+        else replace(each, noise=quieter(each.noise, few.measured[..., n], off[..., n]))
         for n, (each, stated) in enumerate(zip(machine.outputs, told, strict=True))
     ]
     return replace(machine, outputs=tuple(found))

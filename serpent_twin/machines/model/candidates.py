@@ -8,7 +8,7 @@ import numpy as np
 
 from serpent_twin import effects
 from serpent_twin.arrays import Array
-from serpent_twin.effects import KNOWN, Range
+from serpent_twin.effects import KNOWN, Range, law_of
 from serpent_twin.machines.machine import Candidate, candidate
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import MOTION, Described
@@ -54,13 +54,12 @@ def _confused(one: Candidate, several: Sequence[Candidate]) -> Candidate:
         other.name
         for other in several
         if other.name != one.name
-        and (_kind(other) in (_kind(one), *one.confused_with) or _kind(one) in other.confused_with)
+        and (
+            law_of(other.name) in (law_of(one.name), *one.confused_with)
+            or law_of(one.name) in other.confused_with
+        )
     ]
     return replace(one, confused_with=tuple(alike))
-
-
-def _kind(each: Candidate) -> str:
-    return each.name.partition("@")[0]
 
 
 def _play(machine: Described, training: Sequence[Recording]) -> Iterator[Candidate]:

@@ -34,14 +34,23 @@ def noise(
     values = np.concatenate([run.columns[name] for run in training])
     span = float(np.nanmax(values) - np.nanmin(values))
     if machine.about.rows == MOTION:
-        return max(_ROUNDING * span, *(jitter(run.columns[name]) for run in training))
+        return max(_ROUNDING * span, _jitter([run.columns[name] for run in training]))
     apart = _again(machine, training, name)
     return max(_LEAST * span, _deviation(apart) / np.sqrt(2))
 
 
-def jitter(values: Array) -> float:
-    """Standard deviation of the noise in rows (..., T), by fourth differences; infinite of few rows."""
-    return _deviation(np.diff(values, n=4)) / _FOURTH or np.inf
+def quieter(noise: float, seen: Array, off: Array) -> float:
+    """The noise of what is seen of a motion, (S, T), where a model that is off by so much, (S, T), follows
+    quick motions, which look like noise.
+    """
+    span = float(np.nanmax(seen) - np.nanmin(seen))
+    found = _jitter([off])
+    return min(noise, max(_ROUNDING * span, found)) if found else noise
+
+
+def _jitter(several: Sequence[Array]) -> float:
+    """Standard deviation of the noise in rows (..., T), by fourth differences; 0 of few."""
+    return _deviation(np.concatenate([np.diff(each, n=4).ravel() for each in several])) / _FOURTH
 
 
 def _again(machine: Described, training: Sequence[Recording], name: str) -> Array:
