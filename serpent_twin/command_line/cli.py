@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import tyro
@@ -11,6 +12,9 @@ from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, Pri
 from serpent_twin.command_line.option_groups import grouped
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import shortened
+
+_LONGEST = 255
+"""Letters of a file's name"""
 
 
 def run(
@@ -94,6 +98,8 @@ def _numbers(argv: Sequence[str]) -> ConstructorRegistry:
             try:
                 return kind(words[0])
             except ValueError:
+                if _is_path(words[0]):
+                    raise  # of an option that takes files, too
                 what = "a whole number" if kind is int else "a number"
                 raise SerpentError(
                     f"{_flag(words[0], argv)} is {words[0]!r}; give {what}."
@@ -108,6 +114,12 @@ def _numbers(argv: Sequence[str]) -> ConstructorRegistry:
         )
 
     return registry
+
+
+def _is_path(word: str) -> bool:
+    path = Path(word)
+    named = len(path.parts) > 1 or path.suffix[1:2].isalpha()
+    return named or (len(word) < _LONGEST and path.exists())
 
 
 def _flag(word: str, argv: Sequence[str]) -> str:

@@ -8,6 +8,7 @@ the trace find an effect here.
 """
 
 from serpent_twin.effects.effect import (
+    CABLE,
     READING,
     Effect,
     Range,
@@ -38,6 +39,7 @@ from serpent_twin.effects.registry import (
 )
 
 __all__ = [
+    "CABLE",
     "KNOWN",
     "READING",
     "Effect",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import SMOOTH, Effect, parameter
 from serpent_twin.effects.moment import Moment
-from serpent_twin.effects.strands import chosen, on_strands
+from serpent_twin.effects.strands import chosen_at, on_strands
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,8 @@ class CableCreep(Effect):
     That is the standard linear solid: the strand's spring k in series with a spring k/f and a damper
     τ k/f side by side. Under a constant tension the strand is longer by the share f in the end.
     Source: Zener, Elasticity and Anelasticity of Metals, 1948; polyethylene line creeps by 0.1 … 1 of
-    its elastic stretch within minutes.
+    its elastic stretch within minutes. At a place of a model, it is the rest length of a tendon, which its
+    drives or its spring pull, or the rest of a joint's drive, which yields either way.
     """
 
     fraction: float = parameter("1", high=3.0, typical=0.3)
@@ -33,6 +34,7 @@ class CableCreep(Effect):
     shows_in: ClassVar[str] = (
         "error that builds up over a minute while a pose is held, and recovers"
     )
+    places: ClassVar[tuple[str, ...]] = ("tendon", "actuator")
     confused_with: ClassVar[tuple[str, ...]] = (
         "cable_stiffening",
         "clamp_slip",
@@ -50,10 +52,11 @@ class CableCreep(Effect):
 
     @cached_property
     def _chosen(self) -> NDArray[np.bool_]:
-        return chosen(self.strand)
+        return chosen_at(self.at, self.strand)
 
     def act(self, moment: Moment, memory: Array) -> None:
         """Lengthen the strands, then let them creep on; exact for a stretch held over the step."""
         moment.slack += memory
-        goal = self.fraction * self._chosen * np.maximum(moment.stretch, 0.0)
+        stretch = moment.stretch if self.at else np.maximum(moment.stretch, 0.0)
+        goal = self.fraction * self._chosen * stretch
         memory += (goal - memory) * -np.expm1(-moment.dt / self.time)

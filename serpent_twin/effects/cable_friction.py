@@ -2,14 +2,16 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.effects.effect import LOSS, Effect, Several, parameter, ranges
-from serpent_twin.effects.moment import Moment, at_joints, loops
-from serpent_twin.effects.strands import chosen, on_strands
+from serpent_twin.effects.links import HELD, let_rub
+from serpent_twin.effects.moment import at_joints, loops
+from serpent_twin.effects.strands import chosen_at, on_strands
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,8 @@ class CableFriction(Effect):
     T_j is the sum of the tensions of cable j's strands that rub, r_j its pulleys' radius. The share s is c
     where the wrap that matters is the same at every angle: pulley bearings that carry the cables' pull, or
     strands that wrap a pulley all the time. It is exp(c |q|) − 1, after Euler and Eytelwein, where a
-    strand bends on the groove by the hinge's angle q alone.
+    strand bends on the groove by the hinge's angle q alone. At a place of a model, a tendon of tension T gets
+    the friction c |T| along its whole length, and sticks at rest.
     Source: Amontons' and Coulomb's laws; capstan equation. c is 0.05 … 0.3 for polyethylene on nylon.
     """
 
@@ -33,6 +36,7 @@ class CableFriction(Effect):
     """On which strands, as `on_strands` counts them; −1 for all"""
 
     shows_in: ClassVar[str] = "lag behind the motors that grows with the cables' tension, and loads"
+    places: ClassVar[tuple[str, ...]] = ("tendon",)
     confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "gear_friction")
     stage: ClassVar[int] = LOSS
 
@@ -44,10 +48,19 @@ class CableFriction(Effect):
 
     @cached_property
     def _chosen(self) -> NDArray[np.bool_]:
-        return chosen(self.strand)
+        return chosen_at(self.at, self.strand)
 
-    def act(self, moment: Moment, memory: None) -> None:
-        """Raise the hinges' friction by what their cables' tensions make."""
+    def edit(self, spec: mujoco.MjSpec) -> None:
+        """Let a tendon of a model stick."""
+        if self.at:
+            spec.tendon(self.at).solref_friction[0] = HELD
+            let_rub(spec)
+
+    def act(self, moment: Any, memory: None) -> None:
+        """Raise the hinges' friction by what their cables' tensions make, or that of a tendon by its own."""
+        if self.at:
+            moment.tendon_friction = moment.tendon_friction + self.coefficient * abs(moment.tension)
+            return
         rubs = self._chosen * moment.tension
         pressed = at_joints(moment.arm.pulley_radii * loops(rubs))
         share = self.coefficient

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import SMOOTH, Effect, parameter
 from serpent_twin.effects.moment import Moment
-from serpent_twin.effects.strands import chosen, on_strands
+from serpent_twin.effects.strands import chosen_at, on_strands
 
 _AT_ONCE = "it slips at once, so that the strand never pulls harder than its grip"
 _PAST = 0.02  # [s] time steps through a measured past: the law is exact for a stretch held over one
@@ -22,7 +22,8 @@ class ClampSlip(Effect):
 
     Ends of cables are clamped by screws, by friction alone; a clamp tightened too little slips like a
     viscoplastic (Bingham) element; one that slips at once is a friction clutch. Clamps are taken as
-    tightened anew before each session.
+    tightened anew before each session. At a place of a model, the clamp is of a tendon that drives or a
+    spring pull.
     Source: Bingham, An Investigation of the Laws of Plastic Flow, 1916. A strand that slips by half a
     millimetre in a session, of 5 to 10 N, shows clearly.
     """
@@ -35,6 +36,7 @@ class ClampSlip(Effect):
     """Whose clamps, as `on_strands` counts them; −1 for all"""
 
     shows_in: ClassVar[str] = "error that jumps or grows when a strand is pulled hard, and stays"
+    places: ClassVar[tuple[str, ...]] = ("tendon",)
     confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "stiffness_drift")
     remembers: ClassVar[bool] = True
 
@@ -48,7 +50,7 @@ class ClampSlip(Effect):
 
     @cached_property
     def _chosen(self) -> NDArray[np.bool_]:
-        return chosen(self.strand)
+        return chosen_at(self.at, self.strand)
 
     def act(self, moment: Moment, memory: Array) -> None:
         """Lengthen the strands, then let them slip on; exact for a stretch held over the step."""

@@ -32,6 +32,7 @@ class ConstantForce(Effect):
     place: float = parameter("m", high=0.6, typical=0.5, default=0.5, step=0.02)
     """Distance of the point from joint 1 along the straight arm [m]"""
 
+    places: ClassVar[tuple[str, ...]] = ("site", "body")
     shows_in: ClassVar[str] = (
         "a pose and loads that lean one way, beyond one point of the arm more than before"
     )

@@ -40,7 +40,8 @@ class Range:
     @property
     def anywhere(self) -> "Range":
         """The same for a machine of any size: of the same sign, and finite."""
-        return replace(self, low=-_ANY if self.low < 0 else self.low, high=_ANY)
+        low = -_ANY if self.low < 0 else min(self.low, 1 / _ANY)
+        return replace(self, low=low, high=_ANY)
 
     @property
     def limit_begins(self) -> float:
@@ -91,6 +92,8 @@ class Effect:
     effect is about
     """
 
+    places: ClassVar[tuple[str, ...]] = ()
+    """Kinds of a model's elements that `at` may name, in the order in which they are looked up."""
     shows_in: ClassVar[str] = ""
     """How it shows in a log, in words."""
     confused_with: ClassVar[tuple[str, ...]] = ()

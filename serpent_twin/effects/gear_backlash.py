@@ -25,6 +25,7 @@ class GearBacklash(Effect):
     gap: float = parameter("rad", high=0.3, typical=0.02)
     """From one flank to the other [rad]"""
 
+    places: ClassVar[tuple[str, ...]] = ("actuator",)
     shows_in: ClassVar[str] = "joints that start late after each reversal of a motor, at every load"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_friction", "mocap_latency", "motor_latency")
     remembers: ClassVar[bool] = False

@@ -23,6 +23,7 @@ class HingeFriction(Effect):
     viscous: float = parameter("N m s/rad", high=0.2, typical=0.005)
     """b [N m s/rad]"""
 
+    places: ClassVar[tuple[str, ...]] = ("joint",)
     shows_in: ClassVar[str] = "swings that die away, and lag by the same at every load"
     confused_with: ClassVar[tuple[str, ...]] = ("gear_friction", "gear_backlash")
 

@@ -20,6 +20,7 @@ class JointElasticity(Effect):
     stiffness: float = parameter("N m/rad", high=3.0, typical=0.05)
     """k [N m/rad]"""
 
+    places: ClassVar[tuple[str, ...]] = ("joint",)
     shows_in: ClassVar[str] = "joints that fall short in proportion to their angle, and their loads"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_stiffening", "payload")
 

@@ -21,6 +21,7 @@ class JointStiffening(Effect):
     cubic: float = parameter("N m/rad³", high=10.0, typical=0.1)
     """k₃ [N m/rad³]"""
 
+    places: ClassVar[tuple[str, ...]] = ("joint",)
     shows_in: ClassVar[str] = "joints that fall short far from the middle, and not near it"
     confused_with: ClassVar[tuple[str, ...]] = ("joint_elasticity",)
 

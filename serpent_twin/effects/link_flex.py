@@ -40,6 +40,7 @@ class LinkFlex(Effect):
     twist: float = parameter("rad/(N m)", high=3.0, typical=0.06, before=0.0)
     """Compliance of twisting [rad/(N m)]"""
 
+    places: ClassVar[tuple[str, ...]] = ("body",)
     shows_in: ClassVar[str] = (
         "markers that sag more than the joints' angles explain, more so further out"
     )

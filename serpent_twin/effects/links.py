@@ -33,12 +33,14 @@ def body_at(spec: mujoco.MjSpec, name: str) -> tuple[mujoco.MjsBody, Array]:
 
 
 def joints_at(spec: mujoco.MjSpec, name: str) -> list[mujoco.MjsJoint]:
-    """The joint of a name; without one, the hinges of the arm, and of machines whose joints are named so."""
-    return [
-        each
-        for each in spec.joints
-        if (each.name == name if name else each.name.startswith("joint"))
-    ]
+    """The joint of a name; without one, those whose names begin with `joint`, which are the arm's own hinges,
+    or all hinges and slides of a model that names none so.
+    """
+    if name:
+        return [each for each in spec.joints if each.name == name]
+    kinds = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+    own = [each for each in spec.joints if each.name.startswith("joint")]
+    return own or [each for each in spec.joints if each.type in kinds]
 
 
 def let_rub(spec: mujoco.MjSpec) -> None:

@@ -28,6 +28,7 @@ class Payload(Effect):
     place: float = parameter("m", low=-0.44, high=0.15, typical=0.09, default=0.09, step=0.01)
     """Along the straight arm, from the last joint towards the gripper; −0.44 m is joint 1 [m]"""
 
+    places: ClassVar[tuple[str, ...]] = ("site", "body")
     shows_in: ClassVar[str] = "the loads of all motors, and how far the arm sags against its cables"
     confused_with: ClassVar[tuple[str, ...]] = (
         "base_tilt",

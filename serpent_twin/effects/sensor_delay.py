@@ -21,6 +21,7 @@ class SensorDelay(Effect):
     delay: float = parameter("s", high=0.5, typical=0.03)
     """[s]"""
 
+    places: ClassVar[tuple[str, ...]] = ("joint", "site", "tendon", "actuator", "sensor")
     shows_in: ClassVar[str] = "error in proportion to the rate of one reading, in no other"
     confused_with: ClassVar[tuple[str, ...]] = ("command_delay", "servo_lag")
     stage: ClassVar[int] = READING

@@ -21,6 +21,7 @@ class ServoLag(Effect):
     time_constant: float = parameter("s", high=2.0, typical=0.03)
     """τ [s]"""
 
+    places: ClassVar[tuple[str, ...]] = ("actuator",)
     shows_in: ClassVar[str] = "quick motions that come late and small, slow ones that do not"
     confused_with: ClassVar[tuple[str, ...]] = ("command_delay",)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from serpent_twin.effects.effect import Effect, Several, parameter
 from serpent_twin.effects.moment import Moment
-from serpent_twin.effects.strands import chosen, on_strands
+from serpent_twin.effects.strands import chosen_at, on_strands
 
 LEAST = 0.1
 """Share of its stiffness that a strand keeps at least [1]"""
@@ -20,7 +20,8 @@ class StiffnessDrift(Effect):
     """Strands soften evenly: k(t) = k (1 − rate t), down to a tenth.
 
     Warming recovers until the next session, and t counts from the session's start; wear carries
-    over, and t includes earlier sessions.
+    over, and t includes earlier sessions. At a place of a model, it is the stiffness of a joint's spring,
+    or of a tendon with its drives.
     Source: linear term of the modulus in time. Polyethylene loses about 1 % of its modulus per kelvin,
     and cables, pulleys and winches warm by some kelvins to tens of kelvins in an hour of running.
     """
@@ -35,6 +36,7 @@ class StiffnessDrift(Effect):
     shows_in: ClassVar[str] = (
         "sag and lag that grow evenly from beginning to end of a session, or of all"
     )
+    places: ClassVar[tuple[str, ...]] = ("joint", "tendon")
     confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "clamp_slip")
 
     @classmethod
@@ -44,7 +46,7 @@ class StiffnessDrift(Effect):
 
     @cached_property
     def _chosen(self) -> NDArray[np.bool_]:
-        return chosen(self.strand)
+        return chosen_at(self.at, self.strand)
 
     def act(self, moment: Moment, memory: None) -> None:
         """Soften the strands."""

@@ -44,6 +44,11 @@ def on_strands(before: float | None = ALL) -> Any:
     )
 
 
+def chosen_at(place: str, strand: Array | float) -> NDArray[np.bool_]:
+    """Which strands are meant; at a place of a model, the one that is there, (1,)."""
+    return chosen(strand, 1 if place else N_STRANDS)
+
+
 def chosen(strand: Array | float, strands: int = N_STRANDS) -> NDArray[np.bool_]:
     """Which strands are meant, (20,), or (n, 20) for numbers (n, 1); raises a `SerpentError` where a machine
     has other cables than the arm and not all are meant.

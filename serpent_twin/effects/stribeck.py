@@ -3,9 +3,11 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import mujoco
 import numpy as np
 
 from serpent_twin.effects.effect import LOSS, Effect, parameter
+from serpent_twin.effects.links import HELD, let_rub
 from serpent_twin.effects.moment import Geared
 
 
@@ -14,7 +16,7 @@ class Stribeck(Effect):
     """Coulomb friction is greater by F exp(−|q̇| / v) near rest: a film of grease wears thin.
 
     Source: Stribeck, Die wesentlichen Eigenschaften der Gleit- und Rollenlager, 1902; Bo and Pavelescu's
-    exponential.
+    exponential. At a joint of a model, it holds within two time steps.
     """
 
     extra: float = parameter("N m", high=0.3, typical=0.02)
@@ -23,8 +25,15 @@ class Stribeck(Effect):
     """v [rad/s]"""
 
     shows_in: ClassVar[str] = "jerks out of rest, and rest where a slow motion should go on"
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_friction",)
+    places: ClassVar[tuple[str, ...]] = ("joint",)
+    confused_with: ClassVar[tuple[str, ...]] = ("gear_friction", "hinge_friction")
     stage: ClassVar[int] = LOSS
+
+    def edit(self, spec: mujoco.MjSpec) -> None:
+        """Let a joint of a model stick."""
+        if self.at:
+            spec.joint(self.at).solref_friction[0] = HELD
+            let_rub(spec)
 
     def act(self, moment: Geared, memory: None) -> None:
         """Raise the friction near rest."""

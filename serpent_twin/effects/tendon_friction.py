@@ -20,10 +20,11 @@ class TendonFriction(Effect):
     force: float = parameter("N", high=100.0, typical=0.5)
     """F [N]"""
 
+    places: ClassVar[tuple[str, ...]] = ("tendon",)
     shows_in: ClassVar[str] = (
         "joints that start late after each reversal of a tendon, at every load"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "hinge_friction")
+    confused_with: ClassVar[tuple[str, ...]] = ("cable_friction", "gear_backlash", "hinge_friction")
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Let the tendons rub."""

@@ -19,6 +19,7 @@ class TorqueSaturation(Effect):
     rate: float = parameter("1/(N m)", high=5.0, typical=0.5)
     """s [1/(N m)]"""
 
+    places: ClassVar[tuple[str, ...]] = ("actuator",)
     shows_in: ClassVar[str] = "heavy loads that sag more than the motor's voltage predicts"
     confused_with: ClassVar[tuple[str, ...]] = ("gear_friction",)
     stage: ClassVar[int] = WINDING

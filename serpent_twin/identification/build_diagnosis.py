@@ -14,13 +14,12 @@ from serpent_twin.identification.diagnosis import (
     STANDS_IN,
     SUSPECT,
     UNSTABLE,
-    Calibrated,
     Diagnosis,
     Named,
-    ParameterEstimate,
     Tried,
     Unexplained,
 )
+from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
 from serpent_twin.identification.fitted import NORMAL_95, Fit
 from serpent_twin.identification.free_parameters import unstable
 from serpent_twin.identification.held_out import Errors, errors, gain
@@ -88,6 +87,7 @@ def build_diagnosis(
         load=compared["corrected"].load,
         identifiability=tracer.identifiability,
         whiteness=whiteness(compared["corrected"]),
+        places={name: each.place for name, each in case.candidates.items()},
     )
 
 

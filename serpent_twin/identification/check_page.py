@@ -10,6 +10,7 @@ from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.plot_style import COLOURS, INK, SOFT, label_logarithmic, sheet, tidy
 from serpent_twin.reporting.report import Figure, Report, Section, Table
+from serpent_twin.residual import ANGLE
 
 MOST_ROWS = 15
 """Parameters that a table lists: the logs tell more of the others"""
@@ -89,12 +90,20 @@ def parameters(found: Identifiability) -> Table:
 
 def inputs(found: Identifiability) -> Table:
     """How far and how fast every motor and joint moves."""
+    note = "Motors as logged, joints as the twin has them. The speed is a root mean square."
+    if any(each.measure != ANGLE for each in found.inputs):
+        rows = tuple(
+            (each.name, f"{scale * each.range:.3g}", f"{scale * each.speed:.3g}", each.measure.unit,
+             "no" if each.still else "yes")
+            for each in found.inputs
+            for scale in (each.measure.scale,)
+        )  # fmt: skip
+        return Table(("motor or joint", "range", "speed [1/s]", "unit", "moves"), rows, note)
     rows = tuple(
         (each.name, f"{np.degrees(each.range):.1f}", f"{np.degrees(each.speed):.1f}",
          "no" if each.still else "yes")
         for each in found.inputs
     )  # fmt: skip
-    note = "Motors as logged, joints as the twin has them. The speed is a root mean square."
     return Table(("motor or joint", "range [°]", "speed [°/s]", "moves"), rows, note)
 
 

@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isfinite
 from typing import Any
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.acceptance import PairTrial
 from serpent_twin.identification.bars import Bars
+from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.moved import Moved
 from serpent_twin.identification.next_motion import NOT_EXCITED, next_motion
@@ -25,61 +25,6 @@ UNTESTED = (NOT_EXCITED, UNSTABLE)
 """Verdicts on candidates that these logs, or the simulation, leave undecided"""
 SUSPECT = 1.25
 """Times the error of a twin that lacks nothing, above which an error is suspect"""
-
-
-@dataclass(frozen=True)
-class ParameterEstimate:
-    """One number of an effect with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
-    unit: str
-    """`1` for a pure number"""
-
-    @property
-    def fitted(self) -> bool:
-        """Whether it was fitted to the logs; else it was given."""
-        return bool(isfinite(self.low) and isfinite(self.high) and self.low < self.high)
-
-    def __str__(self) -> str:
-        """The estimate as text for a sentence."""
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        ends = f"[{self.low:.3g} … {self.high:.3g}]" if self.fitted else "[given]"
-        return f"{self.value:.3g}{unit} {ends}".replace("-", "−")
-
-
-@dataclass(frozen=True)
-class Calibrated:
-    """A declared parameter before and after the fit."""
-
-    coordinate: ParameterEstimate
-    """How far the fit moved it, in the fit's coordinates"""
-    name: str
-    """What it stands for, such as `strand stiffness 3+`"""
-    nominal: float
-    """As declared before any log was read, in the unit of `value`; NaN where nothing is declared"""
-    start: float
-    """Where the fit started, likewise"""
-    value: ParameterEstimate
-    """Where it ended"""
-
-    def numbers(self) -> dict[str, Any]:
-        """Entries of diagnosis.json: the coordinate, then the quantity by keys that end with its unit."""
-        unit = key(self.value.unit)
-        told = {"nominal": self.nominal, "start": self.start, "value": self.value.value}
-        told |= {"low": self.value.low, "high": self.value.high}
-        named = {f"{name}_{unit}" if unit else f"{name}_ratio": v for name, v in told.items()}
-        return vars(self.coordinate) | {"quantity": self.name} | named
-
-
-def key(unit: str) -> str:
-    """A unit as the end of a key in JSON; nothing for a pure number."""
-    if unit == "1":
-        return ""
-    for sign, word in (("/", " per "), ("°", "deg"), ("²", "2"), ("%", "percent")):
-        unit = unit.replace(sign, word)
-    return "_".join(unit.split())
 
 
 @dataclass(frozen=True)
@@ -178,23 +123,31 @@ class Diagnosis:
     """What the logs can tell at all"""
     whiteness: Whiteness | None = None
     """Of the corrected twin's residual"""
+    places: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """The entry that says where a candidate acts, by its name: empty for one that acts everywhere"""
 
     def numbers(self, seconds: float, simulated: float) -> dict[str, Any]:
         """diagnosis.json."""
+
+        def placed(entry: dict[str, Any]) -> dict[str, Any]:
+            return entry | dict(self.places.get(entry["name"], {}))
+
         mm, loads = self.marker.key, f"{self.load.field}_error_{self.load.key}"
         return {
             "arm": self.arm,
             "held_out": list(self.held_out),
-            "effects": [each.numbers(mm, self.load) for each in self.effects],
-            "stand_ins": [each.numbers(mm, self.load) for each in self.stand_ins],
+            "effects": [placed(each.numbers(mm, self.load)) for each in self.effects],
+            "stand_ins": [placed(each.numbers(mm, self.load)) for each in self.stand_ins],
             "candidates": [
-                {
-                    "name": each.name,
-                    f"error_{mm}": each.error,
-                    "verdict": each.verdict,
-                    "score": each.score,
-                    "why": each.why,
-                }
+                placed(
+                    {
+                        "name": each.name,
+                        f"error_{mm}": each.error,
+                        "verdict": each.verdict,
+                        "score": each.score,
+                        "why": each.why,
+                    }
+                )
                 for each in self.candidates
             ],
             "unexplained": {
@@ -215,7 +168,7 @@ class Diagnosis:
             "bars": self.bars.numbers(self.marker.key),
             "moved": [each.numbers() for each in self.moved],
             "rivals": {
-                name: [each.numbers(mm) for each in several]
+                name: [placed(each.numbers(mm)) for each in several]
                 for name, several in self.rivals.items()
             },
             "next_motion": next_motion(

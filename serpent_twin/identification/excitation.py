@@ -7,18 +7,22 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.identification.estimates import key
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import listed
-from serpent_twin.residual import Comparison
+from serpent_twin.residual import ANGLE, Comparison, Measure
 
 STILL = 0.01
 """Range of an angle [rad] up to which it counts as still: some counts of a servo's encoder"""
+_STILL = 1e-9
+"""The same of what is no angle, in its unit"""
 _RELATED = 0.1
 """Least correlation of where an effect shows with a motion that is suggested"""
 _ALL = "move all joints further and faster"
 _SLOW = "hold poses for longer, in longer sessions"
 _ADVISED = 6
+_LENGTHS = ("rad", "m")
 """Effects for which a motion is sought"""
 
 
@@ -28,21 +32,24 @@ class InputExcitation:
 
     name: str
     range: float
-    """Of its angle [rad]"""
+    """Of its angle [rad], or of what else its measure says"""
     speed: float
-    """Root mean square [rad/s]"""
+    """Root mean square of its rate [rad/s]"""
+    measure: Measure = ANGLE
+    """What it is"""
 
     @property
     def still(self) -> bool:
         """Whether it never moves, so that no log of any length would say what its motion shows."""
-        return self.range < STILL
+        return self.range < (STILL if self.measure == ANGLE else _STILL)
 
     def numbers(self) -> dict[str, Any]:
         """The figures for JSON, units in the keys."""
+        unit = key(self.measure.base)
         return {
             "name": self.name,
-            "range_rad": self.range,
-            "speed_rms_rad_per_s": self.speed,
+            "_".join(filter(None, ("range", unit))): self.range,
+            "_".join(filter(None, ("speed_rms", unit, "per_s"))): self.speed,
             "moves": not self.still,
         }
 
@@ -50,23 +57,23 @@ class InputExcitation:
 def excitation(comparison: Comparison) -> tuple[InputExcitation, ...]:
     """Of every motor, as logged, then of every joint, as the twin has it."""
     return tuple(
-        InputExcitation(name, float(np.nanmax(angle) - np.nanmin(angle)), _rms(speed))
-        for name, angle, speed in _inputs(comparison)
+        InputExcitation(name, float(np.nanmax(angle) - np.nanmin(angle)), _rms(speed), of)
+        for name, angle, speed, of in _inputs(comparison)
     )
 
 
-def _inputs(c: Comparison) -> Iterator[tuple[str, Array, Array]]:
-    """Names, angles and velocities of motors and joints, (S, T) each."""
+def _inputs(c: Comparison) -> Iterator[tuple[str, Array, Array, Measure]]:
+    """Names, angles and velocities of motors and joints, (S, T) each, and what they are."""
     kinds = (
-        (c.motor_names, c.motor_angle, c.motor_velocity),
-        (c.joint_names, c.joint_angle, None),
+        (c.motor_names, c.motor_angle, c.motor_velocity, c.motors),
+        (c.joint_names, c.joint_angle, None, (ANGLE,) * len(c.joint_names)),
     )
-    for names, angles, speeds in kinds:
+    for names, angles, speeds, measures in kinds:
         if angles is None:
             continue
         speeds = np.array(np.gradient(angles, c.period, axis=1)) if speeds is None else speeds
         for k, name in enumerate(names):
-            yield name, angles[..., k], speeds[..., k]
+            yield name, angles[..., k], speeds[..., k], measures[k]
 
 
 def _rms(values: Array) -> float:
@@ -129,13 +136,14 @@ def _change(without: Comparison, having: Comparison) -> Array:
 def _motions(c: Comparison) -> Iterator[tuple[str, Array]]:
     """What there could be more of, in the imperative, and how much of it is in each row, (S, T)."""
     speeds = []
-    for name, angle, speed in _inputs(c):
+    for name, angle, speed, _ in _inputs(c):
         speeds.append(np.abs(speed))
         yield f"move {name} faster", speeds[-1]
         yield f"move {name} further", np.abs(angle - np.median(angle))
     if c.load_predicted is not None:
-        for name, load in zip(c.motor_names, np.moveaxis(c.load_predicted, 2, 0), strict=True):
-            yield f"put more load on {name}", np.abs(load)
+        for name, load in zip(c.load_names, np.moveaxis(c.load_predicted, 2, 0), strict=True):
+            more = f"move {name} further" if c.load.base in _LENGTHS else f"put more load on {name}"
+            yield more, np.abs(load)
     if speeds:
         yield "hold poses for longer", _held(np.max(speeds, axis=0), c.period)
 

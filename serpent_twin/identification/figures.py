@@ -264,8 +264,8 @@ def place_and_time(twins: Mapping[str, Twin]) -> Figure:
     bar.set_label(label)
     bar.outline.set_visible(False)  # pyright: ignore
     scale = ", on one scale" if len(twins) > 1 else ""
-    are = next(iter(twins.values()))[0].marker.are
-    caption = f"Where along the machine and when {are} off{scale}: darker is more."
+    marker = next(iter(twins.values()))[0].marker
+    caption = f"{marker.across} and when {marker.are} off{scale}: darker is more."
     return Figure("place_and_time", drawing, caption)
 
 

@@ -133,8 +133,12 @@ def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tupl
     one independent draw (Liang and Zeger 1986), because no twin is exact, and its errors within a
     segment are correlated.
     """
-    flat = jacobian.reshape(len(jacobian), -1)
-    covariance = np.linalg.inv(flat @ flat.T / each + np.diag(prior))
+    square = np.diag(prior.astype(float))
+    for part in jacobian.swapaxes(
+        0, 1
+    ):  # in single precision, what a prior alone tells could be lost
+        square += part.astype(float) @ part.T.astype(float) / each
+    covariance = np.linalg.inv(square)
     error = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(error, error)
     segments = residual.shape[0]

@@ -10,7 +10,7 @@ from serpent_twin.identification.diagnosis import Diagnosis, Named
 from serpent_twin.machines.machine import Candidate
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import Figure, Report, Section, Table
-from serpent_twin.residual import describe
+from serpent_twin.residual import LOADS, describe
 from serpent_twin.residual import figures as residual_figures
 from serpent_twin.residual.noise import UNKNOWN
 from serpent_twin.residual.whiteness_figure import whiteness_figure
@@ -251,6 +251,9 @@ def _loads(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
     figure = drawn.get("load_error_by_motor")
     if figure is None:
         return None
+    if diagnosis.load != LOADS:
+        what = diagnosis.load.what.removeprefix("the ").capitalize()
+        return Section(what, "Predicted from the same drives as the pose.", (figure,))
     text = (
         "Loads are predicted from the same motor angles. At rest, gear friction may hold any load "
         "within its bounds, so that the loads of moving motors determine more."
@@ -272,9 +275,10 @@ def _calibration(diagnosis: Diagnosis, prior: Mapping[str, float]) -> Section | 
 
 def _last_resort(diagnosis: Diagnosis) -> Section:
     learned, unit = diagnosis.learned, diagnosis.marker.unit
+    loads = np.isfinite(diagnosis.load_error.get("calibrated", np.nan))
+    read = "angles, velocities and loads" if loads else "angles and velocities"
     text = (
-        f"A correction of what is predicted of {diagnosis.marker.what}, learned from motor angles, "
-        "velocities and loads. It is "
+        f"A correction of what is predicted of {diagnosis.marker.what}, learned from motor {read}. It is "
         "no physics, names no cause, and is in none of the figures above."
     )
     if not np.isfinite(learned.before):

@@ -11,12 +11,11 @@ from serpent_twin.identification.diagnosis import (
     REJECTED,
     STANDS_IN,
     UNSTABLE,
-    Calibrated,
     Diagnosis,
     Named,
-    ParameterEstimate,
     Tried,
 )
+from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
 from serpent_twin.identification.figures import ranked, spaced, stages
 from serpent_twin.identification.fitted import NORMAL_95
 from serpent_twin.numerals import counted
@@ -37,7 +36,17 @@ def errors(diagnosis: Diagnosis) -> Table:
     kinds = ((marker, diagnosis.error), (load, diagnosis.load_error))
     known = {head: by for head, by in kinds if np.isfinite(by.get("calibrated", np.nan))}
     rows = [(said.get(n, n), *(_cell(n, by) for by in known.values())) for n in names]
-    note = "Means over held-out segments: of the distance, and of the root mean square of the load error."
+    means = {
+        marker: "the distance"
+        if diagnosis.marker.axes
+        else f"the error of {diagnosis.marker.what}",
+        load: f"the root mean square of the {diagnosis.load.one} error",
+    }
+    note = (
+        f"Means over held-out segments: of {', and of '.join(means[head] for head in known)}."
+        if known
+        else ""
+    )
     if any(_cell("noise_floor", by) == "–" for by in known.values()):
         note += f" –: {UNKNOWN}."
     return Table(("twin", *known), tuple(row for row in rows if any(row[1:])), note)
@@ -63,22 +72,16 @@ def candidates(tried: Sequence[Tried], unit: str = "mm") -> Table:
 
 def parameters(effects: Sequence[Named], unit: str = "mm", load: str = "% of stall") -> Table:
     """Every number of the effects that were missing, with its interval."""
-    header = (
-        "effect",
-        "parameter",
-        "value",
-        "95 % interval",
-        "unit",
-        f"gain [{unit}]",
-        f"gain [{load}]",
-    )
+    loads = any(np.isfinite(each.gain_load) for each in effects)
+    gain = (f"gain [{unit}]", f"gain [{load}]") if loads else (f"gain [{unit}]",)
+    header = ("effect", "parameter", "value", "95 % interval", "unit", *gain)
     rows = []
     for effect in effects:
-        gains = (_fixed(effect.gain), _fixed(effect.gain_load))
+        gains = (_fixed(effect.gain), _fixed(effect.gain_load))[: len(gain)]
         told = (spaced(effect.name), *gains, _short(effect.probability_of_chance))
         for name, e in effect.parameters.items():
             rows.append((told[0], name, _short(e.value), interval(e), e.unit, *told[1:]))
-            told = ("",) * 4  # once for each effect
+            told = ("",) * len(told)  # once for each effect
     note = (
         "The gain is on held-out sessions. Chance is the probability of no gain at all: of the training "
         "sessions, each predicted by a fit to the others, and of the held-out ones together."

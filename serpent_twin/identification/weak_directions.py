@@ -54,9 +54,9 @@ class WeakDirection:
     def __str__(self) -> str:
         """The direction as text for a sentence."""
         of = "" if self.leading == self.parameters else f" of {self.leading}"
+        unit = "" if self.unit == "1" else f" {self.unit}"
         return (
-            f"{self.parameters}: prior {self.prior:.2g} {self.unit}{of}, "
-            f"logs {self.posterior:.2g} {self.unit}"
+            f"{self.parameters}: prior {self.prior:.2g}{unit}{of}, logs {self.posterior:.2g}{unit}"
         )
 
 

@@ -9,12 +9,13 @@ alone.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Range, place_of, placed, ranges
+from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Comparison, Measure
 
 
@@ -97,11 +98,20 @@ class Candidate:
     """Names of candidates that look like it"""
     remembers: bool = False
     """Whether its memory is longer than a segment"""
+    place_kind: str = ""
+    """Of the model's element that its name has: joint, tendon, actuator, body, site or sensor; nothing for
+    what is everywhere
+    """
 
     @property
     def at(self) -> str:
         """The place that its name has."""
         return place_of(self.name)
+
+    @property
+    def place(self) -> dict[str, dict[str, str]]:
+        """The entry of JSON that says where it is; nothing for what is everywhere."""
+        return {"place": {"kind": self.place_kind, "name": self.at}} if self.at else {}
 
 
 def candidate(name: str, **sized: Range) -> Candidate:
@@ -122,6 +132,7 @@ def candidate(name: str, **sized: Range) -> Candidate:
         kind.shows_in,
         kind.confused_with,
         kind.remembers,
+        next(iter(kind.places), "") if place_of(name) else "",
     )
 
 
@@ -189,20 +200,6 @@ class Pieces(Protocol):
 
 
 P = TypeVar("P", bound=Pieces)
-
-
-@dataclass(frozen=True)
-class Proposals(Generic[P]):
-    """Motions that keep a machine's limits, each from and to the same pose, so that any order of them is a
-    motion.
-    """
-
-    kinds: tuple[str, ...]
-    """What each is, (M,)"""
-    targets: Array
-    """What commands the machine, (M, T, ·)"""
-    pieces: P
-    """What the machine's twin makes of each, (M,)"""
 
 
 class Machine(Protocol[P]):
@@ -286,8 +283,8 @@ class Machine(Protocol[P]):
         rate_hz: float,
         rng: np.random.Generator,
     ) -> Proposals[P]:
-        """Up to `count` motions [s] at a rate, simulated by the twin of a parameter vector; raises a
-        `SerpentError` where nothing here commands the machine, or no motion keeps its limits.
+        """Up to `count` motions of at most so many seconds at a rate, simulated by the twin of a parameter
+        vector; raises a `SerpentError` where nothing commands the machine, or no motion keeps its limits.
         """
         ...
 

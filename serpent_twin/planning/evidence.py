@@ -75,19 +75,24 @@ def known(trace: Traced, asked: Rows) -> Array:
 
 
 def of_pieces(trace: Traced, asked: Rows, pieces: Any) -> list[Array]:
-    """The evidence of each of some motions, [(R, R)]."""
+    """The evidence of each of some motions, [(R, R)], a session of segments each."""
     weight = 1 / trace.fit.variance_inflation
     slopes = jacobian(trace.case, trace.fit.point, trace.fit.free, pieces)[1]
     each = np.concatenate([slopes, _changes(trace, asked, pieces)])
-    return [gram(each[:, n], weight) for n in range(len(pieces))]
+    segments: dict[str, list[int]] = {}
+    for n, name in enumerate(pieces.session):
+        segments.setdefault(name, []).append(n)
+    return [gram(each[:, n].reshape(len(each), -1), weight) for n in segments.values()]
 
 
 def _changes(trace: Traced, asked: Rows, pieces: Any) -> Array:
     """What each row's effect changes of the residual, (E, S, n)."""
     case = trace.case
-    points = [*asked.before, *asked.after]
+    once = {id(each): each for each in asked.before}  # most effects are added to one twin
+    points = [*once.values(), *asked.after]
     found = case.residual(points, pieces, case.coarse_step(points))
-    changes = found[len(asked.before) :] - found[: len(asked.before)]
+    without = [list(once).index(id(each)) for each in asked.before]
+    changes = found[len(once) :] - found[without]
     for n, name in enumerate(asked.names):
         base, values = asked.before[n], asked.after[n].effects[name]
         strong = strengths(case.candidates[name])
@@ -111,6 +116,8 @@ def _weaker(
 
 
 def _without(point: ParameterVector, name: str) -> ParameterVector:
+    if name not in point.effects:
+        return point
     return ParameterVector(
         point.declared, {n: values for n, values in point.effects.items() if n != name}
     )

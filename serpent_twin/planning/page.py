@@ -1,10 +1,13 @@
 """Write what a planned motion decides as a report."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.machines.proposals import CommandColumn, Proposals
+from serpent_twin.numerals import counted
 from serpent_twin.planning.criterion import Question
 from serpent_twin.recording.motion import Motion
 from serpent_twin.reporting.plot_style import sheet, tidy
@@ -39,29 +42,52 @@ def _row(question: Question, before: Array, after: Array) -> tuple[str, ...]:
 
 
 def page(
-    motion: Motion, table: Table, kinds: Sequence[str], seconds: float, facts: Mapping[str, str]
+    motion: Motion,
+    table: Table,
+    kinds: Sequence[str],
+    proposals: Proposals[Any],
+    facts: Mapping[str, str],
 ) -> Report:
     """The report of a plan: what it decides, and the motion drawn."""
+    seconds = proposals.targets.shape[1] / motion.rate_hz
     rows = tuple((str(n + 1), f"{n * seconds:g}", kind) for n, kind in enumerate(kinds))
     pieces = Table(("piece", "begins [s]", "kind"), rows)
     return Report(
         "The next motion",
-        f"{len(motion.targets) / motion.rate_hz:g} s of motion, in {len(kinds)} pieces.",
+        f"{counted(len(motion.targets), 'row')}, {len(motion.targets) / motion.rate_hz:g} s, in "
+        f"{counted(len(kinds), 'piece')}.",
         (
             Section("What it decides", "", (table,)),
-            Section(
-                "The motion", "Each piece ends with the arm straight.", (_drawn(motion), pieces)
-            ),
+            Section("The motion", "", (_drawn(motion, proposals.columns), pieces)),
+            Section("Its limits", proposals.about, (_limits(proposals.columns),)),
         ),
         facts,
     )
 
 
-def _drawn(motion: Motion) -> Figure:
-    drawing, (axes,) = sheet(7.0, 3.0)
+def _limits(columns: Sequence[CommandColumn]) -> Table:
+    """Between which limits each column stays."""
+    limited = any(np.isfinite(each.fastest) for each in columns)
+    rows = [
+        (each.name, each.unit, f"{each.low:.4g}", f"{each.high:.4g}", f"{each.fastest:.4g}")
+        for each in columns
+    ]
+    header = ("column", "unit", "least", "greatest", "most change a second")
+    last = len(header) if limited else -1
+    return Table(header[:last], tuple(row[:last] for row in rows))
+
+
+def _drawn(motion: Motion, columns: Sequence[CommandColumn]) -> Figure:
+    """The columns of each unit together."""
+    units = list(dict.fromkeys(each.unit for each in columns))
+    drawing, several = sheet(7.0, 1.0 + 2.0 * len(units), rows=len(units))
     time = np.arange(len(motion.targets)) / motion.rate_hz
-    axes.plot(time, np.rad2deg(motion.targets), linewidth=0.8)
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("joint target [°]")
-    tidy(axes)
-    return Figure("motion", drawing, "Joint targets of the nine joints.")
+    for unit, axes in zip(units, several, strict=True):
+        for n, each in enumerate(columns):
+            if each.unit == unit:
+                axes.plot(time, motion.targets[:, n], linewidth=0.8, label=each.name)
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel(f"[{unit}]")
+        axes.legend(loc="center left", bbox_to_anchor=(1, 0.5), frameon=False)
+        tidy(axes)
+    return Figure("motion", drawing, "What commands the machine.")

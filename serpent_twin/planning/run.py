@@ -11,6 +11,7 @@ from tqdm import tqdm
 from serpent_twin.arrays import Array
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines.proposals import Proposals
 from serpent_twin.planning import criterion, evidence, page, traced
 from serpent_twin.planning.criterion import Question
 from serpent_twin.planning.traced import Traced
@@ -20,7 +21,7 @@ from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.stored import within
 
 PIECE = 20.0
-"""Seconds of a piece of motion"""
+"""Seconds of a piece of motion, at most"""
 _STEPS = 5
 
 
@@ -28,19 +29,21 @@ _STEPS = 5
 class Plan(Checked):
     """Plan the motion that best tells apart what a trace's logs could not tell apart or could not show.
 
-    OUT gets the motion; the folder of the same name without .parquet gets report.html and report.md. Of the
-    pieces of motion that keep the limits of the arm, those are chosen after which most of the open questions
-    are expected to be answered rightly.
+    OUT gets the motion; the folder of the same name without its ending gets report.html and report.md. Of the
+    pieces of motion that keep the limits of the machine, those are chosen after which most of the open
+    questions are expected to be answered rightly.
     """
 
     trace: Path
-    """Folder of a finished trace of the arm."""
+    """Folder of a finished trace of the arm, or of a machine that a machine.toml describes."""
     out: Path = Path("motion.parquet")
-    """File for the motion, which collect --motion takes; ends in .parquet."""
+    """File for the motion. Of the arm: .parquet, which collect --motion takes. Of another machine: .csv or
+    .parquet, with the columns and units of its logs."""
     rivals: tuple[str, ...] = ()
     """Effects to tell apart, two or more; without, what diagnosis.json names under next_motion."""
     minutes: Annotated[float, within(0.34, 60.0, "min")] = 3.0
-    """Length of the motion."""
+    """Length of the motion, in whole pieces, one at least; of poses, in the time that they take in the logs,
+    or a second each."""
     candidates: Annotated[int, within(2, 200)] = 18
     """Pieces of motion that are simulated, of which the best are chosen."""
     logs: tuple[Path, ...] = ()
@@ -61,14 +64,17 @@ class Planned:
     """With the motion's, (R, R)"""
     kinds: tuple[str, ...]
     """What each piece of the motion is"""
+    proposals: Proposals[Any]
+    """From which the pieces were chosen"""
+    each: Sequence[Array]
+    """The evidence of each of these, [(R, R)]"""
 
 
 def plan(config: Plan) -> Planned:
     """Plan a motion, write it and its report, and print what it decides."""
-    if config.out.suffix != ".parquet":
-        raise SerpentError(f"--out {config.out} must end in .parquet.")
     with tqdm(total=_STEPS, unit="step", desc="the trace and its logs") as bar:
         trace = traced.read(config.trace, config.logs)
+        motion.require_form(config.out, trace.rig)
         bar.update()
         asked = questions(trace, config.rivals)
         rng = np.random.default_rng(config.seed)
@@ -86,7 +92,7 @@ def plan(config: Plan) -> Planned:
         bar.set_description_str("what the motions tell")
         each = evidence.of_pieces(trace, rows, proposals.pieces)
         bar.update()
-        count = max(1, int(60 * config.minutes / PIECE))
+        count = max(1, round(60 * config.minutes * trace.rate_hz) // proposals.targets.shape[1])
         order = criterion.chosen(before, each, rows.questions, count)
         bar.update()
     kinds = tuple(proposals.kinds[n] for n in order)
@@ -100,12 +106,15 @@ def plan(config: Plan) -> Planned:
         "provenance": provenance(),
     }
     targets = np.concatenate([proposals.targets[n] for n in order])
+    names = tuple(each.name for each in proposals.columns)
     found = Planned(
-        motion.Motion(targets, trace.rate_hz, about),
+        motion.Motion(targets, trace.rate_hz, about, names, proposals.time),
         rows.questions,
         before,
         before + np.sum([each[n] for n in order], axis=0),
         kinds,
+        proposals,
+        each,
     )
     _write(config, found)
     return found
@@ -152,7 +161,8 @@ def _write(config: Plan, found: Planned) -> None:
     table = page.decides(found.questions, found.before, found.after)
     facts: dict[str, Any] = {"trace": str(config.trace), "seed": str(config.seed)}
     report = write(
-        page.page(found.motion, table, found.kinds, PIECE, facts), config.out.with_suffix("")
+        page.page(found.motion, table, found.kinds, found.proposals, facts),
+        config.out.with_suffix(""),
     )
     print(text_table(table))
     print(table.note)

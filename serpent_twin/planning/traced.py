@@ -6,13 +6,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from serpent_twin import machines
+import numpy as np
+
+from serpent_twin import machines, stored
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.rig import read_logs
+from serpent_twin.machines.rig import Rig, read_logs
 from serpent_twin.numerals import listed
 from serpent_twin.runs.provenance import file_hash
 
@@ -53,7 +55,7 @@ def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
             f"{folder} does not say where its logs are: it was made by an earlier version. Give them with "
             "--logs."
         ) from None
-    rig = machines.find(name)
+    rig = _same_machine(folder, name, settings.get("machine_sha256", {}))
     sessions = {each.name: each for each in read_logs(rig, said)}
     for each, known in hashes.items():
         path = sessions[each].path if each in sessions else None
@@ -67,8 +69,25 @@ def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
     case = rig.open(training)
     fit, fitted = _fits(folder / "stages", case, diagnosis)
     case = replace(case, noise=fit.noise)
-    rate = float(training[0].metadata.get("rate_hz", 0.0))
-    return Traced(folder, case, case.pieces(training), fit, diagnosis, name, rate, fitted)
+    rate = training[0].metadata.get("rate_hz") or 1 / np.median(np.diff(training[0].time))
+    return Traced(folder, case, case.pieces(training), fit, diagnosis, name, float(rate), fitted)
+
+
+def _same_machine(folder: Path, name: str, hashes: Mapping[str, str]) -> Rig:
+    """The machine of a name, or of a machine.toml that must still be what was traced."""
+    if hashes and not Path(name).is_file():
+        raise SerpentError(
+            f"{folder} was made with {name}, which is no longer there. Put the machine's folder back, or "
+            "trace again with --machine."
+        )
+    rig = machines.find(name)
+    now = machines.made_of(rig)
+    if changed := [each for each in hashes if now.get(each) != hashes[each]]:
+        raise SerpentError(
+            f"{stored.names(changed)} of {name} changed after {folder} was made. Trace again with --machine "
+            "and another --out."
+        )
+    return rig
 
 
 def _folders(said: str | list[str]) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Write and read a planned motion: joint targets, one row a control step."""
+"""Write a planned motion of any machine, one row a control step, and read that of the arm: joint targets."""
 
 import hashlib
 import json
@@ -9,58 +9,79 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.csv as csv
 import pyarrow.parquet as pq
 
-from serpent_twin.arm.control import checked_targets
-from serpent_twin.arm.geometry import N_JOINTS
+from serpent_twin.arm.control import TARGET_COLUMNS, checked_targets
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.stored.tables import read_table
 
 _KEY = b"serpent_twin_motion"
-_COLUMNS = tuple(f"joint_target_{j}" for j in range(1, N_JOINTS + 1))
+ARM = "arm"
+"""The machine that is commanded here"""
 _ADVICE = "Give a file that python -m serpent_twin.plan wrote."
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Joint targets, and what they were planned for."""
+    """What commands a machine, and what it was planned for."""
 
     targets: Array
-    """[rad], (T, 9)"""
+    """Joint targets of the arm [rad], (T, 9); of another machine what its columns hold, (T, D)"""
     rate_hz: float
     """Control steps per second"""
     about: Mapping[str, Any]
     """rig, arm, twin_sha256, decides, pieces, seed, provenance"""
+    columns: tuple[str, ...] = TARGET_COLUMNS
+    """Names, (D,)"""
+    time: tuple[str, float] | None = None
+    """Name of a column of the time, and its unit [s]"""
 
 
 def write(path: Path, motion: Motion) -> None:
-    """Write a motion's file; the angles are in radians."""
+    """Write a motion's file, CSV or Parquet; only the latter says what it was planned for."""
+    columns = dict(zip(motion.columns, motion.targets.T, strict=True))
+    if motion.time:
+        name, unit = motion.time
+        time = np.arange(len(motion.targets)) / motion.rate_hz / unit
+        columns = {name: np.round(time, 9), **columns}
     about = {**motion.about, "rate_hz": motion.rate_hz, "sha256": _hash(motion.targets)}
-    table = pa.table(dict(zip(_COLUMNS, motion.targets.T, strict=True)))
-    table = table.replace_schema_metadata({_KEY: json.dumps(about)})
+    table = pa.table(columns).replace_schema_metadata({_KEY: json.dumps(about)})
     part = path.with_name(path.name + ".partial")
-    pq.write_table(table, part, write_page_checksum=True)
+    if path.suffix == ".csv":
+        csv.write_csv(table, part)
+    else:
+        pq.write_table(table, part, write_page_checksum=True)
     part.rename(path)
+
+
+def require_form(path: Path, rig: str) -> None:
+    """Refuse a file of a form in which a machine takes no motion."""
+    forms = (".parquet",) if rig == ARM else (".parquet", ".csv")
+    if path.suffix not in forms:
+        raise SerpentError(f"--out {path} must end in {' or '.join(forms)}.")
 
 
 def read(path: Path) -> Motion:
     """A motion's file; raises a `SerpentError` if it is damaged, not one, or not for this arm."""
     table = read_table(path, _ADVICE)
-    if _KEY not in table.metadata or any(name not in table.columns for name in _COLUMNS):
+    if _KEY not in table.metadata:
         raise SerpentError(f"{path} is no planned motion. {_ADVICE}")
     try:
         about = json.loads(table.metadata[_KEY])
         rate, known = float(about["rate_hz"]), about["sha256"]
     except (ValueError, KeyError, TypeError):
         raise SerpentError(f"{path}: its metadata are damaged. Plan the motion again.") from None
-    targets = np.stack([table.columns[name] for name in _COLUMNS], axis=-1).astype(float)
-    if _hash(targets) != known or not len(targets):
-        raise SerpentError(f"{path}: its targets are not those that were planned. Plan it again.")
-    if about.get("rig") != "arm":
+    if about.get("rig") != ARM:
         raise SerpentError(
             f"{path} is a motion of the machine {about.get('rig')!r}; only the arm is commanded here."
         )
+    if any(name not in table.columns for name in TARGET_COLUMNS):
+        raise SerpentError(f"{path} is no planned motion. {_ADVICE}")
+    targets = np.stack([table.columns[name] for name in TARGET_COLUMNS], axis=-1).astype(float)
+    if _hash(targets) != known or not len(targets):
+        raise SerpentError(f"{path}: its targets are not those that were planned. Plan it again.")
     return Motion(checked_targets(targets, str(path)), rate, about)
 
 

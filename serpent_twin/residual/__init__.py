@@ -9,14 +9,28 @@ from serpent_twin.residual.dependence import Dependence, depends_on
 from serpent_twin.residual.describe import describe
 from serpent_twin.residual.findings import Findings, analyse
 from serpent_twin.residual.joint_attribution import attribute_to_joints
-from serpent_twin.residual.measure import ANGLE, LOADS, MARKERS, TORQUE, Measure
+from serpent_twin.residual.measure import (
+    ANGLE,
+    CONTROL,
+    FORCE,
+    LENGTH,
+    LOADS,
+    MARKERS,
+    POSITION,
+    TORQUE,
+    Measure,
+)
 from serpent_twin.residual.noise import Noise, expected_distance, measurement_noise
 from serpent_twin.residual.size import load_size, marker_size
 
 __all__ = [
     "ANGLE",
+    "CONTROL",
+    "FORCE",
+    "LENGTH",
     "LOADS",
     "MARKERS",
+    "POSITION",
     "TORQUE",
     "Comparison",
     "Dependence",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
-from serpent_twin.residual.measure import LOADS, MARKERS, Measure
+from serpent_twin.residual.measure import ANGLE, LOADS, MARKERS, Measure
 
 Array = NDArray[np.floating[Any]]
 
@@ -61,6 +61,8 @@ class Comparison:
     """Names of the markers, (M,); marker 1, 2, … by default"""
     motor_names: tuple[str, ...] = ()
     """Names of the motors, (N,); motor 1, 2, … by default"""
+    load_names: tuple[str, ...] = ()
+    """Names of what the loads are of, (N,), where these are not the motors"""
     joint_names: tuple[str, ...] = ()
     """Names of the joints, (J,); joint 1, 2, … by default"""
     strand_names: tuple[str, ...] = ()
@@ -69,6 +71,8 @@ class Comparison:
     """What the markers are"""
     load: Measure = LOADS
     """What the loads are"""
+    motors: tuple[Measure, ...] = ()
+    """What the motors' angles are, if not all are angles, (N,)"""
 
     def __post_init__(self) -> None:
         if self.time.ndim != 2 or self.time.shape[1] < 8:
@@ -85,8 +89,13 @@ class Comparison:
         for pair in (("marker_measured", "marker_predicted"), ("load_measured", "load_predicted")):
             self._same_shape(*pair)
         _name(self, "marker_names", "marker", self.marker_measured)
-        for what in (self.load_measured, self.motor_angle, self.motor_velocity, self.motor_command):
+        of_motors = None if self.load_names else self.load_measured
+        for what in (of_motors, self.motor_angle, self.motor_velocity, self.motor_command):
             _name(self, "motor_names", "motor", what)
+        object.__setattr__(self, "load_names", self.load_names or self.motor_names)
+        _name(self, "load_names", "load", self.load_measured)
+        if not self.motors:
+            object.__setattr__(self, "motors", (ANGLE,) * len(self.motor_names))
         _name(self, "joint_names", "joint", self.joint_angle)
         _name(self, "joint_names", "joint", self.joint_anchor)
         _name(self, "strand_names", "strand", self.tension)

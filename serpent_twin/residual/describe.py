@@ -5,6 +5,7 @@ import numpy as np
 from serpent_twin.numerals import listed
 from serpent_twin.residual.dependence import Dependence
 from serpent_twin.residual.findings import ErrorChange, Findings
+from serpent_twin.residual.measure import MARKERS, Measure
 from serpent_twin.residual.noise import in_words
 from serpent_twin.residual.where import Where
 
@@ -27,7 +28,7 @@ _HINTS = {
     "tension": "an elasticity or friction that grows with tension",
     "past": "creep: something that gives way slowly under force",
     "time": "something that warms up, creeps or wears",
-    "place": "something in that place: an obstacle, a hose, the cameras' view",
+    "place": "something in that place: an obstacle, a hose{view}",
     "group": "a cause common to them all, such as a delay (velocities), elasticity (loads) or weight",
 }
 
@@ -44,7 +45,8 @@ def describe(findings: Findings) -> str:
         if change is not None and change.steady:  # says when and how much, which is more
             pairs = [p for p in pairs if p[0].feature.kind != "time"]
         swing = change.line.share if change and change.swings and change.line else 0.0
-        both = [_dependences(pairs), _changes(change, what)]
+        marker = findings.noise.of_marker
+        both = [_dependences(pairs, marker), _changes(change, what, marker)]
         if pairs and swing > pairs[0][0].share_above_noise:  # the greater first
             both.reverse()
         told += [*both[0], *both[1]]
@@ -81,7 +83,7 @@ def _size(findings: Findings) -> str:
     return text[0].upper() + text[1:] + "."
 
 
-def _dependences(pairs: list[tuple[Dependence, Where]]) -> list[str]:
+def _dependences(pairs: list[tuple[Dependence, Where]], marker: Measure) -> list[str]:
     if not pairs:
         return []
     first, at = pairs[0]
@@ -97,16 +99,17 @@ def _dependences(pairs: list[tuple[Dependence, Where]]) -> list[str]:
     if others:
         also = [f"{d.text} ({100 * d.share_above_noise:.0f} %)" for d in others]
         sentence += f" Besides, {listed(also)}."
-    return [f"{sentence} Look for {hint(first)}."]
+    return [f"{sentence} Look for {hint(first, marker)}."]
 
 
-def hint(dependence: Dependence) -> str:
+def hint(dependence: Dependence, marker: Measure = MARKERS) -> str:
     """What to look for on the machine."""
     kind = dependence.feature.kind
-    return _HINTS.get(f"{kind} {dependence.shape.kind}", _HINTS[kind])
+    said = _HINTS.get(f"{kind} {dependence.shape.kind}", _HINTS[kind])
+    return said.replace("{view}", marker.view)
 
 
-def _changes(change: ErrorChange | None, what: str) -> list[str]:
+def _changes(change: ErrorChange | None, what: str, marker: Measure) -> list[str]:
     """Sentences on a jump or drift, and on an oscillation."""
     if change is None:
         return []
@@ -132,7 +135,7 @@ def _changes(change: ErrorChange | None, what: str) -> list[str]:
         sentences.append(
             f"{_sentence_case(what)} swings at {change.line.frequency_hz:.2f} Hz whatever the "
             f"motors do ({100 * change.line.share:.0f} % of its variance): look for something that "
-            "shakes the machine, its frame or the cameras."
+            f"shakes the machine{marker.shaken}."
         )
     return sentences
 
@@ -148,14 +151,13 @@ def _sentence_case(text: str) -> str:
 
 def _unknown(findings: Findings) -> str:
     """Describe an error above the noise that depends on nothing: at least where it is."""
-    unit = findings.noise.of_marker.unit
+    marker = findings.noise.of_marker
+    unit, several = marker.unit, len(findings.marker.by_marker) > 1
     constant = np.linalg.norm(findings.marker.mean_residual, axis=-1)
     if np.mean(constant) > 0.7 * np.fmin(findings.above_noise, findings.marker.mean):
         most = int(np.argmax(constant))
-        return (
-            f"Most of it is a constant offset, greatest at marker {most + 1} "
-            f"({constant[most]:.2f} {unit}): look at where markers sit and how the frame was aligned."
-        )
+        where = f", greatest at {marker.one} {most + 1}" if several else ""
+        return f"Most of it is a constant offset{where} ({constant[most]:.2f} {unit}): look at {marker.zero}."
     above = findings.above_noise
     what = f"The {above:.2f} {unit} above the noise follow" if np.isfinite(above) else "It follows"
     return f"{what} nothing that was looked at: no angle, motion, force, time or place."

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serpent_twin.residual.comparison import Array, Comparison
+from serpent_twin.residual.measure import ANGLE, Measure
 
 KNOTS = 8
 TURN_FRACTIONS = range(1, 13)  # disturbances this many times per turn of a motor
@@ -75,10 +76,10 @@ def _motors(c: Comparison) -> Iterator[Feature]:
     """Angle, and functions with the period of a turn."""
     if c.motor_angle is None:
         return
-    for j, name in enumerate(c.motor_names):
+    for j, (name, of) in enumerate(zip(c.motor_names, c.motors, strict=True)):
         angle = c.motor_angle[:, :, j]
-        yield _feature(f"{name}'s angle", "rad", "angle", angle, hats(angle))
-        for k in TURN_FRACTIONS:
+        yield _feature(f"{name}'s {of.one}", of.base, "angle", angle, hats(angle))
+        for k in TURN_FRACTIONS if of.base == "rad" else ():
             if np.ptp(angle) * k > 2 * np.pi:
                 wave = np.stack([np.sin(k * angle), np.cos(k * angle)], axis=-1)
                 yield _feature(f"{name}'s angle", "rad", "ripple", angle, wave, per_turn=k)
@@ -87,11 +88,11 @@ def _motors(c: Comparison) -> Iterator[Feature]:
 def _motor_motion(c: Comparison) -> Iterator[Feature]:
     """Velocity, its sign, travel since its reversal; the command."""
     if c.motor_angle is not None:
-        for j, name in enumerate(c.motor_names):
+        for j, (name, of) in enumerate(zip(c.motor_names, c.motors, strict=True)):
             velocity = _velocity(c, c.motor_angle[:, :, j])
             if c.motor_velocity is not None:
                 velocity = c.motor_velocity[:, :, j]
-            yield from _motion(name, c.motor_angle[:, :, j], velocity)
+            yield from _motion(name, c.motor_angle[:, :, j], velocity, of)
     if c.motor_command is not None:
         for j, name in enumerate(c.motor_names):
             command = c.motor_command[:, :, j]
@@ -113,20 +114,20 @@ def _joints(c: Comparison) -> Iterator[Feature]:
         yield _feature(said, "rad", "directed", angle, basis, sign)
 
 
-def _motion(name: str, angle: Array, velocity: Array) -> Iterator[Feature]:
+def _motion(name: str, angle: Array, velocity: Array, of: Measure = ANGLE) -> Iterator[Feature]:
     sign = _direction(velocity)
-    yield _feature(f"{name}'s velocity", "rad/s", "velocity", velocity, hats(velocity))
+    yield _feature(f"{name}'s velocity", f"{of.base}/s", "velocity", velocity, hats(velocity))
     both = np.stack([sign, np.abs(sign)], axis=-1)
     yield _feature(f"{name}'s direction of motion", "", "direction", sign, both)
     travel, held = _since_reversal(angle, velocity)
     fade = np.stack([held * np.exp(-travel / w) for w in TRAVELS] + [held], axis=-1)
-    yield _feature(f"{name}'s travel since its last reversal", "rad", "reversal", held, fade)
+    yield _feature(f"{name}'s travel since its last reversal", of.base, "reversal", held, fade)
 
 
 def _forces(c: Comparison) -> Iterator[Feature]:
     """Loads and tensions that the twin predicts, and their past."""
     for name, array, names in (
-        (c.load.one, c.load_predicted, c.motor_names),
+        (c.load.one, c.load_predicted, c.load_names),
         ("tension", c.tension, c.strand_names),
     ):
         for j, of in enumerate(names if array is not None else ()):
@@ -165,7 +166,8 @@ def _groups(c: Comparison) -> Iterator[Feature]:
         dq = np.stack([_velocity(c, q[:, :, i]) for i in range(q.shape[2])], axis=-1)
         yield _group("all joints' velocities", dq)
     if c.load_predicted is not None:
-        yield _group("all motors' loads", c.load_predicted)
+        of_motors = c.load_names == c.motor_names
+        yield _group("all motors' loads" if of_motors else f"all {c.load.one}s", c.load_predicted)
 
 
 def _group(name: str, values: Array) -> Feature:

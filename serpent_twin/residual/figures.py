@@ -56,7 +56,7 @@ def _by_marker(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     axes.margins(x=0.02)
     finish(drawing, axes)
     size = f"{measure.size[0].upper()}{measure.size[1:]}"
-    caption = f"{size}, measured against predicted, from the base to the tip."
+    caption = f"{size}, measured against predicted{measure.order}."
     return Figure("error_by_marker", drawing, caption)
 
 
@@ -123,7 +123,8 @@ def _by_motor(
     drawing, panels = sheet(9, 3.7, columns=len(states), sharey=True)
     panels = np.atleast_1d(panels)
     measure = next(iter(comparisons.values())).load
-    names = next(iter(comparisons.values())).motor_names
+    names = next(iter(comparisons.values())).load_names
+    of_motors = names == next(iter(comparisons.values())).motor_names
     at = np.arange(len(names))
     for (name, size), colour in zip(sizes.items(), _colours(comparisons), strict=True):
         for axes, state in zip(panels, states.values(), strict=True):
@@ -131,14 +132,17 @@ def _by_motor(
     for axes, title in zip(panels, states, strict=True):
         floor = measure.scale * findings.noise.load
         axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
-        axes.set_title(title, loc="left", fontsize=10, color=SOFT)
+        if of_motors:
+            axes.set_title(title, loc="left", fontsize=10, color=SOFT)
         axes.set_ylim(0, None)
-        _label(axes, at, names, "motor")
+        _label(axes, at, names, "motor" if of_motors else "measured at")
     panels[0].set_ylabel(f"{measure.size} [{measure.unit}]")
     for axes in panels[1:]:
         finish(drawing, axes, legend=False)
     finish(drawing, panels[0])
     caption = f"Load error by motor; in motion is above {moving_above:g} rad/s."
+    if not of_motors:
+        caption = f"Error of each {measure.one}."
     return Figure("load_error_by_motor", drawing, caption)
 
 
@@ -189,8 +193,8 @@ def _heat(comparison: Comparison, findings: Findings) -> Figure:
     bar.set_label(label)
     bar.outline.set_visible(False)  # pyright: ignore
     axes.spines[:].set_visible(False)
-    are = comparison.marker.are
-    caption = f"Where along the machine and when {are} off: darker is more."
+    marker = comparison.marker
+    caption = f"{marker.across} and when {marker.are} off: darker is more."
     return Figure("error_by_place_and_time", drawing, caption)
 
 

@@ -167,7 +167,7 @@ def _load_change(
         return None
     measure = comparison.load
     loads = measure.scale * comparison.load_residual
-    names = tuple(f"{name}'s {measure.one}" for name in comparison.motor_names)
+    names = tuple(f"{name}'s {measure.one}" for name in comparison.load_names)
     labels = _Labels(names, measure.unit, np.ones(len(names)))
     return _change(comparison, loads, loads, labels, rng, permutations)
 

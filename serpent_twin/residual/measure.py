@@ -27,6 +27,16 @@ class Measure:
     """What makes the error of a twin that lacks nothing"""
     axes: str = ""
     """Letters of its coordinates; nothing where there is one"""
+    order: str = ""
+    """In which several are listed"""
+    zero: str = "the sensors' zeros and the model's keyframe"
+    """Where to look if it is off by a constant"""
+    view: str = ""
+    """What else may be in the way of its measurement"""
+    shaken: str = " or its frame"
+    """What may shake besides the machine"""
+    across: str = "Where"
+    """Of what is drawn by place"""
 
     @property
     def field(self) -> str:
@@ -64,6 +74,14 @@ MARKERS = Measure(
     "m",
     "noise of the cameras alone",
     "xyz",
+    ", from the base to the tip",
+    "where markers sit and how the frame was aligned",
+    ", the cameras' view",
+    ", its frame or the cameras",
+    "Where along the machine",
+)
+POSITION = Measure(
+    "position", "the positions are", "mean distance", "mm", "mm", 1e3, "m", axes="xyz"
 )
 LOADS = Measure(
     "load",
@@ -76,4 +94,7 @@ LOADS = Measure(
     "noise of the loads alone",
 )
 ANGLE = Measure("angle", "the angle is", "mean error of the angle", "°", "deg", 180 / np.pi, "rad")
+LENGTH = Measure("length", "the length is", "mean error of the length", "mm", "mm", 1e3, "m")
+FORCE = Measure("force", "the force is", "force error, rms", "N", "n", 1.0, "N")
+CONTROL = Measure("control", "the control is", "mean error of the control", "1", "1", 1.0, "1")
 TORQUE = Measure("torque", "the torque is", "torque error, rms", "mN m", "mNm", 1e3, "N m")

@@ -78,8 +78,9 @@ def load_size(comparison: Comparison, moving_above: float = MOVING) -> LoadSize:
 
 
 def is_moving(comparison: Comparison, above: float) -> np.ndarray:
-    """Whether each motor's speed is above a threshold [rad/s], (S, T, N); yes where unknown."""
-    if comparison.motor_velocity is None or not comparison.has_loads:
+    """Whether the motor of each load is faster than a threshold [rad/s], (S, T, N); yes where unknown."""
+    of_others = comparison.load_names != comparison.motor_names
+    if comparison.motor_velocity is None or not comparison.has_loads or of_others:
         return np.ones(comparison.load_residual.shape, bool)
     return np.abs(comparison.motor_velocity) > above
 

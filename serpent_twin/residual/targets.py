@@ -60,9 +60,9 @@ def marker_targets(c: Comparison, noise: Noise, found: JointAttribution | None) 
 
 
 def load_targets(c: Comparison, noise: Noise) -> Targets:
-    """Each motor's load; motors without a load residual keep a target of zeros."""
+    """Each load; those without a residual keep a target of zeros."""
     values = c.load.scale * known(c.load_residual)
-    names = tuple(f"{name}'s {c.load.one}" for name in c.motor_names)
+    names = tuple(f"{name}'s {c.load.one}" for name in c.load_names)
     member = np.eye(len(names), dtype=bool)
     total = np.mean(values**2, axis=(0, 1))
     quiet = (c.load.scale * np.nan_to_num(noise.load)) ** 2

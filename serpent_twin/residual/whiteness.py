@@ -18,6 +18,7 @@ from scipy.stats import t as student
 
 from serpent_twin.numerals import counted
 from serpent_twin.residual.comparison import Array, Comparison
+from serpent_twin.residual.measure import ANGLE
 
 LEVEL = 0.05
 """Of chance: for a channel to be called white, and for its correlation with any input at any lag"""
@@ -92,6 +93,8 @@ class Whiteness:
     to the rows that are tested"""
     period: float
     """Of a row [s]"""
+    inputs: str = "a motor's angle or velocity"
+    """What the inputs are, in words"""
 
     @cached_property
     def strongest(self) -> ChannelWhiteness | None:
@@ -146,6 +149,9 @@ def whiteness(comparison: Comparison) -> Whiteness:
         ),
         lags,
         comparison.period,
+        Whiteness.inputs
+        if set(comparison.motors) <= {ANGLE}
+        else "what a motor is told or its rate",
     )
 
 
@@ -179,7 +185,7 @@ def _residual(c: Comparison) -> _Series:
     """Coordinates of the markers, then loads."""
     markers = c.marker_residual.reshape(*c.time.shape, -1)
     names = [f"{marker}{axis}" for marker in c.marker_names for axis in c.marker.along]
-    loads = [f"{c.load.one} of {name}" for name in c.motor_names]
+    loads = [f"{c.load.one} of {name}" for name in c.load_names]
     if not c.load_residual.shape[2]:
         loads = []
     values = np.concatenate([markers, c.load_residual], axis=2)
@@ -193,7 +199,8 @@ def _inputs(c: Comparison) -> _Series:
     speed = c.motor_velocity
     if speed is None:
         speed = np.gradient(c.motor_angle, c.period, axis=1)
-    names = [f"{name}'s {what}" for what in ("angle", "velocity") for name in c.motor_names]
+    angles = [f"{name}'s {of.one}" for name, of in zip(c.motor_names, c.motors, strict=True)]
+    names = [*angles, *(f"{name}'s velocity" for name in c.motor_names)]
     return _Series.of(names, np.concatenate([c.motor_angle, speed], axis=2))
 
 

@@ -38,7 +38,7 @@ def whiteness_figure(found: Whiteness) -> Figure | None:
     tidy(right, "x")
     caption = (
         "Left, the autocorrelation of each channel of the residual: white noise has none. Right, its "
-        "strongest correlation with a motor's angle or velocity at any lag; the mark is what chance reaches "
-        "in one case of 20."
+        f"strongest correlation with {found.inputs} at any lag; the mark is what chance reaches in one case "
+        "of 20."
     )
     return Figure("whiteness", drawing, caption)

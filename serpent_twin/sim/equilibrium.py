@@ -1,5 +1,7 @@
 """Find the poses in which runs of a model rest."""
 
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
@@ -7,6 +9,8 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.sim.actuators import Actuators
+from serpent_twin.sim.dry_friction import DryFriction
 
 _DIFFERENCE = 1e-6
 """Of a coordinate, for the stiffness [rad or m]"""
@@ -14,16 +18,36 @@ _FINE = 1e-6
 """Newton step below which a pose rests [rad or m]"""
 _REACH = 0.2
 """Longest step of a coordinate [rad or m]"""
-_CHORDS, _SHRINKS = 20, 0.8
-"""Steps with a stiffness of another pose, as long as each is so much shorter than the one before"""
+_CHORDS, _SHRINKS, _TRIES = 30, 0.8, 3
+"""Steps with a stiffness of another pose, of which so many in a row may be hardly shorter than before"""
+_AGAIN = 3
+"""Times that a stiffness is found anew where friction holds"""
 _MOST = 80
 """Steps with a stiffness of their own"""
 _CAUTIOUS = 0.5
 """Ratio of the first step to a Newton step, where the stiffness is that of the coordinate alone"""
 _SLOWER, _FASTER, _SETTLED = 0.2, 10.0, 1e3
 """Changes of that ratio from step to step, and what it has where a pose rests: steps are Newton's there"""
+_NO_WORSE = 2.0
+"""Least change where a step leaves less force than the one before"""
 _LEAST = 1e-3
 """Of the largest friction against which a pose creeps: what each coordinate has at least"""
+
+
+@dataclass(frozen=True)
+class GivingWay:
+    """How n runs give way to forces about a pose."""
+
+    inverse: Array
+    """Inverse stiffness, (n, nv, nv)"""
+    pulls: Array
+    """1 for each actuator whose force follows its length, 0 where the force is at its limit, (n, nu)"""
+    arms: Array
+    """How far each actuator's length moves with each coordinate [m/rad or 1], (n, nu, nv)"""
+
+    def of(self, which: slice | NDArray[np.intp]) -> "GivingWay":
+        """The same of some of the poses."""
+        return GivingWay(self.inverse[which], self.pulls[which], self.arms[which])
 
 
 class Equilibrium:
@@ -31,54 +55,99 @@ class Equilibrium:
 
     Newton's method on the forces that are left at rest, reached by pseudo-transient continuation: at first a
     pose moves as if it crept against friction, so that it comes to rest where the machine would and not on a
-    summit. Dry friction is left out; limits, equalities and contacts hold.
+    summit. Limits, equalities and contacts hold; dry friction where it is given.
     Source: Kelley and Keyes, Convergence analysis of pseudo-transient continuation, SIAM Journal on
     Numerical Analysis 35, 1998.
     """
 
+    friction: DryFriction | None = None
+    """What holds the runs besides"""
+
     def __init__(self, batch: Batch) -> None:
         require_settling(batch.model)
+        batch.expand("opt.disableflags")[...] |= int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
         self._batch = batch
+        self._actuators = Actuators(batch)
         self._pose, self._speed = batch.bind("qpos"), batch.bind("qvel")
         self._forces = batch.bind("qfrc_smooth"), batch.bind("qfrc_constraint")
         self.continued = 0
         """How many runs the last call could not settle with the inverse stiffness that it was given"""
 
-    def settle(self, inverse: Array | None = None) -> NDArray[np.bool_]:
+    def settle(self, near: GivingWay | None = None) -> NDArray[np.bool_]:
         """Let all runs come to rest from where they are; returns which of them did, (n,).
 
-        With the inverse stiffness of poses near by, (n, nv, nv), most rest after a few evaluations.
+        Where it is known how runs give way in poses near by, most rest after a few evaluations.
         """
         self._speed[...] = 0.0
         left = np.arange(len(self._pose))
-        if inverse is not None:
-            left = self._by_chords(inverse, left)
+        if near is not None:
+            left = self._by_chords(near, left)
         self.continued = len(left)
-        settled = self._by_continuation(left)
+        settled = self._by_continuation(left) if self.friction is None else self._again(left)
         self._batch.forward()
         return settled
 
-    def inverse_stiffness(self) -> Array:
-        """How far each coordinate gives way to a force on each in the present pose, (n, nv, nv)."""
-        return np.linalg.inv(self._stiffness(np.arange(len(self._pose)))[1])
+    def giving_way(self, runs: NDArray[np.intp] | None = None) -> GivingWay:
+        """How each run, or some, give way in their present poses, friction left out; zeros of the others."""
+        which = np.arange(len(self._pose)) if runs is None else runs
+        inverse = np.zeros((len(self._pose), *[self._pose.shape[1]] * 2))
+        inverse[which] = np.linalg.inv(self._stiffness(which)[1])
+        self._batch.forward(ids=which)
+        pulls = np.zeros((len(self._pose), len(self._actuators.stiffness)))
+        pulls[which] = self._actuators.pull(which)
+        arms = np.zeros((*pulls.shape, self._pose.shape[1]))
+        arms[which] = self._actuators.arms(which)
+        return GivingWay(inverse, pulls, arms)
 
-    def _by_chords(self, inverse: Array, left: NDArray[np.intp]) -> NDArray[np.intp]:
+    def _by_chords(self, near: GivingWay, left: NDArray[np.intp]) -> NDArray[np.intp]:
         """Take steps with a given stiffness; returns the runs that do not rest yet."""
-        before, last = self._pose.copy(), np.full(len(left), _REACH)
+        before = self._pose.copy()
+        least, since = np.full(len(before), _REACH), np.zeros(len(before), int)
         unsettled: list[NDArray[np.intp]] = []
         for _ in range(_CHORDS):
-            step = np.einsum("nij,nj->ni", inverse[left], self._left_over(left))
+            step = self._chord(near, left)
             size = np.abs(step).max(axis=1)
-            good = size < np.maximum(_SHRINKS * last, _FINE)
+            shorter = size < np.maximum(_SHRINKS * least[left], _FINE)
+            since[left] = np.where(shorter, 0, since[left] + 1)
+            least[left] = np.where(size < least[left], size, least[left])
+            good = np.isfinite(size) & (since[left] < _TRIES)
             unsettled.append(left[~good])
-            self._pose[left[good]] += step[good]
-            moving = good & (size >= _FINE)
-            left, last = left[moving], size[moving]
+            cut = np.minimum(1.0, _REACH / np.maximum(size, _FINE)) / 2.0 ** since[left]
+            self._pose[left[good]] += (step * cut[:, None])[good]
+            left = left[good & (size >= _FINE)]
             if not len(left):
                 break
         found = np.sort(np.concatenate([*unsettled, left]))
         self._pose[found] = before[found]
         return found
+
+    def _again(self, left: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Take steps with a stiffness of the present pose, where friction holds on to it; returns which runs
+        rest.
+        """
+        for _ in range(_AGAIN):
+            if len(left):
+                left = self._by_chords(self.giving_way(left), left)
+        settled = np.ones(len(self._pose), bool)
+        settled[left] = False
+        return settled
+
+    def _chord(self, near: GivingWay, runs: NDArray[np.intp]) -> Array:
+        """A step by how runs give way near by, corrected by Woodbury's identity for actuators that have come
+        to a limit or left it, (m, nv).
+        """
+        inverse, force = near.inverse[runs], self._left_over(runs)
+        more = self._actuators.pull(runs) - near.pulls[runs]
+        if more.any():
+            slope = self._actuators.stiffness * more
+            arms = np.where(more[..., None] > 0, self._actuators.arms(runs), near.arms[runs])
+            gives = inverse @ arms.transpose(0, 2, 1)
+            held = np.eye(arms.shape[1]) + slope[..., None] * (arms @ gives)
+            less = np.linalg.solve(held, slope[..., None] * gives.transpose(0, 2, 1))
+            inverse = inverse - gives @ less
+        if self.friction:
+            return self.friction.step(inverse, force, runs)
+        return np.einsum("nij,nj->ni", inverse, force)
 
     def _by_continuation(self, left: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Take steps with a stiffness of the present pose; returns which runs rest."""
@@ -93,7 +162,8 @@ class Equilibrium:
                 own = np.abs(np.einsum("nii->ni", stiffness))
                 creeps = np.maximum(own, _LEAST * own.max(axis=1, keepdims=True))
             size = np.maximum(np.abs(force / creeps).max(axis=1), 1e-300)
-            pace = np.maximum(pace * np.clip(before / size, _SLOWER, _FASTER), _CAUTIOUS)
+            nearer = np.where(size < before, np.maximum(before / size, _NO_WORSE), before / size)
+            pace = np.maximum(pace * np.clip(nearer, _SLOWER, _FASTER), _CAUTIOUS)
             damped = stiffness + np.eye(len(force[0])) * (creeps / pace[:, None])[:, None]
             step = np.linalg.solve(damped, force[..., None])[..., 0]
             long = np.maximum(np.abs(step).max(axis=1), 1e-300)
@@ -134,4 +204,3 @@ def require_settling(model: mujoco.MjModel) -> None:
             "the model has actuators with an activation of their own, which has no rest. Use actuators "
             'without dynamics, or say rows = "motion".'
         )
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS

@@ -1,5 +1,6 @@
 """Read a table: its columns and the metadata of its footer, of a size that fits into memory."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,7 @@ def read_columns(path: Path, advice: str = "") -> dict[str, NDArray[Any]]:
         table = csv.read_csv(path)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise SerpentError(f"{path} is no CSV table: {error}. {advice}".rstrip()) from None
+    _require_once(path, table.column_names, advice)
     return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
@@ -76,14 +78,18 @@ def _require_room(path: Path, rows: int, columns: int, advice: str) -> None:
 
 
 def _require_columns(path: Path, schema: pa.Schema, advice: str) -> None:
-    if twice := sorted({n for n in schema.names if schema.names.count(n) > 1}):
-        raise SerpentError(f"{path} has two columns of one name: {names(twice)}. {advice}".rstrip())
+    _require_once(path, schema.names, advice)
     for field in schema:
         if not (_is_number(field.type) or _is_text(field.type) or pa.types.is_temporal(field.type)):
             raise SerpentError(
                 f"{path}: the column {names([field.name])} holds {field.type}; it must hold numbers. "
                 f"{advice}".rstrip()
             )
+
+
+def _require_once(path: Path, several: Sequence[str], advice: str) -> None:
+    if twice := sorted({n for n in several if list(several).count(n) > 1}):
+        raise SerpentError(f"{path} has two columns of one name: {names(twice)}. {advice}".rstrip())
 
 
 def _is_number(kind: pa.DataType) -> bool:

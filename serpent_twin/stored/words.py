@@ -65,7 +65,7 @@ def expected(node: Any) -> str:
         case inspect.FloatType() | inspect.IntType():
             return f"a {_number(node)}{_range(node)}{unit}"
         case inspect.StrType():
-            return "a text" + (
+            return ("a text that is not empty" if node.min_length else "a text") + (
                 f" of at most {node.max_length} characters" if node.max_length else ""
             )
         case inspect.BoolType():
@@ -73,7 +73,7 @@ def expected(node: Any) -> str:
         case inspect.NoneType():
             return "null"
         case inspect.LiteralType():
-            return " or ".join(json.dumps(value) for value in node.values)
+            return " or ".join(json.dumps(each, ensure_ascii=False) for each in node.values)
         case inspect.UnionType():
             return _alternatives(node)
         case inspect.TupleType():

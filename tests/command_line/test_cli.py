@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from contextlib import redirect_stdout
+from pathlib import Path
 
 import pytest
 from paths import ROOT
@@ -33,6 +34,20 @@ def test_errors_become_one_sentence_and_a_status(error, status, text, capsys):
         cli.run(raising(error), argv=[])
     assert left.value.code == status
     assert text in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "read"),
+    [(["2"], 2), (["new/log.csv"], ("new/log.csv",)), (["a.csv", "b.csv"], ("a.csv", "b.csv"))],
+)
+def test_a_number_or_files_may_be_given_where_both_can_be(words, read):
+    found = []
+
+    def take(held_out: int | tuple[Path, ...] = 1) -> None:
+        found.append(held_out)
+
+    cli.run(take, argv=["--held-out", *words])
+    assert found == [read if isinstance(read, int) else tuple(map(Path, read))]
 
 
 def test_a_defect_of_ours_keeps_its_traceback():

@@ -66,8 +66,12 @@ def linear(strength=0.0, seed=0, **others):
     return Weighed(**(values | others))
 
 
+def opened(of):
+    return fit(of, every(), START, free_parameters(of, ()), 1, 99, steps=0)
+
+
 def told(of):
-    opening = fit(of, every(), START, free_parameters(of, ()), 1, 99, steps=0)
+    opening = opened(of)
     found = scores(of, every(), opening, list(of.candidates.values()))
     return identifiability(of, every(), opening, found)
 
@@ -219,3 +223,15 @@ def test_names_that_differ_in_a_number_are_joined():
     assert in_words(["winch 3", "winch 1", "winch 2", "winch 9"]) == "winch 1–3, 9"
     assert in_words(["slack 2+", "slack 2−"]) == "slack 2+ and slack 2−"
     assert in_words(["a", "b 1", "c", "d"]) == "a, b 1 and 2 more"
+
+
+def test_what_only_priors_tell_apart_has_the_errors_of_priors():
+    """Two parameters that change one and the same, a million times as much as noise: their sum is known,
+    so that either is known as well as the other's prior and its own make it.
+    """
+    made = case(0.0, 0)
+    same = 1e6 * np.stack([made.X[..., 0]] * 2, axis=-1)
+    of = linear(X=same, y=made.y - made.X @ [1.0, -2.0])
+    found = opened(of)
+    alone = (1 / np.square(PRIORS)).sum() ** -0.5
+    np.testing.assert_allclose(found.error, alone, rtol=1e-3)

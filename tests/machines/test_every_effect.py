@@ -26,7 +26,7 @@ from serpent_twin.machines.machine import Candidate
 from serpent_twin.machines.measured import HingeMoment, Recording, cut
 from serpent_twin.machines.model import machine as model_machine
 from serpent_twin.machines.model import open_machine
-from serpent_twin.machines.model.motion import with_starts
+from serpent_twin.machines.model.starts import with_starts
 from serpent_twin.sim.many_twins import impose
 from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.twin_model import TwinModel
@@ -115,7 +115,7 @@ def _tendon():
         rig = open_machine(Path(folder) / "machine.toml")
     time = np.arange(0.0, 1.0, 0.02)
     told = {"pulled": 0.05 * np.sin(2 * np.pi * time), "current": 0.1 * np.cos(7 * time)}
-    angle = {"angle_1": 0.5 * told["pulled"], "angle_2": 0.1 * np.sin(7 * time)}
+    angle = {"angle_1": 9 * told["pulled"], "angle_2": 0.1 * np.sin(7 * time)}
     log = with_starts(rig.described, Recording(None, {}, {"time": time, **told, **angle}))
     return _bench(model_machine, rig.open([log]).machine, log)
 
@@ -147,6 +147,13 @@ def test_what_the_arm_does_not_try_it_cannot_have(name):
     assert set(LEFT_OUT) < set(KNOWN) and all(LEFT_OUT.values())
     with pytest.raises((SerpentError, AttributeError, ZeroDivisionError)):
         arms(KNOWN[name].variants())
+
+
+@of_machines
+def test_the_place_of_an_effect_is_of_a_known_kind(machine, name):
+    one = BENCHMARKS[machine].candidates[name]
+    kinds = ("joint", "tendon", "actuator", "body", "site", "sensor") if one.at else ("",)
+    assert one.place_kind in kinds
 
 
 @of_machines

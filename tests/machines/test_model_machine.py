@@ -78,6 +78,26 @@ def test_play_of_one_motor_is_named_with_its_place(tmp_path):
 
 
 @pytest.mark.slow
+def test_dry_friction_of_one_joint_is_named_in_poses_at_rest_and_told_from_play(tmp_path):
+    found = traced(tmp_path, friction=(0.0, 0.25))
+    assert [each["name"] for each in found["effects"]] == ["hinge_friction@elbow"]
+    coulomb = found["effects"][0]["parameters"]["coulomb"]
+    assert coulomb["value"] == pytest.approx(0.25, rel=0.1)
+    assert coulomb["low"] < 0.25 < coulomb["high"]
+
+
+@pytest.mark.parametrize("strength", [1e-6, 1e-3, 1.0])
+def test_a_link_rests_bent_however_stiff_it_is(tmp_path, strength):
+    rig = open_machine(posed_models.machine(tmp_path / "arm"))
+    recordings = rig.read(logs(tmp_path / "logs", 1))
+    case = rig.open(recordings)
+    ranges = case.machine.candidates["link_flex@upper"].ranges.values()
+    bent = {"link_flex@upper": strength * np.array([each.typical for each in ranges])}
+    at = ParameterVector(np.zeros(len(case.declared)), bent)
+    assert np.isfinite(case.machine.respond([at], case.pieces(recordings))).all()
+
+
+@pytest.mark.slow
 def test_a_spring_that_a_number_of_the_model_can_stand_for_is_told_with_that_number(tmp_path):
     """A softer motor of less reach moves the elbow as a spring beside it does: poses cannot tell them."""
     found = traced(tmp_path, lacks=' stiffness="0.8"')
@@ -154,8 +174,9 @@ def test_a_check_tells_what_poses_can_show(tmp_path):
         ),
         (
             "noise = 0.3",
-            '[[measured]]\njoint = "elbow"\ncolumns = ["q"]\nunit = "deg"',
-            "line 15: measured has quantities of several kinds",
+            '[[measured]]\njoint = "elbow"\ncolumns = ["q"]\nunit = "deg"\n'
+            '[[measured]]\nactuator = "at_elbow"\ncolumns = ["tau"]\nunit = "N m"',
+            "line 15: measured has quantities of 3 kinds, position, angle and torque; beside the first",
         ),
         ("schema_version = 1", "schema_version = 2", "schema_version is 2"),
         ('"arm.xml"', '"../arm.xml"', "outside the folder"),
@@ -194,7 +215,7 @@ def test_a_log_without_what_the_machine_needs_is_refused(tmp_path, before, after
 def test_degrees_that_are_taken_for_radians_are_told(tmp_path):
     path = posed_models.machine(tmp_path)
     path.write_text(posed_models.TOML.replace('unit = "deg"', 'unit = "rad"'))
-    with pytest.raises(SerpentError, match=r"range -3 … 3\. State its unit"):
+    with pytest.raises(SerpentError, match=r"45.58 rad where .* is -3 … 3, as degrees do"):
         open_machine(path).read(posed_models.log(tmp_path / "log.csv", 0))
 
 

@@ -16,9 +16,10 @@ from serpent_twin.next_step import after_plan
 from serpent_twin.next_step.words import typed
 from serpent_twin.planning import evidence, traced
 from serpent_twin.planning.criterion import chosen
-from serpent_twin.planning.run import PIECE, Plan, plan, questions
+from serpent_twin.planning.run import PIECE, questions
 from serpent_twin.planning.traced import Traced
 from serpent_twin.recording.collect import collect
+from serpent_twin.recording.motion import require_form
 from serpent_twin.recording.options import Collect
 
 BACKLASH, FRICTION = "gear_backlash", "gear_friction"
@@ -74,8 +75,8 @@ def test_the_next_step_lets_the_same_arm_follow_the_motion():
 def test_a_folder_that_is_no_trace_is_refused(tmp_path):
     with pytest.raises(SerpentError, match=r"serpent_twin\.trace"):
         traced.read(tmp_path)
-    with pytest.raises(SerpentError, match=r"\.parquet"):
-        plan(Plan(tmp_path, Path("motion.csv")))
+    with pytest.raises(SerpentError, match=r"motion\.csv must end in \.parquet\."):
+        require_form(Path("motion.csv"), "arm")
 
 
 def test_a_machine_that_nothing_commands_refuses():

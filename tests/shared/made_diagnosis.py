@@ -6,14 +6,8 @@ from functools import cache
 import numpy as np
 
 from serpent_twin.identification.bars import Bars
-from serpent_twin.identification.diagnosis import (
-    Calibrated,
-    Diagnosis,
-    Named,
-    ParameterEstimate,
-    Tried,
-    Unexplained,
-)
+from serpent_twin.identification.diagnosis import Diagnosis, Named, Tried, Unexplained
+from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
 from serpent_twin.identification.excitation import InputExcitation
 from serpent_twin.identification.identifiability import (
     EffectIdentifiability,

@@ -8,6 +8,7 @@ from posed_models import GAIN, LENGTHS, MASSES, SPRINGS
 from scipy.integrate import solve_ivp
 
 DAMPING, RATE, SECONDS = 0.15, 50.0, 8.0  # [N m s/rad], [Hz], [s]
+PER_AMPERE = 0.5  # [N m/A]
 MJCF = (
     posed_models.MJCF.replace(
         "<worldbody>", '<option timestep="0.004" integrator="implicitfast"/><worldbody>'
@@ -41,6 +42,19 @@ joint = "elbow"
 columns = ["angle_2"]
 unit = "rad"
 noise = 0.0005
+"""
+CURRENTS = """
+[[measured]]
+actuator = "at_shoulder"
+columns = ["current_1"]
+unit = "N m"
+scale = 0.5
+
+[[measured]]
+actuator = "at_elbow"
+columns = ["current_2"]
+unit = "N m"
+scale = 0.5
 """
 LEVER = """<mujoco>
   <worldbody>
@@ -81,7 +95,8 @@ def machine(folder: Path) -> Path:
 
 
 def log(path: Path, seed: int, friction=0.0, at_tip=0.0, late=0.0) -> Path:
-    """Write a motion as CSV, with noise of 0.5 mrad: the elbow has Coulomb friction [N m], the tip a further
+    """Write a motion as CSV, with noise of 0.5 mrad, and of 4 mA in the motors' currents, of 0.5 N m/A, which
+    are read before a row's goals are told: the elbow has Coulomb friction [N m], the tip a further
     mass [kg], and the motors obey late [s].
     """
     rng = np.random.default_rng(seed)
@@ -121,7 +136,10 @@ def log(path: Path, seed: int, friction=0.0, at_tip=0.0, late=0.0) -> Path:
     )
     goals = np.array([goal(t + late) for t in time])
     seen = found.y[:2].T + 5e-4 * rng.standard_normal((len(time), 2))
-    text = "\n".join(",".join(f"{v:.7f}" for v in row) for row in np.c_[time, goals, seen])
+    torque = GAIN * (np.array([goal(t - 1e-6) for t in time]) - found.y[:2].T)
+    current = torque / PER_AMPERE + 4e-3 * rng.standard_normal(torque.shape)
+    rows = np.c_[time, goals, seen, current]
+    text = "\n".join(",".join(f"{v:.7f}" for v in row) for row in rows)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(f"t,goal_1,goal_2,angle_1,angle_2\n{text}\n")
+    path.write_text(f"t,goal_1,goal_2,angle_1,angle_2,current_1,current_2\n{text}\n")
     return path

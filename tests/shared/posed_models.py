@@ -57,8 +57,10 @@ def places(angles):
     return np.array([upper, upper + lower]) + [0.0, 0.0, 1.0]
 
 
-def rest(goals, gravity):
-    """Joint angles of least energy [rad], (2,), for goals [rad] under gravity [m/s²], (3,)."""
+def rest(goals, gravity, friction=(0.0, 0.0), before=None):
+    """Joint angles of least energy [rad], (2,), for goals [rad] under gravity [m/s²], (3,); with friction of
+    the joints [N m], of energy and the work against it on the way from other angles.
+    """
 
     def energy(angles):
         springs = sum(k * q**2 for k, q in zip(SPRINGS, angles, strict=True))
@@ -66,7 +68,15 @@ def rest(goals, gravity):
         weight = sum(m * (at @ gravity) for m, at in zip(MASSES, places(angles), strict=True))
         return (springs + motors) / 2 - weight
 
-    return minimize(energy, np.asarray(goals) / 2, method="BFGS", options={"gtol": 1e-9}).x
+    if before is None or not np.any(friction):
+        return minimize(energy, np.asarray(goals) / 2, method="BFGS", options={"gtol": 1e-9}).x
+    found = minimize(
+        lambda ways: energy(before + ways[:2] - ways[2:]) + ways @ np.tile(friction, 2),
+        np.full(4, 1e-3),
+        bounds=[(0.0, None)] * 4,
+        options={"ftol": 1e-15, "gtol": 1e-10},
+    )
+    return before + found.x[:2] - found.x[2:]
 
 
 def machine(folder: Path) -> Path:
@@ -77,9 +87,11 @@ def machine(folder: Path) -> Path:
     return folder / "machine.toml"
 
 
-def log(path: Path, seed: int, gravity=(0.0, 0.0, -9.81), poses=60, gap=0.0) -> Path:
+def log(
+    path: Path, seed: int, gravity=(0.0, 0.0, -9.81), poses=60, gap=0.0, friction=(0.0, 0.0)
+) -> Path:
     """Write poses at random goals as CSV, with noise of 0.3 mm; `gap` is the motors' play [rad], of both or
-    of each.
+    of each, `friction` that of the joints [N m].
     """
     gap = np.broadcast_to(gap, 2)
     rng = np.random.default_rng(seed)
@@ -88,7 +100,10 @@ def log(path: Path, seed: int, gravity=(0.0, 0.0, -9.81), poses=60, gap=0.0) -> 
     for n, goal in enumerate(goals):
         at = np.clip(at, goal - gap / 2, goal + gap / 2)
         reached[n] = at
-    seen = np.array([places(rest(g, np.array(gravity)))[1] for g in reached])
+    angles = [rest(reached[0], np.array(gravity))]
+    for goal in reached[1:]:
+        angles.append(rest(goal, np.array(gravity), friction, angles[-1]))
+    seen = np.array([places(each)[1] for each in angles])
     seen = 1e3 * seen + 0.3 * rng.standard_normal(seen.shape)
     rows = np.c_[np.degrees(goals), seen]
     path.parent.mkdir(parents=True, exist_ok=True)

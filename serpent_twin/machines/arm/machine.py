@@ -10,7 +10,6 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_axis, link_frames
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
-from serpent_twin.errors import SerpentError
 from serpent_twin.machines.arm import motions
 from serpent_twin.machines.arm.pieces import ArmPieces, camera_noise, cut, past
 from serpent_twin.machines.arm.quantities import quantities
@@ -20,9 +19,9 @@ from serpent_twin.machines.machine import (
     Declared,
     Output,
     ParameterVector,
-    Proposals,
     Quantity,
 )
+from serpent_twin.machines.proposals import Proposals, kept_ones
 from serpent_twin.residual import LOADS, MARKERS, Comparison
 from serpent_twin.sessions import Session
 from serpent_twin.sim import twin_model
@@ -43,7 +42,6 @@ _CAMERA, _LOAD = 1e-4, 2e-3  # [m], [fraction of stall] least noise
 _PROBE = 0  # seed of the signs of the step that tests tangents
 _PROBED = 0.1  # that step, as a share of the parameters' steps
 _TRUSTED = 0.93  # least cosine between what it changes and what the tangents predict, for tangents to be used
-_TRIES = 3  # motions tried for each that is wanted
 OUTPUTS = (
     *(
         Output(f"marker {i}{axis}", MARKERS, _CAMERA, alike=f"marker {i}")
@@ -222,24 +220,20 @@ class ArmMachine:
         rng: np.random.Generator,
     ) -> Proposals[ArmPieces]:
         """Joint targets [rad], (count, T, 9), of all kinds in turn, and what the twin makes of them."""
-        design, kinds, targets, sessions, why = self.vector.design(point), [], [], [], ""
-        for n in range(_TRIES * count):
-            kind = list(motions.KINDS)[n % len(motions.KINDS)]
-            target = motions.proposed(kind, seconds, rate_hz, rng)
-            done, reason = motions.kept_limits(design, target, rate_hz, n + 1)
-            why = reason or why
-            if done is not None:
-                kinds.append(kind)
-                targets.append(target)
-                sessions.append(done)
-            if len(sessions) == count:
-                break
-        if not sessions:
-            raise SerpentError(
-                f"none of {_TRIES * count} motions keeps the arm's limits. The last that was refused: {why}"
-            )
-        pieces = cut(sessions, self.vector.start.tolerances.marker_offset, seconds)
-        return Proposals(tuple(kinds), np.array(targets), pieces)
+        design = self.vector.design(point)
+
+        def make(kind: str, turn: int) -> Array:
+            return motions.proposed(kind, seconds, rate_hz, rng)
+
+        def keep(targets: Sequence[Array], tried: int) -> list[tuple[Session | None, str]]:
+            return [
+                motions.kept_limits(design, each, rate_hz, n)
+                for n, each in enumerate(targets, tried + 1)
+            ]
+
+        kinds, targets, done = kept_ones(list(motions.KINDS), count, make, keep, "the arm's")
+        pieces = cut(done, self.vector.start.tolerances.marker_offset, seconds)
+        return Proposals(kinds, motions.columns(), targets, pieces, motions.LIMITS)
 
     def write(
         self, point: ParameterVector, noise: Array, path: Path, about: Mapping[str, Any]

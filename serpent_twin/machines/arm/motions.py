@@ -4,13 +4,19 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from serpent_twin.arm.control import joint_p_control, random_targets, target_bounds
+from serpent_twin.arm.control import (
+    TARGET_COLUMNS,
+    joint_p_control,
+    random_targets,
+    target_bounds,
+)
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware.limits import Guard, Limits
 from serpent_twin.hardware.motor_bus import BusError
+from serpent_twin.machines.proposals import CommandColumn
 from serpent_twin.sessions.session import SCHEMA_VERSION, Session, session_from_rows
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import TwinModel
@@ -18,6 +24,11 @@ from serpent_twin.sim.twin_model import TwinModel
 _REST = 3.0
 """Seconds at the end of each motion in which the arm returns to straight, so that motions can follow
 one another in any order"""
+LIMITS = (
+    "Each piece ends with the arm straight. Joint targets keep the range of random targets, and the twin "
+    "followed each piece within the limits of joint angles and motor loads at which the real arm is stopped."
+)
+"""Of all motions, for a reader"""
 _SMALL = 0.15
 """Amplitude of small reversals, as a share of the range of targets"""
 
@@ -70,6 +81,12 @@ KINDS: Mapping[str, Callable[[Array, Array, Array, np.random.Generator], Array]]
     "the same pose again": _same_pose_again,
 }
 """Joint targets [rad], (T, 9), at times [s], (T,), between low and high [rad], (9,), by kind"""
+
+
+def columns() -> tuple[CommandColumn, ...]:
+    """Joint targets and their range [rad], (9,)."""
+    ends = zip(TARGET_COLUMNS, *(each.tolist() for each in target_bounds()), strict=True)
+    return tuple(CommandColumn(name, "rad", low, high) for name, low, high in ends)
 
 
 def proposed(kind: str, seconds: float, rate_hz: float, rng: np.random.Generator) -> Array:

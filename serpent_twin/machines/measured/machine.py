@@ -17,14 +17,14 @@ from serpent_twin.machines.machine import (
     Declared,
     Output,
     ParameterVector,
-    Proposals,
     Quantity,
     effects_at,
 )
 from serpent_twin.machines.measured import twin_file
 from serpent_twin.machines.measured.recording import Recording
 from serpent_twin.machines.measured.runs import Runs, cut, windows
-from serpent_twin.residual import Comparison
+from serpent_twin.machines.proposals import Proposals
+from serpent_twin.residual import Comparison, Measure
 from serpent_twin.runs.files import write_json, write_whole
 
 
@@ -35,8 +35,12 @@ class RunMachine(ABC):
     """The rig's"""
     drives: Mapping[str, str]
     """Display name of each angle that drives the machine, by its column"""
+    motors: tuple[Measure, ...] = ()
+    """What the drives' columns are, if not all are angles"""
     markers: tuple[str, ...]
     """Display names of the measured parts of the pose"""
+    others: tuple[str, ...] = ()
+    """Display names of what the further outputs are of, where these are not the drives"""
     joints: tuple[str, ...]
     """Display names of the hinges whose angles are the first outputs; empty where none is measured"""
     columns: tuple[str, ...]
@@ -137,8 +141,8 @@ class RunMachine(ABC):
     ) -> Proposals[Runs]:
         """Refused: its logs were measured elsewhere."""
         raise SerpentError(
-            f"nothing here commands the machine {self.name!r}: its logs were measured elsewhere. Only "
-            "for the arm can a motion be planned; look at what check says of the motion."
+            f"nothing here commands the machine {self.name!r}: its logs were measured elsewhere. A motion "
+            "can be planned for the arm, and for a machine that a machine.toml describes."
         )
 
     def compare(self, point: ParameterVector | None, pieces: Runs) -> Comparison:
@@ -162,6 +166,7 @@ class RunMachine(ABC):
             "load_measured": measured[..., markers:],
             "load_predicted": other[..., markers:],
             "load": self.outputs[-1].measure,
+            "load_names": self.others,
             "load_counts": np.ones((*measured.shape[:2], len(self.outputs) - markers), bool),
         } if len(self.outputs) > markers else {}  # fmt: skip
         return Comparison(
@@ -175,6 +180,7 @@ class RunMachine(ABC):
             joint_angle=other[..., : len(self.joints)] if self.joints else None,
             marker_names=self.markers,
             motor_names=tuple(self.drives.values()),
+            motors=self.motors,
             joint_names=self.joints,
             **loads,
         )

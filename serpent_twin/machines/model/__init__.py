@@ -16,13 +16,19 @@ from serpent_twin.machines.measured import Recording, Runs
 from serpent_twin.machines.model import log_file
 from serpent_twin.machines.model.candidates import candidates
 from serpent_twin.machines.model.coordinates import coordinates
-from serpent_twin.machines.model.description import MOTION, POSES, Described
+from serpent_twin.machines.model.description import MOTION, POSES, Described, beside
+from serpent_twin.machines.model.doubts import require_moving_poses, require_units
+from serpent_twin.machines.model.limits import logged_limits
 from serpent_twin.machines.model.machine import ModelMachine
-from serpent_twin.machines.model.motion import STEPS, with_starts
+from serpent_twin.machines.model.motion import STEPS
 from serpent_twin.machines.model.noise import noise, quieter
 from serpent_twin.machines.model.reading import read
+from serpent_twin.machines.model.rubbing import sized
+from serpent_twin.machines.model.starts import with_starts
 
 _CONVERGED = 1 / 3
+_FEW = 10
+"""Segments by which a machine is sized, some"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +63,10 @@ class ModelRig:
         """The model as it is; the cameras' frame by the mean of the logs."""
         outputs = tuple(
             Output(
-                name, each.measure, noise(self.described, training, each, name), alike=each.of[1]
+                name,
+                beside(self.described.pose, each.measure),
+                noise(self.described, training, each, name),
+                alike=" ".join(each.of),
             )
             for each in self.described.about.measured
             for name in each.columns
@@ -67,13 +76,24 @@ class ModelRig:
             candidates(self.described, training),
             coordinates(self.described),
             outputs,
+            logged_limits(self.described, training),
             {"pivot": np.zeros(3), "shift": np.zeros(3)},
         )
+        pieces = machine.pieces(training)
+        require_moving_poses(self.described, pieces)
+        few = pieces.take(range(0, len(pieces), max(1, len(pieces) // _FEW)))
+        found = _nominal(machine, few)
+        require_units(self.described, few, found)
+        _require_found(machine, few, found)
         if self.described.about.rows == MOTION:
-            machine = _quieter(machine, training)
-            machine = replace(machine, steps=_steps(machine, training))
-        first, spread = _first(machine, training)
-        return Case(replace(machine, frame=first), spread)
+            machine = _quieter(machine, few, found)
+            steps, found = _steps(machine, few, found)
+            machine = replace(machine, steps=steps)
+        first, spread = _first(machine, few, found)
+        machine = replace(machine, frame=first)
+        if self.described.about.rows == POSES:
+            machine = sized(machine, few)
+        return Case(machine, spread)
 
 
 def open_machine(path: Path, model_file: Path | None = None) -> ModelRig:
@@ -83,46 +103,42 @@ def open_machine(path: Path, model_file: Path | None = None) -> ModelRig:
     return ModelRig(read(path, model_file))
 
 
-def _quieter(machine: ModelMachine, training: Sequence[Recording]) -> ModelMachine:
-    """The same with the noise that is left where the model follows quick motions, which look like noise."""
-    few = _few(machine.pieces(training))
-    off = few.measured - machine.respond([ParameterVector(np.zeros(len(machine.declared)))], few)[0]
+def _nominal(machine: ModelMachine, few: Runs) -> Array:
+    """What the model as it is shows in some segments, (S, T, C)."""
+    return machine.respond([ParameterVector(np.zeros(len(machine.declared)))], few)[0]
+
+
+def _quieter(machine: ModelMachine, few: Runs, found: Array) -> ModelMachine:
+    """The same with the noise that is left where the model, which shows (S, T, C), follows quick motions,
+    which look like noise.
+    """
+    off = few.measured - found
     told = [each.noise for each in machine.described.about.measured for _ in each.columns]
-    found = [
+    outputs = [
         each
         if stated
         else replace(each, noise=quieter(each.noise, few.measured[..., n], off[..., n]))
         for n, (each, stated) in enumerate(zip(machine.outputs, told, strict=True))
     ]
-    return replace(machine, outputs=tuple(found))
+    return replace(machine, outputs=tuple(outputs))
 
 
-def _steps(machine: ModelMachine, training: Sequence[Recording]) -> int:
-    """Time steps of a row, of which twice as many change what is seen by a third of its noise at most."""
-    few = _few(machine.pieces(training))
-    at = [ParameterVector(np.zeros(len(machine.declared)))]
+def _steps(machine: ModelMachine, few: Runs, coarse: Array) -> tuple[int, Array]:
+    """Time steps of a row, of which twice as many change what is seen by a third of its noise at most, and
+    what is seen with them, from what is seen with the fewest, (S, T, C). Twice as many where a motion is
+    prescribed, whose speed makes forces that are of first order in the step.
+    """
     noise = np.array([each.noise for each in machine.outputs])
-    coarse = machine.respond(at, few)
     for fewer, steps in pairwise(STEPS):
-        fine = replace(machine, steps=steps).respond(at, few)
+        fine = _nominal(replace(machine, steps=steps), few)
         if np.sqrt(np.nanmean(((fine - coarse) / noise) ** 2)) < _CONVERGED:
-            return fewer
+            return (steps, fine) if machine.described.prescribed else (fewer, coarse)
         coarse = fine
-    return STEPS[-1]
+    return STEPS[-1], coarse
 
 
-def _few(pieces: Runs) -> Runs:
-    """Some ten segments of all."""
-    return pieces.take(range(0, len(pieces), max(1, len(pieces) // 10)))
-
-
-def _first(machine: ModelMachine, training: Sequence[Recording]) -> tuple[dict[str, Any], Array]:
-    """Where the cameras' frame starts, and how far the model is off there, (C,)."""
-    pieces = machine.pieces(training)
-    few = _few(pieces)
-    at = ParameterVector(np.zeros(len(machine.declared)))
-    found = machine.respond([at], few)[0]
-    _require_found(machine, few, found)
+def _first(machine: ModelMachine, few: Runs, found: Array) -> tuple[dict[str, Any], Array]:
+    """Where the cameras' frame starts, and how far the model, which shows (S, T, C), is off there, (C,)."""
     off = few.measured - found
     sites = [each for each in machine.described.about.measured for _ in each.columns]
     seen = [n for n, each in enumerate(sites) if each.site and each.cameras]

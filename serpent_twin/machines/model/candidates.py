@@ -8,12 +8,16 @@ import numpy as np
 
 from serpent_twin import effects
 from serpent_twin.arrays import Array
-from serpent_twin.effects import KNOWN, Range, law_of
+from serpent_twin.effects import KNOWN, READING, Range, law_of
 from serpent_twin.machines.machine import Candidate, candidate
 from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.model.candidates_in_motion import laws_of_state
 from serpent_twin.machines.model.description import MOTION, Described
-from serpent_twin.machines.model.motion import LEAD
-from serpent_twin.machines.model.sizes import Sizes, sizes
+from serpent_twin.machines.model.rubbing import rubbing
+from serpent_twin.machines.model.sizes import Sizes, of_joint, sized_range, sizes
+from serpent_twin.machines.model.springs import single_joints
+from serpent_twin.machines.model.starts import LEAD
+from serpent_twin.machines.model.things import OBJECTS, names
 
 _STILL = 1e-6
 """Motion of a body per motion of a joint [m/rad] below which it stands still"""
@@ -21,10 +25,6 @@ _REACH = 1e-3
 """The same below which a place has no lever worth a force [m/rad]"""
 _MOST_PLACES = 12
 """Of a kind in a model: with more, an effect is sought in all of them alike only"""
-_OF_SLIDES = {"N m": "N", "N m s/rad": "N s/m", "N m/rad": "N/m", "N m/rad³": "N/m³"}
-"""Units of a law of hinges, at a slide"""
-_WIDE = 20.0
-"""Of what is typical, how far a range goes"""
 _PLAY, _SPRING, _LOAD, _RUBS = 0.02, 0.1, 0.1, 0.1
 """Typical effects: of the range of a drive, of a joint's stiffness, of the mass that a body carries, of the
 force that moves a joint
@@ -33,6 +33,8 @@ _LIGHT = 0.01
 """Share of the whole mass that a place is taken to carry at least"""
 _LATE = 1 / 3
 """Of a segment's lead, by which a reading may be late"""
+_MOST_DOFS = 3
+"""Of a body that may bend and twist, which takes three more of the six that MuJoCo allows"""
 _BENT = 0.02
 """Typical of a link under the moments that move it [rad]"""
 
@@ -42,10 +44,33 @@ def candidates(machine: Described, training: Sequence[Recording]) -> dict[str, C
     sized = sizes(machine, training)
     found = [candidate("gravity"), *_play(machine, training), *_joints(machine, sized)]
     if machine.about.rows == MOTION:
-        found += [candidate("command_delay"), *_late(machine, training), *_tendons(machine)]
-        found += _saturated(machine, training)
+        found += [candidate("command_delay")] * bool(machine.commanded)
+        found += [*_late(machine, training), *_tendons(machine), *_saturated(machine, training)]
+        found += laws_of_state(machine, training, sized, _MOST_PLACES)
+    else:
+        found += rubbing(machine, _MOST_PLACES)
     found += _bodies(machine, sized)
-    return {each.name: _confused(each, found) for each in found}
+    return {each.name: _confused(_placed(machine, each), found) for each in found}
+
+
+def _placed(machine: Described, one: Candidate) -> Candidate:
+    """With the kind of its place, where its law may be at several: what is measured there, or what has its
+    name.
+    """
+    law = effects.by_name(law_of(one.name))
+    if not one.at or len(law.places) == 1:
+        return one
+    measured = {each.of for each in machine.about.measured}
+    there = (
+        kind
+        for kind in law.places
+        if (
+            (kind, one.at) in measured
+            if law.stage == READING
+            else one.at in names(machine.model, OBJECTS[kind])
+        )
+    )
+    return replace(one, place_kind=next(there, law.places[-1]))  # the last: a column of a sensor
 
 
 def _confused(one: Candidate, several: Sequence[Candidate]) -> Candidate:
@@ -64,7 +89,7 @@ def _confused(one: Candidate, several: Sequence[Candidate]) -> Candidate:
 
 def _play(machine: Described, training: Sequence[Recording]) -> Iterator[Candidate]:
     """Play of all drives that set a position alike, and of each."""
-    drives = [d for d in machine.about.drive if machine.is_servo(d.actuator)]
+    drives = [d for d in machine.commanded if machine.is_servo(d.actuator)]
     if not drives:
         return
     told = np.concatenate(
@@ -76,32 +101,31 @@ def _play(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
     def gap(of: float) -> Range:
         return replace(known, unit=_unit(machine), high=min(known.high, of), typical=_PLAY * of)
 
-    yield candidate("gear_backlash", gap=gap(float(span.max())))
+    if span.any():
+        yield candidate("gear_backlash", gap=gap(float(span.max())))
     if len(drives) <= _MOST_PLACES:
         for each, of in zip(drives, span.tolist(), strict=True):
-            yield candidate(f"gear_backlash@{each.actuator}", gap=gap(of))
+            if of:
+                yield candidate(f"gear_backlash@{each.actuator}", gap=gap(of))
 
 
 def _unit(machine: Described) -> str:
     """Of what the drives tell the actuators."""
-    kinds = {"m" if machine.is_length(each.actuator) else "rad" for each in machine.about.drive}
+    kinds = {"m" if machine.is_length(each) else "rad" for each in machine.commanded}
     return " or ".join(sorted(kinds))
 
 
 def _joints(machine: Described, sized: Sizes) -> Iterator[Candidate]:
     """At each hinge or slide: a spring, if the model has none, one that stiffens, and in motion friction."""
-    model = machine.model
-    single = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
-    joints = np.flatnonzero(single).tolist()
+    model, held = machine.model, [each.joint for each in machine.prescribed]
+    joints = single_joints(model).tolist()
     if len(joints) > _MOST_PLACES:
         return
-    for n in (each for each in joints if model.joint(each).name):
+    for n in (each for each in joints if model.joint(each).name not in ("", *held)):
         name, dof = model.joint(n).name, model.jnt_dofadr[n]
-        slides = model.jnt_type[n] == mujoco.mjtJoint.mjJNT_SLIDE
 
-        def of(effect: str, parameter: str, typical: float, slides: bool = slides) -> Range:
-            known = _range(effect, parameter, typical)
-            return replace(known, unit=_OF_SLIDES[known.unit]) if slides else known
+        def of(effect: str, parameter: str, typical: float, name: str = name) -> Range:
+            return of_joint(model, name, sized_range(effect, parameter, typical))
 
         if model.jnt_stiffness[n] == 0:
             spring = of("joint_elasticity", "stiffness", _SPRING * float(sized.stiffness[dof]))
@@ -122,7 +146,7 @@ def _late(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
     """
     bare = [
         each.actuator
-        for each in machine.about.drive
+        for each in machine.commanded
         if machine.model.actuator(each.actuator).dyntype == mujoco.mjtDyn.mjDYN_NONE
     ]
     if bare:
@@ -130,7 +154,8 @@ def _late(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
     if 1 < len(bare) <= _MOST_PLACES:
         yield from (candidate(f"servo_lag@{name}") for name in bare)
     read = list(dict.fromkeys(each.of[1] for each in machine.about.measured))
-    if 1 < len(read) <= _MOST_PLACES:
+    against = len(read) + len(machine.prescribed)
+    if against > 1 and len(read) <= _MOST_PLACES:
         longest = _LATE * LEAD * float(np.median(np.diff(training[0].time)))
         known = effects.ranges(KNOWN["sensor_delay"])["delay"]
         delay = replace(known, high=longest, typical=min(known.typical, longest / 3))
@@ -140,7 +165,8 @@ def _late(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
 def _tendons(machine: Described) -> Iterator[Candidate]:
     """Friction of each tendon, sized by the stretch that its actuator would answer with as much force."""
     model = machine.model
-    by = {int(model.actuator_trnid[n, 0]): n for n in range(model.nu) if _pulls(model, n)}
+    told = [model.actuator(each.actuator).id for each in machine.commanded]
+    by = {int(model.actuator_trnid[n, 0]): n for n in told if _pulls(model, n)}
     if not by or len(by) > _MOST_PLACES:
         return
     for tendon, n in by.items():
@@ -148,7 +174,8 @@ def _tendons(machine: Described) -> Iterator[Candidate]:
         force = _PLAY * abs(model.actuator_gainprm[n, 0]) * max(high - low, _STILL)
         if name := model.tendon(tendon).name:
             yield candidate(
-                f"tendon_friction@{name}", force=_range("tendon_friction", "force", float(force))
+                f"tendon_friction@{name}",
+                force=sized_range("tendon_friction", "force", float(force)),
             )
 
 
@@ -159,7 +186,7 @@ def _pulls(model: mujoco.MjModel, actuator: int) -> bool:
 def _saturated(machine: Described, training: Sequence[Recording]) -> Iterator[Candidate]:
     """Saturation of each actuator that is told a force."""
     model = machine.model
-    told = [d for d in machine.about.drive if not machine.is_servo(d.actuator)]
+    told = [d for d in machine.commanded if not machine.is_servo(d.actuator)]
     if len(told) > _MOST_PLACES:
         return
     for each in told:
@@ -167,14 +194,8 @@ def _saturated(machine: Described, training: Sequence[Recording]) -> Iterator[Ca
         per = abs(model.actuator_gainprm[n, 0] * model.actuator_gear[n, 0])
         peak = per * max(float(np.abs(run.columns[each.column]).max()) for run in training)
         if peak > 0:
-            rate = _range("torque_saturation", "rate", _RUBS / peak)
+            rate = sized_range("torque_saturation", "rate", _RUBS / peak)
             yield candidate(f"torque_saturation@{each.actuator}", rate=rate)
-
-
-def _range(effect: str, parameter: str, typical: float) -> Range:
-    """The range of a strength of some typical size."""
-    known, wide = effects.ranges(KNOWN[effect])[parameter], _WIDE * typical
-    return replace(known, typical=typical, low=-wide if known.low < 0 else known.low, high=wide)
 
 
 def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:
@@ -203,12 +224,16 @@ def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:
     for name in places:
         carried = max(model.body_subtreemass[carrier[name]], _LIGHT * model.body_subtreemass[0])
         yield from _pulled(machine, name, float(carried), lever[name], sized)
-    links = [n for n in range(1, model.nbody) if model.body_jntnum[n] and model.body(n).name]
+    links = [
+        n
+        for n in range(1, model.nbody)
+        if model.body(n).name and 0 < model.body_dofnum[n] <= _MOST_DOFS
+    ]
     if len(links) <= _MOST_PLACES and all(model.joint(n).name for n in range(model.njnt)):
         for n in links:
             moment = float(sized.force[model.body_dofadr[n]])
             more = {
-                which: _range("link_flex", which, _BENT / moment)
+                which: sized_range("link_flex", which, _BENT / moment)
                 for which in ("compliance", "twist")
             }
             yield candidate(f"link_flex@{model.body(n).name}", **more)
@@ -220,10 +245,12 @@ def _pulled(
     """A mass, if there is gravity, and a force, at a place that moves so far with each joint."""
     if machine.model.opt.gravity.any():
         nowhere = replace(effects.ranges(KNOWN["payload"])["place"], typical=0.0, fitted=False)
-        mass = _range("payload", "mass", _LOAD * carried)
+        mass = sized_range("payload", "mass", _LOAD * carried)
         yield candidate(f"payload@{name}", mass=mass, place=nowhere)
     moved = lever > _STILL
     force = _RUBS * float(np.median(sized.force[moved] / lever[moved]))
-    each = {f"along_{axis}": _range("constant_force", f"along_{axis}", force) for axis in "xyz"}
+    each = {
+        f"along_{axis}": sized_range("constant_force", f"along_{axis}", force) for axis in "xyz"
+    }
     nowhere = replace(effects.ranges(KNOWN["constant_force"])["place"], typical=0.0, fitted=False)
     yield candidate(f"constant_force@{name}", **each, place=nowhere)

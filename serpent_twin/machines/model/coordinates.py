@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.machines.machine import Declared, Quantity
-from serpent_twin.machines.model.description import MOTION, Described, Uncertain
+from serpent_twin.machines.model.description import MOTION, Described, DriveColumn, Uncertain
 from serpent_twin.machines.model.masses import weigh
 
 _ZERO, _SCALE = 0.01, 0.05
@@ -26,9 +26,9 @@ SCALE = "scale of the drives"
 """Name of the coordinate that all drives share which set a position"""
 
 
-def zero_of(actuator: str) -> str:
+def zero_of(drive: DriveColumn) -> str:
     """Name of the coordinate of a drive's zero."""
-    return f"zero of {actuator}"
+    return f"zero of {drive.actuator or ' '.join(drive.of)}"
 
 
 @dataclass(frozen=True)
@@ -51,15 +51,15 @@ def coordinates(machine: Described) -> tuple[FittedNumber, ...]:
 def _drives(machine: Described) -> Iterator[FittedNumber]:
     """The zero of each drive, and the scale that all servos share; a force's is its actuator's gain."""
     for drive in machine.about.drive:
-        low, high = machine.model.actuator(drive.actuator).ctrlrange
-        unit, per = machine.control_unit(drive.actuator)
-        prior = _ZERO * (high - low if high > low else 1.0) / per
-        name = zero_of(drive.actuator)
+        limits = machine.limits(drive)
+        unit, per = machine.control_unit(drive)
+        prior = _ZERO * (1.0 if limits is None else float(np.ptp(limits))) / per
+        name = zero_of(drive)
         yield FittedNumber(
             Declared(name, unit, prior, 0.1 * prior),
             Quantity(name, unit, 0.0, 1.0, (name,)),
         )
-    if any(machine.is_servo(each.actuator) for each in machine.about.drive):
+    if any(machine.is_servo(each.actuator) for each in machine.commanded):
         yield FittedNumber(
             Declared(SCALE, "log 1", _SCALE, 0.1 * _SCALE),
             Quantity(SCALE, "1", 1.0, 0.0, (SCALE,), 1.0),
@@ -75,7 +75,7 @@ def _numbers(machine: Described) -> Iterator[FittedNumber]:
         yield from _listed(machine.model, each)
     for number, (prior, *_) in NUMBERS.items():
         if number not in told and _moves(machine, number):
-            yield from _alike(machine.model, number, prior)
+            yield from _alike(machine, number, prior)
 
 
 def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumber]:
@@ -85,8 +85,15 @@ def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumbe
         yield _coordinate(model, uncertain.number, which, uncertain.prior, pattern)
 
 
-def _alike(model: mujoco.MjModel, number: str, prior: float) -> Iterator[FittedNumber]:
-    values, known = _values(model, number), _names(model, number)
+def _alike(machine: Described, number: str, prior: float) -> Iterator[FittedNumber]:
+    """Of actuators and joints, those that a drive tells something, or that are free to move."""
+    model = machine.model
+    values, known = numbers_of(model, number).copy(), _names(model, number)
+    if number != "mass":
+        told = {each.actuator for each in machine.commanded}
+        held = {each.joint for each in machine.prescribed}
+        moot = set(known) - told if number == "actuator gain" else held
+        values[[name in moot for name in known]] = 0.0
     for value in sorted({float(v) for v in values if v > 0}):
         which = tuple(np.flatnonzero(values == value).tolist())
         label = known[which[0]] if len(which) == 1 else f"{len(which)} alike from {known[which[0]]}"
@@ -97,7 +104,9 @@ def _coordinate(
     model: mujoco.MjModel, number: str, which: tuple[int, ...], prior: float, label: str
 ) -> FittedNumber:
     name, unit = f"{number} of {label}", NUMBERS[number][1]
-    start = float(np.mean(_values(model, number)[list(which)]))
+    if number in _OF_JOINTS and (model.jnt_type[list(which)] == mujoco.mjtJoint.mjJNT_SLIDE).all():
+        unit = OF_SLIDES[unit]
+    start = float(np.mean(numbers_of(model, number)[list(which)]))
     return FittedNumber(
         Declared(name, f"log {unit}", prior, 0.1 * prior),
         Quantity(name, unit, start, 0.0, (name,), start),
@@ -115,7 +124,17 @@ NUMBERS: Mapping[str, tuple[float, str]] = {
     "mass": (_MASS, "kg"),
 }
 """Kinds of numbers: prior and unit"""
-_OF_MOTION = ("joint damping", "joint friction", "armature")
+OF_SLIDES = {
+    "N m": "N",
+    "N m s/rad": "N s/m",
+    "N m/rad": "N/m",
+    "N m/rad³": "N/m³",
+    "kg m²": "kg",
+    "rad/s": "m/s",
+}
+"""Units of what is said of hinges, at a slide"""
+_OF_JOINTS = ("joint stiffness", "joint damping", "joint friction", "armature")
+_OF_MOTION = ("joint damping", "armature")
 """Those that no pose at rest shows"""
 
 
@@ -126,7 +145,8 @@ def _moves(machine: Described, number: str) -> bool:
     return number not in _OF_MOTION and (number != "mass" or bool(machine.model.opt.gravity.any()))
 
 
-def _values(model: mujoco.MjModel, number: str) -> np.ndarray:
+def numbers_of(model: mujoco.MjModel, number: str) -> np.ndarray:
+    """The numbers of a kind, of all things that have one."""
     match number:
         case "mass":
             return model.body_mass

@@ -1,6 +1,6 @@
 """Say what a machine.toml holds: which columns drive an MJCF, and which it is compared with."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.residual import ANGLE, MARKERS, TORQUE, Measure
+from serpent_twin.residual import ANGLE, CONTROL, FORCE, LENGTH, POSITION, TORQUE, Measure
 from serpent_twin.stored import Form, above, many, within
 from serpent_twin.units import TO_SI
 
@@ -41,8 +41,17 @@ class DriveColumn(Column, frozen=True):
 
     actuator: str = ""
     """Whose `ctrl` it is"""
+    joint: str = ""
+    """Whose angle or length it is, instead, which the model follows whatever force that takes"""
+    tendon: str = ""
+    """Whose length it is, likewise"""
     offset: Number | Literal["keyframe"] = 0.0
     """[SI]; or the keyframe's value"""
+
+    @property
+    def of(self) -> tuple[str, str]:
+        """Kind and name of what is driven."""
+        return _only(self, DRIVEN)
 
 
 class MeasuredColumns(Form, frozen=True):
@@ -60,6 +69,10 @@ class MeasuredColumns(Form, frozen=True):
     """Whose angle or length it is"""
     sensor: str = ""
     """Of the model, whose reading it is"""
+    tendon: str = ""
+    """Whose length it is"""
+    actuator: str = ""
+    """Whose force it is, of a motor before its gear"""
     point: Vector = (0.0, 0.0, 0.0)
     """In the site's frame, where the marker sits [m]"""
     cameras: bool = True
@@ -70,13 +83,18 @@ class MeasuredColumns(Form, frozen=True):
     @property
     def of(self) -> tuple[str, str]:
         """Kind and name of what is measured."""
-        found = [(kind, getattr(self, kind)) for kind in KINDS if getattr(self, kind)]
-        return found[0] if len(found) == 1 else ("", "")
+        return _only(self, KINDS)
 
     @property
     def measure(self) -> Measure:
         """The quantity that is measured."""
-        return MARKERS if self.site else MEASURES[TO_SI[self.unit][1]]
+        return POSITION if self.site else MEASURES[TO_SI[self.unit][1]]
+
+
+def _only(named: Form, kinds: tuple[str, ...]) -> tuple[str, str]:
+    """The one kind of thing that a table names, and its name; nothing where it names several or none."""
+    found = [(kind, getattr(named, kind)) for kind in kinds if getattr(named, kind)]
+    return found[0] if len(found) == 1 else ("", "")
 
 
 class Uncertain(Form, frozen=True):
@@ -115,13 +133,28 @@ class Description(Form, frozen=True):
     """Rows that are fitted and judged as one; 0: 20 poses, or 100 rows of a motion"""
 
 
+def pose_first(about: Description) -> Description:
+    """The same, what is measured of the pose before all else."""
+    pose = about.measured[0].measure
+    ordered = sorted(about.measured, key=lambda each: each.measure != pose)
+    return msgspec.structs.replace(about, measured=tuple(ordered))
+
+
 _SLIDE = mujoco.mjtJoint.mjJNT_SLIDE
-KINDS = ("site", "joint", "sensor")
+KINDS = ("site", "joint", "sensor", "tendon", "actuator")
 """What of a model can be measured"""
-_LENGTH = Measure("length", "the length is", "mean error of the length", "mm", "mm", 1e3, "m")
-_FORCE = Measure("force", "the force is", "force error, rms", "N", "n", 1.0, "N")
-MEASURES = {"m": _LENGTH, "rad": ANGLE, "N": _FORCE, "N m": TORQUE}
+DRIVEN = ("actuator", "joint", "tendon")
+"""What of it can be driven"""
+MEASURES = {"m": LENGTH, "rad": ANGLE, "N": FORCE, "N m": TORQUE}
 """By SI unit"""
+_PLACE = Measure("place", "the place is", "place error, rms", "mm", "mm", 1e3, "m")
+
+
+def beside(pose: Measure, measure: Measure) -> Measure:
+    """A measure as that of a channel beside the pose, whose error is a root mean square of numbers."""
+    if measure == pose:
+        return pose
+    return _PLACE if measure == POSITION else replace(measure, size=f"{measure.one} error, rms")
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,24 +178,68 @@ class Described:
         """Where runs begin, (nq,)."""
         return self.model.key(self.about.keyframe).qpos if self.about.keyframe else self.model.qpos0
 
-    def is_length(self, actuator: str) -> bool:
-        """Whether an actuator's control is a length: that of a tendon, or of a slide."""
-        return self.control_unit(actuator)[0] == "mm"
+    @property
+    def commanded(self) -> list[DriveColumn]:
+        """The drives that tell actuators something."""
+        return [each for each in self.about.drive if each.actuator]
+
+    @property
+    def prescribed(self) -> list[DriveColumn]:
+        """The drives whose motion is known."""
+        return [each for each in self.about.drive if not each.actuator]
+
+    @property
+    def pose(self) -> Measure:
+        """The measure of the pose."""
+        return self.about.measured[0].measure
 
     def is_servo(self, actuator: str) -> bool:
         """Whether an actuator's control is a position, not a force or a voltage."""
         return bool(self.model.actuator_biasprm[self.model.actuator(actuator).id, 1])
 
-    def control_unit(self, actuator: str) -> tuple[str, float]:
-        """The unit in which an actuator's control is stated, and how many of SI it is."""
-        n = self.model.actuator(actuator).id
+    def is_length(self, drive: DriveColumn) -> bool:
+        """Whether what is driven is a length: that of a tendon, or of a slide."""
+        return self.control_unit(drive)[0] == "mm"
+
+    def control_unit(self, drive: DriveColumn) -> tuple[str, float]:
+        """The unit in which what is driven is stated, and how many of SI it is."""
+        if not drive.actuator:
+            return ("mm", 1e-3) if TO_SI[drive.unit][1] == "m" else ("°", np.pi / 180)
+        n = self.model.actuator(drive.actuator).id
         kind, target = self.model.actuator_trntype[n], self.model.actuator_trnid[n, 0]
-        if not self.is_servo(actuator):
+        if not self.is_servo(drive.actuator):
             return "1", 1.0
         slides = kind == mujoco.mjtTrn.mjTRN_JOINT and self.model.jnt_type[target] == _SLIDE
         if kind == mujoco.mjtTrn.mjTRN_TENDON or slides:
             return "mm", 1e-3
         return "°", np.pi / 180
+
+    def limits(self, drive: DriveColumn) -> Array | None:
+        """Of what is driven [SI], (2,); None where it has none."""
+        kind, name = drive.of
+        model = self.model
+        limited, ranges, thing = {
+            "actuator": (model.actuator_ctrllimited, model.actuator_ctrlrange, model.actuator),
+            "joint": (model.jnt_limited, model.jnt_range, model.joint),
+            "tendon": (model.tendon_limited, model.tendon_range, model.tendon),
+        }[kind]
+        return ranges[thing(name).id] if limited[thing(name).id] else None
+
+    def offset(self, drive: DriveColumn) -> float:
+        """What a drive's column is where its value is zero [SI]."""
+        if drive.offset != "keyframe":
+            return float(drive.offset)
+        data, key = mujoco.MjData(self.model), self.model.key(self.about.keyframe).id
+        mujoco.mj_resetDataKeyframe(self.model, data, key)
+        mujoco.mj_forward(self.model, data)
+        kind, name = drive.of
+        if kind == "actuator":
+            return float(data.ctrl[self.model.actuator(name).id])
+        return float(data.joint(name).qpos[0] if kind == "joint" else data.tendon(name).length[0])
+
+    def told(self, drive: DriveColumn) -> Measure:
+        """What a drive tells the model."""
+        return {"mm": LENGTH, "°": ANGLE, "1": CONTROL}[self.control_unit(drive)[0]]
 
     @property
     def keyframe_controls(self) -> Array:

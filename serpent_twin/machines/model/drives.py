@@ -8,11 +8,12 @@ import numpy as np
 
 from serpent_twin import effects
 from serpent_twin.arrays import Array
-from serpent_twin.effects import READING, Effect, Instant
+from serpent_twin.effects import CABLE, Effect, Instant
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
 from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.part_of_moment import PartOfMoment
 
 _PARTS = 4
 """Of a row"""
@@ -27,15 +28,15 @@ def controls(
     and what is late changes between rows.
     """
     model, rows = machine.model, pieces.time.shape[1]
-    told = np.empty((len(pieces), rows, model.nu))
     start = machine.keyframe_controls
-    for each in machine.about.drive:
+    told = np.tile(start, (len(pieces), rows, 1))
+    for each in machine.commanded:
         n = model.actuator(each.actuator).id
         away = pieces.column[each.column] - start[n]
-        zero = machine.control_unit(each.actuator)[1] * x[zero_of(each.actuator)]
+        zero = machine.control_unit(each)[1] * x[zero_of(each)]
         scale = np.exp(x[SCALE]) if machine.is_servo(each.actuator) else 1.0
         told[..., n] = start[n] + scale * away + zero
-    several = [each for each in effects.stacked([there] * len(told)) if each.stage < READING]
+    several = [each for each in effects.stacked([there] * len(told)) if each.stage < CABLE]
     if not several:
         return told
     names = [model.actuator(n).name for n in range(model.nu)]
@@ -62,6 +63,9 @@ class DrivenMoment(Instant):
     given: ClassVar[frozenset[str]] = frozenset(
         {"names", "dt", "force_per_control", "motor_angle", "motor_velocity", "goal"}
     )
+
+    everywhere: ClassVar[frozenset[str]] = frozenset({"dt"})
+    """Names of the fields that all actuators share"""
 
     names: Sequence[str]
     """Of the actuators, (nu,)"""
@@ -93,33 +97,24 @@ class DrivenMoment(Instant):
         object.__setattr__(self, "goal", goal)
         self.winch_angle = goal.copy()
 
-    def at(self, place: str) -> "PartOfMoment":
+    def at(self, place: str) -> "PartOfDrives":
         """The moment of one actuator."""
         if place not in self.names:
             raise SerpentError(
                 f"there is no actuator {place!r}; there are: {', '.join(self.names)}. Name one of them."
             )
-        return PartOfMoment(self, list(self.names).index(place))
+        return PartOfDrives(self, place)
+
+    def column(self, quantity: str, place: str) -> int:
+        """Which column is of an actuator."""
+        return list(self.names).index(place)
 
 
-class PartOfMoment:
-    """A moment of one of many things: its arrays are (n, 1), and what is written there is written there."""
-
-    def __init__(self, whole: DrivenMoment, which: int) -> None:
-        self.__dict__.update(whole=whole, which=which)
-
-    def __getattr__(self, name: str) -> Array:
-        """One column of the whole."""
-        value = getattr(self.whole, name)
-        return value if name == "dt" else value[:, self.which : self.which + 1]
+class PartOfDrives(PartOfMoment):
+    """A moment of one actuator."""
 
     def tell(self, goal: Array) -> None:
         """Give the actuator another goal."""
         changed = self.whole.goal.copy()
-        changed[:, self.which : self.which + 1] = goal
+        changed[:, self._column("goal")] = goal
         self.whole.tell(changed)
-
-    def __setattr__(self, name: str, value: Array) -> None:
-        changed = getattr(self.whole, name).copy()
-        changed[:, self.which : self.which + 1] = value
-        setattr(self.whole, name, changed)

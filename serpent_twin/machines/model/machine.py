@@ -11,7 +11,8 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect, edit
+from serpent_twin.effects import Effect, edit, name_of
+from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
@@ -23,21 +24,31 @@ from serpent_twin.machines.machine import (
 )
 from serpent_twin.machines.measured import Recording, RunMachine, Runs, cut
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
-from serpent_twin.machines.model.description import MOTION, POSES, Described
+from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
 from serpent_twin.machines.model.drives import controls
+from serpent_twin.machines.model.earlier import acting, part_of
+from serpent_twin.machines.model.limits import LoggedLimits
 from serpent_twin.machines.model.motion import (
-    LEAD,
     STEPS,
     StartGains,
-    measured_joints,
     moved,
-    start,
-    start_columns,
     start_gain,
 )
 from serpent_twin.machines.model.poses import Rests, settled
+from serpent_twin.machines.model.prescribed import known_motion, prescribe
+from serpent_twin.machines.model.proposing import proposed
 from serpent_twin.machines.model.readings import reread
 from serpent_twin.machines.model.seen import Seen, beginning
+from serpent_twin.machines.model.starts import (
+    LEAD,
+    measured_joints,
+    start,
+    start_columns,
+)
+from serpent_twin.machines.model.state_laws import acting_on_state
+from serpent_twin.machines.proposals import Proposals
+from serpent_twin.residual import Measure
+from serpent_twin.sim.quiet import quietly
 
 _FEWEST = 2
 """Rows of a segment"""
@@ -56,6 +67,8 @@ class ModelMachine(RunMachine):
     """The candidates"""
     coordinates: tuple[FittedNumber, ...]
     outputs: tuple[Output, ...]
+    logged: LoggedLimits
+    """What motions keep that are proposed"""
     frame: Mapping[str, Any]
     """`shift` of the cameras' frame, and the `pivot` about which it is turned, (3,) each [m]"""
     segments: tuple[int, int] = (40, 80)
@@ -83,8 +96,13 @@ class ModelMachine(RunMachine):
 
     @property
     def drives(self) -> Mapping[str, str]:
-        """Each drive's actuator, by its column."""
-        return {each.column: each.actuator for each in self.described.about.drive}
+        """What each drive moves, by its column."""
+        return {each.column: each.of[1] for each in self.described.about.drive}
+
+    @property
+    def motors(self) -> tuple[Measure, ...]:
+        """What each drive's column is."""
+        return tuple(self.described.told(each) for each in self.described.about.drive)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -95,7 +113,23 @@ class ModelMachine(RunMachine):
     @property
     def markers(self) -> tuple[str, ...]:
         """What the pose is made of."""
-        return tuple(each.of[1] for each in self.described.about.measured)
+        return _named(self._of_pose(True))
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """What the other channels are of: each number for itself."""
+        each = self._of_pose(False)
+        return tuple(name for one in each for name in (_along(one) if one.site else _named([one])))
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """The thing that each output is measured at, (C,)."""
+        return tuple(each.of[1] for each in self.described.about.measured for _ in each.columns)
+
+    def _of_pose(self, wanted: bool) -> list[MeasuredColumns]:
+        """What is measured of the pose, or beside it."""
+        pose = self.described.pose
+        return [each for each in self.described.about.measured if (each.measure == pose) == wanted]
 
     @property
     def candidates(self) -> Mapping[str, Candidate]:
@@ -127,11 +161,11 @@ class ModelMachine(RunMachine):
         found = []
         for first, end in pairwise(ends):
             rows = slice(max(0, first - lead), end)
-            columns = {name: values[rows].copy() for name, values in run.columns.items()}
+            part = part_of(run, rows)
             for output in self.outputs:
-                columns[output.name][: first - rows.start] = np.nan
+                part.columns[output.name][: first - rows.start] = np.nan
             if end - rows.start >= _FEWEST:
-                found.append(Recording(run.path, run.metadata, columns, run.name))
+                found.append(part)
         return found
 
     def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
@@ -141,33 +175,76 @@ class ModelMachine(RunMachine):
         edit(spec, effects)
         return spec
 
+    def _compiled(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjModel:
+        """The twin as it is simulated."""
+        spec = self.spec(declared, effects)
+        prescribe(spec, self.described)
+        return spec.compile()
+
     def respond(
         self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
     ) -> Array:
         """What twins show in each row, (D, S, T, C); not finite where a twin does not come to rest."""
         out = np.full((len(points), *pieces.time.shape, len(self.outputs)), np.nan)
-        for k, point in enumerate(points):
-            out[k] = self._respond(point, pieces)
+        with quietly(), np.errstate(all="ignore"):  # what is unstable is said by who asks
+            for k, point in enumerate(points):
+                out[k] = self._respond(point, pieces)
         return out
 
     def _respond(self, point: ParameterVector, pieces: Runs) -> Array:
         machine, there = self.described, effects_at(point)
         x = by_coordinate(self.declared, point.declared)
-        model = self.spec(point.declared, there).compile()
+        model = self._compiled(point.declared, there)
         told, seen = controls(machine, there, x, pieces), Seen(machine, self.frame, x)
-        begin = beginning(model, machine)
+        begin, known = beginning(model, machine), known_motion(machine, x, pieces)
         if machine.about.rows == POSES:
-            return settled(model, told, begin, seen, self.rests, pieces)
+            _refuse_motion(there)
+            return settled(model, told, begin, seen, self.rests, pieces, known)
         at = start(machine, begin, pieces)
         gain = self.gains.of(pieces, self._start_gain) if at.joints else None
         read = partial(reread, there, at.joints, pieces=pieces)
-        found = moved(model, told, at, seen, pieces, gain, self.steps, read)
-        return reread(there, self.markers, found, pieces)
+        laws = acting(machine, model, there, x, pieces)
+        found = moved(model, told, at, seen, pieces, gain, self.steps, read, known, laws)
+        return reread(there, self.places, found, pieces)
+
+    def propose(
+        self,
+        point: ParameterVector,
+        count: int,
+        seconds: float,
+        rate_hz: float,
+        rng: np.random.Generator,
+    ) -> Proposals[Runs]:
+        """Motions in the columns and units of its logs, within what these used and showed."""
+        return proposed(self, point, count, seconds, rate_hz, rng)
 
     def _start_gain(self, pieces: Runs) -> Array:
         """How the nominal model's starts are improved."""
         machine, zero = self.described, np.zeros(len(self.declared))
         x = by_coordinate(self.declared, zero)
-        model, told = self.spec(zero, ()).compile(), controls(machine, (), x, pieces)
+        model, told = self._compiled(zero, ()), controls(machine, (), x, pieces)
+        known = known_motion(machine, x, pieces)
         at, seen = start(machine, machine.begin, pieces), Seen(machine, self.frame, x)
-        return start_gain(model, told, at, seen, pieces, self.steps)
+        return start_gain(model, told, at, seen, pieces, self.steps, known)
+
+
+def _named(several: Sequence[MeasuredColumns]) -> tuple[str, ...]:
+    """Names of what is measured: of the thing, or of each column of a thing that has several."""
+    return tuple(
+        name
+        for each in several
+        for name in ([each.of[1]] if each.site or len(each.columns) == 1 else each.columns)
+    )
+
+
+def _along(site: MeasuredColumns) -> list[str]:
+    return [f"{site.site} along {axis}" for axis in "xyz"]
+
+
+def _refuse_motion(there: Sequence[Effect]) -> None:
+    """Refuse effects that act in time steps, of which poses have none."""
+    if several := acting_on_state(there):
+        raise SerpentError(
+            f"the effect {name_of(several[0])} acts in motion, and the rows of this log are poses at rest. "
+            "Leave it out of this twin."
+        )

@@ -1,44 +1,32 @@
 """Run a model through the rows of a log, from where the log begins."""
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable, Iterator
 from math import ceil
 
 import mujoco
 import numpy as np
-from scipy.signal import savgol_filter
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.measured import Recording, Runs
-from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.measured import Runs
+from serpent_twin.machines.model.prescribed import (
+    KnownMotion,
+    PrescribedSteps,
+    Prescription,
+)
 from serpent_twin.machines.model.seen import Seen, address, segments_of
+from serpent_twin.machines.model.starts import LEAD, SegmentStart
+from serpent_twin.machines.model.state_laws import Acting, StateLaws
 from serpent_twin.runs.processes import threads
 from serpent_twin.sim.stepper import set_timestep, side_by_side
 
-_SMOOTH = 9  # rows over which an angle is a cubic, where a run begins
-LEAD = 15
-"""Rows before a segment of a motion, by which its start is improved, and in which effects get a past"""
 _IMPROVED = 4
 """Times, enough for a machine that is heavier by a half than the model whose gains they are"""
 _DIFFERENCE = 1e-4  # [rad], [rad/s]
 _FAR = 20.0
 """Times the noise, by which a start may be off in what the lead hardly shows"""
+_NOTHING = mujoco.mjtStage.mjSTAGE_NONE
 STEPS = (16, 32, 64, 128)
 """Of a row, of which a machine takes as few as its noise allows"""
-
-
-@dataclass(frozen=True)
-class SegmentStart:
-    """Where segments begin: J joints in the first row, and what was read of them in the rows of the lead."""
-
-    joints: tuple[str, ...]
-    """The joints; none where not all are measured"""
-    state: Array
-    """Angle and rate of each, (S, J, 2)"""
-    reading: Array
-    """Angle, (S, J, LEAD); NaN where nothing was read"""
-    begin: Array
-    """The pose in which all begin whose joints are not measured, (nq,)"""
 
 
 def moved(
@@ -50,16 +38,18 @@ def moved(
     gain: Array | None,
     steps: int,
     reading: Callable[[Array], Array],
+    known: KnownMotion | None,
+    acting: Acting | None = None,
 ) -> Array:
     """What is seen of a model in each row, (S, T, C), told (S, T, nu) from one row to the next, or several
-    times in each, in so many time steps of a row at least.
+    times in each, in so many time steps of a row at least; effects on its state are `acting` in each.
 
     Where all joints are measured, angles and rates at the start are improved until the model follows what was
     read in the lead, with a gain as `start_gain` finds it; `reading` is what sensors make of angles,
-    (S, LEAD, J).
+    (S, LEAD, J). What is `known` of prescribed motion is followed, whatever the start.
     """
     rows = pieces.time.shape[1]
-    runs = _Runs(model, told, seen, pieces.period, rows, steps)
+    runs = _Runs(model, told, seen, pieces.period, rows, steps, known, acting)
     state = start.state if gain is None else _improved(runs, start, gain, reading)
     runs.begin(start, state)
     return np.stack([seen.read(runs.batch), *runs.rows(rows - 1)], axis=1)
@@ -102,13 +92,19 @@ class StartGains:
 
 
 def start_gain(
-    model: mujoco.MjModel, told: Array, start: SegmentStart, seen: Seen, pieces: Runs, steps: int
+    model: mujoco.MjModel,
+    told: Array,
+    start: SegmentStart,
+    seen: Seen,
+    pieces: Runs,
+    steps: int,
+    known: KnownMotion | None,
 ) -> Array:
     """How far segments' starts move for what a model is off by in the lead, (S, 2 J, J LEAD), of J joints:
     the gain of a Gauss-Newton step, by finite differences. What the lead does not tell stays as it was.
     """
     period = pieces.period
-    runs = _Runs(model, told, seen, period, pieces.time.shape[1], steps)
+    runs = _Runs(model, told, seen, period, pieces.time.shape[1], steps, known)
     S, J = start.state.shape[:2]
     base, slopes = runs.lead(start, start.state), []
     for n in range(2 * J):
@@ -140,6 +136,8 @@ class _Runs:
         period: Array,
         rows: int,
         steps: int,
+        known: KnownMotion | None,
+        acting: Acting | None = None,
     ) -> None:
         self._model, self._told, self._seen = model, told, seen
         self._parts = told.shape[1] // rows
@@ -151,10 +149,16 @@ class _Runs:
         seen.bind(self.batch)
         for field in ("qpos", "qvel", "qacc", "ctrl", "act"):
             self.batch.bind(field)
+        self._steps = known and PrescribedSteps(known, self._nstep * self._parts)
+        self._prescription = known and Prescription(known.machine, self.batch)
+        self._n = 0
+        self._laws = acting and StateLaws(self.batch, acting, self._step, self._leaps)
 
     def begin(self, start: SegmentStart, state: Array) -> None:
         """Place all runs at their beginning, joints at angles and rates (S, J, 2)."""
-        self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+        if self._laws:
+            self._laws.begin()
+        self.batch.reset(stage=_NOTHING)
         pose, speed = self.batch.bind("qpos"), self.batch.bind("qvel")
         pose[...], speed[...] = start.begin, 0.0
         for n, joint in enumerate(start.joints):
@@ -164,20 +168,31 @@ class _Runs:
         for n in np.flatnonzero(self._model.actuator_actnum == 1):
             first = self._model.actuator_actadr[n]
             self.batch.bind("act")[:, first] = self._told[:, 0, n]
+        if self._prescription and self._steps:
+            self._n = 0
+            self._prescription.place(self._steps.at, self._steps.change / self._step[:, None])
+            self._prescription.hold(self._steps.first)
+        if self._laws:
+            self.batch.forward(stage=self._laws.stage)
+            self._laws.start()
         self.batch.forward()
         if self._leaps:
             speed -= self._step[:, None] / 2 * self.batch.bind("qacc")
+        if self._prescription and self._steps:
+            self._prescription.hold(self._steps.held[:, 0])
+        if self._laws:
+            self._laws.lag()
 
     def rows(self, count: int) -> Iterator[Array]:
         """Move through further rows; what is seen in each."""
         for t in range(count * self._parts):
             if self._leaps:
                 self._tell((self._told[:, max(t - 1, 0)] + self._told[:, t]) / 2)
-                self.batch.step(nstep=1, stage=mujoco.mjtStage.mjSTAGE_NONE)
+                self._move(1, _NOTHING)
             self._tell(self._told[:, t])
             last = (t + 1) % self._parts == 0
-            stage = mujoco.mjtStage.mjSTAGE_VEL if last else mujoco.mjtStage.mjSTAGE_NONE
-            self.batch.step(nstep=self._nstep - self._leaps, stage=stage)
+            stage = self._seen.stage if last else _NOTHING
+            self._move(self._nstep - self._leaps, stage)
             if last:
                 yield self._seen.read(self.batch)
 
@@ -189,63 +204,26 @@ class _Runs:
         found = [pose[:, at].copy(), *(pose[:, at].copy() for _ in self.rows(LEAD - 1))]
         return np.stack(found, axis=-1)
 
+    def _move(self, count: int, stage: int) -> None:
+        """Take time steps, one by one where effects act on the state or a motion is prescribed, and compute
+        the stages of what is reached.
+        """
+        if not self._laws and not self._prescription:
+            self.batch.step(nstep=count, stage=stage)
+            return
+        least = self._laws.stage if self._laws else _NOTHING
+        for _ in range(count):
+            if self._laws:
+                self._laws.act()
+            if not (self._prescription and self._steps):
+                self.batch.step(stage=max(stage, least, key=int))
+                continue
+            self.batch.step(stage=least)
+            self._n += 1
+            self._prescription.hold(self._steps.held[:, self._n])
+        if self._prescription and stage:
+            self.batch.forward(stage=stage)
+
     def _tell(self, told: Array) -> None:
         """What the drives tell, (S, nu); actuators beyond them are of effects."""
         self.batch.bind("ctrl")[:, : told.shape[1]] = told
-
-
-def measured_joints(machine: Described) -> dict[str, str]:
-    """The column of each joint, if all are measured: then a run can start from any row; else none."""
-    columns = {each.joint: each.columns[0] for each in machine.about.measured if each.joint}
-    model = machine.model
-    return columns if len(columns) == model.njnt == model.nq == model.nv else {}
-
-
-def with_starts(machine: Described, run: Recording) -> Recording:
-    """A log with the smoothed angle and rate of each joint, and its reading, where all are measured."""
-    period = float(np.median(np.diff(run.time)))
-    more: dict[str, Array] = {}
-    for joint, column in measured_joints(machine).items():
-        values = run.columns[column]
-        rows = np.arange(len(values))
-        known = np.isfinite(values)
-        whole = np.interp(rows, rows[known], values[known])
-        more[reading_of(joint)] = values
-        size = min(_SMOOTH, len(values) - 1 + len(values) % 2)
-        for name, degree in ((angle_of(joint), 0), (rate_of(joint), 1)):
-            cubic = savgol_filter(whole, size, min(3, size - 1), deriv=degree, delta=period)
-            more[name] = np.asarray(cubic)
-    return replace(run, columns=run.columns | more)
-
-
-def start(machine: Described, begin: Array, pieces: Runs) -> SegmentStart:
-    """Where the segments of a log begin; where not all joints are measured, in one pose, (nq,)."""
-    column, joints, S = pieces.column, tuple(measured_joints(machine)), len(pieces)
-    if not joints:
-        return SegmentStart((), np.zeros((S, 0, 2)), np.zeros((S, 0, LEAD)), begin)
-    state = [[column[of(joint)][:, 0] for of in (angle_of, rate_of)] for joint in joints]
-    reading = [column[reading_of(joint)][:, :LEAD] for joint in joints]
-    return SegmentStart(
-        joints, np.moveaxis(np.array(state), 2, 0), np.stack(reading, axis=1), begin
-    )
-
-
-def start_columns(machine: Described) -> Sequence[str]:
-    """Names of the columns that `with_starts` adds."""
-    columns = (angle_of, rate_of, reading_of)
-    return [of(joint) for joint in measured_joints(machine) for of in columns]
-
-
-def angle_of(joint: str) -> str:
-    """Name of the column of a joint's smoothed angle."""
-    return f"angle of {joint}"
-
-
-def rate_of(joint: str) -> str:
-    """Name of the column of a joint's smoothed rate."""
-    return f"rate of {joint}"
-
-
-def reading_of(joint: str) -> str:
-    """Name of the column of what was read of a joint."""
-    return f"reading of {joint}"

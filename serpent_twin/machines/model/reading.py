@@ -1,5 +1,6 @@
 """Read a machine.toml, and refuse one that does not agree with its model."""
 
+from collections import Counter
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -8,6 +9,7 @@ import mujoco
 
 from serpent_twin import stored
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines.model.coordinates import numbers_of
 from serpent_twin.machines.model.description import (
     ADVICE,
     KINDS,
@@ -16,17 +18,24 @@ from serpent_twin.machines.model.description import (
     Described,
     Description,
     MeasuredColumns,
+    pose_first,
 )
+from serpent_twin.machines.model.drive_errors import amiss_in_drives
 from serpent_twin.machines.model.files import files
 from serpent_twin.machines.model.lines import with_line
 from serpent_twin.machines.model.masses import settle_total_mass
-from serpent_twin.units import TO_SI
+from serpent_twin.machines.model.things import (
+    OBJECTS,
+    acts_on,
+    joint_type,
+    lengths,
+    names,
+    not_single,
+    unknown,
+    wrong_unit,
+)
+from serpent_twin.numerals import listed
 
-_OBJECTS = {
-    "site": mujoco.mjtObj.mjOBJ_SITE,
-    "joint": mujoco.mjtObj.mjOBJ_JOINT,
-    "sensor": mujoco.mjtObj.mjOBJ_SENSOR,
-}
 _NUMBERS_OF = {
     **dict.fromkeys(
         ("joint stiffness", "joint damping", "joint friction", "armature"),
@@ -48,6 +57,10 @@ def read(path: Path, model_file: Path | None = None) -> Described:
         raise SerpentError(with_line(str(error), raw)) from None
     file = model_file or path.parent / about.model
     several = [path, *files(file, file.name)[1:]] if model_file else files(path, about.model)
+    if file.is_dir():
+        raise SerpentError(
+            with_line(f"{path}: model is {about.model!r}, which is a folder. {ADVICE}", raw)
+        )
     try:
         spec = mujoco.MjSpec.from_file(str(file))
         settle_total_mass(spec)
@@ -56,71 +69,118 @@ def read(path: Path, model_file: Path | None = None) -> Described:
         raise SerpentError(
             f"{file} is no model that MuJoCo builds: {' '.join(str(error).split())} Mend the MJCF."
         ) from None
-    found = Described(path, about, spec, model, several)
     problem = next(iter(_amiss(about, model)), None)
     if problem:
         key, text = problem
         raise SerpentError(with_line(f"{path}: {key} {text} {ADVICE}", raw))
-    return found
+    return Described(path, pose_first(about), spec, model, several)
 
 
 def _amiss(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
     """What the description names and the model lacks, with the key."""
     found = []
-    if about.keyframe and about.keyframe not in _names(model, mujoco.mjtObj.mjOBJ_KEY):
-        found.append(("keyframe", _unknown(about.keyframe, model, mujoco.mjtObj.mjOBJ_KEY)))
-    if "" in _names(model, mujoco.mjtObj.mjOBJ_ACTUATOR):
-        told = "must name each actuator of the model, where one has no name: give it one."
-        found.append(("drive", told))
-    for n, each in enumerate(about.drive):
-        key = f"drive[{n}]"
-        if each.actuator not in _names(model, mujoco.mjtObj.mjOBJ_ACTUATOR):
-            text = _unknown(each.actuator, model, mujoco.mjtObj.mjOBJ_ACTUATOR)
-            found.append((f"{key}.actuator", text))
-        if each.offset == "keyframe" and not about.keyframe:
-            found.append((f"{key}.offset", "is the keyframe's, and no keyframe is named."))
-    driven = [each.actuator for each in about.drive]
-    for name in _names(model, mujoco.mjtObj.mjOBJ_ACTUATOR):
-        if name and driven.count(name) != 1:
-            how = "no drive" if name not in driven else "two drives"
-            found.append(("drive", f"must name each actuator once: {name!r} has {how}."))
+    if about.keyframe and about.keyframe not in names(model, mujoco.mjtObj.mjOBJ_KEY):
+        found.append(("keyframe", unknown(about.keyframe, model, mujoco.mjtObj.mjOBJ_KEY)))
+    found += amiss_in_drives(about, model)
+    found += _twice(about)
     for n, each in enumerate(about.measured):
         found += [
-            (f"measured[{n}].{key}".rstrip("."), why) for key, why in _amiss_measured(each, model)
+            (f"measured[{n}].{key}".rstrip("."), why)
+            for key, why in _amiss_measured(each, about, model)
         ]
     if about.rows == MOTION and not about.time:
         found.append(("rows", f'is "{MOTION}", and no time column is named: add [time].'))
-    if not found and len({each.measure.one for each in about.measured}) > 1:
-        found.append(
-            ("measured", "has quantities of several kinds; all must be of one, such as positions.")
-        )
+    kinds = [] if found else list(dict.fromkeys(each.measure.one for each in about.measured))
+    if len(kinds) > 2:
+        told = f"has quantities of {len(kinds)} kinds, {listed(kinds)}; beside the first, which is the "
+        found.append(("measured", f"{told}pose, only one other is compared. Leave some out."))
+    return found or list(_amiss_uncertain(about, model))
+
+
+def _amiss_uncertain(about: Description, model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
+    """Numbers that the model lacks, that are zero there, or that are listed twice."""
+    counts = Counter[tuple[str, str]]()
     for n, each in enumerate(about.uncertain):
-        of = _NUMBERS_OF[each.number]
+        known = names(model, _NUMBERS_OF[each.number])
+        values = numbers_of(model, each.number)
         for pattern in each.of:
-            if not any(fnmatchcase(name, pattern) for name in _names(model, of)):
-                found.append((f"uncertain[{n}].of", _unknown(pattern, model, of)))
-    return found
+            those = [k for k, name in enumerate(known) if fnmatchcase(name, pattern)]
+            if not those:
+                yield f"uncertain[{n}].of", unknown(pattern, model, _NUMBERS_OF[each.number])
+            elif not values[those].any():
+                yield (
+                    f"uncertain[{n}].of",
+                    f"has {pattern!r}, whose {each.number} is 0: no factor changes it.",
+                )
+            counts.update((each.number, known[k]) for k in those)
+        twice = [name for (number, name), c in counts.items() if c > 1 and number == each.number]
+        if twice:
+            yield f"uncertain[{n}].of", f"has {twice[0]!r}, whose {each.number} is listed already."
 
 
-def _amiss_measured(each: MeasuredColumns, model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
+def _twice(about: Description) -> Iterator[tuple[str, str]]:
+    """Columns that are to be several things, and things that are measured twice."""
+    use = {"time": "the clock"} | ({about.time.column: "the time"} if about.time else {})
+    for n, drive in enumerate(about.drive):
+        if drive.column in use:
+            yield (
+                f"drive[{n}].column",
+                f"is {drive.column!r}, which is {use[drive.column]} already.",
+            )
+        if drive.scale == 0:
+            yield f"drive[{n}].scale", "is 0, so that nothing would be driven."
+        use[drive.column] = f"what drives {drive.of[1]}"
+    there = set[tuple[str, str]]()
+    for n, each in enumerate(about.measured):
+        for name in each.columns:
+            if name in use:
+                yield f"measured[{n}].columns", f"has {name!r}, which is {use[name]} already."
+            use[name] = f"measured of {each.of[1]}"
+        if each.of in there:
+            yield f"measured[{n}].{each.of[0]}", f"is {each.of[1]!r}, which is measured already."
+        there.add(each.of)
+        if each.scale == 0:
+            yield f"measured[{n}].scale", "is 0, so that nothing would be measured."
+
+
+def _amiss_measured(
+    each: MeasuredColumns, about: Description, model: mujoco.MjModel
+) -> Iterator[tuple[str, str]]:
     """What is wrong with a measured thing: its key, and why."""
     kind, name = each.of
+    prescribed = [drive.of for drive in about.drive if not drive.actuator]
     if not kind:
-        yield "", "must name one of " + ", ".join(KINDS) + "."
-    elif name not in _names(model, _OBJECTS[kind]):
-        yield kind, _unknown(name, model, _OBJECTS[kind])
+        yield "", "must name exactly one of " + ", ".join(KINDS) + "."
+    elif name not in names(model, OBJECTS[kind]):
+        yield kind, unknown(name, model, OBJECTS[kind])
+    elif each.of in prescribed:
+        yield kind, f"is {name!r}, whose motion a drive prescribes. Measure what responds to it."
+    elif kind == "actuator" and (moved := acts_on(model, name)) in prescribed:
+        why = f"is {name!r}, which acts on {' '.join(moved)}, whose motion a drive prescribes"
+        yield (
+            kind,
+            f"{why}: nothing tells it a control. Measure a force or torque sensor of the model.",
+        )
+    elif kind == "joint" and (ball := not_single(model, name)):
+        yield kind, f"is {name!r}, {ball}: measure its turn by a sensor of the model."
+    elif kind == "site" and not model.body_weldid[model.site(name).bodyid[0]]:
+        yield kind, f"is {name!r}, which no joint moves: measure one on a body that moves."
     elif len(each.columns) != (wanted := _size(model, kind, name)):
         yield "columns", f"must be {wanted}: {kind} {name!r} has so many."
-    elif (is_in := TO_SI[each.unit][1]) not in (units := _si_units(model, kind, name)):
-        yield "unit", f"is {each.unit!r}, of {is_in}; {kind} {name!r} is in {' or '.join(units)}."
+    elif why := wrong_unit(each.unit, _si_units(model, kind, name), kind, name):
+        yield "unit", why
 
 
 def _si_units(model: mujoco.MjModel, kind: str, name: str) -> tuple[str, ...]:
     """SI units in which a thing may be measured."""
     if kind == "sensor":
         return tuple(MEASURES)
-    slide = kind == "joint" and model.joint(name).type[0] == mujoco.mjtJoint.mjJNT_SLIDE
-    return ("m",) if kind == "site" or slide else ("rad",)
+    if kind == "actuator":
+        moved = acts_on(model, name)
+        return {"hinge": ("N m",), "slide": ("N",), "tendon": ("N",)}.get(
+            joint_type(model, moved[1]) if moved[0] == "joint" else moved[0], ("N m", "N")
+        )
+    return ("m",) if kind == "site" else lengths(model, kind, name)
 
 
 def _size(model: mujoco.MjModel, kind: str, name: str) -> int:
@@ -128,22 +188,3 @@ def _size(model: mujoco.MjModel, kind: str, name: str) -> int:
     if kind == "sensor":
         return int(model.sensor(name).dim[0])
     return 3 if kind == "site" else 1
-
-
-def _names(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:
-    """The names of a model's things of a kind."""
-    count = {
-        mujoco.mjtObj.mjOBJ_ACTUATOR: model.nu,
-        mujoco.mjtObj.mjOBJ_SITE: model.nsite,
-        mujoco.mjtObj.mjOBJ_JOINT: model.njnt,
-        mujoco.mjtObj.mjOBJ_SENSOR: model.nsensor,
-        mujoco.mjtObj.mjOBJ_BODY: model.nbody,
-        mujoco.mjtObj.mjOBJ_KEY: model.nkey,
-    }[kind]
-    return [mujoco.mj_id2name(model, kind, n) or "" for n in range(count)]
-
-
-def _unknown(name: str, model: mujoco.MjModel, kind: mujoco.mjtObj) -> str:
-    there = [each for each in _names(model, kind) if each]
-    listed = stored.names(there, 40) if there else "none that has a name"
-    return f"is {name!r}, which the model lacks; there are: {listed}."

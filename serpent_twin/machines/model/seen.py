@@ -21,10 +21,14 @@ class Seen:
         self, machine: Described, frame: Mapping[str, Any], x: Mapping[str, float]
     ) -> None:
         self._about, self._frame, self._x = machine.about, frame, x
+        forces = any(_is_force(machine.model, *each.of) for each in self._about.measured)
+        stages = mujoco.mjtStage
+        self.stage = int(stages.mjSTAGE_ACC if forces else stages.mjSTAGE_VEL)
+        """What MuJoCo must compute of a row before it is read"""
 
     def bind(self, batch: Batch) -> None:
         """Let the batch keep what is read: before its first step."""
-        for field in ("site_xpos", "site_xmat", "sensordata"):
+        for field in ("site_xpos", "site_xmat", "sensordata", "ten_length", "actuator_force"):
             batch.bind(field)
 
     def read(self, batch: Batch) -> Array:
@@ -39,6 +43,10 @@ class Seen:
                 found.append(self._by_cameras(at) if each.cameras else at)
             elif kind == "joint":
                 found.append(batch.bind("qpos")[:, [address(model, name)]].copy())
+            elif kind == "tendon":
+                found.append(batch.bind("ten_length")[:, [model.tendon(name).id]].copy())
+            elif kind == "actuator":
+                found.append(batch.bind("actuator_force")[:, [model.actuator(name).id]].copy())
             else:
                 sensor = model.sensor(name)
                 first = int(sensor.adr[0])
@@ -51,6 +59,13 @@ class Seen:
         pivot, shift = np.array(self._frame["pivot"]), np.array(self._frame["shift"])
         about = Rotation.from_rotvec(np.radians(turned))
         return pivot + about.apply(at - pivot) + shift + 1e-3 * along
+
+
+def _is_force(model: mujoco.MjModel, kind: str, name: str) -> bool:
+    """Whether what is measured depends on the forces that act."""
+    if kind != "sensor":
+        return kind == "actuator"
+    return bool(model.sensor(name).needstage[0] == mujoco.mjtStage.mjSTAGE_ACC)
 
 
 def beginning(model: mujoco.MjModel, machine: Described) -> Array:

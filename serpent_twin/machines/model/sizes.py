@@ -1,15 +1,18 @@
 """Measure how large forces and rates are in a machine's logs, by which effects and priors are sized."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
+from serpent_twin import effects
 from serpent_twin.arrays import Array
+from serpent_twin.effects import KNOWN, Range
 from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.model.coordinates import OF_SLIDES
 from serpent_twin.machines.model.description import MOTION, Described
-from serpent_twin.machines.model.motion import angle_of, measured_joints, rate_of
+from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
 
 _MOST = 2000  # rows that are looked at
 _TURN = 0.1  # [rad] typical of a joint whose motion is not measured
@@ -17,6 +20,8 @@ _RATE = 1.0  # [rad/s]
 _DIFFERENCE = 1e-6
 _LEAST = 1e-9
 _STILL = 1e-3  # [rad], [rad/s], [rad/s²] of a joint that does not move
+_WIDE = 20.0
+"""Of what is typical, how far a range goes"""
 
 
 @dataclass(frozen=True)
@@ -34,14 +39,20 @@ class Sizes:
 
 
 def sizes(machine: Described, training: Sequence[Recording]) -> Sizes:
-    """Of the nominal model along the logs, where all joints are measured; else where runs begin."""
+    """Of the nominal model along the logs: as measured, where all joints are, else as it moves by itself; of
+    poses, where the search for them begins.
+    """
     model, data = machine.model, mujoco.MjData(machine.model)
     stiffness = _stiffness(machine, data)
     joints = measured_joints(machine)
-    if machine.about.rows != MOTION or not joints:
+    if machine.about.rows != MOTION:
         return Sizes(
             _TURN * stiffness, np.full(model.nv, _RATE), np.full(model.nv, _TURN), stiffness
         )
+    if not joints:
+        force, rate, turn = _moved(machine, training)
+        force = np.maximum(force, _TURN * stiffness)
+        return Sizes(force, rate, turn, np.maximum(stiffness, force / turn))
     order = [int(model.joint(name).dofadr[0]) for name in joints]
     forces, rates, turns = [], [], []
     for run in training:
@@ -63,6 +74,36 @@ def sizes(machine: Described, training: Sequence[Recording]) -> Sizes:
     return Sizes(force, rate, turn, np.maximum(stiffness, force / turn))
 
 
+def _moved(machine: Described, training: Sequence[Recording]) -> tuple[Array, Array, Array]:
+    """Root mean squares of the greatest force, the rate and the way of each degree of freedom, (nv,) each, as
+    the nominal model moves from where runs begin; what does not move, or becomes unstable, has usual ones.
+    """
+    model, data = machine.model, mujoco.MjData(machine.model)
+    drives = [(model.actuator(each.actuator).id, each.column) for each in machine.commanded]
+    forces, rates, ways = [], [], []
+    for run in training:
+        mujoco.mj_resetData(model, data)
+        data.qpos[:] = machine.begin
+        steps = max(1, round(float(np.median(np.diff(run.time))) / model.opt.timestep))
+        for t in range(min(len(run), max(1, _MOST // len(training)))):
+            for n, column in drives:
+                data.ctrl[n] = run.columns[column][t]
+            mujoco.mj_step(model, data, steps)
+            parts = np.array([data.qfrc_actuator, data.qfrc_passive, data.qfrc_bias])
+            way = np.empty(model.nv)
+            mujoco.mj_differentiatePos(model, way, 1.0, machine.begin, data.qpos)
+            forces.append(np.abs(parts).max(axis=0))
+            rates.append(data.qvel.copy())
+            ways.append(way)
+    found = [np.sqrt(np.mean(np.square(each), axis=0)) for each in (forces, rates, ways)]
+    usual = (_STILL * model.dof_M0, _RATE, _TURN)
+    force, rate, way = (
+        np.where(np.isfinite(each) & (each > _STILL * other), each, other)
+        for each, other in zip(found, usual, strict=True)
+    )
+    return force, rate, way
+
+
 def _stiffness(machine: Described, data: mujoco.MjData) -> Array:
     model, found = machine.model, np.empty(machine.model.nv)
     for n in range(model.nv):
@@ -77,3 +118,15 @@ def _stiffness(machine: Described, data: mujoco.MjData) -> Array:
             forces.append(data.qfrc_smooth[n])
         found[n] = abs(forces[1] - forces[0]) / (2 * _DIFFERENCE)
     return np.maximum(found, _LEAST)
+
+
+def sized_range(effect: str, parameter: str, typical: float) -> Range:
+    """The range of a strength of some typical size."""
+    known, wide = effects.ranges(KNOWN[effect])[parameter], _WIDE * typical
+    return replace(known, typical=typical, low=-wide if known.low < 0 else known.low, high=wide)
+
+
+def of_joint(model: mujoco.MjModel, name: str, known: Range) -> Range:
+    """A range of a law of hinges, at a hinge or a slide of the model."""
+    slides = model.joint(name).type[0] == mujoco.mjtJoint.mjJNT_SLIDE
+    return replace(known, unit=OF_SLIDES[known.unit]) if slides else known

@@ -3,13 +3,11 @@
 import math
 import platform
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from serpent_twin.errors import SerpentError
@@ -17,6 +15,7 @@ from serpent_twin.reservoir.sweep import body, measures, pose
 from serpent_twin.reservoir.sweep.point import GridPoint, Measuring
 from serpent_twin.runs.files import json_text
 from serpent_twin.runs.provenance import provenance
+from serpent_twin.sim.quiet import quietly
 
 _DIGITS = 6
 _NOTHING = 1e-9  # differences of sums leave less by rounding, which depends on the processor
@@ -57,7 +56,7 @@ class _Parts:
 
 def measured(point: GridPoint, measuring: Measuring) -> Outcome:
     """Measure a grid point; what cannot be measured, such as an unstable twin, is stated in its file."""
-    with _quietly():
+    with quietly():  # the terminal shows a sweep's progress
         parts = _parts(point, measuring)
     content = {
         "point": point.described(),
@@ -88,17 +87,6 @@ def _parts(point: GridPoint, measuring: Measuring) -> _Parts:
 @cache
 def _about() -> dict[str, Any]:
     return provenance()
-
-
-@contextmanager
-def _quietly() -> Iterator[None]:
-    """Suppress MuJoCo's warnings of what the point's file states: the terminal shows a sweep's progress."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)
 
 
 def rounded(value: Any) -> Any:

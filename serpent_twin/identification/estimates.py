@@ -1,0 +1,60 @@
+"""Hold what was estimated of an effect or of the model, with intervals and units."""
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """One number of an effect with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+    """`1` for a pure number"""
+
+    @property
+    def fitted(self) -> bool:
+        """Whether it was fitted to the logs; else it was given."""
+        return bool(isfinite(self.low) and isfinite(self.high) and self.low < self.high)
+
+    def __str__(self) -> str:
+        """The estimate as text for a sentence."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        ends = f"[{self.low:.3g} … {self.high:.3g}]" if self.fitted else "[given]"
+        return f"{self.value:.3g}{unit} {ends}".replace("-", "−")
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A declared parameter before and after the fit."""
+
+    coordinate: ParameterEstimate
+    """How far the fit moved it, in the fit's coordinates"""
+    name: str
+    """What it stands for, such as `strand stiffness 3+`"""
+    nominal: float
+    """As declared before any log was read, in the unit of `value`; NaN where nothing is declared"""
+    start: float
+    """Where the fit started, likewise"""
+    value: ParameterEstimate
+    """Where it ended"""
+
+    def numbers(self) -> dict[str, Any]:
+        """Entries of diagnosis.json: the coordinate, then the quantity by keys that end with its unit."""
+        unit = key(self.value.unit)
+        told = {"nominal": self.nominal, "start": self.start, "value": self.value.value}
+        told |= {"low": self.value.low, "high": self.value.high}
+        named = {f"{name}_{unit}" if unit else f"{name}_ratio": v for name, v in told.items()}
+        return vars(self.coordinate) | {"quantity": self.name} | named
+
+
+def key(unit: str) -> str:
+    """A unit as the end of a key in JSON; nothing for a pure number."""
+    if unit == "1":
+        return ""
+    for sign, word in (("/", " per "), ("°", "deg"), ("²", "2"), ("%", "percent")):
+        unit = unit.replace(sign, word)
+    return "_".join(unit.split())

@@ -1,0 +1,87 @@
+"""Find what is wrong with the drives of a machine.toml."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.machines.model.description import DRIVEN, Description, DriveColumn
+from serpent_twin.machines.model.things import (
+    OBJECTS,
+    acts_on,
+    lengths,
+    names,
+    not_single,
+    unknown,
+    wrong_unit,
+)
+
+
+def amiss_in_drives(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
+    """Each thing that is wrong: its key, and why."""
+    found = []
+    if "" in names(model, mujoco.mjtObj.mjOBJ_ACTUATOR):
+        told = "must name each actuator of the model, where one has no name: give it one."
+        found.append(("drive", told))
+    for n, each in enumerate(about.drive):
+        found += [(f"drive[{n}]{key}", why) for key, why in _amiss_drive(each, about, model)]
+    return found or [("drive", why) for why in _amiss_together(about, model)]
+
+
+def _amiss_drive(
+    each: DriveColumn, about: Description, model: mujoco.MjModel
+) -> Iterator[tuple[str, str]]:
+    """What is wrong with a drive by itself."""
+    kind, name = each.of
+    if not kind:
+        yield "", "must name exactly one of " + ", ".join(DRIVEN) + "."
+    elif name not in names(model, OBJECTS[kind]):
+        yield f".{kind}", unknown(name, model, OBJECTS[kind])
+    elif kind == "joint" and (ball := not_single(model, name)):
+        yield ".joint", f"is {name!r}, {ball}; only a hinge or a slide can follow a column."
+    elif kind != "actuator" and (
+        why := wrong_unit(each.unit, lengths(model, kind, name), kind, name)
+    ):
+        yield ".unit", why
+    if each.offset == "keyframe" and not about.keyframe:
+        yield ".offset", "is the keyframe's, and no keyframe is named."
+
+
+def _amiss_together(about: Description, model: mujoco.MjModel) -> Iterator[str]:
+    """What is wrong with the drives beside each other."""
+    driven = [each.of for each in about.drive]
+    for kind, name in dict.fromkeys(driven):
+        if kind != "actuator" and driven.count((kind, name)) > 1:
+            yield f"must name each {kind} once: {name!r} has two drives."
+    for name in names(model, mujoco.mjtObj.mjOBJ_ACTUATOR):
+        moved, count = acts_on(model, name), driven.count(("actuator", name))
+        if moved in driven:
+            if count:
+                yield (
+                    f"prescribes the motion of {' '.join(moved)}, and also tells {name!r}, which acts on it: "
+                    "leave one of the two out."
+                )
+        elif name and count != 1:
+            how = "two drives" if count else "no drive"
+            yield f"must name each actuator once: {name!r} has {how}."
+    prescribed = [of for of in dict.fromkeys(driven) if of[0] != "actuator"]
+    if prescribed and np.linalg.matrix_rank(_jacobian(about, model, prescribed)) < len(prescribed):
+        told = ", ".join(" ".join(of) for of in prescribed)
+        yield f"prescribes motions of which one follows from the others: {told}. Leave one out."
+
+
+def _jacobian(about: Description, model: mujoco.MjModel, several: list[tuple[str, str]]) -> Array:
+    """Change of joints and tendons with the degrees of freedom, where runs begin, (P, nv)."""
+    data, out = mujoco.MjData(model), np.zeros((len(several), model.nv))
+    if about.keyframe in names(model, mujoco.mjtObj.mjOBJ_KEY):
+        mujoco.mj_resetDataKeyframe(model, data, model.key(about.keyframe).id)
+    mujoco.mj_forward(model, data)
+    for row, (kind, name) in zip(out, several, strict=True):
+        if kind == "joint":
+            row[model.joint(name).dofadr[0]] = 1.0
+            continue
+        n = model.tendon(name).id
+        some = slice(model.ten_J_rowadr[n], model.ten_J_rowadr[n] + model.ten_J_rownnz[n])
+        row[model.ten_J_colind[some]] = data.ten_J[some]
+    return out

@@ -1,0 +1,73 @@
+"""Say when in its session each run begins, and what is known of the rows before it."""
+
+from collections.abc import Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from serpent_twin.effects import Effect
+from serpent_twin.machines.measured import Recording, Runs, cut
+from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.drives import controls
+from serpent_twin.machines.model.seen import address, beginning
+from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
+from serpent_twin.machines.model.state_laws import Acting, Earlier, acting_on_state
+
+_WHOLE = "session"
+
+
+def part_of(run: Recording, rows: slice) -> Recording:
+    """Some rows of a session, which know the whole of it."""
+    columns = {name: values[rows].copy() for name, values in run.columns.items()}
+    return Recording(run.path, {**run.metadata, _WHOLE: run}, columns, run.name)
+
+
+def acting(
+    machine: Described,
+    model: mujoco.MjModel,
+    there: Sequence[Effect],
+    x: Mapping[str, float],
+    pieces: Runs,
+) -> Acting | None:
+    """The effects on the state of a model's runs, with what they remember at coordinates `x` of the fit; None
+    where there are none.
+    """
+    several = acting_on_state(there)
+    if not several:
+        return None
+    wholes = [about[_WHOLE] for about in pieces.metadata if _WHOLE in about]
+    if not wholes:  # each run is a session
+        return Acting(several, np.zeros(len(pieces)), pieces.time[:, 0])
+    begun, earlier = np.array([each.time[0] for each in wholes]), None
+    if any(each.remembers for each in several) and measured_joints(machine):
+        earlier = _earlier(machine, model, there, x, pieces, wholes)
+    return Acting(several, pieces.time[:, 0] - begun, begun, earlier)
+
+
+def _earlier(
+    machine: Described,
+    model: mujoco.MjModel,
+    there: Sequence[Effect],
+    x: Mapping[str, float],
+    pieces: Runs,
+    wholes: Sequence[Recording],
+) -> Earlier:
+    """The sessions of runs whose joints are all measured."""
+    distinct = list({id(each): each for each in wholes}.values())
+    joints, drives = measured_joints(machine), [each.column for each in machine.about.drive]
+    columns = [of(joint) for joint in joints for of in (angle_of, rate_of)]
+    runs = cut(distinct, [*drives, *columns], list(joints.values()))
+    told = controls(machine, there, x, runs)
+    pose = np.tile(beginning(model, machine), (*runs.time.shape, 1))
+    rate = np.zeros((*runs.time.shape, model.nv))
+    for joint in joints:
+        pose[..., address(model, joint)] = runs.column[angle_of(joint)]
+        rate[..., int(model.joint(joint).dofadr[0])] = runs.column[rate_of(joint)]
+    for each in (pose, rate):  # while a drive holds what it is told in a row
+        each[:, :-1] = (each[:, :-1] + each[:, 1:]) / 2
+    session = np.array([[each is one for one in distinct].index(True) for each in wholes])
+    starts = [
+        np.searchsorted(each.time, t) for each, t in zip(wholes, pieces.time[:, 0], strict=True)
+    ]
+    parts = told.shape[1] // runs.time.shape[1]
+    return Earlier(pose, rate, told[:, ::parts], session, np.array(starts), runs.period[session])

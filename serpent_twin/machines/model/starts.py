@@ -1,0 +1,91 @@
+"""Say where in a log the runs of a motion begin."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from serpent_twin.arrays import Array
+from serpent_twin.machines.measured import Recording, Runs
+from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.prescribed import rate_column, with_rates
+
+_SMOOTH = 9  # rows over which an angle is a cubic, where a run begins
+LEAD = 15
+"""Rows before a segment of a motion, by which its start is improved, and in which effects get a past"""
+
+
+@dataclass(frozen=True)
+class SegmentStart:
+    """Where segments begin: J joints in the first row, and what was read of them in the rows of the lead."""
+
+    joints: tuple[str, ...]
+    """The joints; none where not all are measured"""
+    state: Array
+    """Angle and rate of each, (S, J, 2)"""
+    reading: Array
+    """Angle, (S, J, LEAD); NaN where nothing was read"""
+    begin: Array
+    """The pose in which all begin whose joints are not measured, (nq,)"""
+
+
+def measured_joints(machine: Described) -> dict[str, str]:
+    """The column of each joint, if all are measured or prescribed: then a run can start from any row; else
+    none.
+    """
+    columns = {each.joint: each.column for each in machine.prescribed if each.joint}
+    columns |= {each.joint: each.columns[0] for each in machine.about.measured if each.joint}
+    model = machine.model
+    return columns if len(columns) == model.njnt == model.nq == model.nv else {}
+
+
+def with_starts(machine: Described, run: Recording) -> Recording:
+    """A log with the smoothed angle and rate of each joint, and its reading, where all are measured."""
+    period = float(np.median(np.diff(run.time)))
+    more: dict[str, Array] = {}
+    for joint, column in measured_joints(machine).items():
+        values = run.columns[column]
+        rows = np.arange(len(values))
+        known = np.isfinite(values)
+        whole = np.interp(rows, rows[known], values[known])
+        more[reading_of(joint)] = values
+        size = min(_SMOOTH, len(values) - 1 + len(values) % 2)
+        for name, degree in ((angle_of(joint), 0), (rate_of(joint), 1)):
+            cubic = savgol_filter(whole, size, min(3, size - 1), deriv=degree, delta=period)
+            more[name] = np.asarray(cubic)
+    return replace(run, columns=with_rates(machine, run) | more)
+
+
+def start(machine: Described, begin: Array, pieces: Runs) -> SegmentStart:
+    """Where the segments of a log begin; where not all joints are measured, in one pose, (nq,)."""
+    column, joints, S = pieces.column, tuple(measured_joints(machine)), len(pieces)
+    if not joints:
+        return SegmentStart((), np.zeros((S, 0, 2)), np.zeros((S, 0, LEAD)), begin)
+    state = [[column[of(joint)][:, 0] for of in (angle_of, rate_of)] for joint in joints]
+    reading = [column[reading_of(joint)][:, :LEAD] for joint in joints]
+    return SegmentStart(
+        joints, np.moveaxis(np.array(state), 2, 0), np.stack(reading, axis=1), begin
+    )
+
+
+def start_columns(machine: Described) -> Sequence[str]:
+    """Names of the columns that `with_starts` adds."""
+    columns = (angle_of, rate_of, reading_of)
+    rates = [rate_column(each.column) for each in machine.prescribed]
+    return [*rates, *(of(joint) for joint in measured_joints(machine) for of in columns)]
+
+
+def angle_of(joint: str) -> str:
+    """Name of the column of a joint's smoothed angle."""
+    return f"angle of {joint}"
+
+
+def rate_of(joint: str) -> str:
+    """Name of the column of a joint's smoothed rate."""
+    return f"rate of {joint}"
+
+
+def reading_of(joint: str) -> str:
+    """Name of the column of what was read of a joint."""
+    return f"reading of {joint}"

@@ -1,0 +1,240 @@
+"""Let effects act on a model's state in each time step."""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from serpent_twin import effects
+from serpent_twin.arrays import Array
+from serpent_twin.effects import CABLE, READING, Effect
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.model.springs import Spring, drives_on, single_joints
+from serpent_twin.machines.model.state_moment import BODY, JOINT, SPRING, TENDON, StateMoment
+
+_NOTHING, _POSITIONS, _RATES = (
+    mujoco.mjtStage.mjSTAGE_NONE,
+    mujoco.mjtStage.mjSTAGE_POS,
+    mujoco.mjtStage.mjSTAGE_VEL,
+)
+
+
+def acting_on_state(there: Sequence[Effect]) -> list[Effect]:
+    """The effects that read a model's state in each time step."""
+    return [
+        each for each in there if CABLE <= each.stage < READING and each.acts() and not each.absent
+    ]
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """U sessions as they were measured, from which effects remember what was before the S runs."""
+
+    pose: Array
+    """From each row to the next, in the mean, (U, K, nq)"""
+    rate: Array
+    """The same, (U, K, nv)"""
+    told: Array
+    """What the drives tell the actuators, (U, K, nu)"""
+    session: NDArray[np.intp]
+    """Which is each run's, (S,)"""
+    rows: NDArray[np.intp]
+    """Before each run, (S,)"""
+    period: Array
+    """Between rows of each run's session [s], (S,)"""
+
+
+@dataclass(frozen=True)
+class Acting:
+    """Effects on the state of S runs, and when these begin."""
+
+    several: Sequence[Effect]
+    """At least one"""
+    time: Array
+    """Since each run's session began [s], (S,)"""
+    prior_runtime: Array
+    """From the beginning of its log to that of its session [s], (S,)"""
+    earlier: Earlier | None = None
+    """Where an effect remembers what was before a run"""
+
+
+class StateLaws:
+    """Effects that act on the runs of a batch before each time step, at the places that they name.
+
+    `half` says whether rates are half a time step older than poses: those of now are then extrapolated from
+    the last two.
+    """
+
+    def __init__(self, batch: Batch, acting: Acting, step: Array, half: bool) -> None:
+        model = batch.model
+        self._batch, self._acting, self._half, self._dt = batch, acting, half, step[:, None]
+        self._several = effects.stacked([acting.several] * len(step))
+        self._first: list[Any] | None = None
+        self._names, springs = _places(model, {each.at for each in acting.several})
+        self._springs = [Spring(batch, kind, name) for kind, name in springs]
+        self._stiffness = np.array([each.stiffness for each in self._springs])
+        self._limits = np.array([each.limits for each in self._springs]).reshape(-1, 2).T
+        joints, self._tendons, self._bodies = (
+            [of(name).id for name in self._names[kind]]
+            for kind, of in ((JOINT, model.joint), (TENDON, model.tendon), (BODY, model.body))
+        )
+        self._q, self._v = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        self.stage = _RATES if self._bodies else _POSITIONS if self._tendons else _NOTHING
+        """What of the state must be known before a time step"""
+        bind, expand = batch.bind, batch.expand
+        self._qpos, self._qvel, self._clock = bind("qpos"), bind("qvel"), bind("time")
+        self._applied, self._pushed = bind("qfrc_applied"), bind("xfrc_applied")
+        self._at, self._about, self._moves = bind("xipos"), bind("subtree_com"), bind("cvel")
+        self._friction = [
+            (expand(of), which, expand(of)[:, which].copy()) if which else None
+            for of, which in (
+                ("dof_frictionloss", self._v.tolist()),
+                ("tendon_frictionloss", self._tendons),
+            )
+        ]
+
+    def begin(self) -> None:
+        """Begin all runs again, with the memories that they had there; the batch's state is lost."""
+        if self._first is None:
+            self._first = self._remembered()
+        self._memory = deepcopy(self._first)
+
+    def start(self) -> None:
+        """Change what acts at a run's first instant, where rates are of now and no time passes."""
+        self._rate, self._motion = self._qvel.copy(), self._motions()
+        self._act(0.0 * self._dt, self._rate, self._motion)
+
+    def lag(self) -> None:
+        """Take the batch's rates as those of half a time step before the first."""
+        self._rate = self._qvel.copy()
+
+    def act(self) -> None:
+        """Change what acts in the next time step."""
+        rate, motion = self._qvel.copy(), self._motions()
+        ahead = 0.5 if self._half else 0.0
+        now = rate + ahead * (rate - self._rate), motion + ahead * (motion - self._motion)
+        self._rate, self._motion = rate, motion
+        self._act(self._dt, *now)
+
+    def _motions(self) -> Array:
+        """Of the bodies, as MuJoCo has them, (n, B, 6)."""
+        return self._moves[:, self._bodies]
+
+    def _act(self, dt: Array, rate: Array, motion: Array) -> None:
+        moment = self._moment(dt, self._acting.time[:, None] + self._clock[:, None], rate, motion)
+        effects.act(self._several, moment, self._memory)
+        self._apply(moment)
+
+    def _remembered(self) -> list[Any]:
+        """The memories of all runs where they begin, from what was measured before."""
+        earlier, begun = self._acting.earlier, 0.0 * self._acting.time[:, None]
+        if earlier is None:
+            self._batch.forward(stage=_RATES)
+            moment = self._moment(0.0 * self._dt, begun, self._qvel, self._motions())
+            return effects.begin(self._several, moment)
+        memory: list[Any] = []
+        for k in range(int(earlier.rows.max()) + 1):
+            self._qpos[...] = earlier.pose[earlier.session, k]
+            self._qvel[...] = earlier.rate[earlier.session, k]
+            told = earlier.told[earlier.session, k]
+            self._batch.bind("ctrl")[:, : told.shape[1]] = told
+            self._batch.forward(stage=self.stage)
+            dt = np.where(k < earlier.rows, earlier.period, 0.0)[:, None]
+            moment = self._moment(dt, k * earlier.period[:, None], self._qvel, self._motions())
+            memory = memory or effects.begin(self._several, moment)
+            effects.act(self._several, moment, memory)
+        return memory
+
+    def _moment(self, dt: Array, time: Array, rate: Array, motion: Array) -> StateMoment:
+        """An instant without effects, of rates (n, nv) and motions of bodies (n, B, 6)."""
+        n = len(dt)
+        pulls = np.array([each.state(rate) for each in self._springs]).reshape(-1, 4, n)
+        length, along, free, told = pulls.transpose(1, 2, 0)
+        of_tendons = len(self._tendons)  # which come first among the springs
+        at, moves = self._at[:, self._bodies], motion[..., 3:]
+        if self._bodies:
+            about = self._about[:, self._batch.model.body_rootid[self._bodies]]
+            moves = moves + np.cross(motion[..., :3], at - about)
+        rubs = [each[2] if each else np.zeros((n, 0)) for each in self._friction]
+        return StateMoment.of(
+            names=self._names,
+            dt=dt,
+            time=time,
+            prior_runtime=self._acting.prior_runtime[:, None],
+            joint_angle=self._qpos[:, self._q],
+            joint_velocity=rate[:, self._v],
+            tendon_length=length[:, :of_tendons],
+            tendon_velocity=along[:, :of_tendons],
+            body_position=at,
+            body_velocity=moves,
+            free_stretch=free,
+            told_pull=told,
+            limits=self._limits,
+            joint_torque=np.zeros((n, len(self._v))),
+            gear_friction=rubs[0].copy(),
+            tendon_pull=np.zeros((n, len(self._tendons))),
+            tendon_friction=rubs[1].copy(),
+            slack=np.zeros((n, len(self._springs))),
+            stiffness=self._stiffness + np.zeros((n, 1)),
+            wrench=np.zeros((n, len(self._bodies), 6)),
+        )
+
+    def _apply(self, moment: StateMoment) -> None:
+        """Write into the batch what the effects have made of an instant."""
+        for each, rubs in zip(
+            self._friction, (moment.gear_friction, moment.tendon_friction), strict=True
+        ):
+            if each:
+                each[0][:, each[1]] = np.maximum(rubs, 0.0)
+        for k, spring in enumerate(self._springs):
+            spring.write(moment.slack[:, k], moment.stiffness[:, k])
+        self._applied[...] = 0.0
+        self._applied[:, self._v] = moment.joint_torque
+        for k, tendon in enumerate(self._springs[: len(self._tendons)]):
+            tendon.pull(self._applied, moment.tendon_pull[:, k])
+        if self._bodies:
+            self._pushed[:, self._bodies] = moment.wrench
+
+
+def springs_at(model: mujoco.MjModel, wanted: set[str]) -> list[tuple[str, str]]:
+    """The kind and name of what pulls at places that are wanted, all if one is ""; of one name, the first."""
+    return _places(model, wanted)[1]
+
+
+def _places(
+    model: mujoco.MjModel, wanted: set[str]
+) -> tuple[dict[str, list[str]], list[tuple[str, str]]]:
+    """The names of the places of each kind that are wanted, all if one is "", and the kinds and names of
+    springs.
+    """
+    joints, tendons, bodies = (
+        [name for name in several if name and (name in wanted or "" in wanted)]
+        for several in (
+            [model.joint(int(n)).name for n in single_joints(model)],
+            [model.tendon(n).name for n in range(model.ntendon)],
+            [model.body(n).name for n in range(1, model.nbody)],
+        )
+    )
+    springs = [(TENDON, name) for name in tendons]
+    springs += [(JOINT, name) for name in joints if model.joint(name).stiffness[0]]
+    springs += [
+        ("drive", model.actuator(a).name)
+        for n in single_joints(model)
+        for a in drives_on(model, JOINT, int(n))
+        if model.actuator_biasprm[a, 1] and (model.actuator(a).name in wanted or "" in wanted)
+    ]
+    first = dict.fromkeys(name for _, name in springs)
+    springs = [next(each for each in springs if each[1] == name) for name in first]
+    names = {JOINT: joints, TENDON: tendons, BODY: bodies, SPRING: list(first)}
+    there = {name for several in names.values() for name in several}
+    if lacking := sorted(wanted - there - {""}):
+        raise SerpentError(
+            f"the model has no hinge, slide, tendon, body or drive of a joint {lacking[0]!r}, at which a "
+            "law of its motion could act. Name one of them."
+        )
+    return names, springs

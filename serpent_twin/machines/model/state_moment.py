@@ -1,0 +1,108 @@
+"""Define what laws read of a model's state in a time step, and what they may change."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Instant
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.model.part_of_moment import PartOfMoment
+
+JOINT, TENDON, SPRING, BODY = "joint", "tendon", "spring", "body"
+"""Kinds of places; what pulls is a spring: tendons, springs of joints and their drives"""
+
+
+@dataclass
+class StateMoment(Instant):
+    """One time step of n runs of a model: J joints, all hinges or slides, L tendons, K springs, B bodies.
+
+    The first block is of the state and cannot be changed. The second is what the model without effects has;
+    an effect changes it in place or replaces it.
+    """
+
+    given: ClassVar[frozenset[str]] = frozenset(
+        {"names", "dt", "time", "prior_runtime", "joint_angle", "joint_velocity", "tendon_length",
+         "tendon_velocity", "body_position", "body_velocity", "free_stretch", "told_pull", "limits"}
+    )  # fmt: skip
+    everywhere: ClassVar[frozenset[str]] = frozenset({"dt", "time", "prior_runtime"})
+    """Names of the fields that all places share"""
+
+    names: Mapping[str, Sequence[str]]
+    """Of the places of each kind"""
+    dt: Array
+    """[s], (n, 1); 0 where memories do not go on"""
+    time: Array
+    """Since the session began [s], (n, 1)"""
+    prior_runtime: Array
+    """From the beginning of the log to that of the session [s], (n, 1)"""
+    joint_angle: Array
+    """Or length [rad or m], (n, J)"""
+    joint_velocity: Array
+    """[rad/s or m/s], (n, J)"""
+    tendon_length: Array
+    """[m], (n, L)"""
+    tendon_velocity: Array
+    """[m/s], (n, L)"""
+    body_position: Array
+    """Of the centre of mass in the world [m], (n, B, 3)"""
+    body_velocity: Array
+    """The same [m/s], (n, B, 3)"""
+    free_stretch: Array
+    """By which a spring is stretched beyond the rest that it has without effects [m or rad], (n, K)"""
+    told_pull: Array
+    """What motors pull on a tendon [N], (n, K)"""
+    limits: Array
+    """Least and most that a spring pulls [N or N m], (2, K)"""
+
+    joint_torque: Array
+    """Added to the joints [N m or N], (n, J)"""
+    gear_friction: Array
+    """Coulomb friction of the joints [N m or N], (n, J)"""
+    tendon_pull: Array
+    """Added to the tendons' tension [N], (n, L)"""
+    tendon_friction: Array
+    """Coulomb friction along the tendons [N], (n, L)"""
+    slack: Array
+    """Stretch that a spring takes up before it pulls [m or rad], (n, K)"""
+    stiffness: Array
+    """[N/m or N m/rad], (n, K)"""
+    wrench: Array
+    """Force and torque on bodies at the centre of mass, in the world [N, N m], (n, B, 6)"""
+
+    @property
+    def stretch(self) -> Array:
+        """By which a spring is stretched beyond its rest [m or rad]; where it can only pull, never less than
+        nothing; (n, K).
+        """
+        return np.maximum(
+            self.free_stretch - self.slack, np.where(self.limits[0] < 0, -np.inf, 0.0)
+        )
+
+    @property
+    def tension(self) -> Array:
+        """What a spring pulls [N or N m], (n, K)."""
+        return np.clip(self.stiffness * self.stretch + self.told_pull, *self.limits)
+
+    def at(self, place: str) -> PartOfMoment:
+        """The moment at one joint, tendon, drive or body."""
+        return PartOfMoment(self, place)
+
+    def column(self, quantity: str, place: str) -> int:
+        """Which column of a quantity is of a place."""
+        kind = _KIND.get(quantity, SPRING)
+        if place not in self.names[kind]:
+            raise SerpentError(
+                f"it needs {quantity} of a {kind}, and {place!r} is none. Name a {kind} of the model."
+            )
+        return list(self.names[kind]).index(place)
+
+
+_KIND = {
+    **dict.fromkeys(("joint_angle", "joint_velocity", "joint_torque", "gear_friction"), JOINT),
+    **dict.fromkeys(("tendon_length", "tendon_velocity", "tendon_pull", "tendon_friction"), TENDON),
+    **dict.fromkeys(("body_position", "body_velocity", "wrench"), BODY),
+}
+"""Of what each quantity is; others are of springs"""

@@ -1,0 +1,81 @@
+"""Look up the things of a model that a machine.toml names."""
+
+import mujoco
+
+from serpent_twin import stored
+from serpent_twin.units import TO_SI
+
+OBJECTS = {
+    "site": mujoco.mjtObj.mjOBJ_SITE,
+    "joint": mujoco.mjtObj.mjOBJ_JOINT,
+    "sensor": mujoco.mjtObj.mjOBJ_SENSOR,
+    "tendon": mujoco.mjtObj.mjOBJ_TENDON,
+    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
+    "body": mujoco.mjtObj.mjOBJ_BODY,
+}
+"""MuJoCo's kinds of what has a name"""
+_JOINTS = {
+    mujoco.mjtJoint.mjJNT_FREE: "free",
+    mujoco.mjtJoint.mjJNT_BALL: "ball",
+    mujoco.mjtJoint.mjJNT_SLIDE: "slide",
+    mujoco.mjtJoint.mjJNT_HINGE: "hinge",
+}
+
+
+def names(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:
+    """The names of a model's things of a kind."""
+    count = {
+        mujoco.mjtObj.mjOBJ_ACTUATOR: model.nu,
+        mujoco.mjtObj.mjOBJ_SITE: model.nsite,
+        mujoco.mjtObj.mjOBJ_JOINT: model.njnt,
+        mujoco.mjtObj.mjOBJ_TENDON: model.ntendon,
+        mujoco.mjtObj.mjOBJ_SENSOR: model.nsensor,
+        mujoco.mjtObj.mjOBJ_BODY: model.nbody,
+        mujoco.mjtObj.mjOBJ_KEY: model.nkey,
+    }[kind]
+    return [mujoco.mj_id2name(model, kind, n) or "" for n in range(count)]
+
+
+def unknown(name: str, model: mujoco.MjModel, kind: mujoco.mjtObj) -> str:
+    """What is wrong with a name that a model lacks."""
+    there = [each for each in names(model, kind) if each]
+    listed = stored.names(there, 40) if there else "none that has a name"
+    return f"is {name!r}, which the model lacks; there are: {listed}."
+
+
+def wrong_unit(unit: str, allowed: tuple[str, ...], kind: str, name: str) -> str:
+    """What is wrong with a unit, if its SI unit is none of those allowed; else nothing."""
+    is_in = TO_SI[unit][1]
+    told = f"is {unit!r}, of {is_in}; {kind} {name!r} is in {' or '.join(allowed)}."
+    return "" if is_in in allowed else told
+
+
+def lengths(model: mujoco.MjModel, kind: str, name: str) -> tuple[str, ...]:
+    """SI units of a joint's or tendon's length; a tendon along joints alone may be an angle."""
+    if kind == "joint":
+        return ("m",) if joint_type(model, name) == "slide" else ("rad",)
+    first = model.wrap_type[model.tendon_adr[model.tendon(name).id]]
+    return ("m", "rad") if first == mujoco.mjtWrap.mjWRAP_JOINT else ("m",)
+
+
+def joint_type(model: mujoco.MjModel, name: str) -> str:
+    """Of a joint: free, ball, slide or hinge."""
+    return _JOINTS[mujoco.mjtJoint(int(model.joint(name).type[0]))]
+
+
+def not_single(model: mujoco.MjModel, name: str) -> str:
+    """What a joint is that has more than one angle or length; else nothing."""
+    kind = joint_type(model, name)
+    return f"a {kind} joint" if kind in ("free", "ball") else ""
+
+
+def acts_on(model: mujoco.MjModel, actuator: str) -> tuple[str, str]:
+    """Kind and name of the joint or tendon that an actuator moves; nothing for another thing."""
+    n = model.actuator(actuator).id
+    target = int(model.actuator_trnid[n, 0])
+    match model.actuator_trntype[n]:
+        case mujoco.mjtTrn.mjTRN_TENDON:
+            return "tendon", model.tendon(target).name
+        case mujoco.mjtTrn.mjTRN_JOINT | mujoco.mjtTrn.mjTRN_JOINTINPARENT:
+            return "joint", model.joint(target).name
+    return "", ""

@@ -1,0 +1,281 @@
+"""Test joints and tendons that move as a log says, whatever force that takes."""
+
+import json
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import posed_models
+import pytest
+import swinging_models
+from posed_models import LENGTHS, MASSES, SPRINGS
+from scipy.optimize import minimize
+from swinging_models import RATE, SECONDS
+
+from serpent_twin.identification.run import Trace, trace
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model.machine import ModelMachine
+
+CABLED = """<mujoco>
+  <option timestep="0.004" integrator="{integrator}"/>
+  <worldbody>
+    <site name="wall" pos="0.05 0 1.05"/>
+    <body name="upper" pos="0 0 1">
+      <joint name="shoulder" axis="0 1 0" damping="0.05" stiffness="1.5"/>
+      <geom type="sphere" size="0.01" mass="0.4" pos="0.3 0 0" contype="0" conaffinity="0"/>
+      <body name="lower" pos="0.3 0 0">
+        <joint name="elbow" axis="0 1 0" damping="0.03" stiffness="0.8"/>
+        <geom type="sphere" size="0.01" mass="0.25" pos="0.25 0 0" contype="0" conaffinity="0"/>
+        <site name="end" pos="0.05 0 0.04"/>
+        <site name="tip" pos="0.25 0 0"/>
+      </body>
+    </body>
+  </worldbody>
+  <tendon><spatial name="cable"><site site="wall"/><site site="end"/></spatial></tendon>
+  <sensor><tendonpos name="length" tendon="cable"/></sensor>
+</mujoco>
+"""
+CABLED_TOML = """schema_version = 1
+model = "arm.xml"
+rows = "{rows}"
+time = {{ column = "t", unit = "s" }}
+
+[[drive]]
+tendon = "cable"
+column = "wound"
+unit = "mm"
+
+[[measured]]
+site = "tip"
+columns = ["x", "y", "z"]
+unit = "mm"
+cameras = false
+noise = 0.1
+
+[[measured]]
+sensor = "length"
+columns = ["long"]
+unit = "mm"
+noise = 0.01
+"""
+
+
+def opened(path, log, steps=0):
+    """The machine, its pieces, and by how much its model is off, (S, T, C)."""
+    rig = open_machine(path)
+    recordings = rig.read(log)
+    case = rig.open(recordings)
+    machine = case.machine
+    assert isinstance(machine, ModelMachine)
+    machine = replace(machine, steps=steps or machine.steps)
+    pieces = case.pieces(recordings)
+    at = ParameterVector(np.zeros(len(case.declared)))
+    return case, pieces, pieces.measured - machine.respond([at], pieces)[0]
+
+
+def traced(tmp_path, **how):
+    path = swinging_models.machine(tmp_path / "arm")
+    for n in range(4):
+        swinging_models.log(tmp_path / "logs" / f"motion_{n}.csv", n, **how)
+    out = tmp_path / "trace"
+    trace(Trace((tmp_path / "logs",), out, machine=path))
+    return json.loads((out / "diagnosis.json").read_text())
+
+
+def test_the_elbow_swings_as_its_equations_say_where_the_shoulder_is_moved(tmp_path):
+    """And first order in the time step: forces of speeds are of those half a step before."""
+    path = swinging_models.machine(tmp_path)
+    log = swinging_models.log(tmp_path / "log.csv", 0, noise=0.0)
+    off = [np.nanmax(np.abs(opened(path, log, steps)[2])) for steps in (32, 128, 512)]
+    assert off[1] < 2e-4 and off[2] < 5e-5  # rad, of a swing by 1 rad
+    np.testing.assert_allclose(np.divide(off[:2], off[1:]), 4.0, rtol=0.1)
+
+
+def test_constraints_that_a_model_has_turned_off_stay_off(tmp_path):
+    """The elbow's narrow range, and an equality that would hold it."""
+    path = swinging_models.machine(tmp_path)
+    model, log = path.with_name("arm.xml"), swinging_models.log(tmp_path / "log.csv", 0, noise=0.0)
+    straight = '<equality><joint joint1="elbow"/></equality>'
+    narrow = model.read_text().replace('name="elbow"', 'name="elbow" range="-100 100"')
+    for flag in ("constraint", "equality"):
+        off = f'<flag {flag}="disable" limit="disable"/></option>'
+        text = narrow.replace('"implicitfast"/>', f'"implicitfast">{off}', 1)
+        model.write_text(text.replace("</mujoco>", f"{straight}</mujoco>"))
+        assert np.nanmax(np.abs(opened(path, log, 128)[2])) < 2e-4  # rad
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicit", "implicitfast"])
+def test_a_joint_moves_as_told_and_its_reaction_is_measured(tmp_path, integrator):
+    """Dampers are not what a sensor of the torque between two bodies shows."""
+    path = swinging_models.machine(tmp_path)
+    model = path.with_name("arm.xml")
+    sensors = '<jointpos name="turned" joint="shoulder"/><torque name="held" site="seat"/>'
+    model.write_text(
+        model.read_text()
+        .replace("</mujoco>", f"<sensor>{sensors}</sensor></mujoco>")
+        .replace(
+            '<geom type="sphere" size="0.01" mass="0.4"', '<site name="seat"/><geom mass="0.4"'
+        )
+        .replace('<geom mass="0.4"', '<geom type="sphere" size="0.01" mass="0.4"')
+        .replace("implicitfast", integrator)
+    )
+    path.write_text(
+        swinging_models.TOML
+        + '[[measured]]\nsensor = "turned"\ncolumns = ["again"]\nunit = "rad"\nnoise = 1e-5\n'
+        + '[[measured]]\nsensor = "held"\ncolumns = ["mx", "my", "mz"]\nunit = "N m"\nnoise = 1e-3\n'
+    )
+    log = swinging_models.log(tmp_path / "log.csv", 1, noise=0.0)
+    table = np.genfromtxt(log, delimiter=",", names=True)
+    told = swinging_models.turning(np.random.default_rng(1))
+    q1, v1, a1 = np.array([told(t) for t in table["t"]]).T
+    q2 = table["angle"]
+    v2, a2 = (np.gradient(q2, 1 / RATE, edge_order=2) for _ in range(2))
+    m1, m2, (a, b) = *MASSES, LENGTHS
+    c, s, ball = np.cos(q2), np.sin(q2), 2 / 5 * 1e-4
+    a2 = np.gradient(v2, 1 / RATE)
+    moment = (
+        ((m1 + m2) * a**2 + m2 * b**2 + 2 * m2 * a * b * c + ball * (m1 + m2)) * a1
+        + (m2 * b**2 + m2 * a * b * c + ball * m2) * a2
+        - m2 * a * b * s * (2 * v1 * v2 + v2**2)
+        - 9.81 * ((m1 + m2) * a * np.cos(q1) + m2 * b * np.cos(q1 + q2))
+    )
+    rows = np.c_[table["t"], q1, q2, q1, 0 * q1, moment, 0 * q1]
+    text = "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows)
+    log.write_text(f"t,encoder,angle,again,mx,my,mz\n{text}\n")
+    _, _, off = opened(path, log, 128)
+    inside = off[:, 20:-5]
+    assert np.nanmax(np.abs(off[..., 1])) < 1e-6  # rad
+    assert np.nanmax(np.abs(inside[..., 2:])) < 0.02 * np.abs(moment).max()  # of differences
+    assert np.abs(moment).max() > 2.0  # N m
+
+
+def test_corners_and_noise_of_an_encoder_do_not_ring(tmp_path):
+    """The shoulder turns to and fro at even speeds, 1 rad/s, and its encoder has noise of 0.1 mrad."""
+    path = swinging_models.machine(tmp_path)
+    log = swinging_models.log(tmp_path / "log.csv", 0, sharp=0.002)
+    _, _, off = opened(path, log, 64)
+    assert np.sqrt(np.nanmean(off**2)) < 1.3 * 5e-4  # rad: the noise of the elbow's angle
+
+
+def cabled(folder, rows, integrator="implicitfast"):
+    (folder / "arm.xml").write_text(CABLED.format(integrator=integrator))
+    (folder / "machine.toml").write_text(CABLED_TOML.format(rows=rows))
+    return folder / "machine.toml"
+
+
+def lines(path, rows):
+    text = "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows)
+    path.write_text(f"t,wound,x,y,z,long\n{text}\n")
+    return path
+
+
+def span(angles):
+    """Length of the cable [m], for angles of both joints [rad]."""
+    first, second = angles[0], angles[0] + angles[1]
+
+    def turned(x, z, by):
+        return np.array([x * np.cos(by) + z * np.sin(by), z * np.cos(by) - x * np.sin(by)])
+
+    end = turned(LENGTHS[0], 0.0, first) + turned(0.05, 0.04, second)
+    return float(np.linalg.norm(end - [0.05, 0.05]))
+
+
+@pytest.mark.parametrize("corners", [False, True])
+@pytest.mark.parametrize("integrator", ["RK4", "implicitfast"])
+def test_a_tendon_keeps_its_length_in_motion(tmp_path, corners, integrator):
+    path, time = cabled(tmp_path, "motion", integrator), np.arange(0.0, SECONDS, 1 / RATE)
+    wave = 2 / np.pi * np.arcsin(np.sin(3 * time)) if corners else np.sin(3 * time)
+    long = 1e3 * span([0.0, 0.0]) + 5 + 30 * wave  # begins 5 mm off
+    log = lines(tmp_path / "log.csv", np.c_[time, long, np.zeros((len(time), 3)), long])
+    _, _, off = opened(path, log)
+    assert np.nanmax(np.abs(off[..., 3])) < 1e-4 * np.ptp(long) / 1e3  # m
+
+
+def test_a_tendon_of_known_length_pulls_the_arm_where_its_energy_is_least(tmp_path):
+    path, rng = cabled(tmp_path, "poses"), np.random.default_rng(0)
+    wound = span([0.0, 0.0]) + rng.uniform(-0.03, 0.03, 40)
+
+    def energy(angles):
+        weight = sum(
+            m * 9.81 * at[2] for m, at in zip(MASSES, posed_models.places(angles), strict=True)
+        )
+        return weight + sum(k * q**2 for k, q in zip(SPRINGS, angles, strict=True)) / 2
+
+    def rest(length):
+        return minimize(
+            energy,
+            [0.0, 0.0],
+            method="SLSQP",
+            constraints={"type": "eq", "fun": lambda angles: span(angles) - length},
+            options={"ftol": 1e-14, "maxiter": 200},
+        ).x
+
+    tips = np.array([posed_models.places(rest(length))[1] for length in wound])
+    rows = np.c_[np.arange(40.0), 1e3 * wound, 1e3 * tips, 1e3 * wound]
+    _, _, off = opened(path, lines(tmp_path / "log.csv", rows))
+    assert np.nanmax(np.abs(off[..., :3])) < 2e-6  # m
+    assert np.nanmax(np.abs(off[..., 3])) < 1e-4 * np.ptp(wound)
+
+
+def test_a_joint_of_known_angle_leaves_the_other_where_its_energy_is_least(tmp_path):
+    path = posed_models.machine(tmp_path)
+    text = posed_models.TOML.replace('actuator = "at_shoulder"', 'joint = "shoulder"')
+    path.write_text(text)
+    rng, gravity = np.random.default_rng(0), np.array([0.0, 0.0, -9.81])
+    told = rng.uniform(-0.8, 0.8, (30, 2))
+
+    def rest(first, goal):
+        def energy(elbow):
+            at = posed_models.places(np.array([first, elbow[0]]))
+            springs = SPRINGS[1] * elbow[0] ** 2 + posed_models.GAIN * (elbow[0] - goal) ** 2
+            return springs / 2 - sum(m * p @ gravity for m, p in zip(MASSES, at, strict=True))
+
+        return np.array([first, minimize(energy, [0.0], tol=1e-12).x[0]])
+
+    tips = 1e3 * np.array([posed_models.places(rest(*each))[1] for each in told])
+    text = "\n".join(",".join(f"{v:.9f}" for v in row) for row in np.c_[np.degrees(told), tips])
+    (tmp_path / "log.csv").write_text(f"shoulder_deg,elbow_deg,x,y,z\n{text}\n")
+    _, _, off = opened(path, tmp_path / "log.csv")
+    assert np.nanmax(np.abs(off)) < 2e-6  # m
+
+
+@pytest.mark.slow
+def test_a_spring_of_the_joint_that_follows_is_named_with_its_size(tmp_path):
+    found = traced(tmp_path, spring=0.05)
+    assert [each["name"] for each in found["effects"]] == ["joint_elasticity@elbow"]
+    stiffness = found["effects"][0]["parameters"]["stiffness"]
+    assert stiffness["value"] == pytest.approx(0.05, rel=0.1)
+    assert stiffness["low"] < 0.05 < stiffness["high"]
+
+
+@pytest.mark.slow
+def test_nothing_is_missing_where_a_joint_follows_as_its_model_does(tmp_path):
+    found = traced(tmp_path)
+    assert found["effects"] == [] and not found["unexplained"]["is"]
+
+
+def test_a_column_may_count_from_the_keyframe(tmp_path):
+    path = cabled(tmp_path, "poses")
+    model = path.with_name("arm.xml")
+    bent = '<keyframe><key name="bent" qpos="0.3 -0.2"/></keyframe></mujoco>'
+    model.write_text(model.read_text().replace("</mujoco>", bent))
+    path.write_text(
+        'keyframe = "bent"\n'
+        + CABLED_TOML.format(rows="poses").replace(
+            'unit = "mm"', 'unit = "mm"\noffset = "keyframe"', 1
+        )
+        + '\n[[drive]]\njoint = "elbow"\ncolumn = "turned"\nunit = "deg"\noffset = "keyframe"\n'
+    )
+    described = open_machine(path).described
+    offsets = [described.offset(each) for each in described.about.drive]
+    assert offsets == pytest.approx([span([0.3, -0.2]), -0.2], abs=1e-9)
+
+
+def test_a_twin_is_written_without_what_holds_it(tmp_path):
+    path = swinging_models.machine(tmp_path)
+    rig = open_machine(path)
+    case = rig.open(rig.read(swinging_models.log(tmp_path / "log.csv", 0)))
+    case.write(ParameterVector(np.zeros(len(case.declared))), tmp_path / "twin.json", {})
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))
+    assert model.neq == 0 and model.jnt_limited[0]
