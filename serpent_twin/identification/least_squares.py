@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from serpent_twin.arrays import Array
+from serpent_twin.identification import weak_steps
 from serpent_twin.identification.fitted import NORMAL_95, Fit
 from serpent_twin.identification.free_parameters import FreeParameters, between
 from serpent_twin.identification.objective import Objective
@@ -48,6 +49,7 @@ def fit(
     carried: Fit | None = None,
     steps: int = _STEPS,
     near: float = np.inf,
+    last: bool = False,
 ) -> Fit:
     """Fit to at most so many segments, spread evenly, with at most so many derivatives.
 
@@ -56,7 +58,8 @@ def fit(
     simulated. From one that is `carried` over from other weights, and maybe fewer segments, the derivative
     is taken for the first steps instead of a simulation. The fit has converged when a new derivative gives no
     better step; with no steps it is the derivative at the start. Above the cost `near` there is no second
-    derivative, and small steps are not worth it.
+    derivative, and small steps are not worth it. The `last` fit is finished along what the data tell least,
+    if its slopes are finite differences.
     """
     used = known.used if known else _spread(len(pieces), most, carried.used if carried else ())
     problem = Objective(case, case.take(pieces, used), free, known)
@@ -87,6 +90,8 @@ def fit(
         settled = steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost)
         if (settled or at.cost > near) and (n or not carried):
             break
+    if last and case.differenced(at.point, problem.some):
+        at, jacobian = weak_steps.follow(problem, at, jacobian)
     at = problem.exact(at)
     inflation, noise = problem.variance_inflation, case.noise
     error, correlation = _errors(jacobian, at.residual, inflation, problem.prior)

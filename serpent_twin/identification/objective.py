@@ -87,7 +87,7 @@ class Objective:
         if self._timestep is None or at is self._anchor:
             return at
         residual = self.case.residual([at.point], self.some)[0]
-        return At(at.point, residual, self._cost(residual, at.point))
+        return At(at.point, residual, self.cost(residual, at.point))
 
     def carry(
         self, start: ParameterVector, carried: Fit, used: tuple[int, ...]
@@ -111,16 +111,16 @@ class Objective:
         """
         flat = jacobian.reshape(len(self.free), -1)
         normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
-        pull = -(flat @ at.residual.ravel()) / self.variance_inflation - self.prior * self._lean(
+        pull = -(flat @ at.residual.ravel()) / self.variance_inflation - self.prior * self.lean(
             at.point
         )
         ends = room(self.case, at.point, self.free)
         for group in ((0.0, *_DAMPINGS),) if self.damped else ((0.0,), _DAMPINGS):
             self.damped = len(group) > 1
-            steps = [_least(normal + d * np.diag(np.diag(normal)), pull, *ends) for d in group]
+            steps = [least(normal + d * np.diag(np.diag(normal)), pull, *ends) for d in group]
             tried = [moved(self.case, at.point, self.free, step) for step in steps]
-            found = self._residual(tried)
-            costs = [self._cost(each, there) for each, there in zip(found, tried, strict=True)]
+            found = self.residuals(tried)
+            costs = [self.cost(each, there) for each, there in zip(found, tried, strict=True)]
             best = int(np.argmin(costs))
             if costs[best] < at.cost:
                 return At(tried[best], found[best], costs[best])
@@ -138,11 +138,11 @@ class Objective:
 
     def _anchored(self, point: ParameterVector, residual: Array) -> At:
         """A parameter vector with its exact residual, from which steps go from now on."""
-        self._anchor = At(point, residual, self._cost(residual, point))
+        self._anchor = At(point, residual, self.cost(residual, point))
         self._timestep, self._correction = self.case.coarse_step([point]), None
         return self._anchor
 
-    def _residual(self, points: Sequence[ParameterVector]) -> Array:
+    def residuals(self, points: Sequence[ParameterVector]) -> Array:
         """Residuals in longer time steps, corrected by what these change where the derivative was taken; in
         the usual ones where they are unstable.
         """
@@ -156,18 +156,19 @@ class Objective:
             self._timestep = None
         return self.case.residual(points, self.some)
 
-    def _lean(self, point: ParameterVector) -> Array:
+    def lean(self, point: ParameterVector) -> Array:
         """Deviations of the free parameters from their prior means; 0 for effects, which have no prior."""
         declared = point.declared[list(self.free.declared)]
         return np.r_[declared, np.zeros(len(self.free.effects))]
 
-    def _cost(self, residual: Array, point: ParameterVector) -> float:
+    def cost(self, residual: Array, point: ParameterVector) -> float:
+        """Weighted squares and priors, as `Fit.cost`; infinite where a simulation gave up."""
         squares = float((residual.astype(float) ** 2).sum()) / self.variance_inflation
-        cost = squares + float((self.prior * self._lean(point) ** 2).sum())
+        cost = squares + float((self.prior * self.lean(point) ** 2).sum())
         return cost if np.isfinite(cost) else np.inf
 
 
-def _least(normal: Array, pull: Array, low: Array, high: Array) -> Array:
+def least(normal: Array, pull: Array, low: Array, high: Array) -> Array:
     """The step x within bounds at which xᵀ N x / 2 − pull · x is least; short where single precision leaves
     what x does there unknown.
     """

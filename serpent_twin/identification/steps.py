@@ -164,6 +164,7 @@ class Tracer:
                 self.on_progress,
                 known,
                 carried,
+                last=last,
             ),
         )
 

@@ -122,6 +122,12 @@ class Case(Generic[P]):
                 out[names.index(name), which] = self._weigh(-change[None], measured[which])[0]
         return out
 
+    def differenced(self, point: ParameterVector, pieces: P) -> bool:
+        """Whether only finite differences give some of the derivatives by the declared parameters."""
+        with self.clock:
+            given = self.machine.derivatives(point, pieces.take([0]), self.noise)
+        return len(given) < len(self.declared)
+
     def reweighted(self, point: ParameterVector, pieces: P) -> "Case[P]":
         """The same case, each channel's noise set to the rms that a fitted twin leaves of it; a channel in
         which nothing was measured keeps its noise.

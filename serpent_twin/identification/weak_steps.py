@@ -1,0 +1,116 @@
+"""Finish a fit along what the data tell least, and find how much they tell there.
+
+Some combinations of parameters change nothing that is measured: where motion alone is measured, all masses,
+stiffnesses, frictions and forces times one factor. Each of them alone changes much, so that the error of
+its finite difference, a few per cent, passes for information on the combination: the fit then stops where it
+happened to come in, and its standard errors are too small. So the residual is differentiated along these
+combinations themselves, by central differences, and the fit follows them and its priors to the end.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.identification.free_parameters import FreeParameters, between, moved, room
+from serpent_twin.identification.objective import At, Objective, least
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
+
+_MOST = 24
+"""Directions, the weakest ones; other slopes stay as they are"""
+_CHANGE = 3.0
+"""Standard deviations by which a difference changes the residual"""
+_SHARE = 0.2
+"""Of its value, by which an effect's parameter is scaled"""
+_ROUNDS = 6
+_STEPS = (1.0, 0.5, 0.2)
+"""Shares of a step that are tried side by side"""
+_WORTH = 0.5
+"""A step that reduces the cost by less is the last"""
+
+
+def follow(problem: Objective, at: At, jacobian: Array) -> tuple[At, Array]:
+    """A parameter vector from which no weak direction leads to a lower cost, and the Jacobian there."""
+    width = _widths(problem.case, problem.free, at.point)
+    scaled = jacobian.reshape(len(width), -1).astype(float) * width[:, None]
+    for _ in range(_ROUNDS):
+        weak = _differentiated(problem, at, scaled, width)
+        taken = _stepped(problem, at, scaled, width, weak)
+        gained, at = at.cost - taken.cost, taken
+        if gained < _WORTH:
+            break
+    return at, (scaled / width[:, None]).reshape(jacobian.shape).astype(np.float32)
+
+
+def _differentiated(problem: Objective, at: At, scaled: Array, width: Array) -> Array:
+    """The weak directions, (len(free), W); the scaled Jacobian is changed in place, as little as can be, to
+    what the residual does along them.
+    """
+    seen = np.flatnonzero(scaled.any(axis=1))  # the others move nothing, also together
+    told, along = np.linalg.eigh(scaled[seen] @ scaled[seen].T / problem.variance_inflation)
+    weak = np.zeros((len(scaled), min(len(seen), _MOST)))
+    weak[seen] = along[:, : weak.shape[1]]
+    lengths = np.minimum(1.0, _CHANGE / np.sqrt(np.maximum(told[: weak.shape[1]], 1e-9)))
+    ways = [side * way for way in (lengths * weak * width[:, None]).T for side in (1, -1)]
+    points = [_curved(problem, at.point, way) for way in ways]
+    found = problem.residuals(points) if points else np.empty((0, *at.residual.shape))
+    went = np.reshape([_straight(problem, at.point, point) for point in points], (-1, len(width)))
+    steps = (went[0::2] - went[1::2]) / width
+    changes = (found[0::2] - found[1::2]).reshape(len(steps), scaled.shape[1])
+    if (known := np.isfinite(changes).all(axis=1)).any():
+        some = steps[known]
+        scaled += np.linalg.pinv(some) @ (changes[known] - some @ scaled)
+    return weak
+
+
+def _stepped(problem: Objective, at: At, scaled: Array, width: Array, weak: Array) -> At:
+    """The best of some steps within bounds, by the pull in all or in the weak directions; or none."""
+    each, prior = problem.variance_inflation, problem.prior * width**2
+    normal = scaled @ scaled.T / each + np.diag(prior)
+    pull = -(scaled @ at.residual.ravel()) / each - prior * problem.lean(at.point) / width
+    low, high = room(problem.case, at.point, problem.free)
+    ways = [
+        least(normal, some, low / width, high / width) for some in (pull, weak @ (weak.T @ pull))
+    ]
+    points = [_curved(problem, at.point, share * width * way) for way in ways for share in _STEPS]
+    tried = [
+        At(point, residual, problem.cost(residual, point))
+        for point, residual in zip(points, problem.residuals(points), strict=True)
+    ]
+    return min((at, *tried), key=lambda each: each.cost)
+
+
+def _curved(problem: Objective, point: ParameterVector, step: Array) -> ParameterVector:
+    """A parameter vector after a step in which strengths change by factors, as the logarithms of the model's
+    numbers do: a factor common to all forces is then one straight way.
+    """
+    values = _strengths(problem, point)
+    shares = step / values
+    near = np.clip(shares, -1.0, 1.0)  # beyond, factors would run away
+    bent = np.where(np.isfinite(values), values * (np.expm1(near) + shares - near), step)
+    return moved(problem.case, point, problem.free, bent)
+
+
+def _straight(problem: Objective, point: ParameterVector, after: ParameterVector) -> Array:
+    """The step that `_curved` takes to get there, within bounds."""
+    values, went = _strengths(problem, point), between(point, after, problem.free)
+    shares = went / values
+    near = np.clip(shares, np.expm1(-1.0), np.expm1(1.0))
+    return np.where(np.isfinite(values), values * (np.log1p(near) + shares - near), went)
+
+
+def _strengths(problem: Objective, point: ParameterVector) -> Array:
+    """Values of the effects' parameters among the free ones; NaN where steps are plain."""
+    values = [float(point.effects[name][k]) or np.nan for name, k in problem.free.effects]
+    return np.r_[np.full(len(problem.free.declared), np.nan), values]
+
+
+def _widths(case: Case[Any], free: FreeParameters, point: ParameterVector) -> Array:
+    """A scale for each free parameter: its prior's width; of an effect's, a share of its value."""
+    ranges = [list(case.candidates[name].ranges.values())[k] for name, k in free.effects]
+    values = [abs(float(point.effects[name][k])) for name, k in free.effects]
+    sizes = [
+        _SHARE * max(value, allowed.typical) for value, allowed in zip(values, ranges, strict=True)
+    ]
+    return np.r_[[case.declared[k].prior for k in free.declared], sizes]

@@ -1,0 +1,115 @@
+"""Test the end of a fit along what the data tell least, where the truth is known in closed form."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from linear_case import GUST, START, LinearCase, case, every
+from scipy.optimize import minimize
+
+from serpent_twin.identification.fitted import NORMAL_95
+from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.least_squares import fit
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import Declared
+
+PRIOR, DRIVE, STIFFNESS, FORCE = 0.3, 5.0, 2.0, 3.0
+
+
+@dataclass(frozen=True)
+class PulledSpring(LinearCase):
+    """Where a spring ends that a drive's force and a gust pull: all three times one factor move nothing.
+
+    The declared parameters are the logarithms of the drive's gain and of the spring's stiffness.
+    """
+
+    def place(self, declared, size):
+        pull = DRIVE * np.exp(declared[0]) * self.X[..., 0] + size * self.g
+        return pull / (STIFFNESS * np.exp(declared[1]))
+
+    def residual(self, points, pieces, timestep=None):
+        there = [self.place(p.declared, p.effects.get(GUST, [0.0])[0]) for p in points]
+        return self.weigh(self.y - np.array(there))[:, pieces]
+
+    def coarse_step(self, points):
+        return None
+
+    def jacobian(self, point, pieces):
+        return np.full((2, len(pieces), self.y.shape[1]), np.nan)
+
+    def differenced(self, point, pieces):
+        return True
+
+
+@pytest.fixture(scope="module")
+def pulled():
+    """A spring that was pulled by its nominal drive and by a gust."""
+    of = case(0.0)
+    declared = tuple(Declared(name, "log 1", PRIOR, 0.1 * PRIOR) for name in ("drive", "spring"))
+    nominal = PulledSpring(of.X, of.g, of.other, of.y, declared)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(of.y.shape)
+    y = nominal.place([0.0, 0.0], FORCE) + noise
+    return PulledSpring(of.X, of.g, of.other, y, declared, noise=np.full(3, 0.02))
+
+
+def fitted(arm, last):
+    """From where all forces are by a third too large."""
+    start = START.having(GUST, np.array([FORCE * np.exp(0.3)]))
+    start.declared[:] = 0.3
+    return fit(arm, every(), start, free_parameters(arm, [GUST]), 3, 99, last=last)
+
+
+def test_a_fit_goes_along_what_moves_nothing_until_its_priors_stop_it(pulled):
+    """Against a general minimiser, which starts at the truth."""
+    found = fitted(pulled, True)
+
+    def cost(at):
+        left = pulled.weigh(pulled.y - pulled.place(at[:2], np.exp(at[2])))
+        lean = np.square(at[:2] / PRIOR).sum()
+        return (left**2).sum() / found.variance_inflation + lean
+
+    least = minimize(
+        cost,
+        [0.0, 0.0, np.log(FORCE)],
+        method="Nelder-Mead",
+        options={"xatol": 1e-6, "fatol": 1e-9},
+    )
+    assert found.cost == pytest.approx(least.fun, abs=0.1)
+    error = PRIOR / np.sqrt(2)
+    assert found.point.declared == pytest.approx(least.x[:2], abs=0.1 * error)
+    assert found.point.effects[GUST][0] == pytest.approx(np.exp(least.x[2]), rel=0.1 * error)
+
+
+def test_its_standard_errors_are_the_priors_there(pulled):
+    """The mean of two logarithms, each known to 0.3, is known to 0.3 / √2; the force by as large a part."""
+    found = fitted(pulled, True)
+    error = PRIOR / np.sqrt(2)
+    value, low, high = found.interval(GUST, 0)
+    assert found.error[:2] == pytest.approx(error, rel=0.05)
+    assert (high - low) / (2 * NORMAL_95 * value) == pytest.approx(error, rel=0.05)
+    assert low < FORCE < high
+
+
+def test_without_that_it_stays_where_it_came_in(pulled):
+    """What the end of a fit is for: the data tell nothing that leads on."""
+    found = fitted(pulled, False)
+    assert found.point.declared == pytest.approx(0.3, abs=0.02)
+    assert found.cost > fitted(pulled, True).cost + 1.5
+
+
+def test_slopes_that_a_machine_gives_itself_need_none_of_it():
+    class Given:
+        declared = (Declared("one", "1", 1.0, 0.1),)
+
+        def __init__(self, *names):
+            self.names = names
+
+        def derivatives(self, point, pieces, noise):
+            return {name: np.zeros(1) for name in self.names}
+
+    class Pieces:
+        def take(self, which):
+            return self
+
+    assert Case(Given(), np.ones(1)).differenced(START, Pieces())
+    assert not Case(Given("one"), np.ones(1)).differenced(START, Pieces())
