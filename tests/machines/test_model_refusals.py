@@ -257,3 +257,12 @@ def test_every_key_and_unit_is_documented():
     assert not lacking
     used = [unit for unit, (_, of) in TO_SI.items() if not of.endswith("/s")]
     assert not [unit for unit in used if f"`{unit}`" not in page]
+
+
+def test_fewer_measured_values_than_numbers_are_refused(told, tmp_path):
+    """A camera that saw two poses of 20, where both joints, masses and drives are uncertain."""
+    few = told[posed_models]
+    for axis in "xyz":
+        few = cells(axis, lambda n, v: v if n < 2 else "nan")(few)
+    said = refused(tmp_path, posed_models, few)
+    assert re.search(r"\d+ numbers of the model .* to 6 measured values", said), said

@@ -17,7 +17,11 @@ from serpent_twin.machines.model import log_file
 from serpent_twin.machines.model.candidates import candidates
 from serpent_twin.machines.model.coordinates import coordinates
 from serpent_twin.machines.model.description import MOTION, POSES, Described, beside
-from serpent_twin.machines.model.doubts import require_moving_poses, require_units
+from serpent_twin.machines.model.doubts import (
+    require_enough,
+    require_moving_poses,
+    require_units,
+)
 from serpent_twin.machines.model.limits import logged_limits
 from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.machines.model.motion import STEPS
@@ -81,6 +85,7 @@ class ModelRig:
         )
         pieces = machine.pieces(training)
         require_moving_poses(self.described, pieces)
+        require_enough(self.described, len(machine.declared), pieces)
         few = pieces.take(range(0, len(pieces), max(1, len(pieces) // _FEW)))
         found = _nominal(machine, few)
         require_units(self.described, few, found)

@@ -88,6 +88,16 @@ def require_moving_poses(machine: Described, pieces: Runs) -> None:
         )
 
 
+def require_enough(machine: Described, numbers: int, pieces: Runs) -> None:
+    """Refuse logs with fewer measured values than numbers that a fit would move."""
+    known = int(np.isfinite(pieces.measured).sum())
+    if known <= numbers:
+        raise SerpentError(
+            f"{machine.path}: {counted(numbers, 'number')} of the model and its drives would be fitted to "
+            f"{counted(known, 'measured value')}. Give longer logs, or list fewer in [[uncertain]]."
+        )
+
+
 def require_units(machine: Described, pieces: Runs, found: Array) -> None:
     """Refuse a column that follows the model, (S, T, C), or else the servo of its joint, but with the other
     sign or in another unit.
