@@ -6,7 +6,7 @@ from typing import ClassVar
 import mujoco
 
 from serpent_twin.effects.effect import Effect, parameter
-from serpent_twin.effects.links import HELD, joints_at, let_rub
+from serpent_twin.effects.links import joints_at, let_hold
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,4 @@ class HingeFriction(Effect):
             joint.frictionloss += self.coulomb
             joint.damping[0] += self.viscous
         if self.at and self.coulomb:
-            let_rub(spec)
-            joint = spec.joint(self.at)
-            joint.solref_friction[0] = HELD
+            let_hold(spec, self.at)

@@ -50,3 +50,9 @@ def let_rub(spec: mujoco.MjSpec) -> None:
         spec.option.disableflags &= ~int(off.mjDSBL_CONSTRAINT)
         spec.option.disableflags |= int(off.mjDSBL_EQUALITY | off.mjDSBL_LIMIT | off.mjDSBL_CONTACT)
     spec.option.disableflags &= ~int(off.mjDSBL_FRICTIONLOSS)
+
+
+def let_hold(spec: mujoco.MjSpec, joint: str) -> None:
+    """Let dry friction hold a joint of a model still."""
+    let_rub(spec)
+    spec.joint(joint).solref_friction[0] = HELD

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.effects.effect import LOSS, Effect, parameter
-from serpent_twin.effects.links import HELD, let_rub
+from serpent_twin.effects.links import let_hold
 from serpent_twin.effects.moment import Geared
 
 
@@ -32,8 +32,7 @@ class Stribeck(Effect):
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Let a joint of a model stick."""
         if self.at:
-            spec.joint(self.at).solref_friction[0] = HELD
-            let_rub(spec)
+            let_hold(spec, self.at)
 
     def act(self, moment: Geared, memory: None) -> None:
         """Raise the friction near rest."""

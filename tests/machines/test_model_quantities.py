@@ -144,6 +144,6 @@ def test_a_late_reading_is_late_at_its_own_place_only(tmp_path):
     at = ParameterVector(np.zeros(len(case.declared)))
     seen = case.machine.respond([at], pieces)[0]
     a_row_late = SensorDelay(float(pieces.period[0]), at="bend")
-    late = reread([a_row_late], case.machine.places, seen, pieces)
+    late = reread([[a_row_late]] * len(seen), case.machine.places, seen, pieces.period)
     np.testing.assert_array_equal(late[..., :3], seen[..., :3])
     np.testing.assert_allclose(late[:, 1:, 3:], seen[:, :-1, 3:], atol=1e-12)

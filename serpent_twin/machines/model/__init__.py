@@ -82,6 +82,7 @@ class ModelRig:
             outputs,
             logged_limits(self.described, training),
             {"pivot": np.zeros(3), "shift": np.zeros(3)},
+            steps=self.described.about.steps or STEPS[0],
         )
         pieces = machine.pieces(training)
         require_moving_poses(self.described, pieces)
@@ -92,8 +93,9 @@ class ModelRig:
         _require_found(machine, few, found)
         if self.described.about.rows == MOTION:
             machine = _quieter(machine, few, found)
-            steps, found = _steps(machine, few, found)
-            machine = replace(machine, steps=steps)
+            if not self.described.about.steps:
+                steps, found = _steps(machine, few, found)
+                machine = replace(machine, steps=steps)
         first, spread = _first(machine, few, found)
         machine = replace(machine, frame=first)
         if self.described.about.rows == POSES:

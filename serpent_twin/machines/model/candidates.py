@@ -17,7 +17,8 @@ from serpent_twin.machines.model.rubbing import rubbing
 from serpent_twin.machines.model.sizes import Sizes, of_joint, sized_range, sizes
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.machines.model.starts import LEAD
-from serpent_twin.machines.model.things import OBJECTS, names
+from serpent_twin.machines.model.state_effects import state_driven
+from serpent_twin.machines.model.things import OBJECTS, acts_on, names
 
 _STILL = 1e-6
 """Motion of a body per motion of a joint [m/rad] below which it stands still"""
@@ -45,7 +46,8 @@ def candidates(machine: Described, training: Sequence[Recording]) -> dict[str, C
     found = [candidate("gravity"), *_play(machine, training), *_joints(machine, sized)]
     if machine.about.rows == MOTION:
         found += [candidate("command_delay")] * bool(machine.commanded)
-        found += [*_late(machine, training), *_tendons(machine), *_saturated(machine, training)]
+        found += [*_late(machine, training), *_tendons(machine)]
+        found += _saturated(machine, training, sized)
         found += laws_of_state(machine, training, sized, _MOST_PLACES)
     else:
         found += rubbing(machine, _MOST_PLACES)
@@ -121,6 +123,7 @@ def _joints(machine: Described, sized: Sizes) -> Iterator[Candidate]:
     joints = single_joints(model).tolist()
     if len(joints) > _MOST_PLACES:
         return
+    driven = [acts_on(model, each.actuator) for each in machine.commanded]
     for n in (each for each in joints if model.joint(each).name not in ("", *held)):
         name, dof = model.joint(n).name, model.jnt_dofadr[n]
 
@@ -138,6 +141,8 @@ def _joints(machine: Described, sized: Sizes) -> Iterator[Candidate]:
             coulomb = of("hinge_friction", "coulomb", _RUBS * force)
             viscous = of("hinge_friction", "viscous", _RUBS * force / rate)
             yield candidate(f"hinge_friction@{name}", coulomb=coulomb, viscous=viscous)
+            if ("joint", name) in driven:
+                yield candidate(f"gear_friction@{name}")
 
 
 def _late(machine: Described, training: Sequence[Recording]) -> Iterator[Candidate]:
@@ -183,16 +188,23 @@ def _pulls(model: mujoco.MjModel, actuator: int) -> bool:
     return model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON
 
 
-def _saturated(machine: Described, training: Sequence[Recording]) -> Iterator[Candidate]:
-    """Saturation of each actuator that is told a force."""
-    model = machine.model
-    told = [d for d in machine.commanded if not machine.is_servo(d.actuator)]
+def _saturated(
+    machine: Described, training: Sequence[Recording], sized: Sizes
+) -> Iterator[Candidate]:
+    """Saturation of each actuator that is told a force, and of each DC motor of a joint."""
+    model, motors = machine.model, state_driven(machine.model)
+    told = [
+        d for d in machine.commanded if d.actuator in motors or not machine.is_servo(d.actuator)
+    ]
     if len(told) > _MOST_PLACES:
         return
     for each in told:
         n = model.actuator(each.actuator).id
-        per = abs(model.actuator_gainprm[n, 0] * model.actuator_gear[n, 0])
-        peak = per * max(float(np.abs(run.columns[each.column]).max()) for run in training)
+        if each.actuator in motors:
+            peak = float(sized.force[model.jnt_dofadr[model.actuator_trnid[n, 0]]])
+        else:
+            per = abs(model.actuator_gainprm[n, 0] * model.actuator_gear[n, 0])
+            peak = per * max(float(np.abs(run.columns[each.column]).max()) for run in training)
         if peak > 0:
             rate = sized_range("torque_saturation", "rate", _RUBS / peak)
             yield candidate(f"torque_saturation@{each.actuator}", rate=rate)

@@ -149,5 +149,5 @@ def _loads(machine: Described, training: Sequence[Recording]) -> list[_Load]:
     for kind, name, spring in springs:
         _, _, stretch, told = spring.state(np.zeros((len(rows), model.nv)))
         tension = np.clip(spring.stiffness * stretch + told, *spring.limits)
-        found.append(_Load(kind, name, spring.stiffness, tension, stretch))
+        found.append(_Load(kind, name, float(spring.stiffness[0]), tension, stretch))
     return found

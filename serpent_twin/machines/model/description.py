@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.machines.model.numbers import NUMBERS, is_dc_motor
 from serpent_twin.residual import ANGLE, CONTROL, FORCE, LENGTH, POSITION, TORQUE, Measure
 from serpent_twin.stored import Form, above, many, within
 from serpent_twin.units import TO_SI
@@ -19,9 +20,10 @@ ADVICE = "docs/other-machines.md lists the keys."
 POSES, MOTION = "poses", "motion"
 """What the rows of a log may be"""
 if TYPE_CHECKING:
-    Unit = str
+    Unit = NumberName = str
 else:
     Unit = Literal[tuple(TO_SI)]
+    NumberName = Literal[tuple(NUMBERS)]
 Number = Annotated[float, within(-1e9, 1e9)]
 Name = Annotated[str, msgspec.Meta(min_length=1)]
 Vector = Annotated[tuple[Number, ...], many(3)]
@@ -47,6 +49,8 @@ class DriveColumn(Column, frozen=True):
     """Whose length it is, likewise"""
     offset: Number | Literal["keyframe"] = 0.0
     """[SI]; or the keyframe's value"""
+    enable: str = ""
+    """Column that is 0 where the actuator is switched off, so that it gives no force"""
 
     @property
     def of(self) -> tuple[str, str]:
@@ -100,13 +104,23 @@ def _only(named: Form, kinds: tuple[str, ...]) -> tuple[str, str]:
 class Uncertain(Form, frozen=True):
     """Numbers of the model that calibration fits, in place of those that it fits by default."""
 
-    number: Literal[
-        "joint stiffness", "joint damping", "joint friction", "armature", "actuator gain", "mass"
-    ]
+    number: NumberName
     of: Annotated[tuple[Name, ...], many(1, 1000)]
     """Names of joints, actuators or bodies, with wildcards; all that match one text change alike"""
     prior: Annotated[float, above(0.0, 10.0)] = 0.3
     """Standard deviation of the logarithm of its ratio to the model's"""
+
+
+class KnownNumber(Form, frozen=True):
+    """A number of the model that each session states."""
+
+    number: NumberName
+    of: Name
+    """Name of a joint, actuator or body"""
+    columns: Annotated[tuple[Name, ...], many(1, 3)]
+    """Columns that are constant in a session, or entries of the log's metadata; of several, the product"""
+    scale: Annotated[float, above(0.0, 1e9)] = 1.0
+    """SI value = scale × product"""
 
 
 class Description(Form, frozen=True):
@@ -129,8 +143,15 @@ class Description(Form, frozen=True):
     """Column whose value names the session of a row, where a file holds several, one after the other"""
     uncertain: tuple[Uncertain, ...] = ()
     """In place of what calibration fits by default"""
+    known: tuple[KnownNumber, ...] = ()
+    """Numbers of the model that differ from session to session"""
     segment: Annotated[int, within(0, 100_000)] = 0
     """Rows that are fitted and judged as one; 0: 20 poses, or 100 rows of a motion"""
+    start: Annotated[float, within(0.0, 1e3)] = 0.0
+    """Time of a motion about its first row, through which a parabola says where a segment begins [s]; 0: the
+    model follows the rows of a lead"""
+    steps: Annotated[int, within(0, 1000)] = 0
+    """Time steps of a row of a motion; 0: as many as the noise asks for"""
 
 
 def pose_first(about: Description) -> Description:
@@ -184,6 +205,16 @@ class Described:
         return [each for each in self.about.drive if each.actuator]
 
     @property
+    def switches(self) -> list[str]:
+        """The columns that switch actuators off, each once."""
+        return list(dict.fromkeys(each.enable for each in self.commanded if each.enable))
+
+    @property
+    def stated(self) -> list[str]:
+        """The columns or entries of the metadata in which sessions state numbers of the model, each once."""
+        return list(dict.fromkeys(name for each in self.about.known for name in each.columns))
+
+    @property
     def prescribed(self) -> list[DriveColumn]:
         """The drives whose motion is known."""
         return [each for each in self.about.drive if not each.actuator]
@@ -195,7 +226,10 @@ class Described:
 
     def is_servo(self, actuator: str) -> bool:
         """Whether an actuator's control is a position, not a force or a voltage."""
-        return bool(self.model.actuator_biasprm[self.model.actuator(actuator).id, 1])
+        n = self.model.actuator(actuator).id
+        if is_dc_motor(self.model)[n]:
+            return bool(self.model.actuator_ctrlspec[n] == mujoco.mjtCtrlInput.mjINPUT_POS)
+        return bool(self.model.actuator_biasprm[n, 1])
 
     def is_length(self, drive: DriveColumn) -> bool:
         """Whether what is driven is a length: that of a tendon, or of a slide."""

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.model.description import DRIVEN, Description, DriveColumn
+from serpent_twin.machines.model.description import DRIVEN, POSES, Description, DriveColumn
 from serpent_twin.machines.model.things import (
     OBJECTS,
     acts_on,
@@ -16,6 +16,7 @@ from serpent_twin.machines.model.things import (
     unknown,
     wrong_unit,
 )
+from serpent_twin.numerals import counted
 
 
 def amiss_in_drives(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
@@ -44,6 +45,18 @@ def _amiss_drive(
         why := wrong_unit(each.unit, lengths(model, kind, name), kind, name)
     ):
         yield ".unit", why
+    elif kind != "actuator" and each.enable:
+        yield ".enable", f"switches an actuator, and {kind} {name!r} follows its column."
+    elif kind == "actuator" and model.actuator_ctrlnum[model.actuator(name).id] != 1:
+        count = counted(int(model.actuator_ctrlnum[model.actuator(name).id]), "control")
+        yield (
+            ".actuator",
+            f"is {name!r}, which takes {count}; a drive tells one. Give it one input.",
+        )
+    if each.enable and about.rows == POSES:
+        yield ".enable", f'is of a motion, and rows are "{POSES}": leave the rows out that are off.'
+    if each.enable and each.enable in [other.column for other in about.drive]:
+        yield ".enable", f"is {each.enable!r}, which drives something already."
     if each.offset == "keyframe" and not about.keyframe:
         yield ".offset", "is the keyframe's, and no keyframe is named."
 

@@ -14,6 +14,7 @@ from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
 from serpent_twin.machines.model.description import MOTION, Described
 from serpent_twin.machines.model.part_of_moment import PartOfMoment
+from serpent_twin.machines.model.state_effects import acts_on_state
 
 _PARTS = 4
 """Of a row"""
@@ -36,7 +37,8 @@ def controls(
         zero = machine.control_unit(each)[1] * x[zero_of(each)]
         scale = np.exp(x[SCALE]) if machine.is_servo(each.actuator) else 1.0
         told[..., n] = start[n] + scale * away + zero
-    several = [each for each in effects.stacked([there] * len(told)) if each.stage < CABLE]
+    of_drives = [e for e in there if e.stage < CABLE and not acts_on_state(e, model)]
+    several = effects.stacked([of_drives] * len(told))
     if not several:
         return told
     names = [model.actuator(n).name for n in range(model.nu)]

@@ -11,7 +11,7 @@ from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.seen import address, beginning
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
-from serpent_twin.machines.model.state_laws import Acting, Earlier, acting_on_state
+from serpent_twin.machines.model.state_effects import Acting, Earlier, acting_on_state
 
 _WHOLE = "session"
 
@@ -32,16 +32,16 @@ def acting(
     """The effects on the state of a model's runs, with what they remember at coordinates `x` of the fit; None
     where there are none.
     """
-    several = acting_on_state(there)
+    several = acting_on_state(there, model)
     if not several:
         return None
     wholes = [about[_WHOLE] for about in pieces.metadata if _WHOLE in about]
     if not wholes:  # each run is a session
-        return Acting(several, np.zeros(len(pieces)), pieces.time[:, 0])
+        return Acting([several] * len(pieces), np.zeros(len(pieces)), pieces.time[:, 0])
     begun, earlier = np.array([each.time[0] for each in wholes]), None
     if any(each.remembers for each in several) and measured_joints(machine):
         earlier = _earlier(machine, model, there, x, pieces, wholes)
-    return Acting(several, pieces.time[:, 0] - begun, begun, earlier)
+    return Acting([several] * len(pieces), pieces.time[:, 0] - begun, begun, earlier)
 
 
 def _earlier(

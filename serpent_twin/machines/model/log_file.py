@@ -1,5 +1,6 @@
 """Read the columns of a CSV or Parquet log that a machine.toml names, in SI units."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import MOTION, Column, Described, DriveColumn
 from serpent_twin.machines.model.doubts import FEWEST, require_even, require_unit, require_within
+from serpent_twin.machines.model.known import metadata_of, stated
 from serpent_twin.numerals import counted
 from serpent_twin.units import TO_SI
 
@@ -50,13 +52,24 @@ def read(machine: Described, path: Path) -> list[Recording]:
         for name in each.columns:
             found[name] = _si(_numbers(path, table, name), each.unit, each.scale, each.offset)
             require_unit(machine, path, name, found[name], each)
+    for name in machine.switches:
+        found[name] = _whole(path, name, _numbers(path, table, name), "which switches a drive")
+    found |= {name: _numbers(path, table, name) for name in machine.stated if name in table}
     found = {"time": _time(about.time, path, table, rows), **found}
     whole = Recording(path, {"arm": machine.name}, found)
     labels = _column(path, table, about.session) if about.session else None
     several = [whole] if labels is None else _by_session(whole, labels)
     for each in several if about.rows == MOTION else ():
         require_even(machine, path, each)
-    return several
+    metadata = metadata_of(path) if about.known else {}
+    return [_stating(machine, each, metadata) for each in several]
+
+
+def _stating(machine: Described, run: Recording, metadata: Mapping[str, Any]) -> Recording:
+    """A session with a column for each number that it states."""
+    values = stated(machine, run, metadata)
+    columns = {name: np.full(len(run), value) for name, value in values.items()}
+    return replace(run, columns=run.columns | columns)
 
 
 def _by_session(whole: Recording, labels: NDArray[Any]) -> list[Recording]:
@@ -98,6 +111,16 @@ def _numbers(path: Path, table: dict[str, NDArray[Any]], name: str) -> Array:
     return found
 
 
+def _whole(path: Path, name: str, values: Array, what: str) -> Array:
+    """A column that must have a number in every row."""
+    if odd := int((~np.isfinite(values)).sum()):
+        raise SerpentError(
+            f"{path}: {name!r}, {what}, has no number in {odd} of {counted(len(values), 'row')}. Leave "
+            "those rows out."
+        )
+    return values
+
+
 def _is_number(text: str) -> bool:
     try:
         float(text)
@@ -119,12 +142,9 @@ def as_logged(machine: Described, drive: DriveColumn, told: Array) -> Array:
 def _drive(
     machine: Described, path: Path, table: dict[str, NDArray[Any]], drive: DriveColumn
 ) -> Array:
-    raw = _numbers(path, table, drive.column)
-    if odd := int((~np.isfinite(raw)).sum()):
-        raise SerpentError(
-            f"{path}: {drive.column!r}, which drives {drive.of[1]}, has no number in {odd} of "
-            f"{counted(len(raw), 'row')}. Leave those rows out."
-        )
+    raw = _whole(
+        path, drive.column, _numbers(path, table, drive.column), f"which drives {drive.of[1]}"
+    )
     found = _si(raw, drive.unit, drive.scale, machine.offset(drive))
     limits = machine.limits(drive)
     if limits is not None:
@@ -135,12 +155,8 @@ def _drive(
 def _time(clock: Column | None, path: Path, table: dict[str, NDArray[Any]], rows: int) -> Array:
     if clock is None:
         return np.arange(float(rows))
-    found = _si(_numbers(path, table, clock.column), clock.unit, clock.scale, 0.0)
-    if odd := int((~np.isfinite(found)).sum()):
-        raise SerpentError(
-            f"{path}: {clock.column!r}, the time, has no number in {odd} of {counted(rows, 'row')}. Leave "
-            "those rows out."
-        )
+    raw = _whole(path, clock.column, _numbers(path, table, clock.column), "the time")
+    found = _si(raw, clock.unit, clock.scale, 0.0)
     if not (np.diff(found) > 0).all():
         row = int(np.argmin(np.diff(found) > 0)) + 2
         raise SerpentError(

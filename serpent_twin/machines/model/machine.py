@@ -27,13 +27,16 @@ from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.earlier import acting, part_of
+from serpent_twin.machines.model.known import Factor, by_known_numbers
 from serpent_twin.machines.model.limits import LoggedLimits
 from serpent_twin.machines.model.motion import (
     STEPS,
+    DrivenRuns,
     StartGains,
     moved,
     start_gain,
 )
+from serpent_twin.machines.model.numbers import scale_number
 from serpent_twin.machines.model.poses import Rests, settled
 from serpent_twin.machines.model.prescribed import known_motion, prescribe
 from serpent_twin.machines.model.proposing import proposed
@@ -45,7 +48,8 @@ from serpent_twin.machines.model.starts import (
     start,
     start_columns,
 )
-from serpent_twin.machines.model.state_laws import acting_on_state
+from serpent_twin.machines.model.state_effects import acting_on_state, together
+from serpent_twin.machines.model.switches import separate, switched_off
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
 from serpent_twin.sim.quiet import quietly
@@ -108,7 +112,7 @@ class ModelMachine(RunMachine):
     def columns(self) -> tuple[str, ...]:
         """Columns that a simulation reads."""
         more = start_columns(self.described) if self.described.about.rows == MOTION else ()
-        return (*self.drives, *more)
+        return (*self.drives, *self.described.switches, *self.described.stated, *more)
 
     @property
     def markers(self) -> tuple[str, ...]:
@@ -156,7 +160,7 @@ class ModelMachine(RunMachine):
         about, moves = self.described.about, self.described.about.rows == MOTION
         whole = moves and not measured_joints(self.described)
         parts = 1 if whole else ceil(len(run) / (about.segment or (_ROWS if moves else _POSES)))
-        lead = 0 if whole else LEAD if moves else _LEAD
+        lead = 0 if whole or about.start else LEAD if moves else _LEAD
         ends = np.linspace(lead if moves else 0, len(run), parts + 1).round().astype(int).tolist()
         found = []
         for first, end in pairwise(ends):
@@ -175,37 +179,85 @@ class ModelMachine(RunMachine):
         edit(spec, effects)
         return spec
 
-    def _compiled(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjModel:
-        """The twin as it is simulated."""
+    def _compiled(
+        self, declared: Array, effects: Sequence[Effect], known: Sequence[Factor]
+    ) -> mujoco.MjModel:
+        """The twin as it is simulated, with the numbers that a session states."""
         spec = self.spec(declared, effects)
+        for number, which, factor in known:
+            scale_number(spec, number, which, factor)
         prescribe(spec, self.described)
+        separate(spec, self.described)
         return spec.compile()
 
     def respond(
         self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
     ) -> Array:
         """What twins show in each row, (D, S, T, C); not finite where a twin does not come to rest."""
-        out = np.full((len(points), *pieces.time.shape, len(self.outputs)), np.nan)
         with quietly(), np.errstate(all="ignore"):  # what is unstable is said by who asks
-            for k, point in enumerate(points):
-                out[k] = self._respond(point, pieces)
+            if self.described.about.rows == POSES:
+                return np.array([self._settled(point, pieces) for point in points])
+            several = acting_on_state(effects_at(points[0]), self.described.model)
+            at_once = len(points) if several and not self.described.prescribed else 1
+            return np.concatenate(
+                [
+                    self._moved(points[n : n + at_once], pieces)
+                    for n in range(0, len(points), at_once)
+                ]
+            )
+
+    def _settled(self, point: ParameterVector, pieces: Runs) -> Array:
+        """What a twin shows at rest, (S, T, C)."""
+        machine, there = self.described, effects_at(point)
+        _refuse_motion(there, machine.model)
+        x = by_coordinate(self.declared, point.declared)
+        out = np.empty((*pieces.time.shape, len(self.outputs)))
+        for known, which in by_known_numbers(machine, pieces).items():
+            some, model = pieces.take(which), self._compiled(point.declared, there, known)
+            told, seen = controls(machine, there, x, some), Seen(machine, self.frame, [x])
+            begin, motion = beginning(model, machine), known_motion(machine, x, some)
+            out[which] = settled(model, told, begin, seen, self.rests, some, motion)
         return out
 
-    def _respond(self, point: ParameterVector, pieces: Runs) -> Array:
-        machine, there = self.described, effects_at(point)
-        x = by_coordinate(self.declared, point.declared)
-        model = self._compiled(point.declared, there)
-        told, seen = controls(machine, there, x, pieces), Seen(machine, self.frame, x)
-        begin, known = beginning(model, machine), known_motion(machine, x, pieces)
-        if machine.about.rows == POSES:
-            _refuse_motion(there)
-            return settled(model, told, begin, seen, self.rests, pieces, known)
-        at = start(machine, begin, pieces)
-        gain = self.gains.of(pieces, self._start_gain) if at.joints else None
-        read = partial(reread, there, at.joints, pieces=pieces)
-        laws = acting(machine, model, there, x, pieces)
-        found = moved(model, told, at, seen, pieces, gain, self.steps, read, known, laws)
-        return reread(there, self.places, found, pieces)
+    def _moved(self, points: Sequence[ParameterVector], pieces: Runs) -> Array:
+        """What twins of one structure show in motion, side by side, (D, S, T, C)."""
+        machine, several = self.described, [effects_at(point) for point in points]
+        each = [self._driven(p, there, pieces) for p, there in zip(points, several, strict=True)]
+        xs = [by_coordinate(self.declared, point.declared) for point in points]
+        seen = Seen(machine, self.frame, xs)
+        begin = beginning(each[0].models[0], machine)
+        at = start(machine, begin, pieces).repeated(len(points))
+        gain = None
+        if at.joints and not machine.about.start:
+            gain = np.tile(self.gains.of(pieces, self._start_gain), (len(points), 1, 1))
+        period = np.tile(pieces.period, len(points))
+        per_run = [there for there in several for _ in range(len(pieces))]
+        read = partial(reread, per_run, at.joints, period=period)
+        laws = [
+            acting(machine, driven.models[0], there, x, pieces)
+            for driven, there, x in zip(each, several, xs, strict=True)
+        ]
+        laws = [law for law in laws if law]
+        driven = DrivenRuns.together(each) if len(each) > 1 else each[0]
+        found = moved(driven, at, seen, gain, self.steps, read, together(laws) if laws else None)
+        found = reread(per_run, self.places, found, period)
+        return found.reshape(len(points), len(pieces), *found.shape[1:])
+
+    def _driven(self, point: ParameterVector, there: Sequence[Effect], pieces: Runs) -> DrivenRuns:
+        """The models of a twin's runs, which may state numbers of their own, and what drives them."""
+        machine, x = self.described, by_coordinate(self.declared, point.declared)
+        models: list[Any] = [None] * len(pieces)
+        for known, which in by_known_numbers(machine, pieces).items():
+            model = self._compiled(point.declared, there, known)
+            for n in which:
+                models[n] = model
+        return DrivenRuns(
+            models,
+            controls(machine, there, x, pieces),
+            switched_off(machine, pieces),
+            pieces.period,
+            known_motion(machine, x, pieces),
+        )
 
     def propose(
         self,
@@ -220,12 +272,10 @@ class ModelMachine(RunMachine):
 
     def _start_gain(self, pieces: Runs) -> Array:
         """How the nominal model's starts are improved."""
-        machine, zero = self.described, np.zeros(len(self.declared))
-        x = by_coordinate(self.declared, zero)
-        model, told = self._compiled(zero, ()), controls(machine, (), x, pieces)
-        known = known_motion(machine, x, pieces)
-        at, seen = start(machine, machine.begin, pieces), Seen(machine, self.frame, x)
-        return start_gain(model, told, at, seen, pieces, self.steps, known)
+        machine, zero = self.described, ParameterVector(np.zeros(len(self.declared)))
+        seen = Seen(machine, self.frame, [by_coordinate(self.declared, zero.declared)])
+        at, driven = start(machine, machine.begin, pieces), self._driven(zero, (), pieces)
+        return start_gain(driven, at, seen, self.steps)
 
 
 def _named(several: Sequence[MeasuredColumns]) -> tuple[str, ...]:
@@ -241,9 +291,9 @@ def _along(site: MeasuredColumns) -> list[str]:
     return [f"{site.site} along {axis}" for axis in "xyz"]
 
 
-def _refuse_motion(there: Sequence[Effect]) -> None:
+def _refuse_motion(there: Sequence[Effect], model: mujoco.MjModel) -> None:
     """Refuse effects that act in time steps, of which poses have none."""
-    if several := acting_on_state(there):
+    if several := acting_on_state(there, model):
         raise SerpentError(
             f"the effect {name_of(several[0])} acts in motion, and the rows of this log are poses at rest. "
             "Leave it out of this twin."

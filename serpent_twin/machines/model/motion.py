@@ -1,10 +1,12 @@
 """Run a model through the rows of a log, from where the log begins."""
 
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import dataclass
 from math import ceil
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Runs
@@ -15,7 +17,9 @@ from serpent_twin.machines.model.prescribed import (
 )
 from serpent_twin.machines.model.seen import Seen, address, segments_of
 from serpent_twin.machines.model.starts import LEAD, SegmentStart
-from serpent_twin.machines.model.state_laws import Acting, StateLaws
+from serpent_twin.machines.model.state_effects import Acting
+from serpent_twin.machines.model.state_laws import StateLaws
+from serpent_twin.machines.model.switches import Switches
 from serpent_twin.runs.processes import threads
 from serpent_twin.sim.stepper import set_timestep, side_by_side
 
@@ -30,29 +34,56 @@ STEPS = (16, 32, 64, 128)
 
 
 def moved(
-    model: mujoco.MjModel,
-    told: Array,
+    driven: "DrivenRuns",
     start: SegmentStart,
     seen: Seen,
-    pieces: Runs,
     gain: Array | None,
     steps: int,
     reading: Callable[[Array], Array],
-    known: KnownMotion | None,
     acting: Acting | None = None,
 ) -> Array:
-    """What is seen of a model in each row, (S, T, C), told (S, T, nu) from one row to the next, or several
-    times in each, in so many time steps of a row at least; effects on its state are `acting` in each.
+    """What is seen of runs in each row, (n, T, C), in so many time steps of a row at least; effects on their
+    state are `acting` in each.
 
     Where all joints are measured, angles and rates at the start are improved until the model follows what was
     read in the lead, with a gain as `start_gain` finds it; `reading` is what sensors make of angles,
-    (S, LEAD, J). What is `known` of prescribed motion is followed, whatever the start.
+    (n, LEAD, J). What is known of prescribed motion is followed, whatever the start.
     """
-    rows = pieces.time.shape[1]
-    runs = _Runs(model, told, seen, pieces.period, rows, steps, known, acting)
+    runs = _Runs(driven, seen, steps, acting)
     state = start.state if gain is None else _improved(runs, start, gain, reading)
     runs.begin(start, state)
-    return np.stack([seen.read(runs.batch), *runs.rows(rows - 1)], axis=1)
+    return np.stack([seen.read(runs.batch), *runs.rows(driven.rows - 1)], axis=1)
+
+
+@dataclass(frozen=True)
+class DrivenRuns:
+    """The models of n runs, and what drives them."""
+
+    models: Sequence[mujoco.MjModel]
+    """Of one structure, (n,)"""
+    told: Array
+    """Their controls from one row to the next, or several times in each, (n, T, nu)"""
+    off: NDArray[np.int32]
+    """Which groups of actuators are off, (n, T)"""
+    period: Array
+    """Of a row [s], (n,)"""
+    known: KnownMotion | None = None
+    """Of prescribed motion"""
+
+    @property
+    def rows(self) -> int:
+        """T."""
+        return self.off.shape[1]
+
+    @staticmethod
+    def together(several: Sequence["DrivenRuns"]) -> "DrivenRuns":
+        """The runs of some twins, one twin after the other; without prescribed motion."""
+        models = [model for each in several for model in each.models]
+        told, off, period = (
+            np.concatenate([getattr(each, name) for each in several])
+            for name in ("told", "off", "period")
+        )
+        return DrivenRuns(models, told, off, period)
 
 
 def _improved(
@@ -91,20 +122,11 @@ class StartGains:
         return np.stack([self._found[key] for key in keys])
 
 
-def start_gain(
-    model: mujoco.MjModel,
-    told: Array,
-    start: SegmentStart,
-    seen: Seen,
-    pieces: Runs,
-    steps: int,
-    known: KnownMotion | None,
-) -> Array:
+def start_gain(driven: DrivenRuns, start: SegmentStart, seen: Seen, steps: int) -> Array:
     """How far segments' starts move for what a model is off by in the lead, (S, 2 J, J LEAD), of J joints:
     the gain of a Gauss-Newton step, by finite differences. What the lead does not tell stays as it was.
     """
-    period = pieces.period
-    runs = _Runs(model, told, seen, period, pieces.time.shape[1], steps, known)
+    runs = _Runs(driven, seen, steps)
     S, J = start.state.shape[:2]
     base, slopes = runs.lead(start, start.state), []
     for n in range(2 * J):
@@ -113,7 +135,7 @@ def start_gain(
         slopes.append((runs.lead(start, moved) - base) / _DIFFERENCE)
     slope = np.stack(slopes, axis=-1).reshape(S, -1, 2 * J)
     slope[~np.isfinite(start.reading).reshape(S, -1)] = 0.0
-    prior = np.stack([np.ones(S), period], axis=1) / _FAR
+    prior = np.stack([np.ones(S), driven.period], axis=1) / _FAR
     square = slope.transpose(0, 2, 1) @ slope
     square[:, range(2 * J), range(2 * J)] += np.tile(prior**2, J)
     return np.linalg.solve(square, slope.transpose(0, 2, 1))
@@ -129,19 +151,12 @@ class _Runs:
     """
 
     def __init__(
-        self,
-        model: mujoco.MjModel,
-        told: Array,
-        seen: Seen,
-        period: Array,
-        rows: int,
-        steps: int,
-        known: KnownMotion | None,
-        acting: Acting | None = None,
+        self, driven: DrivenRuns, seen: Seen, steps: int, acting: Acting | None = None
     ) -> None:
-        self._model, self._told, self._seen = model, told, seen
-        self._parts = told.shape[1] // rows
-        self.batch = side_by_side([model] * len(told), threads())
+        self._model, self._told, self._seen = driven.models[0], driven.told, seen
+        self._parts = driven.told.shape[1] // driven.rows
+        self.batch, model = side_by_side(driven.models, threads()), self._model
+        period, known = driven.period, driven.known
         self._nstep = max(2, ceil(max(steps, period.max() / model.opt.timestep) / self._parts))
         self._leaps = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
         self._step = period / (self._nstep * self._parts)
@@ -152,6 +167,7 @@ class _Runs:
         self._steps = known and PrescribedSteps(known, self._nstep * self._parts)
         self._prescription = known and Prescription(known.machine, self.batch)
         self._n = 0
+        self._switches = Switches(self.batch, driven.off) if driven.off.any() else None
         self._laws = acting and StateLaws(self.batch, acting, self._step, self._leaps)
 
     def begin(self, start: SegmentStart, state: Array) -> None:
@@ -165,7 +181,8 @@ class _Runs:
             pose[:, address(self._model, joint)] = state[:, n, 0]
             speed[:, int(self._model.joint(joint).dofadr[0])] = state[:, n, 1]
         self._tell(self._told[:, 0])
-        for n in np.flatnonzero(self._model.actuator_actnum == 1):
+        self._turn(0)
+        for n in np.flatnonzero(_holds_control(self._model)):
             first = self._model.actuator_actadr[n]
             self.batch.bind("act")[:, first] = self._told[:, 0, n]
         if self._prescription and self._steps:
@@ -173,7 +190,7 @@ class _Runs:
             self._prescription.place(self._steps.at, self._steps.change / self._step[:, None])
             self._prescription.hold(self._steps.first)
         if self._laws:
-            self.batch.forward(stage=self._laws.stage)
+            self.batch.forward()
             self._laws.start()
         self.batch.forward()
         if self._leaps:
@@ -188,8 +205,10 @@ class _Runs:
         for t in range(count * self._parts):
             if self._leaps:
                 self._tell((self._told[:, max(t - 1, 0)] + self._told[:, t]) / 2)
+                self._turn(t // self._parts)
                 self._move(1, _NOTHING)
             self._tell(self._told[:, t])
+            self._turn(t // self._parts)
             last = (t + 1) % self._parts == 0
             stage = self._seen.stage if last else _NOTHING
             self._move(self._nstep - self._leaps, stage)
@@ -227,3 +246,14 @@ class _Runs:
     def _tell(self, told: Array) -> None:
         """What the drives tell, (S, nu); actuators beyond them are of effects."""
         self.batch.bind("ctrl")[:, : told.shape[1]] = told
+
+    def _turn(self, row: int) -> None:
+        """Switch actuators as they are in a row."""
+        if self._switches:
+            self._switches.turn(row)
+
+
+def _holds_control(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Which actuators have one activation, which follows their control; that of a DC motor is a current."""
+    own = np.isin(model.actuator_dyntype, (mujoco.mjtDyn.mjDYN_DCMOTOR, mujoco.mjtDyn.mjDYN_PID))
+    return (model.actuator_actnum == 1) & ~own

@@ -9,7 +9,6 @@ import mujoco
 
 from serpent_twin import stored
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.model.coordinates import numbers_of
 from serpent_twin.machines.model.description import (
     ADVICE,
     KINDS,
@@ -22,8 +21,10 @@ from serpent_twin.machines.model.description import (
 )
 from serpent_twin.machines.model.drive_errors import amiss_in_drives
 from serpent_twin.machines.model.files import files
+from serpent_twin.machines.model.known import amiss_known
 from serpent_twin.machines.model.lines import with_line
 from serpent_twin.machines.model.masses import settle_total_mass
+from serpent_twin.machines.model.numbers import NUMBERS, numbers_of
 from serpent_twin.machines.model.things import (
     OBJECTS,
     acts_on,
@@ -35,15 +36,6 @@ from serpent_twin.machines.model.things import (
     wrong_unit,
 )
 from serpent_twin.numerals import listed
-
-_NUMBERS_OF = {
-    **dict.fromkeys(
-        ("joint stiffness", "joint damping", "joint friction", "armature"),
-        mujoco.mjtObj.mjOBJ_JOINT,
-    ),
-    "actuator gain": mujoco.mjtObj.mjOBJ_ACTUATOR,
-    "mass": mujoco.mjtObj.mjOBJ_BODY,
-}
 
 
 def read(path: Path, model_file: Path | None = None) -> Described:
@@ -94,19 +86,20 @@ def _amiss(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
     if len(kinds) > 2:
         told = f"has quantities of {len(kinds)} kinds, {listed(kinds)}; beside the first, which is the "
         found.append(("measured", f"{told}pose, only one other is compared. Leave some out."))
-    return found or list(_amiss_uncertain(about, model))
+    return found or [*amiss_known(about, model), *_amiss_uncertain(about, model)]
 
 
 def _amiss_uncertain(about: Description, model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
     """Numbers that the model lacks, that are zero there, or that are listed twice."""
     counts = Counter[tuple[str, str]]()
     for n, each in enumerate(about.uncertain):
-        known = names(model, _NUMBERS_OF[each.number])
+        kind = OBJECTS[NUMBERS[each.number].of]
+        known = names(model, kind)
         values = numbers_of(model, each.number)
         for pattern in each.of:
             those = [k for k, name in enumerate(known) if fnmatchcase(name, pattern)]
             if not those:
-                yield f"uncertain[{n}].of", unknown(pattern, model, _NUMBERS_OF[each.number])
+                yield f"uncertain[{n}].of", unknown(pattern, model, kind)
             elif not values[those].any():
                 yield (
                     f"uncertain[{n}].of",
@@ -130,6 +123,12 @@ def _twice(about: Description) -> Iterator[tuple[str, str]]:
         if drive.scale == 0:
             yield f"drive[{n}].scale", "is 0, so that nothing would be driven."
         use[drive.column] = f"what drives {drive.of[1]}"
+    for n, each in enumerate(about.known):
+        for name in each.columns:
+            if name in use:
+                yield f"known[{n}].columns", f"has {name!r}, which is {use[name]} already."
+    use |= {name: "a known number" for each in about.known for name in each.columns}
+    use |= {drive.enable: "a switch" for drive in about.drive if drive.enable}
     there = set[tuple[str, str]]()
     for n, each in enumerate(about.measured):
         for name in each.columns:

@@ -8,14 +8,17 @@ from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import READING, Effect, Instant
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Runs
 
 
-def reread(there: Sequence[Effect], names: Sequence[str], found: Array, pieces: Runs) -> Array:
-    """What sensors make of readings, (S, T, C), each column of a named thing."""
-    several = [each for each in effects.stacked([there] * len(found)) if each.stage == READING]
+def reread(
+    there: Sequence[Sequence[Effect]], names: Sequence[str], found: Array, period: Array
+) -> Array:
+    """What sensors make of readings, (n, T, C), each column of a named thing, in n runs with their effects
+    and times between rows [s], (n,).
+    """
+    several = [each for each in effects.stacked(there) if each.stage == READING]
     several = [each for each in several if not each.at or each.at in names]
-    moment = ReadRuns(names, pieces.period[:, None], found)
+    moment = ReadRuns(names, period[:, None], found)
     effects.act(several, moment, effects.begin(several, moment))
     return moment.reading
 

@@ -1,6 +1,6 @@
 """Read what is measured out of simulations, as the log has it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -15,12 +15,14 @@ from serpent_twin.machines.model.description import Described
 
 
 class Seen:
-    """What is measured of a machine at coordinates `x` of the fit, its sites in the frame of the cameras."""
+    """What is measured of a machine, its sites in the frame of the cameras. Its runs are as many of each of
+    some twins, one after the other, at coordinates of the fit.
+    """
 
     def __init__(
-        self, machine: Described, frame: Mapping[str, Any], x: Mapping[str, float]
+        self, machine: Described, frame: Mapping[str, Any], twins: Sequence[Mapping[str, float]]
     ) -> None:
-        self._about, self._frame, self._x = machine.about, frame, x
+        self._about, self._frame, self._twins = machine.about, frame, twins
         forces = any(_is_force(machine.model, *each.of) for each in self._about.measured)
         stages = mujoco.mjtStage
         self.stage = int(stages.mjSTAGE_ACC if forces else stages.mjSTAGE_VEL)
@@ -55,10 +57,13 @@ class Seen:
 
     def _by_cameras(self, at: Array) -> Array:
         """Places in the world in the frame of the cameras [m], (n, 3)."""
-        turned, along = (np.array([self._x[name] for name in names]) for names in CAMERAS)
         pivot, shift = np.array(self._frame["pivot"]), np.array(self._frame["shift"])
-        about = Rotation.from_rotvec(np.radians(turned))
-        return pivot + about.apply(at - pivot) + shift + 1e-3 * along
+        found = []
+        for x, of in zip(self._twins, np.split(at, len(self._twins)), strict=True):
+            turned, along = (np.array([x[name] for name in names]) for names in CAMERAS)
+            about = Rotation.from_rotvec(np.radians(turned))
+            found.append(pivot + about.apply(of - pivot) + shift + 1e-3 * along)
+        return np.concatenate(found)
 
 
 def _is_force(model: mujoco.MjModel, kind: str, name: str) -> bool:

@@ -10,8 +10,8 @@ from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import KNOWN, Range
 from serpent_twin.machines.measured import Recording
-from serpent_twin.machines.model.coordinates import OF_SLIDES
 from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.numbers import OF_SLIDES
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
 
 _MOST = 2000  # rows that are looked at

@@ -20,8 +20,9 @@ class Spring:
     """
 
     def __init__(self, batch: Batch, kind: str, name: str) -> None:
-        model = batch.model
-        self._batch, self._spring, self._rest, least = batch, 0.0, 0.0, -np.inf
+        model, n_runs = batch.model, len(batch.bind("qpos"))
+        self._batch, least = batch, -np.inf
+        self._spring, self._rest = np.zeros(n_runs), np.zeros(n_runs)
         self._arms, self._entries = batch.bind("ten_J"), None
         self._shifted: list[tuple[Array, Array]] = []
         self._scaled: list[tuple[Array, Array]] = []
@@ -34,37 +35,36 @@ class Spring:
             self._length = batch.bind("ten_length")[:, n]
             self._drives = drives_on(model, kind, n)
             ends = model.tendon_lengthspring[n]
-            self._own("tendon", n, "tendon_lengthspring", n, float(ends[1]))
-            least = 0.0 if self._spring and ends[0] < ends[1] else least
+            self._own("tendon", n, "tendon_lengthspring", n)
+            least = 0.0 if self._spring.any() and ends[0] < ends[1] else least
         else:
             n = int(model.actuator(name).trnid[0]) if kind == "drive" else model.joint(name).id
             at = int(model.jnt_qposadr[n])
             self._dofs = model.jnt_dofadr[[n]]
             self._length = batch.bind("qpos")[:, at]
             if kind == "joint":
-                self._own("jnt", n, "qpos_spring", at, float(model.qpos_spring[at]))
-        self._gear, self._gain = (
-            of[self._drives, 0].copy() for of in (model.actuator_gear, model.actuator_gainprm)
-        )
-        self._bias = model.actuator_biasprm[self._drives, :3].copy()
-        self._servo = self._bias[:, 1] != 0
-        self.stiffness = self._spring - float(np.sum(self._bias[:, 1] * self._gear**2))
-        """Of all that pulls here [N/m or N m/rad]"""
+                self._own("jnt", n, "qpos_spring", at)
+        self._gear = model.actuator_gear[self._drives, 0].copy()
+        self._gain = batch.expand("actuator_gainprm")[:, self._drives, 0].copy()
+        self._bias = batch.expand("actuator_biasprm")[:, self._drives, :3].copy()
+        self._servo = model.actuator_biasprm[self._drives, 1] != 0
+        self.stiffness: Array = self._spring - self._bias[..., 1] @ self._gear**2
+        """Of all that pulls here [N/m or N m/rad], (n,)"""
         self.limits: tuple[float, float] = (least, np.inf)
         """Least and most that it pulls [N or N m]"""
-        if len(self._drives) == 1 and not self._spring:
+        if len(self._drives) == 1 and not self._spring.any():
             ends = _range(model, "force", self._drives[0]) * -self._gear
             self.limits = float(ends.min()), float(ends.max())
         self._control, self._state = batch.bind("ctrl"), batch.bind("act")
         of = ("actuator_gainprm", "actuator_biasprm") if self._servo.any() else ()
         self._told_by = [batch.expand(each) for each in of]
 
-    def _own(self, of: str, which: int, shifted: str, at: int, rest: float) -> None:
+    def _own(self, of: str, which: int, shifted: str, at: int) -> None:
         """Take the spring of a tendon or a joint, where it has one."""
-        self._spring = float(getattr(self._batch.model, f"{of}_stiffness")[which])
-        if self._spring:
-            self._rest = rest
+        if getattr(self._batch.model, f"{of}_stiffness")[which]:
+            self._spring = _kept(self._batch, f"{of}_stiffness", which)[1][:, 0]
             self._shifted = [_kept(self._batch, shifted, at)]
+            self._rest = self._shifted[0][1][:, -1]
             fields = (f"{of}_stiffness", f"{of}_stiffnesspoly")
             self._scaled = [_kept(self._batch, each, which) for each in fields]
 
@@ -76,14 +76,19 @@ class Spring:
         rate = (self._levers() * rates[:, self._dofs]).sum(axis=1)
         pull, besides = self._spring * (length - self._rest), np.zeros_like(length)
         for a, gear, gain, bias, servo in zip(
-            self._drives, self._gear, self._gain, self._bias, self._servo, strict=True
+            self._drives,
+            self._gear,
+            self._gain.T,
+            self._bias.T.swapaxes(0, 1),
+            self._servo,
+            strict=True,
         ):
             force = gain * self._told(a) + bias[0] + gear * (bias[1] * length + bias[2] * rate)
             if servo:
                 pull = pull - gear * force
             else:
                 besides = besides - gear * np.clip(force, *_range(self._batch.model, "force", a))
-        return length, rate, pull / (self.stiffness or np.inf), besides
+        return length, rate, pull / np.where(self.stiffness, self.stiffness, np.inf), besides
 
     def _levers(self) -> Array | float:
         """Change of its length with the joints that it passes."""
@@ -102,7 +107,8 @@ class Spring:
 
     def write(self, slack: Array, stiffness: Array) -> None:
         """Let it be longer by a slack [m or rad], and of another stiffness, (n,) each."""
-        share = stiffness / self.stiffness if self.stiffness else np.ones_like(stiffness)
+        has = self.stiffness != 0
+        share = np.where(has, stiffness, 1.0) / np.where(has, self.stiffness, 1.0)
         for values, base in self._shifted:
             values[...] = base + slack[:, None]
         for values, base in self._scaled:
@@ -111,11 +117,12 @@ class Spring:
             return
         gains, biases = self._told_by
         for a, gear, gain, bias in zip(
-            self._drives, self._gear, self._gain, self._bias, strict=True
+            self._drives, self._gear, self._gain.T, self._bias.T.swapaxes(0, 1), strict=True
         ):
-            gains[:, a, 0] = share * gain if bias[1] else gain
-            biases[:, a, 0] = share * (bias[0] - bias[1] * gear * slack) if bias[1] else bias[0]
-            biases[:, a, 1] = share * bias[1]
+            own = np.where(bias[1] != 0, share, 1.0)
+            gains[:, a, 0] = own * gain
+            biases[:, a, 0] = own * (bias[0] - bias[1] * gear * slack)
+            biases[:, a, 1] = own * bias[1]
 
 
 def drives_on(model: mujoco.MjModel, kind: str, which: int) -> list[int]:

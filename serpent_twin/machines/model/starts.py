@@ -12,6 +12,7 @@ from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.prescribed import rate_column, with_rates
 
 _SMOOTH = 9  # rows over which an angle is a cubic, where a run begins
+_FEWEST = 5  # rows of a parabola
 LEAD = 15
 """Rows before a segment of a motion, by which its start is improved, and in which effects get a past"""
 
@@ -28,6 +29,11 @@ class SegmentStart:
     """Angle, (S, J, LEAD); NaN where nothing was read"""
     begin: Array
     """The pose in which all begin whose joints are not measured, (nq,)"""
+
+    def repeated(self, times: int) -> "SegmentStart":
+        """The same segments several times, one after the other."""
+        state, reading = (np.tile(each, (times, 1, 1)) for each in (self.state, self.reading))
+        return replace(self, state=state, reading=reading)
 
 
 def measured_joints(machine: Described) -> dict[str, str]:
@@ -50,10 +56,13 @@ def with_starts(machine: Described, run: Recording) -> Recording:
         known = np.isfinite(values)
         whole = np.interp(rows, rows[known], values[known])
         more[reading_of(joint)] = values
-        size = min(_SMOOTH, len(values) - 1 + len(values) % 2)
+        rows_of = (
+            2 * round(machine.about.start / period / 2) + 1 if machine.about.start else _SMOOTH
+        )
+        size = min(max(rows_of, _FEWEST), len(values) - 1 + len(values) % 2)
+        order = min(2 if machine.about.start else 3, size - 1)
         for name, degree in ((angle_of(joint), 0), (rate_of(joint), 1)):
-            cubic = savgol_filter(whole, size, min(3, size - 1), deriv=degree, delta=period)
-            more[name] = np.asarray(cubic)
+            more[name] = np.asarray(savgol_filter(whole, size, order, deriv=degree, delta=period))
     return replace(run, columns=with_rates(machine, run) | more)
 
 

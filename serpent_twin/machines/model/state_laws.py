@@ -1,66 +1,31 @@
 """Let effects act on a model's state in each time step."""
 
-from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
-from numpy.typing import NDArray
 
 from serpent_twin import effects
 from serpent_twin.arrays import Array
-from serpent_twin.effects import CABLE, READING, Effect
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.springs import Spring, drives_on, single_joints
-from serpent_twin.machines.model.state_moment import BODY, JOINT, SPRING, TENDON, StateMoment
+from serpent_twin.machines.model.state_effects import Acting, state_driven
+from serpent_twin.machines.model.state_moment import (
+    ACTUATOR,
+    BODY,
+    JOINT,
+    SPRING,
+    TENDON,
+    StateMoment,
+)
 
 _NOTHING, _POSITIONS, _RATES = (
     mujoco.mjtStage.mjSTAGE_NONE,
     mujoco.mjtStage.mjSTAGE_POS,
     mujoco.mjtStage.mjSTAGE_VEL,
 )
-
-
-def acting_on_state(there: Sequence[Effect]) -> list[Effect]:
-    """The effects that read a model's state in each time step."""
-    return [
-        each for each in there if CABLE <= each.stage < READING and each.acts() and not each.absent
-    ]
-
-
-@dataclass(frozen=True)
-class Earlier:
-    """U sessions as they were measured, from which effects remember what was before the S runs."""
-
-    pose: Array
-    """From each row to the next, in the mean, (U, K, nq)"""
-    rate: Array
-    """The same, (U, K, nv)"""
-    told: Array
-    """What the drives tell the actuators, (U, K, nu)"""
-    session: NDArray[np.intp]
-    """Which is each run's, (S,)"""
-    rows: NDArray[np.intp]
-    """Before each run, (S,)"""
-    period: Array
-    """Between rows of each run's session [s], (S,)"""
-
-
-@dataclass(frozen=True)
-class Acting:
-    """Effects on the state of S runs, and when these begin."""
-
-    several: Sequence[Effect]
-    """At least one"""
-    time: Array
-    """Since each run's session began [s], (S,)"""
-    prior_runtime: Array
-    """From the beginning of its log to that of its session [s], (S,)"""
-    earlier: Earlier | None = None
-    """Where an effect remembers what was before a run"""
 
 
 class StateLaws:
@@ -73,22 +38,30 @@ class StateLaws:
     def __init__(self, batch: Batch, acting: Acting, step: Array, half: bool) -> None:
         model = batch.model
         self._batch, self._acting, self._half, self._dt = batch, acting, half, step[:, None]
-        self._several = effects.stacked([acting.several] * len(step))
+        self._several = effects.stacked(acting.several)
         self._first: list[Any] | None = None
-        self._names, springs = _places(model, {each.at for each in acting.several})
+        self._names, springs = _places(model, {each.at for each in self._several})
         self._springs = [Spring(batch, kind, name) for kind, name in springs]
-        self._stiffness = np.array([each.stiffness for each in self._springs])
+        stiffness = [each.stiffness for each in self._springs]
+        self._stiffness = np.array(stiffness).reshape(-1, len(step)).T
         self._limits = np.array([each.limits for each in self._springs]).reshape(-1, 2).T
         joints, self._tendons, self._bodies = (
             [of(name).id for name in self._names[kind]]
             for kind, of in ((JOINT, model.joint), (TENDON, model.tendon), (BODY, model.body))
         )
         self._q, self._v = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        self._motors = [model.actuator(name).id for name in self._names[ACTUATOR]]
+        turned = model.actuator_trnid[self._motors, 0]
+        self._turned = (model.jnt_dofadr[turned][:, None] == np.arange(model.nv)).astype(float)
+        self._drives = (turned[:, None] == np.array(joints, int)).astype(float)
+        self._gear = model.actuator_gear[self._motors, 0]
         self.stage = _RATES if self._bodies else _POSITIONS if self._tendons else _NOTHING
         """What of the state must be known before a time step"""
         bind, expand = batch.bind, batch.expand
         self._qpos, self._qvel, self._clock = bind("qpos"), bind("qvel"), bind("time")
         self._applied, self._pushed = bind("qfrc_applied"), bind("xfrc_applied")
+        self._force, self._entering = bind("actuator_force"), bind("qfrc_actuator")
+        self._load, self._spring_load = bind("qfrc_bias"), bind("qfrc_spring")
         self._at, self._about, self._moves = bind("xipos"), bind("subtree_com"), bind("cvel")
         self._friction = [
             (expand(of), which, expand(of)[:, which].copy()) if which else None
@@ -160,6 +133,9 @@ class StateLaws:
         if self._bodies:
             about = self._about[:, self._batch.model.body_rootid[self._bodies]]
             moves = moves + np.cross(motion[..., :3], at - about)
+        given = self._force[:, self._motors] * self._gear
+        other = self._entering[:, self._v] - given @ self._drives
+        other = other + self._load[:, self._v] - self._spring_load[:, self._v]
         rubs = [each[2] if each else np.zeros((n, 0)) for each in self._friction]
         return StateMoment.of(
             names=self._names,
@@ -175,12 +151,16 @@ class StateLaws:
             free_stretch=free,
             told_pull=told,
             limits=self._limits,
+            usual_torque=given,
+            other_torque=other,
+            drives=self._drives,
+            drive_torque=given.copy(),
             joint_torque=np.zeros((n, len(self._v))),
             gear_friction=rubs[0].copy(),
             tendon_pull=np.zeros((n, len(self._tendons))),
             tendon_friction=rubs[1].copy(),
             slack=np.zeros((n, len(self._springs))),
-            stiffness=self._stiffness + np.zeros((n, 1)),
+            stiffness=self._stiffness.copy(),
             wrench=np.zeros((n, len(self._bodies), 6)),
         )
 
@@ -195,6 +175,7 @@ class StateLaws:
             spring.write(moment.slack[:, k], moment.stiffness[:, k])
         self._applied[...] = 0.0
         self._applied[:, self._v] = moment.joint_torque
+        self._applied += (moment.drive_torque - moment.usual_torque) @ self._turned
         for k, tendon in enumerate(self._springs[: len(self._tendons)]):
             tendon.pull(self._applied, moment.tendon_pull[:, k])
         if self._bodies:
@@ -230,7 +211,8 @@ def _places(
     ]
     first = dict.fromkeys(name for _, name in springs)
     springs = [next(each for each in springs if each[1] == name) for name in first]
-    names = {JOINT: joints, TENDON: tendons, BODY: bodies, SPRING: list(first)}
+    motors = [name for name in state_driven(model) if name in wanted or "" in wanted]
+    names = {JOINT: joints, TENDON: tendons, BODY: bodies, SPRING: [*first], ACTUATOR: motors}
     there = {name for several in names.values() for name in several}
     if lacking := sorted(wanted - there - {""}):
         raise SerpentError(

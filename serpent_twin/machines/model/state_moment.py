@@ -11,13 +11,14 @@ from serpent_twin.effects import Instant
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.part_of_moment import PartOfMoment
 
-JOINT, TENDON, SPRING, BODY = "joint", "tendon", "spring", "body"
+JOINT, TENDON, SPRING, BODY, ACTUATOR = "joint", "tendon", "spring", "body", "actuator"
 """Kinds of places; what pulls is a spring: tendons, springs of joints and their drives"""
 
 
 @dataclass
 class StateMoment(Instant):
-    """One time step of n runs of a model: J joints, all hinges or slides, L tendons, K springs, B bodies.
+    """One time step of n runs of a model: J joints, all hinges or slides, L tendons, K springs, B bodies, A
+    actuators of joints.
 
     The first block is of the state and cannot be changed. The second is what the model without effects has;
     an effect changes it in place or replaces it.
@@ -25,7 +26,8 @@ class StateMoment(Instant):
 
     given: ClassVar[frozenset[str]] = frozenset(
         {"names", "dt", "time", "prior_runtime", "joint_angle", "joint_velocity", "tendon_length",
-         "tendon_velocity", "body_position", "body_velocity", "free_stretch", "told_pull", "limits"}
+         "tendon_velocity", "body_position", "body_velocity", "free_stretch", "told_pull", "limits",
+         "usual_torque", "other_torque", "drives"}
     )  # fmt: skip
     everywhere: ClassVar[frozenset[str]] = frozenset({"dt", "time", "prior_runtime"})
     """Names of the fields that all places share"""
@@ -56,7 +58,15 @@ class StateMoment(Instant):
     """What motors pull on a tendon [N], (n, K)"""
     limits: Array
     """Least and most that a spring pulls [N or N m], (2, K)"""
+    usual_torque: Array
+    """What the actuators give their joints without effects [N m or N], (n, A)"""
+    other_torque: Array
+    """What enters a joint besides, and what its load takes: twice their mean [N m or N], (n, J)"""
+    drives: Array
+    """1 where an actuator drives a joint, else 0, (A, J)"""
 
+    drive_torque: Array
+    """What the actuators give their joints [N m or N], (n, A)"""
     joint_torque: Array
     """Added to the joints [N m or N], (n, J)"""
     gear_friction: Array
@@ -86,6 +96,11 @@ class StateMoment(Instant):
         """What a spring pulls [N or N m], (n, K)."""
         return np.clip(self.stiffness * self.stretch + self.told_pull, *self.limits)
 
+    @property
+    def horn_torque(self) -> Array:
+        """What the gears of a joint carry: the mean of what enters and of its load [N m or N], (n, J)."""
+        return (self.drive_torque @ self.drives + self.other_torque) / 2
+
     def at(self, place: str) -> PartOfMoment:
         """The moment at one joint, tendon, drive or body."""
         return PartOfMoment(self, place)
@@ -101,8 +116,11 @@ class StateMoment(Instant):
 
 
 _KIND = {
-    **dict.fromkeys(("joint_angle", "joint_velocity", "joint_torque", "gear_friction"), JOINT),
+    **dict.fromkeys(
+        ("joint_angle", "joint_velocity", "joint_torque", "gear_friction", "horn_torque"), JOINT
+    ),
     **dict.fromkeys(("tendon_length", "tendon_velocity", "tendon_pull", "tendon_friction"), TENDON),
+    **dict.fromkeys(("drive_torque", "usual_torque"), ACTUATOR),
     **dict.fromkeys(("body_position", "body_velocity", "wrench"), BODY),
 }
 """Of what each quantity is; others are of springs"""

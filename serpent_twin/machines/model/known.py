@@ -1,0 +1,110 @@
+"""Read the numbers of a model that each session of a log states, and refuse those that cannot be."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from serpent_twin import stored
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.measured import KEY, Recording, Runs
+from serpent_twin.machines.model.description import Described, Description, KnownNumber
+from serpent_twin.machines.model.numbers import NUMBERS, names_of, numbers_of
+from serpent_twin.machines.model.things import OBJECTS, names, unknown
+
+Factor = tuple[str, int, float]
+"""Kind of a number, of which thing, and how many times the model's it is"""
+
+
+def amiss_known(about: Description, model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
+    """Numbers that the model lacks, that are zero there, or that are stated twice; the key, and why."""
+    there = set[tuple[str, str]]()
+    for n, each in enumerate(about.known):
+        named = names(model, kind := OBJECTS[NUMBERS[each.number].of])
+        if each.of not in named:
+            yield f"known[{n}].of", unknown(each.of, model, kind)
+        elif not numbers_of(model, each.number)[named.index(each.of)]:
+            told = f"is {each.of!r}, whose {each.number} is 0 in the model: no factor changes it."
+            yield f"known[{n}].of", told
+        if (each.number, each.of) in there:
+            yield f"known[{n}].of", f"is {each.of!r}, whose {each.number} is known already."
+        there.add((each.number, each.of))
+
+
+def metadata_of(path: Path) -> dict[str, Any]:
+    """What a Parquet log has under the metadata key `measured`; nothing of others."""
+    if path.suffix != ".parquet":
+        return {}
+    raw = stored.read_table(path, "Leave it out.").metadata.get(KEY)
+    return stored.parse_json(raw, dict[str, Any], f"{path}: the metadata") if raw else {}
+
+
+def stated(machine: Described, session: Recording, metadata: Mapping[str, Any]) -> dict[str, float]:
+    """The values in a session of what `[[known]]` names, by name; raises a `SerpentError` that says which is
+    none, not constant, or of the wrong sign.
+    """
+    found = {name: _stated(session, name, metadata) for name in machine.stated}
+    for each in machine.about.known:
+        ratio = _value(each, found) / _model_value(machine, each)
+        if not (np.isfinite(ratio) and ratio > 0):
+            told = " × ".join(f"{name} = {found[name]:g}" for name in each.columns)
+            value, own = _value(each, found), _model_value(machine, each)
+            raise SerpentError(
+                f"{session.path}: {told} makes the {each.number} of {each.of} {value:g}, which has not the "
+                f"sign of the model's {own:g}. State its scale in machine.toml."
+            )
+    return found
+
+
+def _stated(session: Recording, name: str, metadata: Mapping[str, Any]) -> float:
+    path = session.path
+    if name in session.columns:
+        values = session.columns[name]
+        if not np.isfinite(values).all() or np.ptp(values) > 0:
+            raise SerpentError(
+                f"{path}: the column {name!r} is not one number throughout a session, and a [[known]] number "
+                "is. Split the log where it changes."
+            )
+        return float(values[0])
+    value = metadata.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise SerpentError(
+            f"{path} states no number {name!r}, which machine.toml has under [[known]]: neither a column nor "
+            f"an entry of the metadata, which are {stored.names(list(metadata), 40) or 'none'}."
+        )
+    return float(value)
+
+
+def _value(known: KnownNumber, found: Mapping[str, float]) -> float:
+    return known.scale * float(np.prod([found[name] for name in known.columns]))
+
+
+def _model_value(machine: Described, known: KnownNumber) -> float:
+    which = names_of(machine.model, known.number).index(known.of)
+    return float(numbers_of(machine.model, known.number)[which])
+
+
+def _factors(machine: Described, found: Mapping[str, float]) -> tuple[Factor, ...]:
+    """By how much the numbers that a session states differ from the model's; none of a motion that no log
+    has, where they are NaN.
+    """
+    return tuple(
+        (
+            each.number,
+            names_of(machine.model, each.number).index(each.of),
+            _value(each, found) / _model_value(machine, each),
+        )
+        for each in machine.about.known
+        if np.isfinite(_value(each, found))
+    )
+
+
+def by_known_numbers(machine: Described, pieces: Runs) -> dict[tuple[Factor, ...], list[int]]:
+    """Segments whose sessions state the same numbers, by these."""
+    groups: dict[tuple[Factor, ...], list[int]] = {}
+    for n in range(len(pieces)):
+        found = {name: float(pieces.column[name][n, 0]) for name in machine.stated}
+        groups.setdefault(_factors(machine, found), []).append(n)
+    return groups

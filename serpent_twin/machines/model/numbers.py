@@ -1,0 +1,156 @@
+"""Name the numbers of a model that a fit changes or a session states, and scale them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from serpent_twin.machines.model.masses import weigh
+
+_R, _K, _P, _I, _D, _V = 0, 1, 4, 5, 6, 7
+"""Places in `gainprm` of a DC motor: resistance, motor constant, gains of its controller, voltage limit"""
+OF_SLIDES = {
+    "N m": "N",
+    "N m s/rad": "N s/m",
+    "N m/rad": "N/m",
+    "N m/rad³": "N/m³",
+    "kg m²": "kg",
+    "rad/s": "m/s",
+}
+"""Units of what is said of hinges, at a slide"""
+
+
+@dataclass(frozen=True)
+class NumberKind:
+    """A kind of number that things of a model have."""
+
+    unit: str
+    of: str
+    """Kind of the things: joint, actuator or body"""
+    read: Callable[[mujoco.MjModel], np.ndarray]
+    """That of all things of the kind; 0 where a thing has none"""
+    scale: Callable[[Any, float], None]
+    """Scale that of a thing of a spec"""
+    prior: float = 0.3
+    """Standard deviation of the logarithm of its ratio to the model's"""
+    fitted: bool = True
+    """Whether calibration fits it without being asked"""
+    at_rest: bool = True
+    """Whether poses at rest show it"""
+
+
+def _of_dof(field: str) -> Callable[[mujoco.MjModel], np.ndarray]:
+    return lambda model: getattr(model, field)[model.jnt_dofadr]
+
+
+def _attribute(name: str) -> Callable[[Any, float], None]:
+    def scale(thing: Any, factor: float) -> None:
+        setattr(thing, name, np.asarray(getattr(thing, name)) * factor)
+
+    return scale
+
+
+def is_dc_motor(model: mujoco.MjModel) -> np.ndarray:
+    """Which actuators are DC motors, (nu,)."""
+    return model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR
+
+
+def _gain(model: mujoco.MjModel) -> np.ndarray:
+    return np.where(is_dc_motor(model), 0.0, model.actuator_gainprm[:, 0])
+
+
+def _scale_gain(actuator: Any, factor: float) -> None:
+    actuator.gainprm[0] *= factor
+    actuator.biasprm[1:3] *= factor
+
+
+def _of_motor(place: int) -> Callable[[mujoco.MjModel], np.ndarray]:
+    return lambda model: np.where(is_dc_motor(model), model.actuator_gainprm[:, place], 0.0)
+
+
+def _volts_per_error(model: mujoco.MjModel) -> np.ndarray:
+    """MuJoCo has the controller's gain in terms of torque: R / K times that are volts."""
+    gain = model.actuator_gainprm
+    constant = np.where(is_dc_motor(model), gain[:, _K], 1.0)
+    return np.where(is_dc_motor(model), gain[:, _P] * gain[:, _R] / constant, 0.0)
+
+
+def _scale_constant(actuator: Any, factor: float) -> None:
+    """Scale the motor constant K. The controller gives the same volts for an error as before, and for a
+    speed: R/K (P e − D ω) + K ω.
+    """
+    resistance, constant = actuator.gainprm[_R], actuator.gainprm[_K]
+    actuator.gainprm[_K] *= factor
+    actuator.gainprm[[_P, _I]] *= factor
+    more = (factor - 1) * constant**2 / resistance
+    actuator.gainprm[_D] = factor * (actuator.gainprm[_D] + more)
+
+
+def _scale_resistance(actuator: Any, factor: float) -> None:
+    """Scale the resistance; the controller gives the same volts as before."""
+    actuator.gainprm[_R] *= factor
+    actuator.gainprm[[_P, _I, _D]] /= factor
+
+
+def _scale_controller(actuator: Any, factor: float) -> None:
+    actuator.gainprm[[_P, _I]] *= factor
+
+
+def _scale_limit(actuator: Any, factor: float) -> None:
+    actuator.gainprm[_V] *= factor
+
+
+def _along(axis: int) -> NumberKind:
+    def scale(body: Any, factor: float) -> None:
+        body.pos[axis] *= factor
+
+    return NumberKind("m", "body", lambda m: m.body_pos[:, axis], scale, 0.05, fitted=False)
+
+
+NUMBERS: Mapping[str, NumberKind] = {
+    "joint stiffness": NumberKind(
+        "N m/rad", "joint", lambda m: m.jnt_stiffness, _attribute("stiffness")
+    ),
+    "joint damping": NumberKind(
+        "N m s/rad", "joint", _of_dof("dof_damping"), _attribute("damping"), 0.5, at_rest=False
+    ),
+    "joint friction": NumberKind(
+        "N m", "joint", _of_dof("dof_frictionloss"), _attribute("frictionloss"), 0.5
+    ),
+    "armature": NumberKind(
+        "kg m²", "joint", _of_dof("dof_armature"), _attribute("armature"), 0.5, at_rest=False
+    ),
+    "actuator gain": NumberKind("1", "actuator", _gain, _scale_gain, 0.5),
+    "motor constant": NumberKind("V s/rad", "actuator", _of_motor(_K), _scale_constant),
+    "motor resistance": NumberKind("Ω", "actuator", _of_motor(_R), _scale_resistance),
+    "controller gain": NumberKind(
+        "V/rad", "actuator", _volts_per_error, _scale_controller, fitted=False
+    ),
+    "voltage limit": NumberKind("V", "actuator", _of_motor(_V), _scale_limit, fitted=False),
+    "mass": NumberKind("kg", "body", lambda m: m.body_mass, weigh, 0.2),
+    "body x": _along(0),
+    "body y": _along(1),
+    "body z": _along(2),
+}
+"""By name"""
+
+
+def numbers_of(model: mujoco.MjModel, number: str) -> np.ndarray:
+    """The numbers of a kind, of all things that may have one."""
+    return NUMBERS[number].read(model)
+
+
+def names_of(model: mujoco.MjModel, number: str) -> list[str]:
+    """Of the things that may have a number; those without a name are counted."""
+    kind = NUMBERS[number].of
+    count = {"body": model.nbody, "actuator": model.nu, "joint": model.njnt}[kind]
+    return [getattr(model, kind)(n).name or f"number {n}" for n in range(count)]
+
+
+def scale_number(spec: mujoco.MjSpec, number: str, which: int, factor: float) -> None:
+    """Scale a number of one thing of a spec."""
+    kind = NUMBERS[number]
+    things = {"body": spec.bodies, "actuator": spec.actuators, "joint": spec.joints}[kind.of]
+    kind.scale(things[which], factor)

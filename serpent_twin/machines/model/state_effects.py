@@ -1,0 +1,91 @@
+"""Say which effects act on a model's state in each time step, and on which runs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from serpent_twin.arrays import Array
+from serpent_twin.effects import CABLE, READING, Effect
+from serpent_twin.machines.model.numbers import is_dc_motor
+from serpent_twin.machines.model.springs import single_joints
+
+_TORQUE = "drive_torque"
+
+
+def acting_on_state(there: Sequence[Effect], model: mujoco.MjModel) -> list[Effect]:
+    """The effects that read a model's state in each time step."""
+    return [each for each in there if acts_on_state(each, model) and not each.absent]
+
+
+def acts_on_state(effect: Effect, model: mujoco.MjModel) -> bool:
+    """Whether an effect acts in each time step: one on what an actuator gives does so where that follows from
+    the state.
+    """
+    if not effect.acts() or effect.stage >= READING:
+        return False
+    follows = _TORQUE in effect.needs and any(
+        effect.at in ("", name) for name in state_driven(model)
+    )
+    return follows or effect.stage >= CABLE
+
+
+def state_driven(model: mujoco.MjModel) -> list[str]:
+    """The actuators of single joints whose torque follows from the joint's state: DC motors."""
+    moved = np.isin(model.actuator_trnid[:, 0], single_joints(model))
+    there = is_dc_motor(model) & moved & (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)
+    return [model.actuator(int(n)).name for n in np.flatnonzero(there)]
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """U sessions as they were measured, from which effects remember what was before the S runs."""
+
+    pose: Array
+    """From each row to the next, in the mean, (U, K, nq)"""
+    rate: Array
+    """The same, (U, K, nv)"""
+    told: Array
+    """What the drives tell the actuators, (U, K, nu)"""
+    session: NDArray[np.intp]
+    """Which is each run's, (S,)"""
+    rows: NDArray[np.intp]
+    """Before each run, (S,)"""
+    period: Array
+    """Between rows of each run's session [s], (S,)"""
+
+
+@dataclass(frozen=True)
+class Acting:
+    """Effects on the state of S runs, and when these begin."""
+
+    several: Sequence[Sequence[Effect]]
+    """Of each run, at least one, (S,)"""
+    time: Array
+    """Since each run's session began [s], (S,)"""
+    prior_runtime: Array
+    """From the beginning of its log to that of its session [s], (S,)"""
+    earlier: Earlier | None = None
+    """Where an effect remembers what was before a run"""
+
+
+def together(several: Sequence[Acting]) -> Acting:
+    """The effects of some twins on the runs of each, one twin after the other."""
+    first = several[0].earlier
+    earlier = None
+    if first is not None:
+        all_of = [each.earlier or first for each in several]
+        whole = {
+            name: np.concatenate([getattr(each, name) for each in all_of])
+            for name in ("pose", "rate", "told", "rows", "period")
+        }
+        session = [each.session + n * len(each.pose) for n, each in enumerate(all_of)]
+        earlier = Earlier(**whole, session=np.concatenate(session))
+    return Acting(
+        [each for one in several for each in one.several],
+        np.concatenate([each.time for each in several]),
+        np.concatenate([each.prior_runtime for each in several]),
+        earlier,
+    )
