@@ -12,9 +12,9 @@ from serpent_twin.machines.model.description import MOTION, Described, DriveColu
 from serpent_twin.machines.model.numbers import (
     NUMBERS,
     OF_SLIDES,
+    change_number,
     names_of,
     numbers_of,
-    scale_number,
 )
 
 _ZERO, _SCALE = 0.01, 0.05
@@ -84,9 +84,10 @@ def _numbers(machine: Described) -> Iterator[FittedNumber]:
 
 def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumber]:
     known = names_of(model, uncertain.number)
+    prior = uncertain.prior or NUMBERS[uncertain.number].prior
     for pattern in uncertain.of:
         which = tuple(n for n, name in enumerate(known) if fnmatchcase(name, pattern))
-        yield _coordinate(model, uncertain.number, which, uncertain.prior, pattern)
+        yield _coordinate(model, uncertain.number, which, prior, pattern)
 
 
 def _alike(machine: Described, number: str) -> Iterator[FittedNumber]:
@@ -100,6 +101,8 @@ def _alike(machine: Described, number: str) -> Iterator[FittedNumber]:
         moot |= set(names) - {each.actuator for each in machine.commanded}
     if kind.of == "joint":
         moot |= {each.joint for each in machine.prescribed}
+    if kind.of == "tendon":
+        moot |= {each.tendon for each in machine.prescribed}
     values[[name in moot for name in names]] = 0.0
     for value in sorted({float(v) for v in values if v > 0}):
         which = tuple(np.flatnonzero(values == value).tolist())
@@ -117,9 +120,10 @@ def _coordinate(
     ):
         unit = OF_SLIDES[unit]
     start = float(np.mean(numbers_of(model, number)[list(which)]))
+    added = NUMBERS[number].added
     return FittedNumber(
-        Declared(name, f"log {unit}", prior, 0.1 * prior),
-        Quantity(name, unit, start, 0.0, (name,), start),
+        Declared(name, unit if added else f"log {unit}", prior, 0.1 * prior),
+        Quantity(name, unit, start, float(added), (name,), start),
         number,
         which,
     )
@@ -151,4 +155,6 @@ def edit_numbers(
     """Write coordinates into a spec of the model."""
     for each in all_of:
         for n in each.of if each.number else ():
-            scale_number(spec, each.number, n, float(np.exp(values[each.declared.name])))
+            value = values[each.declared.name]
+            added = NUMBERS[each.number].added
+            change_number(spec, each.number, n, value if added else float(np.exp(value)))

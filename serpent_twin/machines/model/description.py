@@ -106,9 +106,13 @@ class Uncertain(Form, frozen=True):
 
     number: NumberName
     of: Annotated[tuple[Name, ...], many(1, 1000)]
-    """Names of joints, actuators or bodies, with wildcards; all that match one text change alike"""
-    prior: Annotated[float, above(0.0, 10.0)] = 0.3
-    """Standard deviation of the logarithm of its ratio to the model's"""
+    """Names of its joints, tendons, actuators, bodies or sites, with wildcards; what matches one text changes
+    alike
+    """
+    prior: Annotated[float, above(0.0, 1000.0)] | None = None
+    """Standard deviation of the logarithm of its ratio to the model's; of places in mm, of a joint's rest in
+    degrees (mm of a slide); without it, the kind's own
+    """
 
 
 class KnownNumber(Form, frozen=True):

@@ -23,7 +23,9 @@ def amiss_known(about: Description, model: mujoco.MjModel) -> Iterator[tuple[str
     there = set[tuple[str, str]]()
     for n, each in enumerate(about.known):
         named = names(model, kind := OBJECTS[NUMBERS[each.number].of])
-        if each.of not in named:
+        if NUMBERS[each.number].added:
+            yield f"known[{n}].number", f"is {each.number!r}, which no session can state."
+        elif each.of not in named:
             yield f"known[{n}].of", unknown(each.of, model, kind)
         elif not numbers_of(model, each.number)[named.index(each.of)]:
             told = f"is {each.of!r}, whose {each.number} is 0 in the model: no factor changes it."

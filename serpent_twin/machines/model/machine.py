@@ -36,7 +36,7 @@ from serpent_twin.machines.model.motion import (
     moved,
     start_gain,
 )
-from serpent_twin.machines.model.numbers import scale_number
+from serpent_twin.machines.model.numbers import change_number
 from serpent_twin.machines.model.poses import Rests, settled
 from serpent_twin.machines.model.prescribed import known_motion, prescribe
 from serpent_twin.machines.model.proposing import proposed
@@ -185,7 +185,7 @@ class ModelMachine(RunMachine):
         """The twin as it is simulated, with the numbers that a session states."""
         spec = self.spec(declared, effects)
         for number, which, factor in known:
-            scale_number(spec, number, which, factor)
+            change_number(spec, number, which, factor)
         prescribe(spec, self.described)
         separate(spec, self.described)
         return spec.compile()

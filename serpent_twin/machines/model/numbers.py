@@ -11,6 +11,8 @@ from serpent_twin.machines.model.masses import weigh
 
 _R, _K, _P, _I, _D, _V = 0, 1, 4, 5, 6, 7
 """Places in `gainprm` of a DC motor: resistance, motor constant, gains of its controller, voltage limit"""
+_TURN = "°"
+"""Of what a spec has in degrees or radians, as its compiler says"""
 OF_SLIDES = {
     "N m": "N",
     "N m s/rad": "N s/m",
@@ -18,6 +20,7 @@ OF_SLIDES = {
     "N m/rad³": "N/m³",
     "kg m²": "kg",
     "rad/s": "m/s",
+    _TURN: "mm",
 }
 """Units of what is said of hinges, at a slide"""
 
@@ -28,13 +31,17 @@ class NumberKind:
 
     unit: str
     of: str
-    """Kind of the things: joint, actuator or body"""
+    """Kind of the things: joint, tendon, actuator, body or site"""
     read: Callable[[mujoco.MjModel], np.ndarray]
     """That of all things of the kind; 0 where a thing has none"""
-    scale: Callable[[Any, float], None]
-    """Scale that of a thing of a spec"""
+    change: Callable[[Any, float], None]
+    """Multiply that of a thing of a spec by a factor; or add to it, in its unit"""
     prior: float = 0.3
-    """Standard deviation of the logarithm of its ratio to the model's"""
+    """Standard deviation of the logarithm of its ratio to the model's; of what is added, in its unit"""
+    added: bool = False
+    """Whether it may be zero or of either sign, so that a fit adds to it"""
+    stated: bool = False
+    """Whether a model may leave it to MuJoCo's compiler, see `state_all`"""
     fitted: bool = True
     """Whether calibration fits it without being asked"""
     at_rest: bool = True
@@ -102,6 +109,28 @@ def _scale_limit(actuator: Any, factor: float) -> None:
     actuator.gainprm[_V] *= factor
 
 
+def _shifted(name: str, axis: int) -> NumberKind:
+    """A place of a body's centre of mass, `ipos`, or of a site, `pos`, in its body's frame."""
+    of = "site" if name == "pos" else "body"
+
+    def read(model: mujoco.MjModel) -> np.ndarray:
+        return 1e3 * getattr(model, f"{of}_{name}")[:, axis]
+
+    def shift(thing: Any, by: float) -> None:
+        getattr(thing, name)[axis] += 1e-3 * by
+
+    return NumberKind("mm", of, read, shift, 5.0, added=True, stated=of == "body", fitted=False)
+
+
+def _shift_rest(joint: Any, by: float) -> None:
+    joint.springref += by
+
+
+def _rest(model: mujoco.MjModel) -> np.ndarray:
+    per = np.where(model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE, 1e3, 180 / np.pi)
+    return per * model.qpos_spring[model.jnt_qposadr]
+
+
 def _along(axis: int) -> NumberKind:
     def scale(body: Any, factor: float) -> None:
         body.pos[axis] *= factor
@@ -123,6 +152,25 @@ NUMBERS: Mapping[str, NumberKind] = {
         "kg m²", "joint", _of_dof("dof_armature"), _attribute("armature"), 0.5, at_rest=False
     ),
     "actuator gain": NumberKind("1", "actuator", _gain, _scale_gain, 0.5),
+    "tendon stiffness": NumberKind(
+        "N/m", "tendon", lambda m: m.tendon_stiffness, _attribute("stiffness")
+    ),
+    "tendon damping": NumberKind(
+        "N s/m", "tendon", lambda m: m.tendon_damping, _attribute("damping"), 0.5, at_rest=False
+    ),
+    "tendon friction": NumberKind(
+        "N", "tendon", lambda m: m.tendon_frictionloss, _attribute("frictionloss"), 0.5
+    ),
+    "tendon rest length": NumberKind(
+        "m",
+        "tendon",
+        lambda m: m.tendon_lengthspring[:, 0] * (m.tendon_stiffness > 0),
+        _attribute("springlength"),
+        0.02,
+        stated=True,
+        fitted=False,
+    ),
+    "joint rest": NumberKind(_TURN, "joint", _rest, _shift_rest, 3.0, added=True, fitted=False),
     "motor constant": NumberKind("V s/rad", "actuator", _of_motor(_K), _scale_constant),
     "motor resistance": NumberKind("Ω", "actuator", _of_motor(_R), _scale_resistance),
     "controller gain": NumberKind(
@@ -133,6 +181,8 @@ NUMBERS: Mapping[str, NumberKind] = {
     "body x": _along(0),
     "body y": _along(1),
     "body z": _along(2),
+    **{f"centre of mass {axis}": _shifted("ipos", n) for n, axis in enumerate("xyz")},
+    **{f"site {axis}": _shifted("pos", n) for n, axis in enumerate("xyz")},
 }
 """By name"""
 
@@ -145,12 +195,44 @@ def numbers_of(model: mujoco.MjModel, number: str) -> np.ndarray:
 def names_of(model: mujoco.MjModel, number: str) -> list[str]:
     """Of the things that may have a number; those without a name are counted."""
     kind = NUMBERS[number].of
-    count = {"body": model.nbody, "actuator": model.nu, "joint": model.njnt}[kind]
+    count = {
+        "body": model.nbody,
+        "actuator": model.nu,
+        "joint": model.njnt,
+        "tendon": model.ntendon,
+        "site": model.nsite,
+    }[kind]
     return [getattr(model, kind)(n).name or f"number {n}" for n in range(count)]
 
 
-def scale_number(spec: mujoco.MjSpec, number: str, which: int, factor: float) -> None:
-    """Scale a number of one thing of a spec."""
+def change_number(spec: mujoco.MjSpec, number: str, which: int, by: float) -> None:
+    """Multiply a number of one thing of a spec by a factor, or add to one of a kind that is added to."""
     kind = NUMBERS[number]
-    things = {"body": spec.bodies, "actuator": spec.actuators, "joint": spec.joints}[kind.of]
-    kind.scale(things[which], factor)
+    things = {
+        "body": spec.bodies,
+        "actuator": spec.actuators,
+        "joint": spec.joints,
+        "tendon": spec.tendons,
+        "site": spec.sites,
+    }[kind.of]
+    if kind.unit == _TURN:
+        slides = things[which].type == mujoco.mjtJoint.mjJNT_SLIDE
+        by *= 1e-3 if slides else 1.0 if spec.compiler.degree else np.pi / 180
+    kind.change(things[which], by)
+
+
+def state_all(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Write into a spec what its compiler finds, so that it can be changed: where a body has its centre of
+    mass, and at which length a tendon rests.
+    """
+    for n, body in enumerate(spec.bodies):
+        if not body.explicitinertial and model.body_mass[n] > 0:
+            body.mass, body.ipos, body.iquat = (
+                model.body_mass[n],
+                model.body_ipos[n],
+                model.body_iquat[n],
+            )
+            body.inertia, body.explicitinertial = model.body_inertia[n], True
+    for n, tendon in enumerate(spec.tendons):
+        if model.tendon_stiffness[n] > 0:
+            tendon.springlength = model.tendon_lengthspring[n]

@@ -24,7 +24,7 @@ from serpent_twin.machines.model.files import files
 from serpent_twin.machines.model.known import amiss_known
 from serpent_twin.machines.model.lines import with_line
 from serpent_twin.machines.model.masses import settle_total_mass
-from serpent_twin.machines.model.numbers import NUMBERS, numbers_of
+from serpent_twin.machines.model.numbers import NUMBERS, numbers_of, state_all
 from serpent_twin.machines.model.things import (
     OBJECTS,
     acts_on,
@@ -57,6 +57,8 @@ def read(path: Path, model_file: Path | None = None) -> Described:
         spec = mujoco.MjSpec.from_file(str(file))
         settle_total_mass(spec)
         model = spec.compile()
+        if any(NUMBERS[each.number].stated for each in about.uncertain):
+            state_all(spec, model)
     except ValueError as error:
         raise SerpentError(
             f"{file} is no model that MuJoCo builds: {' '.join(str(error).split())} Mend the MJCF."
@@ -100,7 +102,7 @@ def _amiss_uncertain(about: Description, model: mujoco.MjModel) -> Iterator[tupl
             those = [k for k, name in enumerate(known) if fnmatchcase(name, pattern)]
             if not those:
                 yield f"uncertain[{n}].of", unknown(pattern, model, kind)
-            elif not values[those].any():
+            elif not values[those].any() and not NUMBERS[each.number].added:
                 yield (
                     f"uncertain[{n}].of",
                     f"has {pattern!r}, whose {each.number} is 0: no factor changes it.",

@@ -1,0 +1,123 @@
+"""Test that each kind of number of a model is changed as its compiled model has it."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.model import open_machine
+
+MJCF = """<mujoco>
+  <compiler angle="{angle}"/>
+  <worldbody>
+    <body name="upper" pos="0 0 1">
+      <joint name="turn" axis="0 1 0" stiffness="1.5" springref="{rest}" damping="0.1"/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.4"/>
+      <geom type="sphere" size="0.03" mass="0.1" pos="0.1 0.05 0"/>
+      <site name="end" pos="0.3 0 0"/>
+      <body name="lower" pos="0.3 0 0">
+        <joint name="push" type="slide" axis="1 0 0" stiffness="80"/>
+        <geom type="sphere" size="0.01" mass="0.25" pos="0.05 0 0"/>
+        <site name="tip" pos="0.05 0 0.01"/>
+      </body>
+    </body>
+    <site name="wall" pos="-0.1 0 1.1"/>
+  </worldbody>
+  <tendon>
+    <spatial name="cable" stiffness="300" damping="2" frictionloss="0.4">
+      <site site="wall"/><site site="end"/>
+    </spatial>
+  </tendon>
+  <actuator><motor name="drive" joint="turn" ctrlrange="-1 1"/></actuator>
+</mujoco>
+"""
+TOML = """schema_version = 1
+model = "arm.xml"
+rows = "motion"
+time = {{ column = "t", unit = "s" }}
+drive = [{{ actuator = "drive", column = "current" }}]
+measured = [{{ site = "tip", columns = ["x", "y", "z"], unit = "m", noise = 0.001 }}]
+uncertain = [{uncertain}]
+"""
+
+
+def changed(folder: Path, number: str, of: str, by: float, angle="radian"):
+    """The compiled model before and after a coordinate is moved."""
+    rest = 0.2 if angle == "radian" else np.degrees(0.2)
+    (folder / "arm.xml").write_text(MJCF.format(angle=angle, rest=rest))
+    uncertain = f'{{ number = "{number}", of = ["{of}"] }}'
+    (folder / "machine.toml").write_text(TOML.format(uncertain=uncertain))
+    rig = open_machine(folder / "machine.toml")
+    time = np.arange(0.0, 2.0, 0.02)
+    log = folder / "log.csv"
+    swing = np.c_[time, 0.1 * np.sin(3 * time), np.zeros((len(time), 3))]
+    log.write_text("t,current,x,y,z\n" + "\n".join(",".join(map(str, row)) for row in swing))
+    (run,) = rig.read(log)
+    assert isinstance(run, Recording)
+    machine = rig.open([run]).machine
+    names = [each.name for each in machine.declared]
+    at = np.zeros(len(names))
+    before = machine.spec(at, ()).compile()
+    at[names.index(f"{number} of {of}")] = by
+    return before, machine.spec(at, ()).compile()
+
+
+@pytest.mark.parametrize(
+    ("number", "of", "field", "factor"),
+    [
+        ("tendon stiffness", "cable", "tendon_stiffness", 1.5),
+        ("tendon damping", "cable", "tendon_damping", 1.5),
+        ("tendon friction", "cable", "tendon_frictionloss", 1.5),
+        ("tendon rest length", "cable", "tendon_lengthspring", 1.5),
+        ("joint stiffness", "push", "jnt_stiffness", 1.5),
+        ("mass", "lower", "body_mass", 1.5),
+    ],
+)
+def test_a_number_is_multiplied(tmp_path, number, of, field, factor):
+    before, after = changed(tmp_path, number, of, np.log(factor))
+    was, now = getattr(before, field), getattr(after, field)
+    other = np.isclose(was, now)
+    assert now[~other] == pytest.approx(factor * was[~other]) and (~other).sum() in (1, 2)
+
+
+@pytest.mark.parametrize("angle", ["radian", "degree"])
+def test_a_rest_is_turned_by_degrees_whatever_the_model_is_written_in(tmp_path, angle):
+    before, after = changed(tmp_path, "joint rest", "turn", 5.0, angle)
+    assert before.qpos_spring[0] == pytest.approx(0.2)
+    assert after.qpos_spring - before.qpos_spring == pytest.approx([np.radians(5.0), 0.0])
+
+
+def test_a_rest_of_a_slide_is_shifted_by_millimetres(tmp_path):
+    before, after = changed(tmp_path, "joint rest", "push", 5.0, "degree")
+    assert after.qpos_spring - before.qpos_spring == pytest.approx([0.0, 5e-3])
+
+
+def test_a_centre_of_mass_is_shifted_and_all_else_of_the_body_stays(tmp_path):
+    """Also one that MuJoCo finds from geoms."""
+    before, after = changed(tmp_path, "centre of mass y", "upper", 4.0)
+    plain = mujoco.MjModel.from_xml_string(MJCF.format(angle="radian", rest=0.2))
+    for field in ("body_mass", "body_inertia", "body_ipos"):
+        np.testing.assert_allclose(getattr(before, field), getattr(plain, field), rtol=1e-9)
+    shift = after.body_ipos - before.body_ipos
+    assert shift[1] == pytest.approx([0, 4e-3, 0]) and not shift[[0, 2]].any()
+    np.testing.assert_allclose(after.body_inertia, before.body_inertia, rtol=1e-9)
+
+
+def test_a_site_is_shifted(tmp_path):
+    before, after = changed(tmp_path, "site z", "tip", -3.0)
+    shift = after.site_pos - before.site_pos
+    moved = after.site("tip").id
+    assert shift[moved] == pytest.approx([0, 0, -3e-3])
+    assert not np.delete(shift, moved, axis=0).any()
+
+
+def test_a_place_cannot_be_stated_by_a_session(tmp_path):
+    changed(tmp_path, "site z", "tip", 1.0)
+    path = tmp_path / "machine.toml"
+    known = 'known = [{ number = "site z", of = "tip", columns = ["lift"] }]\n'
+    path.write_text(path.read_text().replace("uncertain", known + "uncertain", 1))
+    with pytest.raises(SerpentError, match="which no session can state"):
+        open_machine(path)
