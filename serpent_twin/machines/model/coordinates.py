@@ -21,6 +21,7 @@ _ZERO, _SCALE = 0.01, 0.05
 """Prior of a drive's zero, of its control's range; of the logarithm of the drives' scale"""
 _TURNED, _SHIFTED = 5.0, 20.0
 """Priors of the frame of the cameras [°], [mm]"""
+_IN_SI = {"°": np.pi / 180, "mm": 1e-3}
 CAMERAS = (
     tuple(f"cameras turned about {a}" for a in "xyz"),
     tuple(f"cameras along {a}" for a in "xyz"),
@@ -54,7 +55,7 @@ def coordinates(machine: Described) -> tuple[FittedNumber, ...]:
 
 def _drives(machine: Described) -> Iterator[FittedNumber]:
     """The zero of each drive, and the scale that all servos share; a force's is its actuator's gain."""
-    for drive in machine.about.drive:
+    for drive in (each for each in machine.about.drive if not each.exact):
         limits = machine.limits(drive)
         unit, per = machine.control_unit(drive)
         prior = _ZERO * (1.0 if limits is None else float(np.ptp(limits))) / per
@@ -63,7 +64,7 @@ def _drives(machine: Described) -> Iterator[FittedNumber]:
             Declared(name, unit, prior, 0.1 * prior),
             Quantity(name, unit, 0.0, 1.0, (name,)),
         )
-    if any(machine.is_servo(each.actuator) for each in machine.commanded):
+    if any(machine.is_servo(each.actuator) and not each.exact for each in machine.commanded):
         yield FittedNumber(
             Declared(SCALE, "log 1", _SCALE, 0.1 * _SCALE),
             Quantity(SCALE, "1", 1.0, 0.0, (SCALE,), 1.0),
@@ -116,6 +117,9 @@ def _coordinate(
         and (model.jnt_type[list(which)] == mujoco.mjtJoint.mjJNT_SLIDE).all()
     ):
         unit = OF_SLIDES[unit]
+    if NUMBERS[number].shifts:
+        declared = Declared(name, unit, prior, 0.1 * prior)
+        return FittedNumber(declared, Quantity(name, unit, 0.0, 1.0, (name,)), number, which)
     start = float(np.mean(numbers_of(model, number)[list(which)]))
     return FittedNumber(
         Declared(name, f"log {unit}", prior, 0.1 * prior),
@@ -150,5 +154,9 @@ def edit_numbers(
 ) -> None:
     """Write coordinates into a spec of the model."""
     for each in all_of:
-        for n in each.of if each.number else ():
-            scale_number(spec, each.number, n, float(np.exp(values[each.declared.name])))
+        if not each.number:
+            continue
+        value, shifts = values[each.declared.name], NUMBERS[each.number].shifts
+        by = _IN_SI[each.declared.unit] * value if shifts else float(np.exp(value))
+        for n in each.of:
+            scale_number(spec, each.number, n, by)

@@ -18,6 +18,7 @@ OF_SLIDES = {
     "N m/rad³": "N/m³",
     "kg m²": "kg",
     "rad/s": "m/s",
+    "°": "mm",
 }
 """Units of what is said of hinges, at a slide"""
 
@@ -32,17 +33,23 @@ class NumberKind:
     read: Callable[[mujoco.MjModel], np.ndarray]
     """That of all things of the kind; 0 where a thing has none"""
     scale: Callable[[Any, float], None]
-    """Scale that of a thing of a spec"""
+    """Scale that of a thing of a spec; of a zero, shift it [rad or m]"""
     prior: float = 0.3
     """Standard deviation of the logarithm of its ratio to the model's"""
     fitted: bool = True
     """Whether calibration fits it without being asked"""
     at_rest: bool = True
     """Whether poses at rest show it"""
+    shifts: bool = False
+    """Whether it is a zero, which is shifted and not scaled; its prior is in degrees or millimetres"""
 
 
 def _of_dof(field: str) -> Callable[[mujoco.MjModel], np.ndarray]:
     return lambda model: getattr(model, field)[model.jnt_dofadr]
+
+
+def _of_qpos(model: mujoco.MjModel) -> np.ndarray:
+    return model.qpos0[model.jnt_qposadr]
 
 
 def _attribute(name: str) -> Callable[[Any, float], None]:
@@ -55,6 +62,10 @@ def _attribute(name: str) -> Callable[[Any, float], None]:
 def is_dc_motor(model: mujoco.MjModel) -> np.ndarray:
     """Which actuators are DC motors, (nu,)."""
     return model.actuator_gaintype == mujoco.mjtGain.mjGAIN_DCMOTOR
+
+
+def _shift_zero(joint: Any, by: float) -> None:
+    joint.ref += by
 
 
 def _gain(model: mujoco.MjModel) -> np.ndarray:
@@ -122,6 +133,7 @@ NUMBERS: Mapping[str, NumberKind] = {
     "armature": NumberKind(
         "kg m²", "joint", _of_dof("dof_armature"), _attribute("armature"), 0.5, at_rest=False
     ),
+    "joint zero": NumberKind("°", "joint", _of_qpos, _shift_zero, 2.0, fitted=False, shifts=True),
     "actuator gain": NumberKind("1", "actuator", _gain, _scale_gain, 0.5),
     "motor constant": NumberKind("V s/rad", "actuator", _of_motor(_K), _scale_constant),
     "motor resistance": NumberKind("Ω", "actuator", _of_motor(_R), _scale_resistance),
@@ -150,7 +162,7 @@ def names_of(model: mujoco.MjModel, number: str) -> list[str]:
 
 
 def scale_number(spec: mujoco.MjSpec, number: str, which: int, factor: float) -> None:
-    """Scale a number of one thing of a spec."""
+    """Scale a number of one thing of a spec; shift a zero by so much [rad or m]."""
     kind = NUMBERS[number]
     things = {"body": spec.bodies, "actuator": spec.actuators, "joint": spec.joints}[kind.of]
     kind.scale(things[which], factor)

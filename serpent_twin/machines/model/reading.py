@@ -100,7 +100,7 @@ def _amiss_uncertain(about: Description, model: mujoco.MjModel) -> Iterator[tupl
             those = [k for k, name in enumerate(known) if fnmatchcase(name, pattern)]
             if not those:
                 yield f"uncertain[{n}].of", unknown(pattern, model, kind)
-            elif not values[those].any():
+            elif not NUMBERS[each.number].shifts and not values[those].any():
                 yield (
                     f"uncertain[{n}].of",
                     f"has {pattern!r}, whose {each.number} is 0: no factor changes it.",
