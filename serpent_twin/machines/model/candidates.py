@@ -2,13 +2,15 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from fnmatch import fnmatchcase
 
 import mujoco
 import numpy as np
 
-from serpent_twin import effects
+from serpent_twin import effects, stored
 from serpent_twin.arrays import Array
 from serpent_twin.effects import KNOWN, READING, Range, law_of
+from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import Candidate, candidate
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.candidates_in_motion import laws_of_state
@@ -51,8 +53,20 @@ def candidates(machine: Described, training: Sequence[Recording]) -> dict[str, C
         found += laws_of_state(machine, training, sized, _MOST_PLACES)
     else:
         found += rubbing(machine, _MOST_PLACES)
-    found += _bodies(machine, sized)
+    found = _wanted(machine, [*found, *_bodies(machine, sized)])
     return {each.name: _confused(_placed(machine, each), found) for each in found}
+
+
+def _wanted(machine: Described, found: Sequence[Candidate]) -> list[Candidate]:
+    """Those that the description names; all if it names none."""
+    wanted = machine.about.candidates
+    for pattern in wanted:
+        if not any(fnmatchcase(each.name, pattern) for each in found):
+            raise SerpentError(
+                f"{machine.path}: candidates has {pattern!r}, which is none of the machine's with these "
+                f"logs; there are: {stored.names([each.name for each in found], 40)}. Name some of them."
+            )
+    return [each for each in found if not wanted or any(fnmatchcase(each.name, p) for p in wanted)]
 
 
 def _placed(machine: Described, one: Candidate) -> Candidate:

@@ -61,7 +61,7 @@ def coordinates(machine: Described) -> tuple[FittedNumber, ...]:
 
 def _drives(machine: Described) -> Iterator[FittedNumber]:
     """The zero of each drive, and the scale that all servos share; a force's is its actuator's gain."""
-    for drive in machine.about.drive:
+    for drive in (each for each in machine.about.drive if not each.exact):
         limits = machine.limits(drive)
         unit, per = machine.control_unit(drive)
         prior = _ZERO * (1.0 if limits is None else float(np.ptp(limits))) / per
@@ -70,7 +70,7 @@ def _drives(machine: Described) -> Iterator[FittedNumber]:
             Declared(name, unit, prior, 0.1 * prior),
             Quantity(name, unit, 0.0, 1.0, (name,)),
         )
-    if any(machine.is_servo(each.actuator) for each in machine.commanded):
+    if any(machine.is_servo(each.actuator) and not each.exact for each in machine.commanded):
         yield FittedNumber(
             Declared(SCALE, "log 1", _SCALE, 0.1 * _SCALE),
             Quantity(SCALE, "1", 1.0, 0.0, (SCALE,), 1.0),

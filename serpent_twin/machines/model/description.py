@@ -20,10 +20,11 @@ ADVICE = "docs/other-machines.md lists the keys."
 POSES, MOTION = "poses", "motion"
 """What the rows of a log may be"""
 if TYPE_CHECKING:
-    Unit = NumberName = str
+    Unit = NumberName = KnownName = str
 else:
     Unit = Literal[tuple(TO_SI)]
     NumberName = Literal[tuple(NUMBERS)]
+    KnownName = Literal[tuple(name for name, kind in NUMBERS.items() if not kind.added)]
 Number = Annotated[float, within(-1e9, 1e9)]
 Name = Annotated[str, msgspec.Meta(min_length=1)]
 Vector = Annotated[tuple[Number, ...], many(3)]
@@ -49,6 +50,8 @@ class DriveColumn(Column, frozen=True):
     """Whose length it is, likewise"""
     offset: Number | Literal["keyframe"] = 0.0
     """[SI]; or the keyframe's value"""
+    exact: bool = False
+    """Whether its zero and scale are known, as of a servo whose own encoder is what is measured"""
     enable: str = ""
     """Column that is 0 where the actuator is switched off, so that it gives no force"""
 
@@ -120,7 +123,7 @@ class Uncertain(Form, frozen=True):
 class KnownNumber(Form, frozen=True):
     """A number of the model that each session states."""
 
-    number: NumberName
+    number: KnownName
     of: Name
     """Name of a joint, actuator or body"""
     columns: Annotated[tuple[Name, ...], many(1, 3)]
@@ -149,6 +152,8 @@ class Description(Form, frozen=True):
     """Column whose value names the session of a row, where a file holds several, one after the other"""
     uncertain: tuple[Uncertain, ...] = ()
     """In place of what calibration fits by default"""
+    candidates: Annotated[tuple[Name, ...], many(0, 1000)] = ()
+    """Names, with wildcards, of the effects that the machine may have; none: all that have a place in it"""
     known: tuple[KnownNumber, ...] = ()
     """Numbers of the model that differ from session to session"""
     every: Annotated[int, within(1, 100_000)] = 1
@@ -216,11 +221,6 @@ class Described:
     def switches(self) -> list[str]:
         """The columns that switch actuators off, each once."""
         return list(dict.fromkeys(each.enable for each in self.commanded if each.enable))
-
-    @property
-    def stated(self) -> list[str]:
-        """The columns or entries of the metadata in which sessions state numbers of the model, each once."""
-        return list(dict.fromkeys(name for each in self.about.known for name in each.columns))
 
     @property
     def prescribed(self) -> list[DriveColumn]:

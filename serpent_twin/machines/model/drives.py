@@ -34,8 +34,9 @@ def controls(
     for each in machine.commanded:
         n = model.actuator(each.actuator).id
         away = pieces.column[each.column] - start[n]
-        zero = machine.control_unit(each)[1] * x[zero_of(each)]
-        scale = np.exp(x[SCALE]) if machine.is_servo(each.actuator) else 1.0
+        zero = 0.0 if each.exact else machine.control_unit(each)[1] * x[zero_of(each)]
+        scaled = machine.is_servo(each.actuator) and not each.exact
+        scale = np.exp(x[SCALE]) if scaled else 1.0
         told[..., n] = start[n] + scale * away + zero
     of_drives = [e for e in there if e.stage < CABLE and not acts_on_state(e, model)]
     several = effects.stacked([of_drives] * len(told))

@@ -14,6 +14,8 @@ from serpent_twin.machines.model.description import Described, Description, Know
 from serpent_twin.machines.model.numbers import NUMBERS, names_of, numbers_of
 from serpent_twin.machines.model.things import OBJECTS, names, unknown
 
+STATED = "stated"
+"""In a session's metadata, the numbers that it states, by name"""
 Factor = tuple[str, int, float]
 """Kind of a number, of which thing, and how many times the model's it is"""
 
@@ -23,9 +25,7 @@ def amiss_known(about: Description, model: mujoco.MjModel) -> Iterator[tuple[str
     there = set[tuple[str, str]]()
     for n, each in enumerate(about.known):
         named = names(model, kind := OBJECTS[NUMBERS[each.number].of])
-        if NUMBERS[each.number].added:
-            yield f"known[{n}].number", f"is {each.number!r}, which no session can state."
-        elif each.of not in named:
+        if each.of not in named:
             yield f"known[{n}].of", unknown(each.of, model, kind)
         elif not numbers_of(model, each.number)[named.index(each.of)]:
             told = f"is {each.of!r}, whose {each.number} is 0 in the model: no factor changes it."
@@ -47,7 +47,8 @@ def stated(machine: Described, session: Recording, metadata: Mapping[str, Any]) 
     """The values in a session of what `[[known]]` names, by name; raises a `SerpentError` that says which is
     none, not constant, or of the wrong sign.
     """
-    found = {name: _stated(session, name, metadata) for name in machine.stated}
+    wanted = dict.fromkeys(name for each in machine.about.known for name in each.columns)
+    found = {name: _stated(session, name, metadata) for name in wanted}
     for each in machine.about.known:
         ratio = _value(each, found) / _model_value(machine, each)
         if not (np.isfinite(ratio) and ratio > 0):
@@ -88,10 +89,13 @@ def _model_value(machine: Described, known: KnownNumber) -> float:
     return float(numbers_of(machine.model, known.number)[which])
 
 
-def _factors(machine: Described, found: Mapping[str, float]) -> tuple[Factor, ...]:
+def _factors(machine: Described, metadata: Mapping[str, Any]) -> tuple[Factor, ...]:
     """By how much the numbers that a session states differ from the model's; none of a motion that no log
-    has, where they are NaN.
+    has.
     """
+    if STATED not in metadata:
+        return ()
+    found = metadata[STATED]
     return tuple(
         (
             each.number,
@@ -99,14 +103,12 @@ def _factors(machine: Described, found: Mapping[str, float]) -> tuple[Factor, ..
             _value(each, found) / _model_value(machine, each),
         )
         for each in machine.about.known
-        if np.isfinite(_value(each, found))
     )
 
 
 def by_known_numbers(machine: Described, pieces: Runs) -> dict[tuple[Factor, ...], list[int]]:
     """Segments whose sessions state the same numbers, by these."""
     groups: dict[tuple[Factor, ...], list[int]] = {}
-    for n in range(len(pieces)):
-        found = {name: float(pieces.column[name][n, 0]) for name in machine.stated}
-        groups.setdefault(_factors(machine, found), []).append(n)
+    for n, metadata in enumerate(pieces.metadata):
+        groups.setdefault(_factors(machine, metadata), []).append(n)
     return groups

@@ -1,6 +1,5 @@
 """Read the columns of a CSV or Parquet log that a machine.toml names, in SI units."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,15 @@ from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Recording
-from serpent_twin.machines.model.description import MOTION, Column, Described, DriveColumn
+from serpent_twin.machines.model.description import (
+    MOTION,
+    Column,
+    Described,
+    Description,
+    DriveColumn,
+)
 from serpent_twin.machines.model.doubts import FEWEST, require_even, require_unit, require_within
-from serpent_twin.machines.model.known import metadata_of, stated
+from serpent_twin.machines.model.known import STATED, metadata_of, stated
 from serpent_twin.numerals import counted
 from serpent_twin.units import TO_SI
 
@@ -54,8 +59,7 @@ def read(machine: Described, path: Path) -> list[Recording]:
             require_unit(machine, path, name, found[name], each)
     for name in machine.switches:
         found[name] = _whole(path, name, _numbers(path, table, name), "which switches a drive")
-    found |= {name: _numbers(path, table, name) for name in machine.stated if name in table}
-    found = {"time": _time(about.time, path, table, rows), **found}
+    found = {"time": _time(about.time, path, table, rows), **_others(about, table), **found}
     whole = Recording(path, {"arm": machine.name}, found)
     labels = _column(path, table, about.session) if about.session else None
     several = [whole] if labels is None else _by_session(whole, labels)
@@ -63,14 +67,20 @@ def read(machine: Described, path: Path) -> list[Recording]:
     for each in several if about.rows == MOTION else ():
         require_even(machine, path, each)
     metadata = metadata_of(path) if about.known else {}
-    return [_stating(machine, each, metadata) for each in several]
+    return [
+        replace(each, metadata=each.metadata | {STATED: stated(machine, each, metadata)})
+        for each in several
+    ]
 
 
-def _stating(machine: Described, run: Recording, metadata: Mapping[str, Any]) -> Recording:
-    """A session with a column for each number that it states."""
-    values = stated(machine, run, metadata)
-    columns = {name: np.full(len(run), value) for name, value in values.items()}
-    return replace(run, columns=run.columns | columns)
+def _others(about: Description, table: dict[str, NDArray[Any]]) -> dict[str, Array]:
+    """Columns of numbers that nothing names, as the log has them: they tell sessions from copies."""
+    clock = about.time.column if about.time else "time"
+    return {
+        name: values.astype(float)
+        for name, values in table.items()
+        if values.dtype.kind in "fiub" and name not in ("time", clock)
+    }
 
 
 def _thinned(run: Recording, every: int) -> Recording:

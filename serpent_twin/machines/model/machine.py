@@ -112,7 +112,7 @@ class ModelMachine(RunMachine):
     def columns(self) -> tuple[str, ...]:
         """Columns that a simulation reads."""
         more = start_columns(self.described) if self.described.about.rows == MOTION else ()
-        return (*self.drives, *self.described.switches, *self.described.stated, *more)
+        return (*self.drives, *self.described.switches, *more)
 
     @property
     def markers(self) -> tuple[str, ...]:

@@ -122,13 +122,17 @@ def _shifted(name: str, axis: int) -> NumberKind:
     return NumberKind("mm", of, read, shift, 5.0, added=True, stated=of == "body", fitted=False)
 
 
-def _shift_rest(joint: Any, by: float) -> None:
-    joint.springref += by
+def _turned(name: str, compiled: str, prior: float) -> NumberKind:
+    """An angle of a hinge, or a length of a slide, and its name in a compiled model."""
 
+    def read(model: mujoco.MjModel) -> np.ndarray:
+        per = np.where(model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE, 1e3, 180 / np.pi)
+        return per * getattr(model, compiled)[model.jnt_qposadr]
 
-def _rest(model: mujoco.MjModel) -> np.ndarray:
-    per = np.where(model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE, 1e3, 180 / np.pi)
-    return per * model.qpos_spring[model.jnt_qposadr]
+    def shift(joint: Any, by: float) -> None:
+        setattr(joint, name, getattr(joint, name) + by)
+
+    return NumberKind(_TURN, "joint", read, shift, prior, added=True, fitted=False)
 
 
 def _along(axis: int) -> NumberKind:
@@ -151,6 +155,8 @@ NUMBERS: Mapping[str, NumberKind] = {
     "armature": NumberKind(
         "kg m²", "joint", _of_dof("dof_armature"), _attribute("armature"), 0.5, at_rest=False
     ),
+    "joint zero": _turned("ref", "qpos0", 2.0),
+    "joint rest": _turned("springref", "qpos_spring", 3.0),
     "actuator gain": NumberKind("1", "actuator", _gain, _scale_gain, 0.5),
     "tendon stiffness": NumberKind(
         "N/m", "tendon", lambda m: m.tendon_stiffness, _attribute("stiffness")
@@ -170,7 +176,6 @@ NUMBERS: Mapping[str, NumberKind] = {
         stated=True,
         fitted=False,
     ),
-    "joint rest": NumberKind(_TURN, "joint", _rest, _shift_rest, 3.0, added=True, fitted=False),
     "motor constant": NumberKind("V s/rad", "actuator", _of_motor(_K), _scale_constant),
     "motor resistance": NumberKind("Ω", "actuator", _of_motor(_R), _scale_resistance),
     "controller gain": NumberKind(

@@ -99,7 +99,8 @@ def known_motion(machine: Described, x: Mapping[str, float], pieces: Runs) -> Kn
     at, rate = [], []
     for each in machine.prescribed:
         told = pieces.column[each.column]
-        at.append(told + machine.control_unit(each)[1] * x[zero_of(each)])
+        zero = 0.0 if each.exact else machine.control_unit(each)[1] * x[zero_of(each)]
+        at.append(told + zero)
         rate.append(pieces.column.get(rate_column(each.column), np.zeros_like(told)))
     return KnownMotion(machine, np.stack(at, axis=-1), np.stack(rate, axis=-1))
 

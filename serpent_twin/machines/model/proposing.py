@@ -138,7 +138,7 @@ def _runs(machine: "ModelMachine", watched: Described, told: Array, period: floa
             rate_of(joint): np.zeros(shape),
             reading_of(joint): np.full(shape, np.nan),
         }
-    column |= {name: np.full(shape, value) for name, value in _as_ever(watched).items()}
+    column |= {name: np.ones(shape) for name in watched.switches}
     time = np.tile(period * np.arange(shape[1]), (shape[0], 1))
     names = tuple(str(n) for n in range(shape[0]))
     return Runs(names, ({},) * shape[0], time, column, np.empty((*shape, 0)))
@@ -183,16 +183,11 @@ def _log(
     columns = {
         "time": period * np.arange(len(told) - first),
         **dict(zip(drives, told[first:].T, strict=True)),
-        **{name: np.full(len(told) - first, value) for name, value in _as_ever(described).items()},
+        **{name: np.ones(len(told) - first) for name in described.switches},
         **dict(zip([each.name for each in machine.outputs], seen[first:].T, strict=True)),
     }
     run = Recording(None, {}, columns, name)
     return run if described.about.rows == POSES else with_starts(described, run)
-
-
-def _as_ever(machine: Described) -> dict[str, float]:
-    """Columns that are one number throughout a motion: all is on, and the numbers are the model's."""
-    return dict.fromkeys(machine.switches, 1.0) | dict.fromkeys(machine.stated, np.nan)
 
 
 def _columns(machine: "ModelMachine", rate_hz: float) -> Iterator[CommandColumn]:
