@@ -8,13 +8,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.machines.machine import Declared, Quantity
-from serpent_twin.machines.model.description import (
-    MOTION,
-    Described,
-    DriveColumn,
-    MeasuredColumns,
-    Uncertain,
-)
+from serpent_twin.machines.model.description import MOTION, Described, DriveColumn, Uncertain
 from serpent_twin.machines.model.numbers import (
     NUMBERS,
     OF_SLIDES,
@@ -22,7 +16,6 @@ from serpent_twin.machines.model.numbers import (
     names_of,
     numbers_of,
 )
-from serpent_twin.units import TO_SI
 
 _ZERO, _SCALE = 0.01, 0.05
 """Prior of a drive's zero, of its control's range; of the logarithm of the drives' scale"""
@@ -56,7 +49,7 @@ class FittedNumber:
 
 def coordinates(machine: Described) -> tuple[FittedNumber, ...]:
     """The coordinates of the fit that data of this kind can move."""
-    return (*_drives(machine), *_numbers(machine), *_readings(machine), *_cameras(machine))
+    return (*_drives(machine), *_numbers(machine), *_cameras(machine))
 
 
 def _drives(machine: Described) -> Iterator[FittedNumber]:
@@ -142,22 +135,6 @@ def _moves(machine: Described, number: str) -> bool:
         return True
     gravity = bool(machine.model.opt.gravity.any())
     return NUMBERS[number].at_rest and (number != "mass" or gravity)
-
-
-def zeros_of(measured: MeasuredColumns) -> list[str]:
-    """Names of the coordinates of the zeros of its columns; none where they are known."""
-    return [f"zero of {name}" for name in measured.columns if measured.zero]
-
-
-def _readings(machine: Described) -> Iterator[FittedNumber]:
-    """Zeros of what is measured."""
-    for each in machine.about.measured:
-        factor, unit = TO_SI[each.unit]
-        for name in zeros_of(each):
-            prior = each.zero * factor
-            yield FittedNumber(
-                Declared(name, unit, prior, 0.1 * prior), Quantity(name, unit, 0.0, 1.0, (name,))
-            )
 
 
 def _cameras(machine: Described) -> Iterator[FittedNumber]:

@@ -86,8 +86,6 @@ class MeasuredColumns(Form, frozen=True):
     """Whether the frame of the site's position is known within some millimetres and degrees only"""
     noise: Annotated[float, within(0.0, 1e6)] = 0.0
     """Standard deviation in the unit; 0: estimated from the logs"""
-    zero: Annotated[float, within(0.0, 1e6)] = 0.0
-    """Standard deviation of a zero of the readings that calibration fits, in the unit; 0: it is known"""
 
     @property
     def of(self) -> tuple[str, str]:
@@ -156,8 +154,6 @@ class Description(Form, frozen=True):
     """Names, with wildcards, of the effects that the machine may have; none: all that have a place in it"""
     known: tuple[KnownNumber, ...] = ()
     """Numbers of the model that differ from session to session"""
-    every: Annotated[int, within(1, 100_000)] = 1
-    """One row is used of so many"""
     segment: Annotated[int, within(0, 100_000)] = 0
     """Rows that are fitted and judged as one; 0: 20 poses, or 100 rows of a motion"""
     start: Annotated[float, within(0.0, 1e3)] = 0.0

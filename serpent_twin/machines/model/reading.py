@@ -168,8 +168,6 @@ def _amiss_measured(
         yield kind, f"is {name!r}, which no joint moves: measure one on a body that moves."
     elif len(each.columns) != (wanted := _size(model, kind, name)):
         yield "columns", f"must be {wanted}: {kind} {name!r} has so many."
-    elif each.zero and kind == "site" and each.cameras:
-        yield "zero", "is that of a site whose frame of the cameras is fitted, too: leave one out."
     elif why := wrong_unit(each.unit, _si_units(model, kind, name), kind, name):
         yield "unit", why
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Runs
-from serpent_twin.machines.model.coordinates import CAMERAS, zeros_of
+from serpent_twin.machines.model.coordinates import CAMERAS
 from serpent_twin.machines.model.description import Described
 
 
@@ -53,9 +53,6 @@ class Seen:
                 sensor = model.sensor(name)
                 first = int(sensor.adr[0])
                 found.append(batch.bind("sensordata")[:, first : first + int(sensor.dim[0])].copy())
-            if zeros := zeros_of(each):
-                zero = np.array([[x[of] for of in zeros] for x in self._twins])
-                found[-1] += zero.repeat(len(found[-1]) // len(zero), axis=0)
         return np.concatenate(found, axis=1)
 
     def _by_cameras(self, at: Array) -> Array:
