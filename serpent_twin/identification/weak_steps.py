@@ -31,7 +31,9 @@ _WORTH = 0.5
 
 
 def follow(problem: Objective, at: At, jacobian: Array) -> tuple[At, Array]:
-    """A parameter vector from which no weak direction leads to a lower cost, and the Jacobian there."""
+    """A parameter vector from which no weak direction leads to a lower cost, and the Jacobian there. That is
+    in double precision: rounding to single precision would give back part of the false information.
+    """
     width = _widths(problem.case, problem.free, at.point)
     scaled = jacobian.reshape(len(width), -1).astype(float) * width[:, None]
     for _ in range(_ROUNDS):
@@ -40,7 +42,7 @@ def follow(problem: Objective, at: At, jacobian: Array) -> tuple[At, Array]:
         gained, at = at.cost - taken.cost, taken
         if gained < _WORTH:
             break
-    return at, (scaled / width[:, None]).reshape(jacobian.shape).astype(np.float32)
+    return at, (scaled / width[:, None]).reshape(jacobian.shape)
 
 
 def _differentiated(problem: Objective, at: At, scaled: Array, width: Array) -> Array:

@@ -11,7 +11,7 @@ from serpent_twin.identification.fitted import NORMAL_95
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import Declared
+from serpent_twin.machines.machine import Declared, ParameterVector
 
 PRIOR, DRIVE, STIFFNESS, FORCE = 0.3, 5.0, 2.0, 3.0
 
@@ -54,8 +54,7 @@ def pulled():
 
 def fitted(arm, last):
     """From where all forces are by a third too large."""
-    start = START.having(GUST, np.array([FORCE * np.exp(0.3)]))
-    start.declared[:] = 0.3
+    start = ParameterVector(np.full(2, 0.3), {GUST: np.array([FORCE * np.exp(0.3)])})
     return fit(arm, every(), start, free_parameters(arm, [GUST]), 3, 99, last=last)
 
 
