@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
+from difflib import get_close_matches
 from functools import cache
 from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
 
@@ -130,7 +131,9 @@ def _lacking(needed: Sequence[str], value: Mapping[str, Any], steps: Steps) -> I
 def _strange(known: Sequence[str], value: Mapping[str, Any], steps: Steps) -> Iterator[str]:
     if strange := [key for key in value if key not in known]:
         where = key_path(steps) or "it"
-        yield f"{where} has {names(strange)}, which is unknown there; known are {names(known, 40)}."
+        near = get_close_matches(strange[0], known, 1)
+        meant = f"did you mean {near[0]}? Known" if near else "known"
+        yield f"{where} has {names(strange)}, which is unknown there; {meant} are {names(known, 40)}."
 
 
 def _holds_keys(node: Any) -> bool:

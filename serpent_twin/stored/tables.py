@@ -18,6 +18,8 @@ MOST_TABLE = 4_000_000_000
 """Bytes of a Parquet file"""
 MOST_VALUES = 200_000_000
 """Rows times columns: a week at 4 Hz, seven hours at 100 Hz, 1.6 GB"""
+_LONGEST_LINE = 1_000_000
+"""Characters that are looked at for what separates the columns"""
 
 
 @dataclass(frozen=True)
@@ -61,12 +63,31 @@ def read_columns(path: Path, advice: str = "") -> dict[str, NDArray[Any]]:
     if path.suffix == ".parquet":
         return read_table(path, advice).columns
     require_file(path, MOST_TABLE, advice)
+    separator, decimal = _dialect(path)
     try:
-        table = csv.read_csv(path)
+        table = csv.read_csv(
+            path,
+            parse_options=csv.ParseOptions(delimiter=separator),
+            convert_options=csv.ConvertOptions(decimal_point=decimal),
+        )
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        raise SerpentError(f"{path} is no CSV table: {error}. {advice}".rstrip()) from None
-    _require_once(path, table.column_names, advice)
-    return {name: table.column(name).to_numpy() for name in table.column_names}
+        why = " ".join(str(error).split()).rstrip(".")
+        raise SerpentError(
+            f"{path} is no CSV table: {why}. Its first line must name the columns. {advice}".rstrip()
+        ) from None
+    found = [name.strip() for name in table.column_names]
+    _require_once(path, found, advice)
+    return {name: table.column(n).to_numpy() for n, name in enumerate(found)}
+
+
+def _dialect(path: Path) -> tuple[str, str]:
+    """What separates the columns of a CSV file, and what its decimals: spreadsheets of many countries write
+    semicolons, as their decimals have commas.
+    """
+    with path.open(errors="replace") as file:
+        head, row = (file.readline(_LONGEST_LINE) for _ in range(2))
+    separator = next((each for each in ",;\t" if each in head), ",")
+    return separator, "," if separator != "," and "," in row and "." not in row else "."
 
 
 def _require_room(path: Path, rows: int, columns: int, advice: str) -> None:

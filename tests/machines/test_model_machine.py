@@ -161,7 +161,11 @@ def test_a_check_tells_what_poses_can_show(tmp_path):
             "line 16: measured[0].site is 'hand', which the model lacks",
         ),
         ('"x", "y", "z"', '"x", "y"', "line 17: measured[0].columns must be 3"),
-        ("noise = 0.3", "noisy = 0.3", "line 15: measured[0] has noisy, which is unknown"),
+        (
+            "noise = 0.3",
+            "noisy = 0.3",
+            "line 20: measured[0] has noisy, which is unknown there; did you mean noise?",
+        ),
         (
             'unit = "mm"',
             'unit = "deg"',

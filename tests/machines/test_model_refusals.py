@@ -87,6 +87,19 @@ def cells(column, change):
     return changed
 
 
+def earlier(column, rows):
+    """A change of a log: a column by another clock, so many rows before the others."""
+
+    def changed(text):
+        head, *table = (row.split(",") for row in text.splitlines())
+        at = head.index(column)
+        for row, later in zip(table[:-rows], table[rows:], strict=True):
+            row[at] = later[at]
+        return "\n".join(map(",".join, [head, *table[:-rows]]))
+
+    return changed
+
+
 def lines(keep):
     """A change of a log: some of its lines."""
     return lambda text: "\n".join(keep(text.splitlines())) + "\n"
@@ -103,13 +116,18 @@ def lines(keep):
         (cells("angle", lambda n, v: "inf" if n == 9 else v), "'angle' is infinite in 1 row"),
         (cells("angle", lambda n, v: "lost" if n == 9 else v), "holds 'lost' in row 10"),
         (cells("angle", lambda n, v: "nan"), "'angle' holds nothing"),
+        (
+            cells("angle", lambda n, v: 0.3),
+            "'angle', measured of joint pivot, is the same in every",
+        ),
         (cells("goal_deg", lambda n, v: "nan" if n == 9 else v), "no number in 1 of 150 rows"),
         (cells("t_ms", lambda n, v: "" if n == 9 else v), "'t_ms', the time, has no number in 1"),
         (cells("t_ms", lambda n, v: v - 500 * (n > 70)), "'t_ms' does not increase in row 72"),
-        (cells("t_ms", lambda n, v: v + 5000 * (n > 70)), "first 5.04 s after 2.8 s"),
+        (cells("t_ms", lambda n, v: v + 5000 * (n > 70)), "first 5.04 s pass after 2.8 s"),
         (cells("t_ms", lambda n, v: v + 15 * (n % 2)), "where rows are 0.0"),
         (cells("t_ms", lambda n, v: v / 1000), "4e-05 s apart, and the model's time step is 0.004"),
-        (lines(lambda rows: rows[:50] + rows[90:]), "first 1.64 s after 1.92 s"),
+        (lines(lambda rows: rows[:50] + rows[90:]), "first 1.64 s pass after 1.92 s"),
+        (earlier("angle", 13), "moves 0.48 s before 'goal_deg' tells it to"),
         (lines(lambda rows: rows[:2]), "has 1 row, fewer than 8"),
         (lines(lambda rows: rows[:1]), "has 0 rows, fewer than 8"),
         (lines(lambda rows: ["t_ms,angle,angle", *rows[1:]]), "two columns of one name: angle"),
@@ -133,6 +151,19 @@ def swap(before, after):
             swap(' range="-120 120"', ""),
             "if its unit were rad, not mrad",
         ),
+        (
+            swung_models,
+            swap('unit = "deg"', 'unit = "rad"'),
+            swap(' ctrlrange="-1 1"', ""),
+            "if the unit of 'goal_deg' were deg, not rad",
+        ),
+        (
+            swung_models,
+            swap('unit = "deg"', 'unit = "mm"'),
+            None,
+            "drive[0].unit is 'mm', of m; position servo of joint 'pivot' is in rad",
+        ),
+        (swung_models, swap('unit = "ms"', 'unit = "rad"'), None, "time.unit is 'rad', of rad"),
         (swung_models, swap("scale = -1", "scale = 0"), None, "drive[0].scale is 0"),
         (swung_models, swap('["angle"]', '["t_ms"]'), None, "'t_ms', which is the time already"),
         (

@@ -20,8 +20,9 @@ from serpent_twin.machines.model.description import MOTION, POSES, Described, be
 from serpent_twin.machines.model.doubts import (
     require_enough,
     require_moving_poses,
-    require_units,
+    require_varied,
 )
+from serpent_twin.machines.model.likeness import require_units
 from serpent_twin.machines.model.limits import logged_limits
 from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.machines.model.motion import STEPS
@@ -65,6 +66,7 @@ class ModelRig:
 
     def open(self, training: Sequence[Recording]) -> Case[Runs]:
         """The model as it is; the cameras' frame by the mean of the logs."""
+        require_varied(self.described, training)
         outputs = tuple(
             Output(
                 name,
@@ -119,14 +121,12 @@ def _quieter(machine: ModelMachine, few: Runs, found: Array) -> ModelMachine:
     """The same with the noise that is left where the model, which shows (S, T, C), follows quick motions,
     which look like noise.
     """
-    off = few.measured - found
-    told = [each.noise for each in machine.described.about.measured for _ in each.columns]
-    outputs = [
-        each
-        if stated
-        else replace(each, noise=quieter(each.noise, few.measured[..., n], off[..., n]))
-        for n, (each, stated) in enumerate(zip(machine.outputs, told, strict=True))
-    ]
+    off, outputs = few.measured - found, list(machine.outputs)
+    for each in machine.described.about.measured:
+        of = [n for n, one in enumerate(outputs) if one.name in each.columns]
+        for n in of if not each.noise else ():
+            least = quieter(outputs[n].noise, few.measured[..., of], off[..., n])
+            outputs[n] = replace(outputs[n], noise=least)
     return replace(machine, outputs=tuple(outputs))
 
 

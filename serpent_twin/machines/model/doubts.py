@@ -1,15 +1,14 @@
 """Refuse logs that cannot be what machine.toml says: other units, missing rows, drives that never move."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Recording, Runs
-from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
+from serpent_twin.machines.model.description import POSES, Described, MeasuredColumns
 from serpent_twin.numerals import counted
 from serpent_twin.units import TO_SI
 
@@ -21,10 +20,6 @@ _UNEVEN = 0.5
 """Of the time between rows, by which it may differ"""
 _SHORTEST, _LONGEST = 1 / 50, 5000
 """Time between rows, in time steps of the model"""
-_ALIKE, _ABOUT = 0.9, 1.4
-"""Correlation with the model from which on a column is the same motion; the ratio to another unit's"""
-_LATE = 0.5
-"""Longest delay that looks like another sign where a motion is quick [s]"""
 
 
 def require_even(machine: Described, path: Path, session: Recording) -> None:
@@ -43,11 +38,11 @@ def require_even(machine: Described, path: Path, session: Recording) -> None:
         )
     odd = np.flatnonzero(np.abs(apart - usual) > _UNEVEN * usual)
     if len(odd):
-        times = counted(len(odd), "time")
         raise SerpentError(
-            f"{path}: {times} in {session.name} a row does not come when it is due, first "
-            f"{apart[odd[0]]:.4g} s after {session.time[odd[0]]:.4g} s, where rows are {usual:.4g} s apart. "
-            "Split the log there, or put it on an even clock: `log import` does so."
+            f"{path}: the rows of {session.name} are not evenly spaced in time, in "
+            f"{counted(len(odd), 'place')}: first {apart[odd[0]]:.4g} s pass after "
+            f"{session.time[odd[0]]:.4g} s, where rows are {usual:.4g} s apart. Split the log there, or put "
+            "it on an even clock: `log import` does so."
         )
 
 
@@ -98,74 +93,16 @@ def require_enough(machine: Described, numbers: int, pieces: Runs) -> None:
         )
 
 
-def require_units(machine: Described, pieces: Runs, found: Array) -> None:
-    """Refuse a column that follows the model, (S, T, C), or else the servo of its joint, but with the other
-    sign or in another unit.
-    """
-    at, late = 0, 0
-    if machine.about.rows == MOTION:
-        late = int(np.ceil(_LATE / float(np.median(pieces.period))))
+def require_varied(machine: Described, training: Sequence[Recording]) -> None:
+    """Refuse a measured thing that is one and the same in all logs, as of a sensor that is not connected."""
     for each in machine.about.measured:
-        parts = slice(at, at := at + len(each.columns))
-        beside = [found[..., parts], *_servos(machine, each.joint, pieces)]
-        for session in dict.fromkeys(pieces.session):
-            of = [n for n, name in enumerate(pieces.session) if name == session]
-            measured = pieces.measured[of][..., parts]
-            alike = (_alike(measured, like[of], late) for like in beside)
-            correlation, ratio = next((each for each in alike if each[0]), (0, 1.0))
-            if doubt := _doubt(each.unit, correlation, ratio):
-                columns = ", ".join(map(repr, each.columns))
-                raise SerpentError(
-                    f"{machine.path}: {columns} of {session} would fit the model's {' '.join(each.of)} "
-                    f"{doubt} in machine.toml."
-                )
-
-
-def _servos(machine: Described, joint: str, pieces: Runs) -> Iterator[Array]:
-    """Where the servos of a joint are told to be, (S, T, 1)."""
-    model = machine.model
-    for each in machine.commanded if joint else ():
-        n = model.actuator(each.actuator).id
-        turns = model.actuator_trntype[n] == mujoco.mjtTrn.mjTRN_JOINT
-        there = turns and model.actuator_trnid[n, 0] == model.joint(joint).id
-        if there and machine.is_servo(each.actuator):
-            yield pieces.column[each.column][..., None] / model.actuator_gear[n, 0]
-
-
-def _alike(measured: Array, like: Array, late: int) -> tuple[int, float]:
-    """Whether a motion (S, T, C) is the same as another, 1, or its opposite, −1, and how many times larger
-    the other is; 0 for another motion, or one that may be as late as so many rows.
-    """
-
-    def correlation(rows: int) -> tuple[float, float]:
-        a, b = measured[:, rows:], like[:, : like.shape[1] - rows]
-        known = np.isfinite(a).all(axis=-1) & np.isfinite(b).all(axis=-1)
-        if known.sum() < FEWEST:
-            return 0.0, 1.0
-        a, b = (each[known] - each[known].mean(axis=0) for each in (a, b))
-        power, other = float((a**2).sum()), float((b**2).sum())
-        if power == 0 or other == 0:
-            return 0.0, 1.0
-        return float((a * b).sum()) / np.sqrt(power * other), np.sqrt(other / power)
-
-    at_once, ratio = correlation(0)
-    if at_once > _ALIKE:
-        return 1, ratio
-    opposite = at_once < -_ALIKE
-    return -int(opposite and all(correlation(n)[0] < _ALIKE for n in range(1, late + 1))), ratio
-
-
-def _doubt(unit: str, sign: int, ratio: float) -> str:
-    """How a motion would be so many times as large, and what to do; nothing where it is already."""
-    if sign < 0:
-        return "with the other sign. Turn the sign of its scale, or of its drive's,"
-    factor, of = TO_SI[unit]
-    far = {
-        other: abs(np.log(ratio * factor / size))
-        for other, (size, kind) in TO_SI.items()
-        if kind == of
-    }
-    best = min(far, key=far.__getitem__)
-    if not sign or best == unit or not far[best] < np.log(_ABOUT) < far[unit]:
-        return ""
-    return f"if its unit were {best}, not {unit}. State the unit"
+        values = np.array(
+            [np.concatenate([run.columns[name] for run in training]) for name in each.columns]
+        )
+        if not (np.nanmax(values, axis=1) > np.nanmin(values, axis=1)).any():
+            columns, verb = ", ".join(map(repr, each.columns)), ("is", "are")[len(values) > 1]
+            of = " ".join(each.of)
+            raise SerpentError(
+                f"{machine.path}: {columns}, measured of {of}, {verb} the same in every row of "
+                "all logs, so that nothing follows. Check the sensor, or leave it out of machine.toml."
+            )

@@ -17,6 +17,7 @@ from serpent_twin.machines.model.things import (
     wrong_unit,
 )
 from serpent_twin.numerals import counted
+from serpent_twin.units import TO_SI
 
 
 def amiss_in_drives(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
@@ -53,12 +54,24 @@ def _amiss_drive(
             ".actuator",
             f"is {name!r}, which takes {count}; a drive tells one. Give it one input.",
         )
+    elif kind == "actuator" and (why := _wrong_control(each.unit, model, name)):
+        yield ".unit", why
     if each.enable and about.rows == POSES:
         yield ".enable", f'is of a motion, and rows are "{POSES}": leave the rows out that are off.'
     if each.enable and each.enable in [other.column for other in about.drive]:
         yield ".enable", f"is {each.enable!r}, which drives something already."
     if each.offset == "keyframe" and not about.keyframe:
         yield ".offset", "is the keyframe's, and no keyframe is named."
+
+
+def _wrong_control(unit: str, model: mujoco.MjModel, name: str) -> str:
+    """What is wrong with the unit of what a position servo is told, if it is that of something else."""
+    n, moved = model.actuator(name).id, acts_on(model, name)
+    gain, bias = model.actuator_gainprm[n, 0], model.actuator_biasprm[n, 1]
+    other = bias == 0 or bias != -gain or abs(model.actuator_gear[n, 0]) != 1
+    if not moved[0] or other or TO_SI[unit][1] == "1":
+        return ""
+    return wrong_unit(unit, lengths(model, *moved), "position servo of " + moved[0], moved[1])
 
 
 def _amiss_together(about: Description, model: mujoco.MjModel) -> Iterator[str]:

@@ -7,7 +7,10 @@ from collections import Counter
 def with_line(error: str, text: str) -> str:
     """An error that names a key, with the line where the key is given."""
     found = re.search(r": ((?:\w+)(?:\[\d+\])?(?:\.\w+)*(?:\[\d+\])?) ", error)
-    line = line_of(found[1], text) if found else 0
+    key = found[1] if found else ""
+    if strange := re.search(r": \S+ has (\w+)[^;]*, which is unknown there", error):
+        key = strange[1] if key == "it" else f"{key}.{strange[1]}"
+    line = line_of(key, text)
     return (
         error.replace(f": {found[1]} ", f", line {line}: {found[1]} ", 1)
         if found and line

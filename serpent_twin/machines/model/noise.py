@@ -31,19 +31,24 @@ def noise(
     """
     if measured.noise:
         return measured.noise * TO_SI[measured.unit][0]
-    values = np.concatenate([run.columns[name] for run in training])
-    span = float(np.nanmax(values) - np.nanmin(values))
+    span = max(_span(training, each) for each in measured.columns)
     if machine.about.rows == MOTION:
         return max(_ROUNDING * span, _jitter([run.columns[name] for run in training]))
     apart = _again(machine, training, name)
     return max(_LEAST * span, _deviation(apart) / np.sqrt(2))
 
 
+def _span(training: Sequence[Recording], name: str) -> float:
+    """Of a column in all logs."""
+    values = np.concatenate([run.columns[name] for run in training])
+    return float(np.nanmax(values) - np.nanmin(values))
+
+
 def quieter(noise: float, seen: Array, off: Array) -> float:
-    """The noise of what is seen of a motion, (S, T), where a model that is off by so much, (S, T), follows
-    quick motions, which look like noise.
+    """The noise of a column of what is seen of a motion, (S, T, c), where a model that is off by so much
+    there, (S, T), follows quick motions, which look like noise.
     """
-    span = float(np.nanmax(seen) - np.nanmin(seen))
+    span = float(np.max(np.nanmax(seen, axis=(0, 1)) - np.nanmin(seen, axis=(0, 1))))
     found = _jitter([off])
     return min(noise, max(_ROUNDING * span, found)) if found else noise
 

@@ -36,6 +36,7 @@ from serpent_twin.machines.model.things import (
     wrong_unit,
 )
 from serpent_twin.numerals import listed
+from serpent_twin.units import TO_SI
 
 
 def read(path: Path, model_file: Path | None = None) -> Described:
@@ -61,7 +62,8 @@ def read(path: Path, model_file: Path | None = None) -> Described:
             state_all(spec, model)
     except ValueError as error:
         raise SerpentError(
-            f"{file} is no model that MuJoCo builds: {' '.join(str(error).split())} Mend the MJCF."
+            f"{file} is no model that MuJoCo builds: {' '.join(str(error).split()).rstrip('.')}. Mend the "
+            "MJCF."
         ) from None
     problem = next(iter(_amiss(about, model)), None)
     if problem:
@@ -84,6 +86,8 @@ def _amiss(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
         ]
     if about.rows == MOTION and not about.time:
         found.append(("rows", f'is "{MOTION}", and no time column is named: add [time].'))
+    if about.time and (of := TO_SI[about.time.unit][1]) not in ("s", "1"):
+        found.append(("time.unit", f"is {about.time.unit!r}, of {of}; time is in s, ms, µs or ns."))
     kinds = [] if found else list(dict.fromkeys(each.measure.one for each in about.measured))
     if len(kinds) > 2:
         told = f"has quantities of {len(kinds)} kinds, {listed(kinds)}; beside the first, which is the "

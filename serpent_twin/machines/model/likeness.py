@@ -1,0 +1,128 @@
+"""Refuse columns that follow the model with the other sign, in another unit or on another clock."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.measured import Runs
+from serpent_twin.machines.model.description import MOTION, Described, DriveColumn, MeasuredColumns
+from serpent_twin.machines.model.doubts import FEWEST
+from serpent_twin.units import TO_SI
+
+_ALIKE, _ABOUT = 0.9, 1.4
+"""Correlation with the model from which on a column is the same motion; the ratio to another unit's"""
+_LATE = 0.5
+"""Longest delay that looks like another sign where a motion is quick [s]"""
+_EARLY, _EARLIEST = 0.2, 1.0
+"""By how much a servo may move before it is told to, until two clocks are suspected; how far is looked [s]"""
+_SAME = 0.98
+"""Correlation of one motion on two clocks"""
+
+
+def require_units(machine: Described, pieces: Runs, found: Array) -> None:
+    """Refuse a column that follows the model, (S, T, C), or else the servo of its joint, but with the other
+    sign, in another unit or before it is told to.
+    """
+    at = 0
+    for each in machine.about.measured:
+        parts = slice(at, at := at + len(each.columns))
+        for session in dict.fromkeys(pieces.session):
+            of = [n for n, name in enumerate(pieces.session) if name == session]
+            some = pieces.take(of)
+            if why := _amiss(machine, each, some, some.measured[..., parts], found[of][..., parts]):
+                columns = ", ".join(map(repr, each.columns))
+                raise SerpentError(f"{machine.path}: {columns} of {session} {why}")
+
+
+def _amiss(
+    machine: Described, each: MeasuredColumns, pieces: Runs, measured: Array, found: Array
+) -> str:
+    """What is wrong with what is measured of a session, (S, T, c), where the model shows (S, T, c)."""
+    period = float(np.median(pieces.period)) if machine.about.rows == MOTION else np.inf
+    late, thing = int(np.ceil(_LATE / period)), f"the model's {' '.join(each.of)}"
+    sign, ratio = _alike(measured, found, late)
+    by_model = _unlike(each.unit, sign, ratio, "its unit")
+    if sign > 0 and not by_model and abs(np.log(ratio)) < np.log(_ABOUT):
+        return ""
+    for drive, goal in _servos(machine, each.joint, pieces):
+        if ahead := _ahead(measured, goal, period):
+            return (
+                f"moves {ahead * period:.2g} s before {drive.column!r} tells it to, as on two clocks. Put "
+                "both on one clock: `log import` does so."
+            )
+        sign, ratio = _alike(measured, goal, late)
+        own = _unlike(each.unit, sign, ratio, "its unit")
+        of_drive = _unlike(drive.unit, sign, 1 / ratio, f"the unit of {drive.column!r}")
+        if own and of_drive and sign > 0:
+            return f"would fit {thing} {own.partition('. ')[0]}, or {of_drive}"
+        if own or of_drive:
+            return f"would fit {thing} {own or of_drive}"
+    return f"would fit {thing} {by_model}" if by_model else ""
+
+
+def _servos(machine: Described, joint: str, pieces: Runs) -> Iterator[tuple[DriveColumn, Array]]:
+    """The drives of a joint's servos, and where these are told to be, (S, T, 1)."""
+    model = machine.model
+    for each in machine.commanded if joint else ():
+        n = model.actuator(each.actuator).id
+        turns = model.actuator_trntype[n] == mujoco.mjtTrn.mjTRN_JOINT
+        there = turns and model.actuator_trnid[n, 0] == model.joint(joint).id
+        if there and machine.is_servo(each.actuator):
+            yield each, pieces.column[each.column][..., None] / model.actuator_gear[n, 0]
+
+
+def _alike(measured: Array, like: Array, late: int) -> tuple[int, float]:
+    """Whether a motion (S, T, C) is the same as another, 1, or its opposite, −1, and how many times larger
+    the other is; 0 for another motion, or one that may be as late as so many rows.
+    """
+    at_once, ratio = _correlation(measured, like)
+    if at_once > _ALIKE:
+        return 1, ratio
+    opposite = at_once < -_ALIKE
+    shifted = (_correlation(measured[:, n:], like[:, :-n])[0] for n in range(1, late + 1))
+    return -int(opposite and all(each < _ALIKE for each in shifted)), ratio
+
+
+def _ahead(measured: Array, goal: Array, period: float) -> int:
+    """By how many rows a motion (S, T, 1) comes before what it follows; 0 where it may be as told."""
+    first, last = (int(each / period) for each in (_EARLY, _EARLIEST))
+    now, _ = _correlation(measured, goal)
+    by = {
+        n: _correlation(measured[:, :-n], goal[:, n:])[0]
+        for n in range(1, min(last, measured.shape[1] // 2))
+    }
+    best = max(by, key=by.__getitem__, default=0)
+    return best if best > first and by[best] > _SAME and now < _ALIKE else 0
+
+
+def _correlation(a: Array, b: Array) -> tuple[float, float]:
+    """Of two motions (S, T, C), and how many times larger the second is; 0 where little is known."""
+    known = np.isfinite(a).all(axis=-1) & np.isfinite(b).all(axis=-1)
+    if known.sum() < FEWEST:
+        return 0.0, 1.0
+    a, b = (each[known] - each[known].mean(axis=0) for each in (a, b))
+    power, other = float((a**2).sum()), float((b**2).sum())
+    if power == 0 or other == 0:
+        return 0.0, 1.0
+    return float((a * b).sum()) / np.sqrt(power * other), np.sqrt(other / power)
+
+
+def _unlike(unit: str, sign: int, ratio: float, which: str) -> str:
+    """How a motion would be so many times as large, and what to do; nothing where it is already."""
+    if sign < 0:
+        return (
+            "with the other sign. Turn the sign of its scale, or of its drive's, in machine.toml."
+        )
+    factor, of = TO_SI[unit]
+    far = {
+        other: abs(np.log(ratio * factor / size))
+        for other, (size, kind) in TO_SI.items()
+        if kind == of
+    }
+    best = min(far, key=far.__getitem__)
+    if not sign or best == unit or not far[best] < np.log(_ABOUT) < far[unit]:
+        return ""
+    return f"if {which} were {best}, not {unit}. State the unit in machine.toml."
