@@ -3,11 +3,13 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import moved
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.numerals import listed
 
 _LISTED = 6
 
@@ -31,11 +33,12 @@ def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[
     """Parameters that the data cannot distinguish, or do not identify, in sentences."""
     names = [case.quantities[k].name for k in found.free.declared]
     names += [f"{name}'s {list(case.candidates[name].ranges)[k]}" for name, k in found.free.effects]
-    told = []
-    for a, b in zip(*np.where(np.triu(np.abs(found.correlation), 1) > above), strict=True):
-        if names[a].endswith("all joints"):  # the single joints' deviations are from it
-            continue
-        told.append(f"{names[a]} and {names[b]} cannot be told apart.")
+    alike = np.abs(found.correlation) > above
+    ours = np.array([not name.endswith("all joints") for name in names])
+    alike &= ours[:, None]  # the single joints' deviations are from it
+    told = [
+        f"{listed([names[n] for n in group])} cannot be told apart." for group in _groups(alike)
+    ]
     prior = np.array([case.declared[k].prior for k in found.free.declared])
     blind = np.flatnonzero(found.error[: len(prior)] > 0.9 * prior)
     if blind.size:
@@ -45,3 +48,20 @@ def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[
             f"The logs do not determine {named}{more}: they hardly depend on it, or segments disagree on it."
         )
     return told
+
+
+def _groups(alike: NDArray[np.bool_]) -> list[list[int]]:
+    """Groups in which each is like each other, that together have all pairs which are alike, (N, N) above the
+    diagonal.
+    """
+    left, found = np.triu(alike, 1), []
+    both = left | left.T
+    while left.any():
+        group = [int(n) for n in np.argwhere(left)[0]]
+        for n in range(len(left)):
+            if n not in group and both[n, group].all():
+                group.append(n)
+        group.sort()
+        left[np.ix_(group, group)] = False
+        found.append(group)
+    return found

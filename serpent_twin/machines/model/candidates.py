@@ -225,8 +225,8 @@ def _saturated(
 
 
 def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:
-    """A mass and a force at each measured site, and at the origin of each body that the joints move; and that
-    body's bending and twisting.
+    """A mass and a force at each measured site, at the far end of each chain of bodies, and at the origin of
+    each body that the joints move; and that body's bending and twisting.
     """
     model, data = machine.model, mujoco.MjData(machine.model)
     data.qpos[:] = machine.begin
@@ -240,10 +240,9 @@ def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:
         if name and np.abs(along).max(initial=0.0) > _REACH:
             lever[name], carrier[name] = np.linalg.norm(along, axis=0), body
 
-    for each in machine.about.measured:
-        if each.site:
-            site = model.site(each.site).id
-            place(each.site, int(model.site_bodyid[site]), data.site_xpos[site])
+    measured = [model.site(each.site).id for each in machine.about.measured if each.site]
+    for site in dict.fromkeys([*measured, *_ends(model, data)]):
+        place(model.site(site).name, int(model.site_bodyid[site]), data.site_xpos[site])
     for n in range(1, model.nbody):
         place(model.body(n).name, n, data.xpos[n])
     places = list(lever) if len(lever) <= _MOST_PLACES else list(lever)[:1]
@@ -263,6 +262,22 @@ def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:
                 for which in ("compliance", "twist")
             }
             yield candidate(f"link_flex@{model.body(n).name}", **more)
+
+
+def _ends(model: mujoco.MjModel, data: mujoco.MjData) -> list[int]:
+    """Of each chain of bodies the site on the last one that is farthest from its joint, as of a tool; sites
+    through which tendons run are none.
+    """
+    rigid = model.body_weldid
+    carries = {int(rigid[model.body_parentid[n]]) for n in range(model.nbody) if rigid[n] == n}
+    through = model.wrap_objid[model.wrap_type == mujoco.mjtWrap.mjWRAP_SITE]
+    farthest: dict[int, tuple[float, int]] = {}
+    for n in range(model.nsite):
+        part = int(rigid[model.site_bodyid[n]])
+        if model.site(n).name and part not in carries and n not in through:
+            away = float(np.linalg.norm(data.site_xpos[n] - data.xpos[part]))
+            farthest[part] = max(farthest.get(part, (0.0, n)), (away, n))
+    return [n for _, n in farthest.values()]
 
 
 def _pulled(

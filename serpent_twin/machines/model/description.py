@@ -93,6 +93,11 @@ class MeasuredColumns(Form, frozen=True):
         return _only(self, KINDS)
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """The thing, or each column of a thing that has several."""
+        return (self.of[1],) if self.site or len(self.columns) == 1 else self.columns
+
+    @property
     def measure(self) -> Measure:
         """The quantity that is measured."""
         return POSITION if self.site else MEASURES[TO_SI[self.unit][1]]

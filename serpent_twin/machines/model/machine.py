@@ -11,8 +11,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect, edit, name_of
-from serpent_twin.errors import SerpentError
+from serpent_twin.effects import Effect, edit
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
@@ -47,8 +46,13 @@ from serpent_twin.machines.model.starts import (
     measured_joints,
     start,
     start_columns,
+    started_again,
 )
-from serpent_twin.machines.model.state_effects import acting_on_state, together
+from serpent_twin.machines.model.state_effects import (
+    acting_on_state,
+    refuse_motion,
+    together,
+)
 from serpent_twin.machines.model.switches import separate, switched_off
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
@@ -117,13 +121,16 @@ class ModelMachine(RunMachine):
     @property
     def markers(self) -> tuple[str, ...]:
         """What the pose is made of."""
-        return _named(self._of_pose(True))
+        return tuple(name for each in self._of_pose(True) for name in each.names)
 
     @property
     def others(self) -> tuple[str, ...]:
         """What the other channels are of: each number for itself."""
-        each = self._of_pose(False)
-        return tuple(name for one in each for name in (_along(one) if one.site else _named([one])))
+        return tuple(
+            name
+            for one in self._of_pose(False)
+            for name in ([f"{one.site} along {axis}" for axis in "xyz"] if one.site else one.names)
+        )
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -209,7 +216,7 @@ class ModelMachine(RunMachine):
     def _settled(self, point: ParameterVector, pieces: Runs) -> Array:
         """What a twin shows at rest, (S, T, C)."""
         machine, there = self.described, effects_at(point)
-        _refuse_motion(there, machine.model)
+        refuse_motion(there, machine.model)
         x = by_coordinate(self.declared, point.declared)
         out = np.empty((*pieces.time.shape, len(self.outputs)))
         for known, which in by_known_numbers(machine, pieces).items():
@@ -259,6 +266,15 @@ class ModelMachine(RunMachine):
             known_motion(machine, x, pieces),
         )
 
+    def measured_again(
+        self, pieces: Runs, point: ParameterVector, rng: np.random.Generator
+    ) -> Runs:
+        """The same segments, begun by readings with further noise, where readings say how they begin."""
+        if self.described.about.rows == POSES:
+            return pieces
+        noise = {each.name: each.noise for each in self.outputs}
+        return started_again(self.described, pieces, noise, rng)
+
     def propose(
         self,
         point: ParameterVector,
@@ -276,25 +292,3 @@ class ModelMachine(RunMachine):
         seen = Seen(machine, self.frame, [by_coordinate(self.declared, zero.declared)])
         at, driven = start(machine, machine.begin, pieces), self._driven(zero, (), pieces)
         return start_gain(driven, at, seen, self.steps)
-
-
-def _named(several: Sequence[MeasuredColumns]) -> tuple[str, ...]:
-    """Names of what is measured: of the thing, or of each column of a thing that has several."""
-    return tuple(
-        name
-        for each in several
-        for name in ([each.of[1]] if each.site or len(each.columns) == 1 else each.columns)
-    )
-
-
-def _along(site: MeasuredColumns) -> list[str]:
-    return [f"{site.site} along {axis}" for axis in "xyz"]
-
-
-def _refuse_motion(there: Sequence[Effect], model: mujoco.MjModel) -> None:
-    """Refuse effects that act in time steps, of which poses have none."""
-    if several := acting_on_state(there, model):
-        raise SerpentError(
-            f"the effect {name_of(several[0])} acts in motion, and the rows of this log are poses at rest. "
-            "Leave it out of this twin."
-        )

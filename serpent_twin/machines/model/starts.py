@@ -1,6 +1,6 @@
 """Say where in a log the runs of a motion begin."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from serpent_twin.machines.model.prescribed import rate_column, with_rates
 
 _SMOOTH = 9  # rows over which an angle is a cubic, where a run begins
 _FEWEST = 5  # rows of a parabola
+_ASIDE = 100  # rows of noise on both sides, which are smoothed with those that count
 LEAD = 15
 """Rows before a segment of a motion, by which its start is improved, and in which effects get a past"""
 
@@ -56,14 +57,37 @@ def with_starts(machine: Described, run: Recording) -> Recording:
         known = np.isfinite(values)
         whole = np.interp(rows, rows[known], values[known])
         more[reading_of(joint)] = values
-        rows_of = (
-            2 * round(machine.about.start / period / 2) + 1 if machine.about.start else _SMOOTH
-        )
-        size = min(max(rows_of, _FEWEST), len(values) - 1 + len(values) % 2)
-        order = min(2 if machine.about.start else 3, size - 1)
-        for name, degree in ((angle_of(joint), 0), (rate_of(joint), 1)):
-            more[name] = np.asarray(savgol_filter(whole, size, order, deriv=degree, delta=period))
+        more[angle_of(joint)], more[rate_of(joint)] = _smoothed(machine, whole, period)
     return replace(run, columns=with_rates(machine, run) | more)
+
+
+def _smoothed(machine: Described, values: Array, period: float) -> tuple[Array, Array]:
+    """Angle and rate in each row of readings (..., T), some time [s] apart."""
+    rows = values.shape[-1]
+    about = 2 * round(machine.about.start / period / 2) + 1 if machine.about.start else _SMOOTH
+    size = min(max(about, _FEWEST), rows - 1 + rows % 2)
+    order = min(2 if machine.about.start else 3, size - 1)
+    angle, rate = (
+        np.asarray(savgol_filter(values, size, order, deriv=degree, delta=period))
+        for degree in (0, 1)
+    )
+    return angle, rate
+
+
+def started_again(
+    machine: Described, pieces: Runs, noise: Mapping[str, float], rng: np.random.Generator
+) -> Runs:
+    """Segments that begin where readings with further noise say, of a standard deviation by column."""
+    column, (S, T) = dict(pieces.column), pieces.time.shape
+    for joint, of in measured_joints(machine).items():
+        if of not in noise:  # prescribed
+            continue
+        more = noise[of] * rng.standard_normal((S, T + 2 * _ASIDE))
+        angle, rate = _smoothed(machine, more, float(np.median(pieces.period)))
+        here = slice(_ASIDE, _ASIDE + T)
+        for name, values in ((reading_of, more), (angle_of, angle), (rate_of, rate)):
+            column[name(joint)] = column[name(joint)] + values[:, here]
+    return replace(pieces, column=column)
 
 
 def start(machine: Described, begin: Array, pieces: Runs) -> SegmentStart:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import CABLE, READING, Effect
+from serpent_twin.effects import CABLE, READING, Effect, name_of
+from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.numbers import is_dc_motor
 from serpent_twin.machines.model.springs import single_joints
 
@@ -89,3 +90,12 @@ def together(several: Sequence[Acting]) -> Acting:
         np.concatenate([each.prior_runtime for each in several]),
         earlier,
     )
+
+
+def refuse_motion(there: Sequence[Effect], model: mujoco.MjModel) -> None:
+    """Refuse effects that act in time steps, of which poses have none."""
+    if several := acting_on_state(there, model):
+        raise SerpentError(
+            f"the effect {name_of(several[0])} acts in motion, and the rows of this log are poses at rest. "
+            "Leave it out of this twin."
+        )
