@@ -47,7 +47,7 @@ class Payload(Effect):
         """Add the mass to the inertia of the link that carries it."""
         if self.at:
             body, at = body_at(spec, self.at)
-            mass = body.add_body(pos=at, mass=self.mass, explicitinertial=True)
+            mass = body.add_body(pos=at, mass=self.mass, ipos=np.zeros(3), explicitinertial=True)
             mass.inertia = 3 * [self.mass * _SMALL**2]
             return
         link, along = link_at(spec, last_joint(spec) + self.place)

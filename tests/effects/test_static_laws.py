@@ -79,6 +79,22 @@ def test_payload_is_a_point_mass_of_its_own():
     assert_allclose(*inertia, rtol=1e-6, atol=1e-10)
 
 
+def test_payload_at_a_site_of_any_model_weighs_there_and_in_its_file():
+    """A lever of 0.3 m, carried by a hinge: m g r, of the twin and of what it is written as."""
+    bare = """<mujoco><worldbody><body name="boom"><joint axis="0 -1 0"/>
+      <geom size="0.01" pos="0.1 0 0" mass="0.5"/><site name="hook" pos="0.3 0 0.1"/>
+    </body></worldbody></mujoco>"""
+    spec = mujoco.MjSpec.from_string(bare)
+    KNOWN["payload"](0.12, at="hook").edit(spec)
+    written = mujoco.MjModel.from_xml_string(spec.to_xml())
+    for model in (spec.compile(), written):
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        assert_allclose(data.qfrc_bias, 9.81 * (0.5 * 0.1 + 0.12 * 0.3), rtol=1e-9)
+        inertia = 0.5 * 0.1**2 + 0.12 * (0.3**2 + 0.1**2)
+        assert_allclose(model.dof_M0, inertia, rtol=5e-3)
+
+
 def test_payload_moves_from_link_to_link_without_a_jump():
     near = [TwinModel(effects=(KNOWN["payload"](0.3, place=-0.11 + by),)) for by in (-1e-9, 1e-9)]
     before, after = impose(near, wander(8)).load

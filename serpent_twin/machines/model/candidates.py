@@ -14,7 +14,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import Candidate, candidate
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.candidates_in_motion import laws_of_state
-from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.description import MOTION, Described, DriveColumn
 from serpent_twin.machines.model.rubbing import rubbing
 from serpent_twin.machines.model.sizes import Sizes, of_joint, sized_range, sizes
 from serpent_twin.machines.model.springs import single_joints
@@ -114,21 +114,17 @@ def _play(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
     span = np.ptp(told, axis=1)
     known = effects.ranges(KNOWN["gear_backlash"])["gap"]
 
-    def gap(of: float) -> Range:
-        return replace(known, unit=_unit(machine), high=min(known.high, of), typical=_PLAY * of)
+    def gap(of: float, moved: DriveColumn) -> Range:
+        unit = "m" if machine.is_length(moved) else "rad"
+        return replace(known, unit=unit, high=min(known.high, of), typical=_PLAY * of)
 
-    if span.any():
-        yield candidate("gear_backlash", gap=gap(float(span.max())))
+    alike = len({machine.is_length(each) for each in drives}) == 1
+    if span.any() and alike:
+        yield candidate("gear_backlash", gap=gap(float(span.max()), drives[0]))
     if len(drives) <= _MOST_PLACES:
         for each, of in zip(drives, span.tolist(), strict=True):
             if of:
-                yield candidate(f"gear_backlash@{each.actuator}", gap=gap(of))
-
-
-def _unit(machine: Described) -> str:
-    """Of what the drives tell the actuators."""
-    kinds = {"m" if machine.is_length(each) else "rad" for each in machine.commanded}
-    return " or ".join(sorted(kinds))
+                yield candidate(f"gear_backlash@{each.actuator}", gap=gap(of, each))
 
 
 def _joints(machine: Described, sized: Sizes) -> Iterator[Candidate]:

@@ -32,7 +32,8 @@ def line_of(key: str, text: str) -> int:
             header = n if here == table else header
         elif given := re.match(r"\s*(\w+)\s*=", line):
             inside = here == table and given[1] == inner
-            on_top = here[0] == "" and given[1] == table[0] and not inner
-            if inside or on_top:
+            on_top = here[0] == "" and given[1] == table[0]
+            if inside or (on_top and not inner):
                 return n
+            header = n if on_top else header  # of a table that is written on one line
     return header
