@@ -23,9 +23,11 @@ _CHANGE = 3.0
 """Standard deviations by which a difference changes the residual"""
 _SHARE = 0.2
 """Of its value, by which an effect's parameter is scaled"""
-_ROUNDS = 6
+_ROUNDS = 8
 _STEPS = (1.0, 0.5, 0.2)
 """Shares of a step that are tried side by side"""
+_CORRECTIONS = 3
+"""Times that what a step's curvature changes is taken back"""
 _WORTH = 0.5
 """A step that reduces the cost by less is the last"""
 
@@ -67,20 +69,32 @@ def _differentiated(problem: Objective, at: At, scaled: Array, width: Array) -> 
 
 
 def _stepped(problem: Objective, at: At, scaled: Array, width: Array, weak: Array) -> At:
-    """The best of some steps within bounds, by the pull in all or in the weak directions; or none."""
+    """The best of some steps within bounds, by the pull in all or in the weak directions; or none.
+
+    Where the residual bends along a step, what it bends by is taken back by what the data tell much of: ways
+    along which they tell little are curved, and narrow.
+    """
     each, prior = problem.variance_inflation, problem.prior * width**2
     normal = scaled @ scaled.T / each + np.diag(prior)
     pull = -(scaled @ at.residual.ravel()) / each - prior * problem.lean(at.point) / width
-    low, high = room(problem.case, at.point, problem.free)
-    ways = [
-        least(normal, some, low / width, high / width) for some in (pull, weak @ (weak.T @ pull))
-    ]
-    points = [_curved(problem, at.point, share * width * way) for way in ways for share in _STEPS]
-    tried = [
-        At(point, residual, problem.cost(residual, point))
-        for point, residual in zip(points, problem.residuals(points), strict=True)
-    ]
-    return min((at, *tried), key=lambda each: each.cost)
+    low, high = (end / width for end in room(problem.case, at.point, problem.free))
+    ways = [least(normal, some, low, high) for some in (pull, weak @ (weak.T @ pull))]
+    wanted, best = [share * way for way in ways for share in _STEPS], at
+    steps = list(wanted)
+    for n in range(_CORRECTIONS + 1):
+        points = [_curved(problem, at.point, step * width) for step in steps]
+        found = problem.residuals(points)
+        tried = map(At, points, found, map(problem.cost, found, points))
+        best = min((best, *tried), key=lambda each: each.cost)
+        if n == _CORRECTIONS:
+            break
+        for k, (point, residual) in enumerate(zip(points, found, strict=True)):
+            went = _straight(problem, at.point, point) / width
+            bent = (residual - at.residual).ravel() - went @ scaled
+            if np.isfinite(bent).all():
+                back = -(scaled @ bent) / each
+                steps[k] = wanted[k] + least(normal, back, low - wanted[k], high - wanted[k])
+    return best
 
 
 def _curved(problem: Objective, point: ParameterVector, step: Array) -> ParameterVector:

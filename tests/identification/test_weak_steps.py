@@ -1,6 +1,6 @@
 """Test the end of a fit along what the data tell least, where the truth is known in closed form."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -52,6 +52,19 @@ def pulled():
     return PulledSpring(of.X, of.g, of.other, y, declared, noise=np.full(3, 0.02))
 
 
+@dataclass(frozen=True)
+class TwoServos(PulledSpring):
+    """Where two servos rest against springs, the first against one that the model lacks: the declared
+    parameters are the logarithms of the drives' scale and of the second's spring.
+    """
+
+    def place(self, declared, size):
+        scale, spring = np.exp(declared)
+        first, second = DRIVE / (DRIVE + size), DRIVE / (DRIVE + STIFFNESS * spring)
+        even = np.arange(self.X.shape[1]) % 2 == 0
+        return scale * np.where(even, first, second) * self.X[..., 0]
+
+
 def fitted(arm, last):
     """From where all forces are by a third too large."""
     start = ParameterVector(np.full(2, 0.3), {GUST: np.array([FORCE * np.exp(0.3)])})
@@ -87,6 +100,27 @@ def test_its_standard_errors_are_the_priors_there(pulled):
     assert found.error[:2] == pytest.approx(error, rel=0.05)
     assert (high - low) / (2 * NORMAL_95 * value) == pytest.approx(error, rel=0.05)
     assert low < FORCE < high
+
+
+def test_a_fit_follows_a_way_that_bends():
+    """A scale that is too small stands for both springs, as exactly as the data are: each scale has its
+    springs, in closed form, and the priors choose.
+    """
+    of = case(0.0)
+    declared = (Declared("scale", "log 1", 0.05, 0.005), Declared("spring", "log 1", PRIOR, 0.03))
+    two = TwoServos(of.X, of.g, of.other, of.y, declared)
+    noise = 3e-4 * np.random.default_rng(2).standard_normal(of.y.shape)
+    two = replace(two, y=two.place([0.0, 0.0], 0.8) + noise, noise=np.full(3, 3e-4))
+
+    def springs(scale):
+        first, second = (np.exp(scale) * (DRIVE + each) - DRIVE for each in (0.8, STIFFNESS))
+        return first, np.log(second / STIFFNESS)
+
+    far = -0.12
+    start = ParameterVector(np.array([far, springs(far)[1]]), {GUST: np.array([springs(far)[0]])})
+    found = fit(two, every(), start, free_parameters(two, [GUST]), 3, 99, last=True)
+    assert found.point.declared == pytest.approx([0.0, 0.0], abs=0.02)
+    assert found.point.effects[GUST][0] == pytest.approx(0.8, rel=0.1)
 
 
 def test_without_that_it_stays_where_it_came_in(pulled):

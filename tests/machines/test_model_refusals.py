@@ -163,7 +163,12 @@ def swap(before, after):
             None,
             "drive[0].unit is 'mm', of m; position servo of joint 'pivot' is in rad",
         ),
-        (swung_models, swap('unit = "ms"', 'unit = "rad"'), None, "line 4: time.unit is 'rad', of rad"),
+        (
+            swung_models,
+            swap('unit = "ms"', 'unit = "rad"'),
+            None,
+            "line 4: time.unit is 'rad', of rad",
+        ),
         (swung_models, swap("scale = -1", "scale = 0"), None, "drive[0].scale is 0"),
         (swung_models, swap('["angle"]', '["t_ms"]'), None, "'t_ms', which is the time already"),
         (
