@@ -30,6 +30,8 @@ from serpent_twin.numerals import counted
 
 _NEAR = 0.3
 """Share of the best candidate's gain in cost from which another is fitted further"""
+_MORE = 3
+"""Derivatives of a fit that goes on"""
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
 _RIVALS = 2  # that were not fitted in their round, and are then
@@ -78,7 +80,34 @@ class Trials:
             )
             best = min(best, fitted.cost)
             trials[name] = self._judged(case, found[name], base, fitted, before, len(chosen))
+        near = min(beat, begun.cost - _NEAR * (begun.cost - best))
+        for name in chosen:
+            fitted = trials[name].fit
+            if fitted and not fitted.converged and fitted.cost < near:
+                further = self._further(case, fitted, f"fit_{stage}_{name}_further")
+                trials[name] = self._judged(case, found[name], base, further, before, len(chosen))
         return trials
+
+    def _further(self, case: Case[Any], begun: Fit, stage: str) -> Fit:
+        """A fit that its last derivative still bettered, gone on with derivatives by all parameters: what is
+        compared with others should not be half-way.
+        """
+        self.on_progress(f"fitting {' and '.join(begun.point.effects)} further")
+        most, free = len(begun.used), begun.free
+        return self.notes.fit(
+            stage,
+            lambda: fit(
+                case,
+                self.training,
+                begun.point,
+                free,
+                _MORE,
+                most,
+                self.on_progress,
+                carried=begun,
+                last=True,
+            ),
+        )
 
     def _worth_a_fit(self, case: Case[Any], begun: Fit, before: Errors) -> float:
         """Share of the residual that a candidate must remove: more, where the effects found left little."""
