@@ -136,7 +136,7 @@ def test_a_late_reading_is_late_at_its_own_place_only(tmp_path):
     path.write_text(posed_models.TOML + bend)
     log = posed_models.log(tmp_path / "log.csv", 0)
     head, *rows = log.read_text().splitlines()
-    log.write_text("\n".join([f"{head},u,v,w", *(f"{row},0,0,0" for row in rows)]))
+    log.write_text("\n".join([f"{head},u,v,w", *(f"{row},{n},0,0" for n, row in enumerate(rows))]))
     rig = open_machine(path)
     recordings = rig.read(log)
     case = rig.open(recordings)
