@@ -11,8 +11,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect, edit, name_of
-from serpent_twin.errors import SerpentError
+from serpent_twin.effects import Effect, edit
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
@@ -48,7 +47,7 @@ from serpent_twin.machines.model.starts import (
     start,
     start_columns,
 )
-from serpent_twin.machines.model.state_effects import acting_on_state, together
+from serpent_twin.machines.model.state_effects import acting_on_state, refuse_motion, together
 from serpent_twin.machines.model.switches import separate, switched_off
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
@@ -84,7 +83,6 @@ class ModelMachine(RunMachine):
     """How starts are improved"""
     every: int = 1
     block: float = 0.0
-    """As short as can be: the error of a pose at rest hardly follows that of the one before"""
     window: None = None
     joints: tuple[str, ...] = ()
 
@@ -172,6 +170,15 @@ class ModelMachine(RunMachine):
                 found.append(part)
         return found
 
+    def block_rows(self, pieces: Runs) -> int:
+        """As few as can be; of sessions that are simulated whole those of a usual segment, so that few are
+        left: a motion's error follows that of the rows before.
+        """
+        rows = pieces.time.shape[1]
+        if self.described.about.rows == POSES or rows < 2 * _ROWS:
+            return super().block_rows(pieces)
+        return rows // (rows // _ROWS)
+
     def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
         """The twin as MJCF."""
         spec = self.described.spec.copy()
@@ -198,7 +205,7 @@ class ModelMachine(RunMachine):
             if self.described.about.rows == POSES:
                 return np.array([self._settled(point, pieces) for point in points])
             several = acting_on_state(effects_at(points[0]), self.described.model)
-            at_once = len(points) if several and not self.described.prescribed else 1
+            at_once = len(points) if several or self.described.prescribed else 1
             return np.concatenate(
                 [
                     self._moved(points[n : n + at_once], pieces)
@@ -209,7 +216,7 @@ class ModelMachine(RunMachine):
     def _settled(self, point: ParameterVector, pieces: Runs) -> Array:
         """What a twin shows at rest, (S, T, C)."""
         machine, there = self.described, effects_at(point)
-        _refuse_motion(there, machine.model)
+        refuse_motion(there, machine.model)
         x = by_coordinate(self.declared, point.declared)
         out = np.empty((*pieces.time.shape, len(self.outputs)))
         for known, which in by_known_numbers(machine, pieces).items():
@@ -289,12 +296,3 @@ def _named(several: Sequence[MeasuredColumns]) -> tuple[str, ...]:
 
 def _along(site: MeasuredColumns) -> list[str]:
     return [f"{site.site} along {axis}" for axis in "xyz"]
-
-
-def _refuse_motion(there: Sequence[Effect], model: mujoco.MjModel) -> None:
-    """Refuse effects that act in time steps, of which poses have none."""
-    if several := acting_on_state(there, model):
-        raise SerpentError(
-            f"the effect {name_of(several[0])} acts in motion, and the rows of this log are poses at rest. "
-            "Leave it out of this twin."
-        )

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import CABLE, READING, Effect
+from serpent_twin.effects import CABLE, READING, Effect, name_of
+from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.numbers import is_dc_motor
 from serpent_twin.machines.model.springs import single_joints
 
@@ -18,6 +19,15 @@ _TORQUE = "drive_torque"
 def acting_on_state(there: Sequence[Effect], model: mujoco.MjModel) -> list[Effect]:
     """The effects that read a model's state in each time step."""
     return [each for each in there if acts_on_state(each, model) and not each.absent]
+
+
+def refuse_motion(there: Sequence[Effect], model: mujoco.MjModel) -> None:
+    """Refuse effects that act in time steps, of which poses have none."""
+    if several := acting_on_state(there, model):
+        raise SerpentError(
+            f"the effect {name_of(several[0])} acts in motion, and the rows of this log are poses at rest. "
+            "Leave it out of this twin."
+        )
 
 
 def acts_on_state(effect: Effect, model: mujoco.MjModel) -> bool:
