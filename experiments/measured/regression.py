@@ -30,9 +30,9 @@ def _xl330(run: Recording) -> Array:
 
 
 def _jaw(run: Recording) -> Array:
-    """Spindle angle, its square and cube, load, direction of motion, speed, and their products."""
+    """Spindle's turn since the run began, its square and cube, load, direction of motion, speed, products."""
     c = run.columns
-    s, load = c["spindle_position"], c["jaw_torque"]
+    s, load = c["spindle_position"] - c["spindle_position"][0], c["jaw_torque"]
     rows = 2 * round(_SMOOTH / np.median(np.diff(c["time"]))) + 1
     speed = np.convolve(np.gradient(s, c["time"]), np.full(rows, 1 / rows), "same")
     way = np.tanh(speed / _SLOW)
@@ -41,8 +41,9 @@ def _jaw(run: Recording) -> Array:
 
 def _jaw_with_torque(run: Recording) -> Array:
     """The same, and the spindle's torque, which the twin has to predict."""
-    torque = run.columns["spindle_torque"]
-    more = np.stack([torque, torque * run.columns["spindle_position"]], axis=1)
+    c, torque = run.columns, run.columns["spindle_torque"]
+    turned = c["spindle_position"] - c["spindle_position"][0]
+    more = np.stack([torque, torque * turned], axis=1)
     return np.concatenate([_jaw(run), more], axis=1)
 
 
