@@ -27,11 +27,9 @@ class Benchmark:
     reference_by: str = ""
     """What reached the reference, where nothing is published"""
     description: str = ""
-    """Name of the machine.toml beside this file, of a machine that is not Python, and of its MJCF, which lies
-    with the logs
-    """
+    """Name of the machine.toml beside this file, of a machine that is not Python"""
     model: str = ""
-    """The MJCF's name"""
+    """Name of its MJCF, if that lies with the logs"""
     unchanged: str = "*"
     """Names of the files of the machine as it was; any other is of it after something was changed"""
 
@@ -50,6 +48,7 @@ BENCHMARKS: Mapping[str, Benchmark] = {
         reference=0.37,
         sketch=0.44,
         origin="github.com/MRDLab/mis-tool-characterization, commit 03658b2",
+        description="jaw.toml",
     ),
     "trunk": Benchmark(
         TIP_RMS,
@@ -78,4 +77,5 @@ def rig_of(name: str, data: Path) -> Any:
     bench = BENCHMARKS[name]
     if not bench.description:
         return machines.find(name)
-    return open_machine(Path(__file__).with_name(bench.description), data / name / bench.model)
+    model = data / name / bench.model if bench.model else None
+    return open_machine(Path(__file__).with_name(bench.description), model)

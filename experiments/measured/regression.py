@@ -11,6 +11,7 @@ from serpent_twin.machines.measured import Recording
 
 _RIDGE = 1e-3
 _LAGS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8)  # [s]
+_SMOOTH = 0.05  # [s] on both sides, over which the spindle's speed is taken
 _SLOW = 0.05  # [rad/s] below which a direction of motion fades
 _DELAYS = np.linspace(0.0, 0.4, 41)  # [s]
 _MOTORS, _TIP = range(1, 7), ("disk3_x", "disk3_y", "disk3_z")  # of the trunk
@@ -29,18 +30,20 @@ def _xl330(run: Recording) -> Array:
 
 
 def _jaw(run: Recording) -> Array:
-    """Spindle angle, its square and cube, load, direction of motion, speed, and their products."""
+    """Spindle's turn since the run began, its square and cube, load, direction of motion, speed, products."""
     c = run.columns
-    s, load = c["spindle_position"], c["jaw_torque"]
-    speed = np.convolve(np.gradient(s, c["time"]), np.full(21, 1 / 21), "same")
+    s, load = c["spindle_position"] - c["spindle_position"][0], c["jaw_torque"]
+    rows = 2 * round(_SMOOTH / np.median(np.diff(c["time"]))) + 1
+    speed = np.convolve(np.gradient(s, c["time"]), np.full(rows, 1 / rows), "same")
     way = np.tanh(speed / _SLOW)
     return np.stack([s, s**2, s**3, load, load * s, way, way * s, way * load, speed], axis=1)
 
 
 def _jaw_with_torque(run: Recording) -> Array:
     """The same, and the spindle's torque, which the twin has to predict."""
-    torque = run.columns["spindle_torque"]
-    more = np.stack([torque, torque * run.columns["spindle_position"]], axis=1)
+    c, torque = run.columns, run.columns["spindle_torque"]
+    turned = c["spindle_position"] - c["spindle_position"][0]
+    more = np.stack([torque, torque * turned], axis=1)
     return np.concatenate([_jaw(run), more], axis=1)
 
 

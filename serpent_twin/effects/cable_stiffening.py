@@ -15,7 +15,7 @@ class CableStiffening(Effect):
 
     Source: load-extension curves of braided line, to second order. MJCF expresses all of it: the
     tendon's stiffness polynomial k, k b acts on the stretch beyond the slack. Where a cable's stretch is
-    an angle, b is in 1/rad. Strands of this arm
+    an angle, b is in 1/rad. A tendon of a model that is shortened is softer by as much. Strands of this arm
     stretch by about 0.3 mm, so that b = 500/m makes them 15 % stiffer in the secant.
     """
 
@@ -24,12 +24,16 @@ class CableStiffening(Effect):
     strand: float = on_strands()
     """On which strands, as `on_strands` counts them; −1 for all"""
 
+    places: ClassVar[tuple[str, ...]] = ("tendon",)
     shows_in: ClassVar[str] = "error that grows with tension, less than in proportion"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "joint_elasticity")
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Give the strands' springs their second coefficient."""
-        cables = [each for each in spec.tendons if each.name.startswith("cable")]
+        if self.at:
+            cables = [spec.tendon(self.at)]
+        else:
+            cables = [each for each in spec.tendons if each.name.startswith("cable")]
         for cable, stiffens in zip(cables, chosen(self.strand, len(cables)), strict=True):
             if stiffens:
                 cable.stiffness[1] = self.rate * cable.stiffness[0]

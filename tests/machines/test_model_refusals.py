@@ -211,6 +211,18 @@ def swap(before, after):
         ),
         (
             posed_models,
+            swap("cameras = false", "zero = 1"),
+            None,
+            "a site whose frame of the cameras is fitted, too",
+        ),
+        (
+            posed_models,
+            swap('unit = "deg"', 'unit = "deg"\nratio = 0.1'),
+            None,
+            "is of a joint or a tendon that follows a column",
+        ),
+        (
+            posed_models,
             lambda text: f'{text}[[uncertain]]\nnumber = "joint damping"\nof = ["elbow"]\n',
             None,
             "'elbow', whose joint damping is 0",

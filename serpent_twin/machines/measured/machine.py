@@ -145,13 +145,16 @@ class RunMachine(ABC):
             "can be planned for the arm, and for a machine that a machine.toml describes."
         )
 
+    def block_rows(self, pieces: Runs) -> int:
+        """Rows of a block of which the error hardly follows that of the block before."""
+        return max(8, round(self.block / float(np.median(pieces.period))))
+
     def compare(self, point: ParameterVector | None, pieces: Runs) -> Comparison:
         """Measured beside predicted, in blocks that are judged one by one."""
         at = point or ParameterVector(np.zeros(len(self.declared)))
         predicted = self.respond([at], pieces)[0]
-        rows = max(8, round(self.block / float(np.median(pieces.period))))
-        n = max(1, pieces.time.shape[1] // rows)
-        rows = min(rows, pieces.time.shape[1])
+        rows = min(self.block_rows(pieces), pieces.time.shape[1])
+        n = pieces.time.shape[1] // rows
 
         def blocks(values: Array) -> Array:
             return values[:, : n * rows].reshape(len(values) * n, rows, *values.shape[2:])

@@ -14,6 +14,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import Candidate, candidate
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.candidates_in_motion import laws_of_state
+from serpent_twin.machines.model.candidates_of_tendons import rubbing_tendons, stiffening_tendons
 from serpent_twin.machines.model.description import MOTION, Described, DriveColumn
 from serpent_twin.machines.model.rubbing import rubbing
 from serpent_twin.machines.model.sizes import Sizes, of_joint, sized_range, sizes
@@ -46,9 +47,10 @@ def candidates(machine: Described, training: Sequence[Recording]) -> dict[str, C
     """All laws that find a place in the model."""
     sized = sizes(machine, training)
     found = [candidate("gravity"), *_play(machine, training), *_joints(machine, sized)]
+    found += stiffening_tendons(machine, sized, _MOST_PLACES)
     if machine.about.rows == MOTION:
         found += [candidate("command_delay")] * bool(machine.commanded)
-        found += [*_late(machine, training), *_tendons(machine)]
+        found += [*_late(machine, training), *rubbing_tendons(machine, _MOST_PLACES)]
         found += _saturated(machine, training, sized)
         found += laws_of_state(machine, training, sized, _MOST_PLACES)
     else:
@@ -175,27 +177,6 @@ def _late(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
         known = effects.ranges(KNOWN["sensor_delay"])["delay"]
         delay = replace(known, high=longest, typical=min(known.typical, longest / 3))
         yield from (candidate(f"sensor_delay@{name}", delay=delay) for name in read)
-
-
-def _tendons(machine: Described) -> Iterator[Candidate]:
-    """Friction of each tendon, sized by the stretch that its actuator would answer with as much force."""
-    model = machine.model
-    told = [model.actuator(each.actuator).id for each in machine.commanded]
-    by = {int(model.actuator_trnid[n, 0]): n for n in told if _pulls(model, n)}
-    if not by or len(by) > _MOST_PLACES:
-        return
-    for tendon, n in by.items():
-        low, high = model.actuator_ctrlrange[n]
-        force = _PLAY * abs(model.actuator_gainprm[n, 0]) * max(high - low, _STILL)
-        if name := model.tendon(tendon).name:
-            yield candidate(
-                f"tendon_friction@{name}",
-                force=sized_range("tendon_friction", "force", float(force)),
-            )
-
-
-def _pulls(model: mujoco.MjModel, actuator: int) -> bool:
-    return model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON
 
 
 def _saturated(

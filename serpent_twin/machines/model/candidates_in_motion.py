@@ -76,7 +76,7 @@ def _stribeck(machine: Described, name: str, sized: Sizes) -> Candidate:
     dof = int(machine.model.joint(name).dofadr[0])
     force, rate = float(sized.force[dof]), float(sized.rate[dof])
     known = effects.ranges(KNOWN["stribeck"])["velocity"]
-    slow = replace(known, low=0.02 * rate, typical=_SLOW * rate, high=2 * rate)
+    slow = replace(known, low=0.02 * rate, typical=_SLOW * rate, high=rate)
     extra = sized_range("stribeck", "extra", _RUBS * force)
     slow, extra = (of_joint(machine.model, name, each) for each in (slow, extra))
     return candidate(f"stribeck@{name}", extra=extra, velocity=slow)

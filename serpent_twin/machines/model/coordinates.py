@@ -8,7 +8,13 @@ import mujoco
 import numpy as np
 
 from serpent_twin.machines.machine import Declared, Quantity
-from serpent_twin.machines.model.description import MOTION, Described, DriveColumn, Uncertain
+from serpent_twin.machines.model.description import (
+    MOTION,
+    Described,
+    DriveColumn,
+    MeasuredColumns,
+    Uncertain,
+)
 from serpent_twin.machines.model.numbers import (
     NUMBERS,
     OF_SLIDES,
@@ -16,6 +22,7 @@ from serpent_twin.machines.model.numbers import (
     names_of,
     numbers_of,
 )
+from serpent_twin.units import TO_SI
 
 _ZERO, _SCALE = 0.01, 0.05
 """Prior of a drive's zero, of its control's range; of the logarithm of the drives' scale"""
@@ -35,6 +42,11 @@ def zero_of(drive: DriveColumn) -> str:
     return f"zero of {drive.actuator or ' '.join(drive.of)}"
 
 
+def ratio_of(drive: DriveColumn) -> str:
+    """Name of the coordinate of a prescribed motion's own scale."""
+    return f"scale of {' '.join(drive.of)}"
+
+
 @dataclass(frozen=True)
 class FittedNumber:
     """A coordinate of the fit: numbers of the model that change together, or one of its drives or cameras."""
@@ -49,25 +61,34 @@ class FittedNumber:
 
 def coordinates(machine: Described) -> tuple[FittedNumber, ...]:
     """The coordinates of the fit that data of this kind can move."""
-    return (*_drives(machine), *_numbers(machine), *_cameras(machine))
+    return (*_drives(machine), *_numbers(machine), *_readings(machine), *_cameras(machine))
 
 
 def _drives(machine: Described) -> Iterator[FittedNumber]:
-    """The zero of each drive, and the scale that all servos share; a force's is its actuator's gain."""
+    """The zero of each drive, a scale of its own where one is asked for, and the scale that all servos share;
+    a force's is its actuator's gain.
+    """
     for drive in (each for each in machine.about.drive if not each.exact):
         limits = machine.limits(drive)
         unit, per = machine.control_unit(drive)
         prior = _ZERO * (1.0 if limits is None else float(np.ptp(limits))) / per
+        prior = drive.zero * TO_SI[drive.unit][0] / per or prior
         name = zero_of(drive)
         yield FittedNumber(
             Declared(name, unit, prior, 0.1 * prior),
             Quantity(name, unit, 0.0, 1.0, (name,)),
         )
+        if drive.ratio:
+            yield _scale(ratio_of(drive), drive.ratio)
     if any(machine.is_servo(each.actuator) and not each.exact for each in machine.commanded):
-        yield FittedNumber(
-            Declared(SCALE, "log 1", _SCALE, 0.1 * _SCALE),
-            Quantity(SCALE, "1", 1.0, 0.0, (SCALE,), 1.0),
-        )
+        yield _scale(SCALE, _SCALE)
+
+
+def _scale(name: str, prior: float) -> FittedNumber:
+    """A scale, whose logarithm is fitted."""
+    return FittedNumber(
+        Declared(name, "log 1", prior, 0.1 * prior), Quantity(name, "1", 1.0, 0.0, (name,), 1.0)
+    )
 
 
 def _numbers(machine: Described) -> Iterator[FittedNumber]:
@@ -135,6 +156,22 @@ def _moves(machine: Described, number: str) -> bool:
         return True
     gravity = bool(machine.model.opt.gravity.any())
     return NUMBERS[number].at_rest and (number != "mass" or gravity)
+
+
+def zeros_of(measured: MeasuredColumns) -> list[str]:
+    """Names of the coordinates of the zeros of its columns; none where they are known."""
+    return [f"zero of {name}" for name in measured.columns if measured.zero]
+
+
+def _readings(machine: Described) -> Iterator[FittedNumber]:
+    """Zeros of what is measured."""
+    for each in machine.about.measured:
+        factor, unit = TO_SI[each.unit]
+        for name in zeros_of(each):
+            prior = each.zero * factor
+            yield FittedNumber(
+                Declared(name, unit, prior, 0.1 * prior), Quantity(name, unit, 0.0, 1.0, (name,))
+            )
 
 
 def _cameras(machine: Described) -> Iterator[FittedNumber]:

@@ -52,6 +52,10 @@ class DriveColumn(Column, frozen=True):
     """[SI]; or the keyframe's value"""
     exact: bool = False
     """Whether its zero and scale are known, as of a servo whose own encoder is what is measured"""
+    zero: Annotated[float, within(0.0, 1e6)] = 0.0
+    """Standard deviation of its zero, which calibration fits, in the unit; 0: a hundredth of its range"""
+    ratio: Annotated[float, within(0.0, 10.0)] = 0.0
+    """Standard deviation of the logarithm of a scale of its own that calibration fits; 0: none"""
     enable: str = ""
     """Column that is 0 where the actuator is switched off, so that it gives no force"""
 
@@ -77,7 +81,7 @@ class MeasuredColumns(Form, frozen=True):
     sensor: str = ""
     """Of the model, whose reading it is"""
     tendon: str = ""
-    """Whose length it is"""
+    """Whose length it is; in a unit of force, or of torque where its length is an angle, its spring's pull"""
     actuator: str = ""
     """Whose force it is, of a motor before its gear"""
     point: Vector = (0.0, 0.0, 0.0)
@@ -86,6 +90,8 @@ class MeasuredColumns(Form, frozen=True):
     """Whether the frame of the site's position is known within some millimetres and degrees only"""
     noise: Annotated[float, within(0.0, 1e6)] = 0.0
     """Standard deviation in the unit; 0: estimated from the logs"""
+    zero: Annotated[float, within(0.0, 1e6)] = 0.0
+    """Standard deviation of a zero of the readings that calibration fits, in the unit; 0: it is known"""
 
     @property
     def of(self) -> tuple[str, str]:
@@ -113,9 +119,9 @@ class Uncertain(Form, frozen=True):
     """Numbers of the model that calibration fits, in place of those that it fits by default."""
 
     number: NumberName
-    of: Annotated[tuple[Name, ...], many(1, 1000)]
+    of: Annotated[tuple[Name, ...], many(0, 1000)]
     """Names of its joints, tendons, actuators, bodies or sites, with wildcards; what matches one text changes
-    alike
+    alike; none: none of this kind is fitted
     """
     prior: Annotated[float, above(0.0, 1000.0)] | None = None
     """Standard deviation of the logarithm of its ratio to the model's; of places in mm, of a joint's rest in
@@ -159,6 +165,8 @@ class Description(Form, frozen=True):
     """Names, with wildcards, of the effects that the machine may have; none: all that have a place in it"""
     known: tuple[KnownNumber, ...] = ()
     """Numbers of the model that differ from session to session"""
+    every: Annotated[int, within(1, 100_000)] = 1
+    """One row is used of so many"""
     segment: Annotated[int, within(0, 100_000)] = 0
     """Rows that are fitted and judged as one; 0: 20 poses, or 100 rows of a motion"""
     start: Annotated[float, within(0.0, 1e3)] = 0.0

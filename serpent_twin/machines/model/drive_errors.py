@@ -46,6 +46,11 @@ def _amiss_drive(
         why := wrong_unit(each.unit, lengths(model, kind, name), kind, name)
     ):
         yield ".unit", why
+    elif kind == "actuator" and each.ratio:
+        yield (
+            ".ratio",
+            "is of a joint or a tendon that follows a column; leave it out of an actuator.",
+        )
     elif kind != "actuator" and each.enable:
         yield ".enable", f"switches an actuator, and {kind} {name!r} follows its column."
     elif kind == "actuator" and model.actuator_ctrlnum[model.actuator(name).id] != 1:

@@ -63,6 +63,7 @@ def read(machine: Described, path: Path) -> list[Recording]:
     whole = Recording(path, {"arm": machine.name}, found)
     labels = _column(path, table, about.session) if about.session else None
     several = [whole] if labels is None else _by_session(whole, labels)
+    several = [_thinned(each, about.every) for each in several]
     for each in several if about.rows == MOTION else ():
         require_even(machine, path, each)
     metadata = metadata_of(path) if about.known else {}
@@ -80,6 +81,11 @@ def _others(about: Description, table: dict[str, NDArray[Any]]) -> dict[str, Arr
         for name, values in table.items()
         if values.dtype.kind in "fiub" and name not in ("time", clock)
     }
+
+
+def _thinned(run: Recording, every: int) -> Recording:
+    """One row of so many."""
+    return replace(run, columns={name: values[::every] for name, values in run.columns.items()})
 
 
 def _by_session(whole: Recording, labels: NDArray[Any]) -> list[Recording]:

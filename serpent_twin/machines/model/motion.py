@@ -77,13 +77,14 @@ class DrivenRuns:
 
     @staticmethod
     def together(several: Sequence["DrivenRuns"]) -> "DrivenRuns":
-        """The runs of some twins, one twin after the other; without prescribed motion."""
+        """The runs of some twins, one twin after the other."""
         models = [model for each in several for model in each.models]
         told, off, period = (
             np.concatenate([getattr(each, name) for each in several])
             for name in ("told", "off", "period")
         )
-        return DrivenRuns(models, told, off, period)
+        known = [each.known for each in several if each.known]
+        return DrivenRuns(models, told, off, period, KnownMotion.together(known) if known else None)
 
 
 def _improved(

@@ -1,6 +1,6 @@
 """Let joints and tendons of a model follow a motion that is known, and the rest respond."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Recording, Runs
-from serpent_twin.machines.model.coordinates import zero_of
+from serpent_twin.machines.model.coordinates import ratio_of, zero_of
 from serpent_twin.machines.model.description import MOTION, Described
 
 _HELD = 0.9999
@@ -31,6 +31,12 @@ class KnownMotion:
     """Angles and lengths in each row [SI], (S, T, P)"""
     rate: Array
     """Their change per row, (S, T, P); zeros for poses"""
+
+    @staticmethod
+    def together(several: Sequence["KnownMotion"]) -> "KnownMotion":
+        """The motion of the runs of some twins, one twin after the other."""
+        at, rate = (np.concatenate([getattr(each, n) for each in several]) for n in ("at", "rate"))
+        return KnownMotion(several[0].machine, at, rate)
 
 
 def prescribe(spec: mujoco.MjSpec, machine: Described) -> None:
@@ -98,10 +104,12 @@ def known_motion(machine: Described, x: Mapping[str, float], pieces: Runs) -> Kn
         return None
     at, rate = [], []
     for each in machine.prescribed:
-        told = pieces.column[each.column]
+        scale = float(np.exp(x[ratio_of(each)])) if each.ratio and not each.exact else 1.0
+        told = scale * pieces.column[each.column]
         zero = 0.0 if each.exact else machine.control_unit(each)[1] * x[zero_of(each)]
         at.append(told + zero)
-        rate.append(pieces.column.get(rate_column(each.column), np.zeros_like(told)))
+        usual = np.zeros_like(told)
+        rate.append(scale * pieces.column.get(rate_column(each.column), usual))
     return KnownMotion(machine, np.stack(at, axis=-1), np.stack(rate, axis=-1))
 
 

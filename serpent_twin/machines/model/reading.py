@@ -172,6 +172,8 @@ def _amiss_measured(
         yield kind, f"is {name!r}, which no joint moves: measure one on a body that moves."
     elif len(each.columns) != (wanted := _size(model, kind, name)):
         yield "columns", f"must be {wanted}: {kind} {name!r} has so many."
+    elif each.zero and kind == "site" and each.cameras:
+        yield "zero", "is that of a site whose frame of the cameras is fitted, too: leave one out."
     elif why := wrong_unit(each.unit, _si_units(model, kind, name), kind, name):
         yield "unit", why
 
@@ -180,6 +182,10 @@ def _si_units(model: mujoco.MjModel, kind: str, name: str) -> tuple[str, ...]:
     """SI units in which a thing may be measured."""
     if kind == "sensor":
         return tuple(MEASURES)
+    if kind == "tendon":
+        pulls = model.tendon_stiffness[model.tendon(name).id] > 0
+        along = lengths(model, kind, name)
+        return (*along, *({"m": "N", "rad": "N m"}[each] for each in along if pulls))
     if kind == "actuator":
         moved = acts_on(model, name)
         return {"hinge": ("N m",), "slide": ("N",), "tendon": ("N",)}.get(

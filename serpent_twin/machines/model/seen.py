@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Runs
-from serpent_twin.machines.model.coordinates import CAMERAS
+from serpent_twin.machines.model.coordinates import CAMERAS, zeros_of
 from serpent_twin.machines.model.description import Described
+from serpent_twin.residual import FORCE, TORQUE
 
 
 class Seen:
@@ -45,6 +46,8 @@ class Seen:
                 found.append(self._by_cameras(at) if each.cameras else at)
             elif kind == "joint":
                 found.append(batch.bind("qpos")[:, [address(model, name)]].copy())
+            elif kind == "tendon" and each.measure in (FORCE, TORQUE):
+                found.append(_pull(batch, model.tendon(name).id))
             elif kind == "tendon":
                 found.append(batch.bind("ten_length")[:, [model.tendon(name).id]].copy())
             elif kind == "actuator":
@@ -53,6 +56,9 @@ class Seen:
                 sensor = model.sensor(name)
                 first = int(sensor.adr[0])
                 found.append(batch.bind("sensordata")[:, first : first + int(sensor.dim[0])].copy())
+            if zeros := zeros_of(each):
+                zero = np.array([[x[of] for of in zeros] for x in self._twins])
+                found[-1] += zero.repeat(len(found[-1]) // len(zero), axis=0)
         return np.concatenate(found, axis=1)
 
     def _by_cameras(self, at: Array) -> Array:
@@ -64,6 +70,15 @@ class Seen:
             about = Rotation.from_rotvec(np.radians(turned))
             found.append(pivot + about.apply(of - pivot) + shift + 1e-3 * along)
         return np.concatenate(found)
+
+
+def _pull(batch: Batch, tendon: int) -> Array:
+    """What the spring of a tendon pulls [N or N m], (n, 1): a polynomial of its stretch, as MuJoCo has it."""
+    length, ends = batch.bind("ten_length")[:, tendon], batch.expand("tendon_lengthspring")
+    stretch = length - np.clip(length, ends[:, tendon, 0], ends[:, tendon, 1])
+    stiffness = batch.expand("tendon_stiffness")[:, tendon]
+    more = batch.expand("tendon_stiffnesspoly")[:, tendon]
+    return (stretch * (stiffness + stretch * (more[:, 0] + stretch * more[:, 1])))[:, None]
 
 
 def _is_force(model: mujoco.MjModel, kind: str, name: str) -> bool:

@@ -21,6 +21,15 @@ def acting_on_state(there: Sequence[Effect], model: mujoco.MjModel) -> list[Effe
     return [each for each in there if acts_on_state(each, model) and not each.absent]
 
 
+def refuse_motion(there: Sequence[Effect], model: mujoco.MjModel) -> None:
+    """Refuse effects that act in time steps, of which poses have none."""
+    if several := acting_on_state(there, model):
+        raise SerpentError(
+            f"the effect {name_of(several[0])} acts in motion, and the rows of this log are poses at rest. "
+            "Leave it out of this twin."
+        )
+
+
 def acts_on_state(effect: Effect, model: mujoco.MjModel) -> bool:
     """Whether an effect acts in each time step: one on what an actuator gives does so where that follows from
     the state.
@@ -90,12 +99,3 @@ def together(several: Sequence[Acting]) -> Acting:
         np.concatenate([each.prior_runtime for each in several]),
         earlier,
     )
-
-
-def refuse_motion(there: Sequence[Effect], model: mujoco.MjModel) -> None:
-    """Refuse effects that act in time steps, of which poses have none."""
-    if several := acting_on_state(there, model):
-        raise SerpentError(
-            f"the effect {name_of(several[0])} acts in motion, and the rows of this log are poses at rest. "
-            "Leave it out of this twin."
-        )
