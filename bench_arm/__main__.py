@@ -11,6 +11,7 @@ from serpent_twin.errors import SerpentError
 from .effects import NONE, TYPICAL, inject
 from .parameters import draw
 from .record import Job, record_many
+from .session import RATE
 
 
 def main(
@@ -50,7 +51,7 @@ def main(
     )
     rng = np.random.default_rng(placed)
     for name, value in zip(effect, strengths, strict=True):
-        effects = inject(name, value, rng, beside=effects)
+        effects = inject(name, value, rng, effects, sessions * steps / RATE)
     arm = draw(np.random.default_rng(built))
     for path in record_many([Job(out, arm, effects, seed, sessions, steps)], progress=True)[0]:
         print(path)

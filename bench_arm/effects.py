@@ -8,6 +8,9 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.errors import SerpentError
 
+from . import accidents
+from .accidents import ACCIDENTS, Accident
+
 
 @dataclass(frozen=True)
 class Effects:
@@ -92,6 +95,14 @@ class Effects:
     """n, waves per motor turn [1]."""
     ripple_phase: float = 0.0
     """φ [rad]."""
+    accidents: tuple[Accident, ...] = ()
+    """What happened to single parts"""
+
+    def strength(self, name: str) -> float:
+        """The strength of an effect or accident, in its unit; 0 for one that is absent."""
+        if name in ACCIDENTS:
+            return sum(each.strength for each in self.accidents if each.kind == name)
+        return float(getattr(self, name))
 
     @property
     def flexes(self) -> str:
@@ -119,13 +130,25 @@ TYPICAL: dict[str, float] = {
     "outside_force": 0.4,
     "sticking_joint": 6.0,
     "load_ripple": 0.03,
+    **{name: strength for name, (strength, _) in ACCIDENTS.items()},
 }
 """A strength of each that an arm of this size shows clearly."""
 NAMES = tuple(TYPICAL)
 
 
-def inject(name: str, strength: float, rng: np.random.Generator, beside: Effects = NONE) -> Effects:
-    """One effect at a strength, in its own unit, beside others; where it sits is drawn.
+_RUNS = 1200.0
+"""Running time of four sessions of 5 minutes [s]"""
+
+
+def inject(
+    name: str,
+    strength: float,
+    rng: np.random.Generator,
+    beside: Effects = NONE,
+    seconds: float = _RUNS,
+) -> Effects:
+    """One effect at a strength, in its own unit, beside others; where it sits is drawn, and when it happens
+    in an arm that runs for so many seconds in all.
 
     Raises a `SerpentError` for a name that is none of `NAMES` ("none" adds nothing).
     """
@@ -133,6 +156,9 @@ def inject(name: str, strength: float, rng: np.random.Generator, beside: Effects
         return beside
     if name not in NAMES:
         raise SerpentError(f"There is no effect {name!r}. Choose from: none, {', '.join(NAMES)}.")
+    if name in ACCIDENTS:
+        happened = accidents.draw(name, strength, rng, seconds)
+        return replace(beside, accidents=(*beside.accidents, happened))
     chosen: dict[str, Any] = {name: strength, **_place(name, rng)}
     return replace(beside, **chosen)
 

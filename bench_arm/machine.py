@@ -7,6 +7,7 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 
+from . import accidents
 from .cables import RADIUS, Strands
 from .chain import GRAVITY, Payloads, Pose, chain
 from .effects import Effects
@@ -33,6 +34,7 @@ class ArmBatch:
         self, arms: Sequence[BenchArm], effects: Sequence[Effects], h: float, clock: Array
     ) -> None:
         self.h, self.clock, self.effects = h, clock.copy(), effects
+        self.accidents = [e.accidents for e in effects]
         payload = Payloads(
             np.array([e.payload for e in effects]),
             np.array([e.payload_link - 1 for e in effects]),
@@ -69,6 +71,9 @@ class ArmBatch:
 
     def step(self, command: Array) -> None:
         """Advance h at velocity commands [rad/s], (R, 10)."""
+        if any(self.accidents):
+            self.servos.slip = accidents.winch_slip(self.accidents, self.clock)
+            self.servos.rubbing = accidents.gear_friction(self.accidents, self.servos.angle)
         self.servos.step(command, self.motor_torque(), self.h)
         limit = self._friction_limit()
         middle = MIDDLE * self.h
@@ -82,6 +87,9 @@ class ArmBatch:
         self.dq = self.dq + (speed - self.dq) / MIDDLE
         self.clock += self.h
         self.strands.age(self.tension, self.h, self.clock)
+        if any(self.accidents):
+            shape = self.tension.shape
+            self.strands.rest += accidents.strand_slack(self.accidents, self.clock, shape)
 
     def motor_torque(self) -> Array:
         """Torque of the cables against each motor [N m], (R, 10)."""
@@ -169,12 +177,24 @@ class ArmBatch:
         torque = np.zeros_like(self.q)
         for row, e in enumerate(self.effects):
             if e.outside_force and self.q[row, self.joint[e.force_joint - 1]] > e.force_threshold:
-                body = np.flatnonzero(self.chain.carrier >= self.joint[e.force_link - 1])[0]
                 force = e.outside_force * np.array(e.force_direction)
-                arm = pose.com[row, body] - pose.origin[row]
-                moved = np.cross(pose.axis[row], arm) @ force
-                torque[row] = moved * (np.arange(len(moved)) <= self.chain.carrier[body])
+                torque[row] += self._of_force(pose, row, e.force_link, force)
+        if any(self.accidents):
+            torque[:, self.joint] += accidents.stop_torque(self.accidents, self.q[:, self.joint])
+            for row, each in accidents.of_kind(self.accidents, "swinging_push"):
+                force = accidents.swinging(each, self.clock[row])
+                torque[row] += self._of_force(pose, row, each.part, force)
         return torque
+
+    def _of_force(self, pose: Pose, row: int, link: int, force: Array) -> Array:
+        """Hinge torques of a force on one link's centre of mass [N m], (H,)."""
+        body = np.flatnonzero(self.chain.carrier >= self.joint[link - 1])[0]
+        moved = np.cross(pose.axis[row], pose.com[row, body] - pose.origin[row]) @ force
+        return moved * (np.arange(len(moved)) <= self.chain.carrier[body])
+
+    def rotations(self, q: Array) -> Array:
+        """Of the links in the base frame, (R, 9, 3, 3), at hinge angles q (R, H)."""
+        return self.chain.pose(q).rotation[:, self.joint]
 
 
 def _gravity(e: Effects) -> Array:

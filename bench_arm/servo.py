@@ -37,29 +37,34 @@ class ServoBatch:
         self.grip = np.zeros(shape)
         """Gear friction's torque as a share of its greatest, −1 … 1, positive against + motion."""
         self.command, self.integral = np.zeros(shape), np.zeros(shape)
+        self.slip: Array | float = 0.0
+        """By which winches have turned on their horns [rad], or (R, 9)."""
+        self.rubbing: Array | float = 0.0
+        """Dry friction beside the gears' own [N m], or (R, 10)."""
 
     def step(self, command: Array, torque: Array, h: float) -> None:
         """Turn for h [s] at a velocity command [rad/s] against cable torques [N m], (R, 10)."""
         self.command += (command - self.command) * -np.expm1(-h / self.lag)
         asked = self.p * self.command + self.i * self.integral
         momentum = self.armature * self.speed - h * torque
-        speed = _shrink(momentum + h * asked, h * self.friction) / (self.armature + h * self.p)
+        friction = self.friction + self.rubbing
+        speed = _shrink(momentum + h * asked, h * friction) / (self.armature + h * self.p)
         free = asked - self.p * speed
         self.drive = np.clip(free, -STALL * (1 + speed / NO_LOAD), STALL * (1 - speed / NO_LOAD))
         held = self.drive == free
         if not held.all():
-            bounded = _shrink(momentum + h * self.drive, h * self.friction) / self.armature
+            bounded = _shrink(momentum + h * self.drive, h * friction) / self.armature
             speed = np.where(held, speed, bounded)
         self.integral += np.where(held, h * (self.command - speed), 0.0)
         push = momentum + h * self.drive - self.armature * speed
-        self.grip = push / (h * self.friction)
+        self.grip = push / (h * friction)
         self.angle += h * (self.speed + speed) / 2
         self.speed = speed
         self._turn_winches(h)
 
     def _turn_winches(self, h: float) -> None:
         """Play operator: a winch moves only where its motor pushes it."""
-        angle = self.angle[:, :N_JOINTS]
+        angle = self.angle[:, :N_JOINTS] + self.slip
         winch = np.clip(self.winch, angle - self.half_gap, angle + self.half_gap)
         self.winch_speed = (winch - self.winch) / h
         self.winch = winch

@@ -11,6 +11,7 @@ from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.sessions import Session
 
+from . import accidents
 from .effects import Effects
 from .machine import ArmBatch
 from .parameters import BenchArm
@@ -128,11 +129,17 @@ def _advance(machine: ArmBatch, command: Array, substeps: int) -> _Period:
 
 def _read(machine: ArmBatch, path: _Period, seen: Sequence[_Sensors], t: int) -> dict[str, Array]:
     """Row t of every log, (R, ...)."""
-    marker = machine.markers(_delayed(path.hinges, [s.effects.mocap_latency for s in seen]))
+    hinges = _delayed(path.hinges, [s.effects.mocap_latency for s in seen])
+    marker = machine.markers(hinges)
+    several = machine.accidents
+    if any(several):
+        marker += accidents.shifts(several, machine.clock, machine.rotations(hinges))
     marker = marker + np.stack([s.marker[t] for s in seen])
     marker[np.stack([s.lost[t] for s in seen])] = np.nan
     motors = _delayed(path.motors, [s.effects.motor_latency for s in seen])
     angle, speed, load = motors.swapaxes(0, 1)
+    if any(several):
+        angle, load = accidents.encoder(several, angle), accidents.loads(several, load)
     load = load + np.stack([s.load[t] for s in seen])
     return {
         "motor_position": COUNT * np.rint(angle / COUNT),

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 import bench_arm
+from experiments.confusion.expected import of_bench, of_twin
 from experiments.confusion.outside import OUTSIDE, place
 from experiments.confusion.plan import Trial
 from serpent_twin.arm.control import random_targets
@@ -139,7 +140,7 @@ def injected(name: str, level: float, rng: np.random.Generator) -> Effect:
 
 def _told(name: str, effect: Effect) -> Truth:
     values = {each: float(getattr(effect, each)) for each in ranges(type(effect))}
-    return _truth(name, values, effect.strength)
+    return _truth(name, values, effect.strength) | {"answers": of_twin(name, values)}
 
 
 def _truth(name: str, parameters: dict[str, float], strength: float) -> Truth:
@@ -182,7 +183,9 @@ class BenchSource:
         arm = replace(arm, marker_noise=noise, load_noise=rng.uniform(0.004, 0.010))
         effects = bench_arm.NONE
         for name, level in trial.effects:
-            effects = bench_arm.inject(name, level * bench_arm.TYPICAL[name], rng, effects)
+            strength = level * bench_arm.TYPICAL[name]
+            seconds = length.sessions * length.steps / RATE_HZ
+            effects = bench_arm.inject(name, strength, rng, effects, seconds)
         marker = folder.with_name("recorded.json")
         if not (marker.exists() and folder.exists()):
             shutil.rmtree(folder, ignore_errors=True)  # of a run that was interrupted in here
@@ -197,7 +200,7 @@ class BenchSource:
 
 def _bench_told(name: str, effects: Any) -> Truth:
     values = _bench_values(name, effects) if name in CATALOGUE else {}
-    return _truth(name, values, float(getattr(effects, name)))
+    return _truth(name, values, effects.strength(name)) | {"answers": of_bench(name, effects)}
 
 
 def _bench_values(name: str, effects: Any) -> dict[str, float]:

@@ -13,6 +13,7 @@ from experiments.confusion.score import (
     Share,
     called,
     coverage,
+    discovered,
     limits,
     matrix,
     quantity,
@@ -74,7 +75,8 @@ def _lead(rows: Sequence[Row]) -> str:
         parts.append(f"Pairs named right: {share(by[PAIR], right)}.")
     if by[OUTSIDE]:
         parts.append(
-            f"Faults outside the catalogue called unexplained: {share(by[OUTSIDE], right)}."
+            f"Faults outside the catalogue discovered: {share(by[OUTSIDE], discovered)}; discovered or "
+            f"called unexplained: {share(by[OUTSIDE], right)}."
         )
     parts.append(f"True strength within its 95 % interval: {coverage(rows)['all']}.")
     return " ".join(parts)

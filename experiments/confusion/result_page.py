@@ -16,8 +16,8 @@ _SOURCE = {
 }
 _TEXT = """Effects were injected into arms whose other parameters and noises are drawn at random;
 `trace` then ran on their logs, the last session of each arm held out. "right" means that all injected
-effects were named and nothing else; of an effect outside the catalogue, that the error was called
-unexplained."""
+effects were named and nothing else; of an effect outside the catalogue, that the right law was discovered at
+its place, or that the error was called unexplained."""
 
 
 def result_page(results: Mapping[str, Any]) -> PageContent:

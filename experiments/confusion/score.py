@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.stats import binomtest
 
+from experiments.confusion import expected
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR
 from serpent_twin.arrays import Array
 
@@ -27,10 +28,18 @@ def called(row: Row) -> str:
     return UNEXPLAINED if row["unexplained"] else NOTHING
 
 
+def discovered(row: Row) -> bool:
+    """Whether the fault outside the catalogue was composed: the right law at the right place, alone."""
+    named, answers = row["named"], row["truth"]["effects"][0].get("answers", [])
+    return len(named) == 1 and expected.matches(named[0], answers)
+
+
 def right(row: Row) -> bool:
-    """Whether exactly the injected effects are named; for an effect outside the catalogue, none."""
+    """Whether exactly the injected effects are named; an effect outside the catalogue must be discovered, the
+    right law at its place, or be called unexplained.
+    """
     if row["kind"] == OUTSIDE:
-        return called(row) == UNEXPLAINED
+        return called(row) == UNEXPLAINED or discovered(row)
     wanted = {effect["name"] for effect in row["truth"]["effects"]}
     return {effect["name"] for effect in row["named"]} == wanted
 
@@ -221,7 +230,10 @@ def scores(rows: Sequence[Row]) -> dict[str, Any]:
         "named_right": share(by[KNOWN], right).numbers(),
         "named_right_above_limit": share(above, right).numbers(),
         "pairs_right": share(by[PAIR], right).numbers(),
-        "outside_called_unexplained": share(by[OUTSIDE], right).numbers(),
+        "outside_called_unexplained": share(
+            by[OUTSIDE], lambda r: called(r) == UNEXPLAINED
+        ).numbers(),
+        "outside_discovered": share(by[OUTSIDE], discovered).numbers(),
         "interval_holds": {n: s.numbers() for n, s in coverage(rows).items()},
         "strength_within_10_percent": within(rows).numbers(),
         "detection_limit": {n: each.numbers() for n, each in found.items()},

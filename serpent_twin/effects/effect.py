@@ -31,6 +31,8 @@ class Range:
     """Of a parameter that is a place: the places within one, such as the cables of an arm"""
     limit: str = ""
     """The law that its high end is, in words; nothing: an effect that runs there stands for another"""
+    form: bool = False
+    """Whether it sets the form of a law and is no strength, whatever its unit"""
 
     @property
     def least(self) -> float:
@@ -42,6 +44,11 @@ class Range:
         """The same for a machine of any size: of the same sign, and finite."""
         low = -_ANY if self.low < 0 else min(self.low, 1 / _ANY)
         return replace(self, low=low, high=_ANY)
+
+    @property
+    def unused(self) -> bool:
+        """Whether it can only be zero, as the second component of what has one."""
+        return not self.fitted and self.low == self.high == 0
 
     @property
     def limit_begins(self) -> float:
@@ -146,6 +153,10 @@ class Effect:
     def act(self, moment: Any, memory: Any) -> None:
         """Change one time step of n runs, and the memory, in place."""
 
+    def here(self, moment: Any) -> Any:
+        """The moment as it is where the effect acts."""
+        return moment.at(self.at) if self.at else moment
+
     def longest_step(self, moment: Any) -> Array | float:
         """Longest time step of its memory in a measured past [s]: `SMOOTH` of its law's time constant,
         where that is known.
@@ -180,7 +191,9 @@ def strengths(known: Mapping[str, Range]) -> tuple[str, ...]:
     """Names of the parameters that are an effect's strength: the first, and the fitted ones of its unit."""
     first = next(iter(known))
     return tuple(
-        n for n, r in known.items() if n == first or (r.fitted and r.unit == known[first].unit)
+        n
+        for n, r in known.items()
+        if n == first or (r.fitted and not r.form and r.unit == known[first].unit)
     )
 
 
@@ -214,7 +227,7 @@ def edit(spec: mujoco.MjSpec, effects: Sequence[Effect]) -> None:
 
 def begin(effects: Sequence[Effect], moment: Any) -> list[Any]:
     """The memories of effects at the beginning of runs."""
-    return [_alone(effect.start, effect, _here(effect, moment)) for effect in effects]
+    return [_alone(effect.start, effect, effect.here(moment)) for effect in effects]
 
 
 def act(effects: Sequence[Effect], moment: Any, memories: Sequence[Any]) -> None:
@@ -222,12 +235,7 @@ def act(effects: Sequence[Effect], moment: Any, memories: Sequence[Any]) -> None
     which reads what the moment lacks, or changes what the simulation does not use.
     """
     for effect, memory in zip(effects, memories, strict=True):
-        _alone(effect.act, effect, _here(effect, moment), memory)
-
-
-def _here(effect: Effect, moment: Any) -> Any:
-    """The moment as it is at an effect's place."""
-    return moment.at(effect.at) if effect.at else moment
+        _alone(effect.act, effect, effect.here(moment), memory)
 
 
 def _alone(do: Callable[..., Any], effect: Effect, moment: Any, *memory: Any) -> Any:

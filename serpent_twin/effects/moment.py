@@ -1,5 +1,6 @@
 """Define which quantities of a time step effects can read, and which they may change."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self
 
@@ -7,6 +8,8 @@ import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, Arm
 from serpent_twin.arrays import Array
+from serpent_twin.effects import arm_places
+from serpent_twin.effects.law import Law
 from serpent_twin.errors import SerpentError
 
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
@@ -172,6 +175,10 @@ class Moment(Instant):
     """b in T = k x (1 + b x) [1/m]"""
     reading_age: Array | float = 0.0
     """How old angles, velocities and loads are when the motors report them [s], or (n, 1)"""
+    marker_shift: Array | float = 0.0
+    """By which the cameras see markers elsewhere, in the base frame [m], or (n, 9, 3)"""
+    load_shift: Array | float = 0.0
+    """By which the motors' loads are misread, as a share of the stall torque [1], or (n, 10)"""
 
     winch_ratio: Array | float = 1.0
     """Winch radius over the radius of the cable's pulleys [1]; of the first block, as all below"""
@@ -186,6 +193,14 @@ class Moment(Instant):
         slope = before + torque / np.maximum(transition_velocity, _STICKS)
         self.joint_friction = self.joint_friction + torque
         self.transition_velocity = self.joint_friction / np.maximum(slope, _STICKS)
+
+    def reading_of(self, law: Law) -> Array:
+        """What a law follows, (n, 1)."""
+        return arm_places.reading_of(self, law)
+
+    def change(self, law: Law, sizes: Sequence[Array | float]) -> None:
+        """Change what a law changes, by sizes (n, 1) of one component or three."""
+        arm_places.change(self, law, sizes)
 
     @property
     def stretch(self) -> Array:

@@ -6,19 +6,18 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.acceptance import Round, Selection, doubtful, seen, why_not
-from serpent_twin.identification.bars import BEYOND, Bars, bars
+from serpent_twin.identification.bars import Bars, bars
 from serpent_twin.identification.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
     REJECTED,
     STANDS_IN,
-    SUSPECT,
     UNSTABLE,
     Diagnosis,
     Named,
     Tried,
-    Unexplained,
 )
+from serpent_twin.identification.discovery import FreeCurve, free_curve
 from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
 from serpent_twin.identification.fitted import NORMAL_95, Fit
 from serpent_twin.identification.free_parameters import unstable
@@ -28,23 +27,18 @@ from serpent_twin.identification.profile import interval, near_zero
 from serpent_twin.identification.score_test import at_bound, strengths
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.uncertainty import indistinguishable
+from serpent_twin.identification.unexplained import unexplained
 from serpent_twin.machines.case import Case as AnyCase
 from serpent_twin.machines.machine import Quantity
-from serpent_twin.residual import Findings, analyse, describe
+from serpent_twin.residual import analyse
 from serpent_twin.residual.learned import learn
 from serpent_twin.residual.whiteness import whiteness
 
 Case = AnyCase[Any]
-FOLLOWS = 0.25
-"""Share of the squared error above the noise that must depend on a feature, for a suspect error to be
-unexplained
-"""
 FAR = 3.0
 """Times what could be noise, above which accepted effects stand for something else"""
 EXPLAINS = 0.85
 """But not where they explain so much of the squared error above the bar"""
-LOAD_BEYOND = 1.15
-"""Times the loads' noise"""
 
 
 def build_diagnosis(
@@ -62,7 +56,7 @@ def build_diagnosis(
     error = {name: each.marker for name, each in held.items()}
     load = {name: each.load for name, each in held.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
-    rest = _unexplained(found["corrected"], error, load, bar.bar)
+    rest = unexplained(found["corrected"], error, load, bar.bar)
     named = _named(tracer, selection, held["calibrated"], held["corrected"])
     nearest = named if rest.is_ and _stands_in(error, bar) else ()
     return Diagnosis(
@@ -88,7 +82,15 @@ def build_diagnosis(
         identifiability=tracer.identifiability,
         whiteness=whiteness(compared["corrected"]),
         places={name: each.place for name, each in case.candidates.items()},
+        curves=_curves(case, tracer.training, final),
     )
+
+
+def _curves(case: Case, training: Any, final: Fit) -> dict[str, FreeCurve]:
+    """The composed laws beside free curves, by their effects."""
+    composed = [name for name in final.point.effects if case.candidates[name].composed]
+    found = {name: free_curve(case, training, final, name) for name in composed}
+    return {name: each for name, each in found.items() if each}
 
 
 def _named(
@@ -134,6 +136,8 @@ def estimates(case: Case, fit: Fit, name: str) -> dict[str, ParameterEstimate]:
     """Parameters of an effect with the intervals of a fit, clipped to their ranges."""
     out = {}
     for k, (parameter, allowed) in enumerate(case.candidates[name].ranges.items()):
+        if allowed.unused:
+            continue
         value = float(fit.point.effects[name][k])
         low, high = value, value
         if (name, k) in fit.free.effects:
@@ -203,24 +207,6 @@ def _verdict(name: str, each: Round, selection: Selection, case: Case) -> tuple[
         return REJECTED, why
     assert trial.gain is not None
     return REJECTED, f"{trial.gain}, less than {' and '.join(each.accepted)}"
-
-
-def _unexplained(
-    found: Findings, errors: Mapping[str, float], load: Mapping[str, float], expected: float
-) -> Unexplained:
-    error = errors["corrected"]
-    share = max(0.0, 1 - (expected / error) ** 2) if error > 0 else 0.0
-    markers = [d.share_above_noise for d in found.depends_on if d.kind != "load"]
-    loads = [d.share_above_noise for d in found.depends_on if d.kind == "load"]
-    swings = found.marker_change is not None and found.marker_change.swings
-    follows = swings or max(markers, default=0.0) > FOLLOWS
-    in_markers = error > BEYOND * expected or (follows and error > SUSPECT * expected)
-    floor = found.noise.rms_load_jitter
-    in_loads = load["corrected"] > LOAD_BEYOND * floor and max(loads, default=0.0) > FOLLOWS
-    if in_loads and not in_markers:
-        share = max(0.0, 1 - (floor / load["corrected"]) ** 2)
-    is_ = bool(in_markers or in_loads)
-    return Unexplained(is_, share, describe(found) if is_ else "")
 
 
 def _cautions(case: Case, selection: Selection) -> tuple[str, ...]:

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from serpent_twin.identification.acceptance import SURE, WORTH_IT
-from serpent_twin.identification.figures import spaced
 from serpent_twin.identification.identifiability import Identifiability
+from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.plot_style import COLOURS, INK, SOFT, label_logarithmic, sheet, tidy
 from serpent_twin.reporting.report import Figure, Report, Section, Table

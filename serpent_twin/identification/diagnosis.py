@@ -5,13 +5,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from serpent_twin.arrays import Array
+from serpent_twin.effects import law_of
 from serpent_twin.identification.acceptance import PairTrial
 from serpent_twin.identification.bars import Bars
+from serpent_twin.identification.discovery.free_curve import FreeCurve
 from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.moved import Moved
 from serpent_twin.identification.next_motion import NOT_EXCITED, next_motion
 from serpent_twin.identification.rivals import Rival
+from serpent_twin.identification.unexplained import SUSPECT, Unexplained
+from serpent_twin.identification.wording import DISCOVERED, spaced, with_numbers
 from serpent_twin.residual import LOADS, MARKERS, Comparison, Findings, Measure
 from serpent_twin.residual.learned import Learned
 from serpent_twin.residual.noise import in_words
@@ -23,8 +27,6 @@ UNSTABLE = "unstable"
 STANDS_IN = "stands in"
 UNTESTED = (NOT_EXCITED, UNSTABLE)
 """Verdicts on candidates that these logs, or the simulation, leave undecided"""
-SUSPECT = 1.25
-"""Times the error of a twin that lacks nothing, above which an error is suspect"""
 
 
 @dataclass(frozen=True)
@@ -68,17 +70,6 @@ class Tried:
     """In words"""
     doubt: float | None = None
     """Probability of chance, where these logs were better described with it, and more may show it [1]"""
-
-
-@dataclass(frozen=True)
-class Unexplained:
-    """What no effect of the catalogue explains."""
-
-    is_: bool
-    share: float
-    """Share of the corrected twin's squared error beyond that of a twin that lacks nothing [1]"""
-    depends_on: str
-    """In words: on what it depends, and where to look"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +116,8 @@ class Diagnosis:
     """Of the corrected twin's residual"""
     places: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """The entry that says where a candidate acts, by its name: empty for one that acts everywhere"""
+    curves: Mapping[str, FreeCurve] = field(default_factory=dict)
+    """Composed laws beside free curves, by the effect's name"""
 
     def numbers(self, seconds: float, simulated: float) -> dict[str, Any]:
         """diagnosis.json."""
@@ -132,12 +125,20 @@ class Diagnosis:
         def placed(entry: dict[str, Any]) -> dict[str, Any]:
             return entry | dict(self.places.get(entry["name"], {}))
 
+        def found(each: Named) -> dict[str, Any]:
+            entry = placed(each.numbers(mm, self.load))
+            if entry["name"] == each.name:
+                return entry
+            alike = [one for one in self.rivals.get(each.name, ()) if not one.told_apart]
+            tested = self.curves[each.name].numbers() if each.name in self.curves else {}
+            return entry | tested | {"equivalent": [placed({"name": one.name}) for one in alike]}
+
         mm, loads = self.marker.key, f"{self.load.field}_error_{self.load.key}"
         return {
             "arm": self.arm,
             "held_out": list(self.held_out),
-            "effects": [placed(each.numbers(mm, self.load)) for each in self.effects],
-            "stand_ins": [placed(each.numbers(mm, self.load)) for each in self.stand_ins],
+            "effects": [found(each) for each in self.effects],
+            "stand_ins": [found(each) for each in self.stand_ins],
             "candidates": [
                 placed(
                     {
@@ -253,7 +254,14 @@ class Diagnosis:
 
     def _told(self, effect: Named) -> str:
         """An effect with its strength, and the rivals that these logs do not tell from it."""
-        values = ", ".join(f"{name} {each}" for name, each in effect.parameters.items())
         alike = [each.name for each in self.rivals.get(effect.name, ()) if not each.told_apart]
-        told = f"; these logs cannot tell it from {' or '.join(alike)}" if alike else ""
-        return f"{effect.name} ({values}{told})"
+        values = ", ".join(f"{name} {each}" for name, each in effect.parameters.items())
+        told = f"{effect.name} ({values})"
+        if law_of(effect.name) == DISCOVERED:
+            told = with_numbers(effect.name, effect.parameters)
+        cannot = f"these logs cannot tell it from {' or '.join(map(_short, alike))}"
+        return f"{told}; {cannot}" if alike else told
+
+
+def _short(name: str) -> str:
+    return spaced(name) if law_of(name) == DISCOVERED else name

@@ -17,6 +17,7 @@ from serpent_twin.identification.diagnosis import (
     Diagnosis,
     Tried,
 )
+from serpent_twin.identification.wording import spaced
 from serpent_twin.reporting.plot_style import COLOURS, INK, SOFT, sheet, tidy
 from serpent_twin.reporting.report import Figure
 from serpent_twin.residual import Comparison, Dependence, Findings
@@ -43,11 +44,6 @@ _HEAT_S = 4.0  # a cell of the heat map
 def stages(diagnosis: Diagnosis) -> tuple[str, ...]:
     """The twins compared; a corrected one only where an effect was added to the calibrated one."""
     return STAGES if diagnosis.effects or diagnosis.stand_ins else STAGES[:2]
-
-
-def spaced(name: str) -> str:
-    """An effect's name with spaces."""
-    return name.replace("_", " ")
 
 
 def before_and_after(diagnosis: Diagnosis) -> Figure | None:

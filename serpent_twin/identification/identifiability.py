@@ -7,6 +7,7 @@ from typing import Any
 
 from serpent_twin.identification.excitation import InputExcitation
 from serpent_twin.identification.weak_directions import WeakDirection
+from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted, listed
 
 ALIKE = 0.8
@@ -113,15 +114,15 @@ class Identifiability:
         count = counted(len(self.effects), "effect")
         if not self.hidden:
             return f"These logs can show all {count} at a typical strength.{held}"
-        names = listed(_spaced(name) for name in self.hidden)
+        names = listed(spaced(name) for name in self.hidden)
         said = f"Of {count}, these logs cannot show {names} at a typical strength."
         return " ".join(filter(None, [f"{said}{held}", self.advice]))
 
     def power(self) -> str:
         """From which strength on each effect would have been found, in a sentence or two."""
         found = [each for each in self.effects if isfinite(each.limit)]
-        limits = listed(f"{_spaced(each.name)} of {_amount(each)}" for each in found)
-        lost = listed(_spaced(each.name) for each in self.effects if not isfinite(each.limit))
+        limits = listed(f"{spaced(each.name)} of {_amount(each)}" for each in found)
+        lost = listed(spaced(each.name) for each in self.effects if not isfinite(each.limit))
         told = [f"Would have been found, from that strength on: {limits}."] if found else []
         told += [f"At no strength within its range: {lost}."] if lost else []
         return " ".join(told)
@@ -140,10 +141,6 @@ class Identifiability:
             "rows": self.rows,
             "variance_inflation": self.variance_inflation,
         }
-
-
-def _spaced(name: str) -> str:
-    return name.replace("_", " ")
 
 
 def _amount(effect: EffectIdentifiability) -> str:

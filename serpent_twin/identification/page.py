@@ -7,6 +7,8 @@ import numpy as np
 from serpent_twin.identification import figures, tables
 from serpent_twin.identification.check_page import effects_section
 from serpent_twin.identification.diagnosis import Diagnosis, Named
+from serpent_twin.identification.law_figure import composed_law
+from serpent_twin.identification.wording import spaced, with_numbers
 from serpent_twin.machines.machine import Candidate
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import Figure, Report, Section, Table
@@ -59,10 +61,10 @@ def lead(diagnosis: Diagnosis) -> str:
 
 def _found(diagnosis: Diagnosis) -> str:
     if diagnosis.effects:
-        told = " and ".join(map(_with_strength, diagnosis.effects))
+        told = " and ".join(map(_told, diagnosis.effects))
         return f"The twin lacked {told}; ranges are 95 % intervals."
     if diagnosis.unexplained.is_:
-        nearest = " and ".join(map(_with_strength, diagnosis.stand_ins))
+        nearest = " and ".join(map(_told, diagnosis.stand_ins))
         but = (
             f" Nearest comes {nearest}, which the corrected twin has, but as a stand-in."
             if nearest
@@ -78,9 +80,8 @@ def _found(diagnosis: Diagnosis) -> str:
     )
 
 
-def _with_strength(effect: Named) -> str:
-    told = ", ".join(f"{name} {each}" for name, each in effect.parameters.items())
-    return f"{figures.spaced(effect.name)} ({told})"
+def _told(effect: Named) -> str:
+    return with_numbers(effect.name, effect.parameters)
 
 
 def _course(diagnosis: Diagnosis) -> str:
@@ -171,7 +172,10 @@ def _missing(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> Section | 
     return Section(
         "What was missing",
         text,
-        (tables.parameters(diagnosis.effects, diagnosis.marker.unit, diagnosis.load.unit),),
+        (
+            tables.parameters(diagnosis.effects, diagnosis.marker.unit, diagnosis.load.unit),
+            *(composed_law(c, n) for n, c in enumerate(diagnosis.curves.values(), 1)),
+        ),
     )
 
 
@@ -181,7 +185,7 @@ def _alike(diagnosis: Diagnosis) -> Section | None:
     if not tabled:
         return None
     alike = [each for several in diagnosis.rivals.values() for each in several]
-    open_ = [figures.spaced(each.name) for each in alike if not each.told_apart]
+    open_ = [spaced(each.name) for each in alike if not each.told_apart]
     text = "These logs tell every effect that was found from those that look like it."
     if open_:
         text = f"These logs cannot tell what was found from {listed(open_)}: the names are alternatives."
@@ -194,11 +198,11 @@ def _about(effect: Named, known: Mapping[str, Candidate], verdicts: Mapping[str,
     """What an effect is, in which logs it shows, and the verdicts on effects that it can be confused with."""
     candidate = known[effect.name]
     alike = [
-        f"{figures.spaced(n)} ({verdicts[n]})" if n in verdicts else figures.spaced(n)
+        f"{spaced(n)} ({verdicts[n]})" if n in verdicts else spaced(n)
         for n in candidate.confused_with
     ]
     said = (
-        f"{_capital(figures.spaced(effect.name))}. {candidate.about}",
+        f"{_capital(spaced(effect.name))}. {candidate.about}",
         f"It shows in {candidate.shows_in}." if candidate.shows_in else "",
         f"It can be confused with {listed(alike)}." if alike else "",
     )

@@ -66,6 +66,9 @@ class Trace(Checked):
     """Use only this many sessions, the first ones, files of --held-out not counted; 0 for all."""
     seed: Seed = 0
     """Seed of bootstrap and permutations."""
+    discover: bool = False
+    """Also compose effects that no catalogue lists from what the named ones leave: laws at places of the arm.
+    This takes some minutes more."""
     twins: Annotated[int, within(0, 1000)] = 0
     """Also write this many twins that the logs cannot distinguish from the corrected one, drawn from the
     uncertainty of the fit: OUT/twins/drawn_NN.json; and OUT/twins/calibrated.json, without effects. A later
@@ -158,6 +161,8 @@ def _settings(
 ) -> dict[str, Any]:
     inputs = {s.name: file_hash(s.path) for s in [*training, *judging] if s.path}
     kept = {"rig": config.named, "held_out": config.held_out, "seed": config.seed}
+    if config.discover:
+        kept["discover"] = True
     if config.judge or not isinstance(config.held_out, int):
         kept["held_out"] = [s.name for s in judging]
     if files := machines.made_of(rig):
@@ -178,7 +183,13 @@ def _run(
         case = rig.open(training)
         notes = Checkpoints(config.out / "stages", case.clock)
         tracer = Tracer(
-            case, case.pieces(training), case.pieces(judging), notes, on_progress, config.seed
+            case,
+            case.pieces(training),
+            case.pieces(judging),
+            notes,
+            on_progress,
+            config.seed,
+            config.discover,
         )
         selection = tracer.select()
         on_progress("what is left")

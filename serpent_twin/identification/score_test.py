@@ -173,6 +173,8 @@ def _weaker(candidate: Candidate, values: Array, share: float) -> Array:
 
 def _columns(candidate: Candidate) -> list[Array]:
     """Parameter values to try: every variant; of several strengths, each alone."""
+    if candidate.whole:
+        return list(candidate.variants)
     strong = strengths(candidate)
     tried = []
     for values in candidate.variants:

@@ -24,6 +24,7 @@ from serpent_twin.identification.acceptance import (
 )
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.detection import identifiability, opening_fit
+from serpent_twin.identification.discovery import discover
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.held_out import Errors, gain, gave_up
@@ -34,6 +35,7 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
 _MOST_EFFECTS = 6
+_MOST_DISCOVERED = 3
 _BEATS = 0.97
 """Share of a first calibration's cost that a candidate from the opening must come below with its first
 derivative"""
@@ -63,9 +65,11 @@ class Tracer:
         notes: Checkpoints,
         on_progress: OnProgress,
         seed: int,
+        composing: bool = False,
     ) -> None:
         self.case, self.training, self.held_out = case, training, held_out
         self.notes, self.on_progress, self.seed = notes, on_progress, seed
+        self.composing = composing
         self.trials = Trials(training, held_out, notes, on_progress)
         self.final: ParameterVector | None = None
         self.identifiability: Identifiability | None = None
@@ -77,21 +81,49 @@ class Tracer:
         base, rounds = calibrated, []
         while len(rounds) < _MOST_EFFECTS:
             rounds.append(self._round(base, len(rounds) + 1, None if rounds else opening))
-            if not (names := rounds[-1].accepted):
+            if (better := self._stands(rounds)) is None:
                 break
-            found = rounds[-1].trials[names[0]].fit
-            assert found is not None
-            weighed = self.case
-            polished = self._polish(found, f"with_{len(rounds)}_{'_'.join(names)}")
-            rounds[-1] = self._judged_again(rounds[-1], polished)
-            if not rounds[-1].accepted:
-                self.case = weighed
-                break
-            base = polished
+            base = better
+        if self.composing:
+            base = self._discovered(base, rounds)
         final = self._sharpened(self._without_proxies(base, rounds))
         self.final = final.point
         rivals = {n: self.trials.rivals(self.case, n, rounds) for n in final.point.effects}
         return Selection(self.case, calibrated, final, tuple(rounds), rivals)
+
+    def _stands(self, rounds: list[Round]) -> Fit | None:
+        """The fit of everything anew with what the last round accepted; None if that reverses it, or nothing
+        was accepted.
+        """
+        if not (names := rounds[-1].accepted):
+            return None
+        found = rounds[-1].trials[names[0]].fit
+        assert found is not None
+        weighed = self.case
+        polished = self._polish(found, f"with_{len(rounds)}_{'_'.join(names)}")
+        rounds[-1] = self._judged_again(rounds[-1], polished)
+        if rounds[-1].accepted:
+            return polished
+        self.case = weighed
+        return None
+
+    def _discovered(self, base: Fit, rounds: list[Round]) -> Fit:
+        """Add laws at places that no catalogue lists, one by one, while something is left."""
+        for _ in range(_MOST_DISCOVERED):
+            found = discover(self.case, self.training, base, self.on_progress)
+            if not found:
+                break
+            self.case = self.case.composing(found)
+            names, before = [each.name for each in found], self.errors(base.point)
+            trials = self.trials.each(
+                names, self.case, base, base, before, f"{len(rounds) + 1}_composed"
+            )
+            best = best_trial(trials, self.case.candidates)
+            rounds.append(Round(base, before, trials, (best,) if best else ()))
+            if (better := self._stands(rounds)) is None:
+                break
+            base = better
+        return base
 
     def _judged_again(self, done: Round, polished: Fit) -> Round:
         """A round after its accepted candidates were fitted again, which may reverse the acceptance."""

@@ -16,8 +16,9 @@ from serpent_twin.identification.diagnosis import (
     Tried,
 )
 from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
-from serpent_twin.identification.figures import ranked, spaced, stages
+from serpent_twin.identification.figures import ranked, stages
 from serpent_twin.identification.fitted import NORMAL_95
+from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Table
 from serpent_twin.residual.noise import UNKNOWN

@@ -35,6 +35,8 @@ _MORE = 3
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
 _RIVALS = 2  # that were not fitted in their round, and are then
+_APART = 9.0
+"""Squared standard errors by which one composed law must remove more than another, to be told from it"""
 
 
 @dataclass(frozen=True)
@@ -149,6 +151,8 @@ class Trials:
         case = replace(case, noise=done.base.noise)  # by which the base's derivative is weighed
         scores = {other: trial.score for other, trial in done.trials.items()}
         alike, winner = rivals(name, scores, case.candidates), done.trials[name].errors
+        if case.candidates[name].composed:
+            alike = {n: c for n, c in alike.items() if not _less(scores, name, n, done.base)}
         beside = [n for n in case.candidates[name].confused_with if n in scores]
         out = []
         for other in dict.fromkeys([*alike, *(n for n in beside if done.trials[n].fit)]):
@@ -203,3 +207,9 @@ class Trials:
 
         better = self.notes.scores(f"places_{stage}", test)
         return {**found, **{each.name: each for each in better}}
+
+
+def _less(scores: Mapping[str, Score], name: str, other: str, base: Fit) -> bool:
+    """Whether a composed law removes clearly less than another, to first order."""
+    squares = float((base.residual.astype(float) ** 2).sum()) / base.variance_inflation
+    return (scores[name].share - scores[other].share) * squares > _APART

@@ -15,7 +15,7 @@ def available() -> list[str]:
     return sorted(
         file.name
         for file in pkgutil.iter_modules(here)
-        if file.name not in ("case", "machine", "measured", "model", "proposals", "rig")
+        if file.name not in ("case", "machine", "places", "measured", "model", "proposals", "rig")
     )
 
 

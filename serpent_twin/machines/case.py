@@ -17,6 +17,7 @@ from serpent_twin.machines.machine import (
     ParameterVector,
     Quantity,
 )
+from serpent_twin.machines.places import Places
 from serpent_twin.residual import Comparison
 
 _AT_ONCE = 3.0e6  # numbers that one call predicts: twins × segments × rows × channels
@@ -46,6 +47,8 @@ class Case(Generic[P]):
     """Weighs each channel, in the unit of its measure's arrays, (C,)"""
     unseen: Mapping[str, str] = field(default_factory=dict)
     """Candidates that the logs cannot show, and why"""
+    composed: Mapping[str, Candidate] = field(default_factory=dict)
+    """Candidates that were composed from what the machine's own leave"""
     clock: Stopwatch = field(default_factory=Stopwatch)
     """Time spent in simulation"""
 
@@ -62,7 +65,9 @@ class Case(Generic[P]):
     @property
     def candidates(self) -> Mapping[str, Candidate]:
         """The candidates: effects that the machine may have and its nominal twin lacks."""
-        return self.machine.candidates
+        if not self.composed:
+            return self.machine.candidates
+        return {**self.machine.candidates, **self.composed}
 
     @property
     def segments(self) -> tuple[int, int]:
@@ -73,6 +78,18 @@ class Case(Generic[P]):
     def channels(self) -> int:
         """Numbers that a residual has for each row of a log, C."""
         return len(self.machine.outputs)
+
+    def composing(self, candidates: Sequence[Candidate]) -> "Case[P]":
+        """The same case with further candidates."""
+        return replace(self, composed={**self.composed, **{each.name: each for each in candidates}})
+
+    def places(self, point: ParameterVector, pieces: P) -> Places | None:
+        """What changes at the machine's places would show; None for a machine that does not say."""
+        known = getattr(self.machine, "responses_at_places", None)
+        if known is None:
+            return None
+        with self.clock:
+            return known(point, pieces)
 
     def pieces(self, sessions: Sequence[Any]) -> P:
         """Cut sessions into segments."""

@@ -102,6 +102,10 @@ class Candidate:
     """Of the model's element that its name has: joint, tendon, actuator, body, site or sensor; nothing for
     what is everywhere
     """
+    whole: bool = False
+    """Whether its variants are tried as they are, and not each of their strengths alone"""
+    composed: Mapping[str, Any] = field(default_factory=dict)
+    """Entries of JSON that say which law it is; empty for an effect that has a name"""
 
     @property
     def at(self) -> str:
@@ -109,8 +113,12 @@ class Candidate:
         return place_of(self.name)
 
     @property
-    def place(self) -> dict[str, dict[str, str]]:
-        """The entry of JSON that says where it is; nothing for what is everywhere."""
+    def place(self) -> dict[str, Any]:
+        """The entries of JSON that say where it is, and by which law if it was composed; nothing for what is
+        everywhere.
+        """
+        if self.composed:
+            return dict(self.composed)
         return {"place": {"kind": self.place_kind, "name": self.at}} if self.at else {}
 
 

@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 from serpent_twin import machines, stored
+from serpent_twin.effects import law_of
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.discovery import remade
 from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.wording import DISCOVERED
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import Rig, read_logs
@@ -68,7 +71,9 @@ def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
     training = [sessions[each] for each in names]
     case = rig.open(training)
     fit, fitted = _fits(folder / "stages", case, diagnosis)
-    case = replace(case, noise=fit.noise)
+    several = {n: v for each in (fit.point, *fitted.values()) for n, v in each.effects.items()}
+    composed = [remade(n, v) for n, v in several.items() if law_of(n) == DISCOVERED]
+    case = replace(case, noise=fit.noise).composing(composed)
     rate = training[0].metadata.get("rate_hz") or 1 / np.median(np.diff(training[0].time))
     return Traced(folder, case, case.pieces(training), fit, diagnosis, name, float(rate), fitted)
 
@@ -107,8 +112,7 @@ def _fits(
 ) -> tuple[Fit, dict[str, ParameterVector]]:
     """The last fit, and the points of the full fits of single candidates."""
     found = sorted(stages.glob("*.npz"))
-    names = [each["name"] for each in diagnosis["effects"]]
-    final = "last" if names else "calibrated_3"
+    final = "last" if diagnosis["effects"] else "calibrated_3"
     if stages / f"{final}.npz" not in found:
         raise SerpentError(f"{stages} lacks {final}.npz. {_ADVICE}")
     notes = Checkpoints(stages, case.clock)
@@ -118,7 +122,12 @@ def _fits(
         if path.stem == final or path.stem.startswith(("fit_", "rival_"))
     }
     last = fits.pop(final)
-    single = {n: each.point for each in fits.values() for n in each.point.effects if n not in names}
+    single = {
+        n: each.point
+        for each in fits.values()
+        for n in each.point.effects
+        if n not in last.point.effects
+    }
     return last, single
 
 

@@ -54,6 +54,10 @@ class CableDynamics(Stepper[Moment]):
         self._rubs: tuple[Array, ...] = (np.empty(0), np.empty(0))
         self.reading_age = np.zeros(len(designs))
         """How old the motors' readings are, as the last moment had it [s], (n,)"""
+        self.marker_shift: Array | float = 0.0
+        """Where the last moment had the cameras see the markers besides [m], or (n, 9, 3)"""
+        self.load_shift: Array | float = 0.0
+        """By how much it had the loads misread, as a share of the stall torque, or (n, 10)"""
 
     def moment(
         self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array = 0.0
@@ -81,6 +85,8 @@ class CableDynamics(Stepper[Moment]):
             gear_friction=self.gear_friction.copy(),
             stiffening=self.stiffening.copy(),
             reading_age=0.0,
+            marker_shift=0.0,
+            load_shift=0.0,
             winch_ratio=self.winch_ratio,
             prior_runtime=self.prior_runtime,
         )
@@ -96,6 +102,7 @@ class CableDynamics(Stepper[Moment]):
             self._friction[:, self._motor_v] = moment.gear_friction
             self._applied[:, self._motor_v] = moment.motor_torque
         self.reading_age = np.broadcast_to(moment.reading_age, (len(self.reading_age), 1))[:, 0]
+        self.marker_shift, self.load_shift = moment.marker_shift, moment.load_shift
 
     def step(
         self,

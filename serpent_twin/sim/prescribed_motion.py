@@ -186,7 +186,7 @@ class DrivenArms:
 
     def _markers(self) -> Array:
         """What the marker sensors show, (n, 9, 3); after a time step, of its beginning."""
-        return self._sensors.reshape(-1, N_JOINTS, 3).copy()
+        return self._sensors.reshape(-1, N_JOINTS, 3) + self._cables.marker_shift
 
     def read(self) -> Response:
         """The sensors' readings of the present instant, (n,). Where the motors' angles are old, the markers
@@ -200,7 +200,7 @@ class DrivenArms:
             marker += self.reading_age[:, None, None] * self._marker_velocity
         return Response(
             marker=marker,
-            load=(self._cables.horn_torque(moment) + loss) / self._stall,
+            load=(self._cables.horn_torque(moment) + loss) / self._stall + moment.load_shift,
             joint_angle=self._qpos[:, self._joint_q],
             jaw_angle=self._qpos[:, self._jaw[0]].copy(),
             tension=moment.tension,

@@ -104,7 +104,9 @@ class Twin:
         """Angles [rad], velocities [rad/s] and torques [N m] of the motors as they report them, which may be
         old, (nsim, 3, 10).
         """
-        now = np.stack([self.motor_angle, self.motor_velocity, self.motor_torque], axis=1)
+        misread = self.mechanism.load_shift * self.arm.servo.stall_torque
+        torque = self.motor_torque + misread
+        now = np.stack([self.motor_angle, self.motor_velocity, torque], axis=1)
         return self._readings.before(self._ran, now, self.mechanism.reading_age)
 
     @property
@@ -119,8 +121,9 @@ class Twin:
 
     @property
     def markers(self) -> Array:
-        """True marker positions in the base frame [m], (nsim, 9, 3)."""
-        return self._sensors[:, _MARKERS].reshape(-1, N_JOINTS, 3).copy()
+        """Where cameras without noise see the markers, in the base frame [m], (nsim, 9, 3)."""
+        seen = self._sensors[:, _MARKERS].reshape(-1, N_JOINTS, 3)
+        return seen + self.mechanism.marker_shift
 
     @property
     def tension(self) -> Array:
@@ -185,7 +188,8 @@ class Twin:
             time, angle, velocity = self._instant()
             self.mechanism.step(time, angle, velocity, self.model.opt.timestep)
             torque[:, k] = self._force
-            reading = np.stack([angle, velocity, torque[:, k]], axis=1)
+            misread = self.mechanism.load_shift * self.arm.servo.stall_torque
+            reading = np.stack([angle, velocity, torque[:, k] + misread], axis=1)
             began = self._ran + k * self.model.opt.timestep
             self._readings.keep(began, reading, self.mechanism.reading_age)
         return torque

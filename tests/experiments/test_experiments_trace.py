@@ -7,16 +7,20 @@ import numpy as np
 import pytest
 from diagnoses import diagnosis, estimate
 
+import bench_arm
+from bench_arm.accidents import ACCIDENTS
 from experiments.close_the_loop import __main__ as close_the_loop
 from experiments.close_the_loop import picture as close_the_loop_picture
 from experiments.confusion import __main__ as confusion
 from experiments.confusion import arms as confusion_arms
+from experiments.confusion import expected as confusion_expected
 from experiments.confusion import outside as confusion_outside
 from experiments.confusion import trial as confusion_trial
 from experiments.confusion.plan import KNOWN, PAIR, Trial
 from serpent_twin import effects
 from serpent_twin.arm.geometry import ARM, link_frames
 from serpent_twin.effects import by_name
+from serpent_twin.effects.law import Law, parse
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.sessions import read_session, write_session
@@ -96,7 +100,32 @@ def test_the_independent_arm_tells_its_faults_in_the_catalogues_words(tmp_path):
     assert truth[1]["parameters"].keys() == {"fraction", "time"}
     assert len(read_session(tmp_path / "logs" / "session_02.parquet")) == 6
     assert not list(tmp_path.glob("*.truth.json"))
-    assert set(source.outside) == {"outside_force", "sticking_joint", "load_ripple"}
+    laws = {"outside_force", "sticking_joint", "load_ripple"}
+    assert set(source.outside) == laws | set(ACCIDENTS)
+
+
+@pytest.mark.parametrize("name", [*ACCIDENTS, "outside_force", "sticking_joint", "load_ripple"])
+def test_each_fault_of_the_independent_arm_has_a_law_that_is_right(name):
+    """One that twins can have: its place, its law and its reading are known."""
+    rng = np.random.default_rng(3)
+    effects_of = bench_arm.inject(name, bench_arm.TYPICAL[name], rng)
+    for answer in confusion_expected.of_bench(name, effects_of):
+        for place in answer["places"]:
+            kind, _, where = answer["on"][0].partition(" of ")
+            reading = kind.replace(" ", "_")
+            where = where or {"time": "session", "runtime": "machine"}[reading]
+            law = Law(answer["changes"][0], place, answer["laws"][0], reading, where)
+            assert parse(str(law)) == law
+            entry = {
+                "changes": law.handle,
+                "place": {"kind": "any", "name": place},
+                "law": law.shape,
+                "depends_on": [law.depends_on],
+            }
+            assert confusion_expected.matches(entry, [answer])
+            assert not confusion_expected.matches(entry | {"law": "constant"}, [answer])
+            other = entry | {"law": "constant", "equivalent": [entry]}
+            assert confusion_expected.matches(other, [answer])
 
 
 # the run

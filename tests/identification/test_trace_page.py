@@ -7,11 +7,12 @@ import pytest
 from made_diagnosis import CALIBRATION, NAN, PAYLOAD, TRIED, comparison, diagnosis
 
 from serpent_twin.identification import figures, tables
-from serpent_twin.identification.diagnosis import Named, Unexplained
+from serpent_twin.identification.diagnosis import Named
 from serpent_twin.identification.estimates import ParameterEstimate, key
 from serpent_twin.identification.moved import Moved
 from serpent_twin.identification.page import lead, page
 from serpent_twin.identification.rivals import Rival
+from serpent_twin.identification.unexplained import Unexplained
 from serpent_twin.machines.arm.vector import candidates
 from serpent_twin.reporting import report
 from serpent_twin.reporting.report import Figure

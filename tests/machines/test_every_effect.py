@@ -138,7 +138,9 @@ def made(machine, name, times=1.0):
 
 
 def test_every_effect_is_in_some_machine():
-    assert {effects.name_of(effects.placed(name)[0]) for _, name in PAIRS} == set(KNOWN)
+    """All but the one that a trace composes of a law and a place."""
+    found = {effects.name_of(effects.placed(name)[0]) for _, name in PAIRS}
+    assert found == set(KNOWN) - {"discovered"}
 
 
 @pytest.mark.parametrize("name", sorted(set(KNOWN) - set(CATALOGUE) - set(LEFT_OUT)))

@@ -14,6 +14,7 @@ from serpent_twin.arm import mjcf
 from serpent_twin.effects import KNOWN, Effect, Moment
 
 LEFT_OUT: Mapping[str, str] = {
+    "discovered": "a trace composes it, where named effects leave something",
     "gravity": "its size is known, and base_tilt turns it",
     "hinge_friction": "the arm's calibration fits friction and damping of each hinge",
     "joint_stiffening": "a sleeve along the arm is joint_elasticity",

@@ -10,8 +10,10 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_axis, link_frames
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
+from serpent_twin.effects.discovered import Discovered
 from serpent_twin.machines.arm import motions
 from serpent_twin.machines.arm.pieces import ArmPieces, camera_noise, cut, past
+from serpent_twin.machines.arm.places import ArmPlaces
 from serpent_twin.machines.arm.quantities import quantities
 from serpent_twin.machines.arm.vector import Vector
 from serpent_twin.machines.machine import (
@@ -41,7 +43,12 @@ from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 _CAMERA, _LOAD = 1e-4, 2e-3  # [m], [fraction of stall] least noise
 _PROBE = 0  # seed of the signs of the step that tests tangents
 _PROBED = 0.1  # that step, as a share of the parameters' steps
+_WILD = (
+    0.5  # [m] by which no step moves a marker: tangents that say so grew along an unstable motion
+)
 _TRUSTED = 0.93  # least cosine between what it changes and what the tangents predict, for tangents to be used
+_TRUSTED_COMPOSED = 0.7
+"""The same of composed laws, whose thresholds are passed at other instants after any step"""
 OUTPUTS = (
     *(
         Output(f"marker {i}{axis}", MARKERS, _CAMERA, alike=f"marker {i}")
@@ -100,6 +107,11 @@ class ArmMachine:
         designs = [self.vector.design(point) for point in points]
         return impose(designs, self._motion(pieces, designs), timestep or TIMESTEP)
 
+    def responses_at_places(self, point: ParameterVector, pieces: ArmPieces) -> ArmPlaces:
+        """What changes at the arm's places would show in the segments."""
+        did = self.simulate([point], pieces)[0]
+        return ArmPlaces(self.vector.design(point), pieces, did)
+
     def _motion(self, pieces: ArmPieces, designs: Sequence[TwinModel]) -> PrescribedMotion:
         """What drives the twins in the segments."""
         return PrescribedMotion(
@@ -121,7 +133,9 @@ class ArmMachine:
         return self._along(point, pieces, noise) | self._still(point, pieces)
 
     def _along(self, point: ParameterVector, pieces: ArmPieces, noise: Array) -> dict[str, Array]:
-        """Derivatives by the parameters of cables and hinges; none where they fail."""
+        """Derivatives by the parameters of cables and hinges; without those that grew beyond reason, and none
+        where they fail.
+        """
         moving, names = self.vector.moving, [each.name for each in self.declared]
         at = [names.index(name) for name in moving]
         steps = np.array([self.declared[k].step for k in at])
@@ -131,8 +145,13 @@ class ArmMachine:
         here = self.vector.design(point)
         did, marker, load = differentiate(here, others, self._motion(pieces, [here]))
         slopes = _channels(marker, load)
-        by = {name: each / step for name, each, step in zip(moving, slopes, steps, strict=True)}
-        if not any(effect.acts() for effect in here.active):
+        kept = np.abs(marker).reshape(len(marker), -1).max(axis=1) < _WILD
+        by = {
+            name: each / step
+            for name, each, step, sane in zip(moving, slopes, steps, kept, strict=True)
+            if sane
+        }
+        if not any(effect.acts() for effect in here.active) or len(by) < len(moving):
             return by
         known = np.isfinite(pieces.measured)
 
@@ -145,7 +164,9 @@ class ArmMachine:
         there = self.respond([point.after(sides @ changes)], pieces)
         found = weighed(there - _channels(did.marker, did.load))[0]
         told = weighed(np.tensordot(sides, slopes, 1)[None])[0]
-        trusted = found @ told > _TRUSTED * np.linalg.norm(found) * np.linalg.norm(told)
+        composed = any(isinstance(effect, Discovered) for effect in here.active)
+        least = _TRUSTED_COMPOSED if composed else _TRUSTED
+        trusted = found @ told > least * np.linalg.norm(found) * np.linalg.norm(told)
         return by if trusted else {}
 
     def _still(self, point: ParameterVector, pieces: ArmPieces) -> dict[str, Array]:

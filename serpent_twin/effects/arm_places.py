@@ -1,0 +1,118 @@
+"""Read and change an instant of the arm at the places that laws name."""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arm import mjcf
+from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_axis, link_frames
+from serpent_twin.arrays import Array
+from serpent_twin.effects.law import HANDLES, READINGS, Law
+from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import listed
+
+NAMES = {
+    "joint": mjcf.JOINTS,
+    "actuator": mjcf.MOTORS,
+    "tendon": mjcf.STRANDS,
+    "body": tuple(f"link{i}" for i in range(1, N_JOINTS + 1)),
+    "frame": ("base",),
+    "session": ("session",),
+    "machine": ("machine",),
+}
+"""Of the places of each kind; sensors are `MARKERS` and `LOADS`"""
+MARKERS = tuple(f"marker{i}" for i in range(1, N_JOINTS + 1))
+LOADS = tuple(f"{name}_load" for name in mjcf.MOTORS)
+_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
+_COM = np.array([[length / 2, 0.0, 0.0] for length in ARM.link_length])
+_MASS = np.array(ARM.link_mass)
+_COM.setflags(write=False)
+
+
+@cache
+def names_of(handle: str) -> tuple[str, ...]:
+    """The places at which a law may change a quantity."""
+    sensors = {"marker_shift": MARKERS, "load_shift": LOADS}
+    return sensors[handle] if handle in sensors else NAMES[HANDLES[handle].kind]
+
+
+@cache
+def column(names: tuple[str, ...], place: str) -> int:
+    """Which of some places one is; raises a `SerpentError` that lists them."""
+    if place not in names:
+        raise SerpentError(f"there is no place {place!r} here; there are: {listed(names)}.")
+    return names.index(place)
+
+
+def reading_of(moment: Any, law: Law) -> Array:
+    """What a law follows, (n, 1); of a constant, zeros."""
+    if not law.reading:
+        return np.zeros_like(moment.time)
+    if law.reading == "time":
+        return moment.time
+    if law.reading == "runtime":
+        return moment.time + moment.prior_runtime
+    at = column(NAMES[READINGS[law.reading][0]], law.where)
+    return getattr(moment, law.reading)[:, at : at + 1]
+
+
+def change(moment: Any, law: Law, sizes: Sequence[Array | float]) -> None:
+    """Change what a law changes, by sizes (n, 1) of one component or three."""
+    at = column(names_of(law.handle), law.place)
+    if law.handle in ("force", "force_in_body", "acceleration"):
+        moment.joint_torque = moment.joint_torque + _torque(moment.joint_angle, law, at, sizes)
+    elif law.handle in ("marker_shift", "camera_shift"):
+        moment.marker_shift = moment.marker_shift + _shift(moment.joint_angle, law, at, sizes)
+    elif law.handle == "joint_friction":
+        more = np.zeros_like(moment.joint_friction)
+        more[:, at : at + 1] = sizes[0]
+        moment.joint_friction = moment.joint_friction + np.maximum(more, 0.0)
+    else:
+        changed = np.array(np.broadcast_to(getattr(moment, law.handle), _shape(moment, law)))
+        changed[:, at : at + 1] += sizes[0]
+        if HANDLES[law.handle].only_more:
+            changed = np.maximum(changed, 0.0)
+        setattr(moment, law.handle, changed)
+
+
+def _shape(moment: Any, law: Law) -> tuple[int, int]:
+    return len(moment.time), len(names_of(law.handle))
+
+
+def _vector(sizes: Sequence[Array | float], n: int) -> Array:
+    """Three components, (n, 3)."""
+    return np.concatenate([np.broadcast_to(np.asarray(each), (n, 1)) for each in sizes], axis=1)
+
+
+def _torque(q: Array, law: Law, at: int, sizes: Sequence[Array | float]) -> Array:
+    """Torque of a force on a link, or of the inertia of all links, on the joints [N m], (n, 9)."""
+    vector = _vector(sizes, len(q))
+    if law.handle == "acceleration":
+        return -np.einsum("l,nljx,nx->nj", _MASS, levers(q), vector)
+    if law.handle == "force_in_body":
+        vector = np.einsum("nxy,ny->nx", link_frames(q)[1][:, at], vector)
+    return np.einsum("njx,nx->nj", levers(q)[:, at], vector)
+
+
+def _shift(q: Array, law: Law, at: int, sizes: Sequence[Array | float]) -> Array:
+    """Shift of the markers in the base frame [m], (n, 9, 3)."""
+    vector = _vector(sizes, len(q))
+    if law.handle == "camera_shift":
+        return np.repeat(vector[:, None], N_JOINTS, axis=1)
+    out = np.zeros((len(q), N_JOINTS, 3))
+    out[:, at] = np.einsum("nxy,ny->nx", link_frames(q)[1][:, at], vector)
+    return out
+
+
+def levers(q: Array) -> Array:
+    """Motion of each link's centre of mass by each joint [m], (..., 9 links, 9 joints, 3), at joint angles q
+    [rad], (..., 9).
+    """
+    origin, rotation = link_frames(q)
+    com = origin + (rotation @ _COM[..., None])[..., 0]
+    axis = (rotation @ _AXES[..., None])[..., 0]
+    reach = com[..., :, None, :] - origin[..., None, :, :]
+    moved = np.cross(axis[..., None, :, :], reach)
+    return moved * np.tri(N_JOINTS)[..., None]

@@ -1,0 +1,69 @@
+"""Add a law at a place that no other effect describes."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.effects.effect import LOSS, Effect, parameter
+from serpent_twin.effects.law import SHAPES, Law, parse
+
+_ANY = 1e9
+
+
+@dataclass(frozen=True)
+class Discovered(Effect):
+    """A change at a place of the model that follows a reading, by the law that its place states.
+
+    The change is size · f(x; first, second), with f one of `law.SHAPES`; a vector has three sizes. Beyond the
+    readings of the logs in which it was found, it stays as it is at their ends.
+    Source: those logs.
+    """
+
+    size: float = parameter("1", low=-_ANY, high=_ANY, typical=1.0)
+    """In the unit of what is changed, or that per unit of the reading"""
+    size_y: float = parameter("1", low=-_ANY, high=_ANY, typical=1.0)
+    """Of a vector's y"""
+    size_z: float = parameter("1", low=-_ANY, high=_ANY, typical=1.0)
+    """Of a vector's z"""
+    first: float = parameter("1", low=-_ANY, high=_ANY, typical=0.0, fitted=False)
+    """First parameter of the law"""
+    second: float = parameter("1", low=-_ANY, high=_ANY, typical=0.0, fitted=False)
+    """Second parameter of the law"""
+    least: float = parameter("1", low=-_ANY, high=_ANY, typical=0.0, fitted=False)
+    """Least reading in the logs; a law without bounds has both bounds zero"""
+    most: float = parameter("1", low=-_ANY, high=_ANY, typical=0.0, fitted=False)
+    """Most"""
+
+    shows_in: ClassVar[str] = "what no named effect explains"
+    stage: ClassVar[int] = LOSS
+    needs: ClassVar[frozenset[str]] = frozenset({"law_at"})
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.at:
+            parse(self.at)
+
+    @property
+    def law(self) -> Law:
+        """The law that it follows."""
+        return parse(self.at)
+
+    @property
+    def strength(self) -> float:
+        """The length of the vector of sizes."""
+        return float(np.linalg.norm([self.size, self.size_y, self.size_z]))
+
+    def here(self, moment: Any) -> Any:
+        """The whole moment: the law says where."""
+        return moment
+
+    def act(self, moment: Any, memory: None) -> None:
+        """Change what the law changes."""
+        x = moment.reading_of(self.law)
+        bounded = np.asarray(self.most) > np.asarray(self.least)
+        x = np.where(bounded, np.clip(x, self.least, np.maximum(self.least, self.most)), x)
+        change = SHAPES[self.law.shape].form(x, self.first, self.second)
+        sizes: tuple[Array | float, ...] = (self.size, self.size_y, self.size_z)
+        moment.change(self.law, [size * change for size in sizes])

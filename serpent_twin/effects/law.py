@@ -1,0 +1,169 @@
+"""Compose a law: what it changes at a place of the model, and how that follows a reading."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import listed
+
+_EDGE = 1e-3
+"""Half width of a threshold, in the unit of its reading: where a law sets in, it does so within that"""
+_TEXT = re.compile(r"(\w+) of (.+?): (\w+)(?: (\w+) of (.+))?")
+
+
+@dataclass(frozen=True)
+class Handle:
+    """What a law may change at places of one kind."""
+
+    kind: str
+    """Of place: joint, actuator, tendon, body, sensor or frame"""
+    unit: str
+    components: int = 1
+    """1, or 3 for a vector"""
+    only_more: bool = False
+    """Whether it may be raised only, as friction"""
+    words: str = ""
+    """What the place gets, such as `a torque`"""
+
+
+HANDLES: Mapping[str, Handle] = {
+    "joint_torque": Handle("joint", "N m", words="a torque"),
+    "joint_friction": Handle("joint", "N m", only_more=True, words="friction"),
+    "gear_friction": Handle("actuator", "N m", only_more=True, words="gear friction"),
+    "motor_torque": Handle("actuator", "N m", words="a torque on its horn"),
+    "winch_angle": Handle("actuator", "rad", words="an angle that its encoder does not show"),
+    "slack": Handle("tendon", "m", words="more length"),
+    "force": Handle("body", "N", 3, words="a force in the base frame"),
+    "force_in_body": Handle("body", "N", 3, words="a force in its own frame"),
+    "marker_shift": Handle("sensor", "m", 3, words="a shift in its link's frame"),
+    "load_shift": Handle("sensor", "1", words="a change of what it reads"),
+    "camera_shift": Handle("frame", "m", 3, words="a shift of all that the cameras see"),
+    "acceleration": Handle("frame", "m/s²", 3, words="an acceleration of the base"),
+}
+"""What laws change, by the name of the moment's quantity"""
+
+Form = Callable[[Array, Array | float, Array | float], Array]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How a change follows a reading x, by up to two parameters."""
+
+    form: Form
+    """f(x, first, second); 1 where the change has its full size"""
+    parameters: tuple[str, ...] = ()
+    """Names of the parameters"""
+    words: str = ""
+    """With {x} for the reading, {first} and {second}"""
+
+
+def _above(x: Array, first: Array | float, second: Array | float) -> Array:
+    return np.clip((x - first) / (2 * _EDGE) + 0.5, 0.0, 1.0)
+
+
+def _within(x: Array, first: Array | float, second: Array | float) -> Array:
+    return _above(x, first, 0.0) - _above(x, first + np.abs(second), 0.0)
+
+
+SHAPES: Mapping[str, Shape] = {
+    "constant": Shape(lambda x, a, b: np.ones_like(x), (), "always"),
+    "linear": Shape(lambda x, a, b: x, (), "in proportion to {x}"),
+    "beyond": Shape(
+        lambda x, a, b: np.maximum(x - a, 0.0), ("threshold",), "growing with {x} beyond {first}"
+    ),
+    "below": Shape(
+        lambda x, a, b: np.minimum(x - a, 0.0), ("threshold",), "growing with {x} below {first}"
+    ),
+    "above": Shape(_above, ("threshold",), "while {x} is above {first}"),
+    "under": Shape(
+        lambda x, a, b: 1.0 - _above(x, a, b), ("threshold",), "while {x} is below {first}"
+    ),
+    "within": Shape(_within, ("from", "width"), "while {x} is from {first} on, over {second}"),
+    "periodic": Shape(
+        lambda x, a, b: np.sin(a * x + b), ("rate", "phase"), "as a sine of {x}, at {first}"
+    ),
+}
+"""How changes follow readings, by name"""
+
+READINGS: Mapping[str, tuple[str, str]] = {
+    "joint_angle": ("joint", "rad"),
+    "joint_velocity": ("joint", "rad/s"),
+    "motor_angle": ("actuator", "rad"),
+    "motor_velocity": ("actuator", "rad/s"),
+    "horn_torque": ("actuator", "N m"),
+    "tension": ("tendon", "N"),
+    "time": ("session", "s"),
+    "runtime": ("machine", "s"),
+}
+"""What laws may follow: the kind of place and the unit"""
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law at a place, without its numbers."""
+
+    handle: str
+    """What it changes, of `HANDLES`"""
+    place: str
+    """Where, by MuJoCo's name"""
+    shape: str = "constant"
+    """How, of `SHAPES`"""
+    reading: str = ""
+    """On what, of `READINGS`; empty for a constant"""
+    where: str = ""
+    """And of which place"""
+
+    def __str__(self) -> str:
+        follows = f" {self.reading} of {self.where}" if self.reading else ""
+        return f"{self.handle} of {self.place}: {self.shape}{follows}"
+
+    @property
+    def of_itself(self) -> bool:
+        """Whether it follows a reading of the thing that it changes: of the joint, the motor or its cable."""
+        digits = re.compile(r"[a-z]+(\d+)")
+        place, where = digits.match(self.place), digits.match(self.where)
+        kinds = (HANDLES[self.handle].kind, READINGS.get(self.reading, ("", ""))[0])
+        if not place or not where or place[1] != where[1]:
+            return False
+        return kinds[0] == kinds[1] or {*kinds} <= {"actuator", "tendon", "sensor"}
+
+    @property
+    def depends_on(self) -> str:
+        """What it follows, in words; nothing for a constant."""
+        if not self.reading:
+            return ""
+        of = "" if READINGS[self.reading][0] in ("session", "machine") else f" of {self.where}"
+        return f"{self.reading.replace('_', ' ')}{of}"
+
+    def units(self) -> dict[str, str]:
+        """The units of size, and of the parameters of its shape."""
+        of = READINGS[self.reading][1] if self.reading else "1"
+        size = HANDLES[self.handle].unit
+        if self.shape in ("linear", "beyond", "below"):
+            size = f"{size} per {of}"
+        first, second = {"periodic": (f"rad per {of}", "rad")}.get(self.shape, (of, of))
+        return {"size": size, "first": first, "second": second, "bound": of}
+
+
+@lru_cache(maxsize=4096)
+def parse(text: str) -> Law:
+    """The law that a text states, as `str` writes it; raises a `SerpentError` that says what there is."""
+    found = _TEXT.fullmatch(text)
+    if not found:
+        raise SerpentError(
+            f"{text!r} states no law, such as 'joint_torque of joint5: above joint_angle of joint5'."
+        )
+    handle, place, shape, reading, where = found.groups(default="")
+    for name, known, what in (
+        (handle, HANDLES, "quantity that a law changes"),
+        (shape, SHAPES, "law"),
+        *([(reading, READINGS, "reading that a law follows")] if reading else []),
+    ):
+        if name not in known:
+            raise SerpentError(f"there is no {what} named {name!r}; there are: {listed(known)}.")
+    return Law(handle, place, shape, reading, where)

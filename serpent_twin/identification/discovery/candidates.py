@@ -1,0 +1,130 @@
+"""Make candidates of composed laws, with sensible ranges and without those that look alike."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Range, place_of
+from serpent_twin.effects.law import HANDLES, SHAPES, parse
+from serpent_twin.identification.discovery.screen import Composed
+from serpent_twin.identification.wording import DISCOVERED
+from serpent_twin.machines.machine import Candidate
+
+_WIDE = 30.0
+"""Range of a size, in what the screening found"""
+_STEPS = 60.0
+"""Finite differences of a threshold to the range of its reading"""
+_SIZES = ("size", "size_y", "size_z")
+_ALONG = ("size_x", "size_y", "size_z")
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """Ends of a reading in the logs."""
+
+    least: float
+    most: float
+
+    @property
+    def wide(self) -> float:
+        return self.most - self.least
+
+
+def candidate_of(found: Composed, readings: Mapping[tuple[str, str], Array]) -> Candidate:
+    """The candidate of a composed law."""
+    law = found.law
+    x = readings[law.reading, law.where] if law.reading else np.zeros(1)
+    ends = _Reading(float(x.min()), float(x.max()))
+    ranges = _sizes(found) | _forms(found, ends)
+    values = [ranges[name].typical for name in ranges]
+    values[: len(found.size)] = list(map(float, found.size))
+    return Candidate(
+        f"{DISCOVERED}@{law}",
+        ranges,
+        (np.array(values),),
+        "A law at a place that no other effect describes.",
+        "what no named effect explains",
+        place_kind=HANDLES[law.handle].kind,
+        whole=True,
+        composed={
+            "name": DISCOVERED,
+            "place": {"kind": HANDLES[law.handle].kind, "name": law.place},
+            "changes": law.handle,
+            "law": law.shape,
+            "depends_on": [law.depends_on] if law.reading else [],
+        },
+    )
+
+
+def remade(name: str, values: Array) -> Candidate:
+    """The candidate of a law that was fitted before, from its parameters, (7,)."""
+    law = parse(place_of(name))
+    size, (first, second, least, most) = values[: HANDLES[law.handle].components], values[3:7]
+    ends = (least, most) if most > least else (min(0.0, first), abs(first) + abs(second) + 1.0)
+    fitted = Composed(law, size, float(first), float(second), 0.0, 0.0)
+    return candidate_of(fitted, {(law.reading, law.where): np.array(ends)})
+
+
+def _sizes(found: Composed) -> dict[str, Range]:
+    law, unit = found.law, found.law.units()["size"]
+    typical = float(np.linalg.norm(found.size)) or 1.0
+    low = 0.0 if HANDLES[law.handle].only_more else -_WIDE * typical
+    components = len(found.size)
+    names = _ALONG if components > 1 else _SIZES
+    return {
+        name: Range(unit, low, _WIDE * typical, typical, fitted=True)
+        if n < components
+        else Range(unit, 0.0, 0.0, 0.0, fitted=False)
+        for n, name in enumerate(names)
+    }
+
+
+def _forms(found: Composed, ends: _Reading) -> dict[str, Range]:
+    """Ranges of the law's form: thresholds within the readings, widths up to theirs, phases all round."""
+    law, units = found.law, found.law.units()
+    names = SHAPES[law.shape].parameters
+    out: dict[str, Range] = {}
+    for key, value, name in zip(
+        ("first", "second"), (found.first, found.second), (*names, "", "")[:2], strict=True
+    ):
+        low, high, step = _room(name, value, ends)
+        out[name or key] = Range(
+            units[key], low, high, value, fitted=bool(name), step=step, form=True
+        )
+    bounded = law.reading and law.shape != "periodic" and law.reading not in ("time", "runtime")
+    for key, value in (("least_reading", ends.least), ("most_reading", ends.most)):
+        end = value if bounded else 0.0
+        out[key] = Range(units["bound"], end, end, end, fitted=False, form=True)
+    return out
+
+
+def _room(name: str, value: float, ends: _Reading) -> tuple[float, float, float]:
+    """Lowest and highest value of a parameter, and its finite difference."""
+    if name == "phase":
+        return value - np.pi, value + np.pi, 0.05
+    if name == "rate":
+        step = 0.3 / max(ends.wide, 1e-9)
+        return value - 10 * step, value + 10 * step, step
+    if name == "width":
+        return ends.wide / _STEPS, ends.wide, ends.wide / _STEPS
+    if name:
+        return ends.least, ends.most, ends.wide / _STEPS
+    return value, value, 0.0
+
+
+def distinct(found: Sequence[Composed], most: int) -> list[Composed]:
+    """The best few, each of another quantity at another place: half of them, if there are so many, changes of
+    what has the reading that they follow.
+    """
+    best: dict[tuple[str, str], Composed] = {}
+    for each in found:
+        best.setdefault((each.law.handle, each.law.place), each)
+    own: dict[tuple[str, str], Composed] = {}
+    for each in found:
+        if each.law.of_itself:
+            own.setdefault((each.law.handle, each.law.place), each)
+    chosen = [*list(own.values())[: most // 2]]
+    rest = [each for each in best.values() if each.law not in {one.law for one in chosen}]
+    return sorted([*chosen, *rest[: most - len(chosen)]], key=lambda each: -each.worth)

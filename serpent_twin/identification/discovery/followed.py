@@ -1,0 +1,147 @@
+"""List how a change may follow the readings: every shape of every reading, at some of its parameters."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.effects.law import READINGS, SHAPES, Law
+
+_LEVELS = 9
+"""Thresholds of a reading, at even steps of its rank"""
+_WAVES = range(1, 9)
+"""Waves in a turn that are tried"""
+_STILL = 1e-6
+_RAMPS = ("beyond", "below")
+_TIMES = ("session", "machine")
+_TURNS = "motor_angle"
+"""The reading that may be followed in waves"""
+_OVERSAMPLED = 2.0
+"""Frequencies of a swing to each that its duration tells apart"""
+_PERIODS = 3
+"""Least number of periods of a swing in the logs: fewer are a step or a drift"""
+_PEAKS = 2
+"""Frequencies of a swing that are tried at each place"""
+_AT_ONCE = 500
+_FINER = 9
+"""Thresholds that are tried around each of the best"""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """One way in which a change may follow a reading."""
+
+    shape: str
+    reading: str
+    """Empty for a constant"""
+    where: str
+    first: float
+    second: float
+
+    @property
+    def parameters(self) -> int:
+        """How many parameters its shape has."""
+        return len(SHAPES[self.shape].parameters)
+
+
+def ways(readings: Mapping[tuple[str, str], Array]) -> tuple[list[Followed], Array]:
+    """All ways, and the change of each, (W, N), in the rows of all segments; of a periodic one, the sine at
+    phase 0 is followed by the cosine.
+    """
+    constant = np.ones(next(iter(readings.values())).size, np.float32)
+    several, rows = [Followed("constant", "", "", 0.0, 0.0)], [constant]
+    for (reading, where), x in readings.items():
+        if np.ptp(x) < _STILL:
+            continue
+        for shape, first, second in _parameters(reading, x):
+            several.append(Followed(shape, reading, where, first, second))
+            rows.append(SHAPES[shape].form(x.ravel(), first, second).astype(np.float32))
+    return several, np.array(rows)
+
+
+def _parameters(reading: str, x: Array) -> Iterator[tuple[str, float, float]]:
+    """Shapes with their parameters for the values (S, T) of a reading; swings by time are sought apart."""
+    kind = READINGS[reading][0]
+    yield "linear", 0.0, 0.0
+    levels = np.quantile(x, np.linspace(0.05, 0.95, _LEVELS))
+    for level in map(float, levels):
+        yield "above", level, 0.0
+        yield "under", level, 0.0
+        if kind not in _TIMES:
+            for shape in _RAMPS:
+                yield shape, level, 0.0
+    if kind in _TIMES:
+        return
+    for low, high in combinations(levels, 2):
+        yield "within", float(low), float(high - low)
+    if reading == _TURNS:
+        for waves in _WAVES:
+            yield from (("periodic", float(waves), phase) for phase in (0.0, np.pi / 2))
+
+
+def around(
+    law: Law, first: float, second: float, readings: Mapping[tuple[str, str], Array]
+) -> list[Followed]:
+    """Ways like one with thresholds, between its neighbours of the first search."""
+    names = SHAPES[law.shape].parameters
+    if not names or law.shape == "periodic":
+        return []
+    levels = np.quantile(readings[law.reading, law.where], np.linspace(0, 1, 2 * _LEVELS + 1))
+    ends = [first, first + second] if len(names) > 1 else [first]
+    finer = [_between(levels, end) for end in ends]
+    if len(names) == 1:
+        return [Followed(law.shape, law.reading, law.where, a, 0.0) for a in finer[0]]
+    return [
+        Followed(law.shape, law.reading, law.where, a, b - a)
+        for a in finer[0]
+        for b in finer[1]
+        if b > a
+    ]
+
+
+def _between(levels: Array, at: float) -> list[float]:
+    """Values between the levels two below and two above one."""
+    n = int(np.searchsorted(levels, at))
+    low, high = levels[max(n - 2, 0)], levels[min(n + 2, len(levels) - 1)]
+    return np.linspace(low, high, _FINER).tolist()
+
+
+def swings(time: Array, products: Array, scale: Array) -> Array:
+    """The angular frequencies [rad/s] at which products of the residual with places' responses, (P, d, N),
+    swing most with a time (S, T), (P, _PEAKS); `scale` holds the responses' squares, (P, d, N).
+    """
+    rates = _rates(time)
+    flat, t = products.reshape(-1, time.size).astype(np.float32), time.ravel()
+    power = np.empty((len(rates), len(flat)))
+    for n in range(0, len(rates), _AT_ONCE):
+        some = np.exp(-1j * rates[n : n + _AT_ONCE, None] * t).astype(np.complex64)
+        power[n : n + _AT_ONCE] = np.abs(some @ flat.T) ** 2
+    size = np.maximum(scale.reshape(len(flat), -1).sum(axis=1), 1e-30)
+    each = (power / size).reshape(len(rates), *products.shape[:2]).sum(axis=2)
+    return rates[np.argsort(-each, axis=0)[:_PEAKS]].T
+
+
+def swinging(time: tuple[str, str], rate: float) -> list[Followed]:
+    """A swing by a time, as its sine and its cosine."""
+    return [Followed("periodic", *time, float(rate), phase) for phase in (0.0, np.pi / 2)]
+
+
+def rows_of(several: Sequence[Followed], readings: Mapping[tuple[str, str], Array]) -> Array:
+    """The change of each of some ways, (W, N)."""
+    each = [
+        SHAPES[f.shape].form(readings[f.reading, f.where].ravel(), f.first, f.second)
+        for f in several
+    ]
+    return np.array(each, np.float32)
+
+
+def _rates(time: Array) -> Array:
+    """Angular frequencies [rad/s] up to the Nyquist frequency of times (S, T), so dense that a swing between
+    two of them keeps its phase over all of the times.
+    """
+    step = np.pi / (_OVERSAMPLED * float(np.ptp(time)))
+    slowest = _PERIODS * 2 * np.pi / float(np.ptp(time))
+    highest = np.pi / float(np.median(np.diff(time, axis=1)))
+    return np.arange(slowest, highest, step)

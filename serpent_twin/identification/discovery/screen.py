@@ -1,0 +1,226 @@
+"""Find where and how the twin lacks something, to first order and without simulation.
+
+A law changes the prediction in each row by f(reading) times what its place shows there. What it would remove
+of the residual's squares follows, beyond what the free parameters take up, from sums over rows alone:
+with F the ways in which a change may follow readings, h the residual's product with the place's response, and
+D that of the Jacobian, the pull is F h and the Gram matrix F² |R|² − w (F D) M⁻¹ (F D)ᵀ.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.effects.law import HANDLES, SHAPES, Law
+from serpent_twin.identification.discovery.followed import (
+    Followed,
+    around,
+    rows_of,
+    swinging,
+    swings,
+    ways,
+)
+from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.information import Information
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.places import Places, Response
+
+_EACH = 4
+"""Laws that are kept at each place"""
+_PER_PARAMETER = 8.0
+"""Squared standard errors that a parameter of a law's form must be worth"""
+_TIMES = (("time", "session"), ("runtime", "machine"))
+_FLAT = 1e-4
+"""Of a change's squares, what the free parameters leave at least"""
+
+
+@dataclass(frozen=True)
+class Composed:
+    """A law at a place, with what it would remove."""
+
+    law: Law
+    size: Array
+    """Of each component"""
+    first: float
+    second: float
+    gain: float
+    """Squared standard errors by which the residual would be less [1]"""
+    share: float
+    """Of the residual's squares [1]"""
+
+    @property
+    def worth(self) -> float:
+        """The gain less what its parameters are to be worth."""
+        return self.gain - _PER_PARAMETER * (
+            self.size.size + len(SHAPES[self.law.shape].parameters)
+        )
+
+
+def screened(case: Case[Any], pieces: Any, fit: Fit, places: Places) -> list[Composed]:
+    """The best laws at each place, the best first, by the segments that a fit used."""
+    search = Search(case, pieces, fit, places.readings)
+    responses = list(places.responses)
+    swings = search.swings(responses)
+    found = [
+        each for n, response in enumerate(responses) for each in search.at(response, swings[n])
+    ]
+    return sorted(found, key=lambda each: -each.worth)
+
+
+class Search:
+    """What all places share."""
+
+    def __init__(
+        self, case: Case[Any], pieces: Any, fit: Fit, readings: Mapping[tuple[str, str], Array]
+    ) -> None:
+        known = Information.of(case, fit)
+        self.readings = readings
+        self.ways, self.F = ways(readings)
+        self.weight, self.channels = known.weight, case.channels
+        self.scale = np.where(np.isfinite(pieces.measured), 1 / case.noise, 0.0)
+        residual = fit.residual.ravel().astype(float)
+        pull = known.weight * (known.slopes @ residual) + known.prior * known.lean
+        self.total = float(residual @ residual)
+        self.inverse = np.linalg.inv(known.matrix)
+        left = residual - known.slopes.T @ (self.inverse @ pull)
+        self.left = left.reshape(-1, self.channels)
+        self.slopes = known.slopes.reshape(len(known.slopes), -1, self.channels)
+
+    def swings(self, responses: Sequence[Response]) -> list[list[Followed]]:
+        """The swings by each time that are tried at each place."""
+        out: list[list[Followed]] = [[] for _ in responses]
+        widest = max(len(each.change) for each in responses)
+        products, squares = np.zeros((2, len(responses), widest, len(self.left)))
+        for n, response in enumerate(responses):
+            R = self._weighed(response)
+            products[n, : len(R)] = np.einsum("dnc,nc->dn", R, self.left)
+            squares[n, : len(R)] = (R**2).sum(axis=2)
+        for name in _TIMES:
+            peaks = swings(self.readings[name], products, squares)
+            for several, rates in zip(out, peaks, strict=True):
+                several += [each for rate in rates for each in swinging(name, rate)]
+        return out
+
+    def _weighed(self, response: Response) -> Array:
+        """What a place's change does to the residual, (d, N, C)."""
+        change = -response.change * self.scale
+        return change.reshape(len(change), -1, self.channels)
+
+    def at(self, response: Response, besides: Sequence[Followed]) -> list[Composed]:
+        """The best laws at a place, some ways beside the usual ones included."""
+        F = np.concatenate([self.F, rows_of(besides, self.readings)])
+        kept = self._among(response, [*self.ways, *besides], F)
+        finer = [
+            way for each in kept for way in around(each.law, each.first, each.second, self.readings)
+        ]
+        if not finer:
+            return kept
+        return _best_of([*kept, *self._among(response, finer, rows_of(finer, self.readings))])
+
+    def together(self, response: Response, F: Array) -> tuple[Array, Array, float]:
+        """Sizes of several changes at once, (W,), of a place with one component, their standard errors, and
+        the squared standard errors that they remove together.
+        """
+        R = self._weighed(response)[0]
+        taken = F @ np.einsum("nc,mnc->nm", R, self.slopes, optimize=True)
+        gram = (F * (R**2).sum(axis=1)) @ F.T - self.weight * taken @ self.inverse @ taken.T
+        pull = F @ (R * self.left).sum(axis=1)
+        inverse = np.linalg.pinv(gram, rcond=_FLAT, hermitian=True)
+        size = -inverse @ pull
+        error = np.sqrt(np.maximum(np.diag(inverse), 0.0) / self.weight)
+        return size, error, self.weight * float(-size @ pull)
+
+    def _among(self, response: Response, several: Sequence[Followed], F: Array) -> list[Composed]:
+        """The best laws at a place, among some ways whose changes are F, (W, N)."""
+        R = self._weighed(response)
+        h = np.einsum("dnc,nc->dn", R, self.left).astype(np.float32)
+        D = np.einsum("dnc,mnc->dnm", R, self.slopes, optimize=True).astype(np.float32)
+        taken = [F @ each for each in D]
+        pulls, d = (F @ h.T).astype(float), len(R)
+        raw, absorbed = np.empty((2, len(F), d, d))
+        for a, b in np.ndindex(d, d):
+            raw[:, a, b] = F**2 @ (R[a] * R[b]).sum(axis=1).astype(np.float32)
+            through = taken[a] @ self.inverse.astype(np.float32)
+            absorbed[:, a, b] = (through * taken[b]).sum(axis=1)
+        return self._best(response, several, pulls, raw - self.weight * absorbed, raw)
+
+    def _best(
+        self,
+        response: Response,
+        tried: Sequence[Followed],
+        pulls: Array,
+        grams: Array,
+        raw: Array,
+    ) -> list[Composed]:
+        size, gain = _solved(pulls, grams, raw)
+        handle = HANDLES[response.handle]
+        if handle.only_more:
+            gain = np.where(size[:, 0] > 0, gain, 0.0)
+        pairs = _of_one_phase(tried, pulls, grams, raw)
+        several = [*tried, *(each for each, *_ in pairs)]
+        size = np.concatenate([size, *(s[None] for _, s, _ in pairs)])
+        gain = np.concatenate([gain, [g for *_, g in pairs]])
+        periodic = np.array([each.shape == "periodic" for each in tried] + [False] * len(pairs))
+        gain = np.where(periodic, 0.0, gain) * self.weight
+        if handle.only_more:  # friction that follows a swing would be negative at times
+            gain = np.where([each.shape == "periodic" for each in several], 0.0, gain)
+        cost = np.array([_PER_PARAMETER * each.parameters for each in several])
+        order, kept = np.argsort(cost - gain), []
+        for n in order:
+            way = several[n]
+            if any((way.reading, way.where) == (k.law.reading, k.law.where) for k in kept):
+                continue
+            if gain[n] <= cost[n]:
+                break
+            kept.append(self._composed(response, way, size[n], float(gain[n])))
+            if len(kept) == _EACH:
+                break
+        return kept
+
+    def _composed(self, response: Response, way: Followed, size: Array, gain: float) -> Composed:
+        law = Law(response.handle, response.place, way.shape, way.reading, way.where)
+        share = gain / self.weight / self.total
+        return Composed(law, size, way.first, way.second, gain, share)
+
+
+def _best_of(found: Sequence[Composed]) -> list[Composed]:
+    """The best of those that follow the same reading."""
+    best: dict[tuple[str, str], Composed] = {}
+    for each in sorted(found, key=lambda each: -each.worth):
+        best.setdefault((each.law.reading, each.law.where), each)
+    return list(best.values())
+
+
+def _solved(pulls: Array, grams: Array, raw: Array) -> tuple[Array, Array]:
+    """Sizes, (W, d), and by how much each reduces the residual's squares, (W,); none where hardly anything
+    is left of the change.
+    """
+    d = pulls.shape[1]
+    scale = np.maximum(np.einsum("wdd->w", raw) / d, 1e-30)
+    low = np.linalg.eigvalsh(grams)[:, 0]
+    usable = low > _FLAT * scale
+    safe = np.where(usable[:, None, None], grams, np.eye(d))
+    size = -np.linalg.solve(safe, pulls[..., None])[..., 0]
+    return size, np.where(usable, -(size * pulls).sum(axis=1), 0.0)
+
+
+def _of_one_phase(
+    several: Sequence[Followed], pulls: Array, grams: Array, raw: Array
+) -> list[tuple[Followed, Array, float]]:
+    """Periodic laws with the best phase, from their sines and cosines, taken as orthogonal to each other."""
+    out = []
+    for n, each in enumerate(several):
+        if each.shape != "periodic" or each.second:
+            continue
+        both = slice(n, n + 2)
+        size, gain = _solved(pulls[both], grams[both], raw[both])
+        parts = np.sqrt(np.maximum(gain, 0.0))
+        if not parts.any():
+            continue
+        u, s, v = np.linalg.svd(size)  # (2, d): phases by components
+        phase = float(np.arctan2(u[1, 0], u[0, 0]))
+        share = float(s[0] ** 2 / (s**2).sum())
+        out.append((replace(each, second=phase), s[0] * v[0], share * float(gain.sum())))
+    return out

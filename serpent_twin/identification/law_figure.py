@@ -1,0 +1,38 @@
+"""Draw a composed law beside the free curve that tests it."""
+
+import numpy as np
+
+from serpent_twin.effects.law import HANDLES, READINGS
+from serpent_twin.identification.discovery.free_curve import FreeCurve
+from serpent_twin.reporting.plot_style import COLOURS, INK, sheet, tidy
+from serpent_twin.reporting.report import Figure
+
+
+def composed_law(curve: FreeCurve, number: int) -> Figure:
+    """A composed law over its reading, with the free curve that training logs give in its place."""
+    drawing, axes = sheet(7, 3.2)
+    panel = np.ravel(axes)[0]
+    law = curve.law
+    panel.plot(curve.reading, curve.fitted, color=COLOURS[0], lw=2, label="the law")
+    panel.errorbar(
+        curve.knots,
+        curve.free,
+        yerr=1.96 * curve.error,
+        fmt="o",
+        color=INK,
+        capsize=3,
+        label="a free curve, 95 %",
+    )
+    x = f"phase of {law.depends_on} [rad]" if curve.folded else law.depends_on
+    x += "" if curve.folded else f" [{READINGS[law.reading][1]}]"
+    handle = HANDLES[law.handle]
+    panel.set(xlabel=x, ylabel=f"{handle.words} at {law.place} [{handle.unit}]")
+    panel.legend()
+    tidy(panel, "y")
+    said = "No free curve describes the training logs better."
+    if not curve.settled:
+        said = (
+            "The free curve describes the training logs better: the form of the law is not settled."
+        )
+    caption = f"What was composed over what it depends on, along its direction. {said}"
+    return Figure(f"composed_law_{number}", drawing, caption)

@@ -1,0 +1,180 @@
+"""Say, without simulation, what a change at each place of the arm does to its pose and loads.
+
+A slow arm passes through equilibria: where a torque τ is missing at the joints, they are off by K⁻¹ τ, with
+the stiffness K of the strands that pull and of gravity. What K⁻¹ τ moves of the markers, and what it
+stretches of the cables, is the prediction's change.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, joint_axis, link_frames
+from serpent_twin.arrays import Array
+from serpent_twin.effects.arm_places import LOADS, MARKERS, NAMES, levers
+from serpent_twin.effects.law import READINGS
+from serpent_twin.machines.arm.pieces import ArmPieces
+from serpent_twin.machines.places import Response
+from serpent_twin.sim import response
+from serpent_twin.sim.prescribed_motion import STANDING
+from serpent_twin.sim.twin_model import TwinModel
+
+_SOFTEST = 0.01
+"""[N m/rad] of a joint whose cables are slack: friction holds it"""
+_STEP = 1e-4  # [rad]
+_MASS = np.array(ARM.link_mass)
+_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
+_SIDES = np.tile([1.0, -1.0], N_MOTORS)
+_RADII = ARM.pulley_radii
+_PASSES = np.array(
+    [[1.0] * min(j + 1, N_JOINTS) + [0.0] * (N_JOINTS - 1 - j) for j in range(N_MOTORS)]
+)
+"""Which joints each cable passes, (10, 9)"""
+
+
+@dataclass(frozen=True)
+class ArmPlaces:
+    """What S segments of T rows show of changes at the arm's places."""
+
+    twin: TwinModel
+    pieces: ArmPieces
+    did: response.Response
+    """What the twin does in the segments, (S, T)"""
+
+    @cached_property
+    def readings(self) -> Mapping[tuple[str, str], Array]:
+        """What laws may follow, (S, T), by the reading and its place."""
+        q = self.did.joint_angle
+        time = self.pieces.motors.time
+        horn = _RADII * (self.did.tension[..., 0::2] - self.did.tension[..., 1::2])
+        several = {
+            "joint_angle": q,
+            "joint_velocity": self._joint_velocity,
+            "motor_angle": self.pieces.motors.angle,
+            "motor_velocity": self.pieces.motors.velocity,
+            "horn_torque": horn,
+            "tension": self.did.tension,
+            "time": time[..., None],
+            "runtime": (time + self.pieces.prior_runtime[:, None])[..., None],
+        }
+        return {
+            (name, where): values[..., k]
+            for name, values in several.items()
+            for k, where in enumerate(NAMES[READINGS[name][0]])
+        }
+
+    @property
+    def responses(self) -> Sequence[Response]:
+        """Of every quantity at every place."""
+        return [*self._of_joints(), *self._of_drives(), *self._of_bodies(), *self._of_sensors()]
+
+    @cached_property
+    def _joint_velocity(self) -> Array:
+        time = self.pieces.motors.time[..., None]
+        return np.gradient(self.did.joint_angle, axis=1) / np.gradient(time, axis=1)
+
+    @cached_property
+    def _strand(self) -> Array:
+        """Stiffness of each strand that pulls [N/m], (S, T, 20)."""
+        own = self.twin.parameters.strand_stiffness * np.exp(self.twin.tolerances.strand_stiffness)
+        return np.where(self.did.tension > 0, own, 0.0)
+
+    @cached_property
+    def _cable(self) -> Array:
+        """Torque of each cable per angle [N m/rad], (S, T, 10)."""
+        return (self._strand[..., 0::2] + self._strand[..., 1::2]) * _RADII**2
+
+    @cached_property
+    def _yields(self) -> Array:
+        """K⁻¹ [rad/(N m)], (S, T, 9, 9)."""
+        K = np.einsum("stj,ji,jk->stik", self._cable, _PASSES, _PASSES)
+        K = K + _gravity_stiffness(self.did.joint_angle)
+        values, vectors = np.linalg.eigh((K + K.swapaxes(-1, -2)) / 2)
+        return np.einsum(
+            "...ik,...k,...jk->...ij", vectors, 1 / np.maximum(values, _SOFTEST), vectors
+        )
+
+    @cached_property
+    def _by_joints(self) -> Array:
+        """Change of the prediction by each joint's angle, (9, S, T, 37)."""
+        origin, rotation = link_frames(self.did.joint_angle)
+        axis = (rotation @ _AXES[..., None])[..., 0]
+        marker = np.asarray(self.did.marker)
+        reach = marker[..., None, :, :] - origin[..., :, None, :]
+        moved = np.cross(axis[..., :, None, :], reach) * np.tri(N_JOINTS).T[..., None]
+        load = -self._cable[..., None, :] * _PASSES.T / ARM.servo.stall_torque
+        whole = np.concatenate([moved.reshape(*moved.shape[:-2], -1), load], axis=-1)
+        return np.moveaxis(whole, -2, 0)
+
+    @cached_property
+    def _by_torques(self) -> Array:
+        """Change of the prediction by a torque at each joint, (9, S, T, 37)."""
+        return np.einsum("stij,jstc->istc", self._yields, self._by_joints)
+
+    @cached_property
+    def _by_loads(self) -> Array:
+        """Change of the prediction by a load, as a share of the stall torque, (10, 1, 1, 37)."""
+        return np.eye(3 * N_JOINTS + N_MOTORS)[3 * N_JOINTS :, None, None, :]
+
+    def _of_joints(self) -> Iterator[Response]:
+        resists = -np.tanh(self._joint_velocity / (STANDING / 3))
+        for i, name in enumerate(NAMES["joint"]):
+            change = self._by_torques[i]
+            yield Response("joint_torque", name, change[None])
+            yield Response("joint_friction", name, (change * resists[..., i, None])[None])
+
+    def _of_drives(self) -> Iterator[Response]:
+        turns = np.tanh(self.pieces.motors.velocity / (STANDING / 3)) / ARM.servo.stall_torque
+        for j, name in enumerate(NAMES["actuator"]):
+            load = np.broadcast_to(self._by_loads[j], self.pieces.measured.shape)
+            yield Response("motor_torque", name, -load[None] / ARM.servo.stall_torque)
+            yield Response("gear_friction", name, (load * turns[..., j, None])[None])
+            yield Response("winch_angle", name, self._wound(j, self._cable[..., j])[None])
+        for n, name in enumerate(NAMES["tendon"]):
+            pull = -_SIDES[n] * _RADII[n // 2] * self._strand[..., n]
+            yield Response("slack", name, self._wound(n // 2, pull)[None])
+
+    def _wound(self, j: int, torque: Array) -> Array:
+        """Change of the prediction by a torque (S, T) that cable j has more, (S, T, 37)."""
+        moved = np.einsum("i,istc->stc", _PASSES[j], self._by_torques) + (
+            self._by_loads[j] / ARM.servo.stall_torque
+        )
+        return torque[..., None] * moved
+
+    def _of_bodies(self) -> Iterator[Response]:
+        lever = levers(self.did.joint_angle)
+        rotation = link_frames(self.did.joint_angle)[1]
+        for n, name in enumerate(NAMES["body"]):
+            world = np.einsum("stjx,jstc->xstc", lever[..., n, :, :], self._by_torques)
+            yield Response("force", name, world)
+            own = np.einsum("stxy,xstc->ystc", rotation[..., n, :, :], world)
+            yield Response("force_in_body", name, own)
+        inertia = -np.einsum("l,stljx,jstc->xstc", _MASS, lever, self._by_torques)
+        yield Response("acceleration", NAMES["frame"][0], inertia)
+
+    def _of_sensors(self) -> Iterator[Response]:
+        rotation = link_frames(self.did.joint_angle)[1]
+        every = np.zeros((3, *self.pieces.measured.shape))
+        for n, name in enumerate(MARKERS):
+            change = np.zeros_like(every)
+            change[..., 3 * n : 3 * n + 3] = np.moveaxis(rotation[..., n, :, :], -1, 0)
+            yield Response("marker_shift", name, change)
+            for axis in range(3):
+                every[axis, ..., 3 * n + axis] = 1.0
+        yield Response("camera_shift", NAMES["frame"][0], every)
+        for j, name in enumerate(LOADS):
+            load = np.broadcast_to(self._by_loads[j], self.pieces.measured.shape)
+            yield Response("load_shift", name, load[None])
+
+
+def _gravity_stiffness(q: Array) -> Array:
+    """Change of the torque that joints need against gravity, by their angles [N m/rad], (S, T, 9, 9)."""
+    gravity = np.array(ARM.gravity)
+
+    def needed(q: Array) -> Array:
+        return -np.einsum("l,...ljx,x->...j", _MASS, levers(q), gravity)
+
+    steps = [needed(q + _STEP * one) - needed(q - _STEP * one) for one in np.eye(N_JOINTS)]
+    return np.stack(steps, axis=-1) / (2 * _STEP)
