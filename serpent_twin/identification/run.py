@@ -181,6 +181,11 @@ def _run(
             bar.update()
 
         case = rig.open(training)
+        if config.discover and not case.composes:
+            raise SerpentError(
+                f"--discover: {config.named} does not say what changes at its places would show, so that no "
+                "effect can be composed. Trace it without --discover."
+            )
         notes = Checkpoints(config.out / "stages", case.clock)
         tracer = Tracer(
             case,

@@ -83,13 +83,18 @@ class Case(Generic[P]):
         """The same case with further candidates."""
         return replace(self, composed={**self.composed, **{each.name: each for each in candidates}})
 
+    @property
+    def composes(self) -> bool:
+        """Whether the machine says what changes at its places would show."""
+        return hasattr(self.machine, "responses_at_places")
+
     def places(self, point: ParameterVector, pieces: P) -> Places | None:
         """What changes at the machine's places would show; None for a machine that does not say."""
-        known = getattr(self.machine, "responses_at_places", None)
-        if known is None:
+        if not self.composes:
             return None
+        machine: Any = self.machine
         with self.clock:
-            return known(point, pieces)
+            return machine.responses_at_places(point, pieces)
 
     def pieces(self, sessions: Sequence[Any]) -> P:
         """Cut sessions into segments."""

@@ -5,10 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from paths import DATA
+from swung_models import log, machine, slow
 
 from serpent_twin import machines
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import HANDLES, SHAPES
+from serpent_twin.errors import SerpentError
+from serpent_twin.identification import Trace, trace
 from serpent_twin.identification.discovery.candidates import candidate_of
 from serpent_twin.identification.discovery.screen import screened
 from serpent_twin.identification.wording import spaced, with_numbers
@@ -162,20 +165,30 @@ def test_the_arms_places_show_what_a_simulation_shows():
     rig = machines.find("arm")
     sessions = read_logs(rig, (DATA / "arm_a",))[:2]
     case = rig.open(sessions)
-    pieces, machine = case.pieces(sessions[:1]).take([1]), case.machine
-    point = ParameterVector(np.zeros(len(machine.declared)))
-    places = machine.responses_at_places(point, pieces)
+    pieces, arm = case.pieces(sessions[:1]).take([1]), case.machine
+    point = ParameterVector(np.zeros(len(arm.declared)))
+    places = arm.responses_at_places(point, pieces)
     shown = {(r.handle, r.place): r.change for r in places.responses}
-    before = machine.respond([point], pieces)[0]
+    before = arm.respond([point], pieces)[0]
     weight = np.where(np.isfinite(pieces.measured), 1 / case.noise, 0.0)
     for at, least in PLACED.items():
         law = Discovered(at=at).law
         component, size = HANDLES[law.handle].components // 2, SIZES.get(law.handle, 0.02)
         values = np.zeros(7)
         values[component] = size
-        change = machine.respond([point.having(f"discovered@{at}", values)], pieces)[0] - before
+        change = arm.respond([point.having(f"discovered@{at}", values)], pieces)[0] - before
         told = size * shown[law.handle, law.place][component]
         one, two = ((each * weight).ravel() for each in (change, told))
         cosine = one @ two / np.linalg.norm(one) / np.linalg.norm(two)
         assert cosine > least, (at, cosine)
         assert np.linalg.norm(two) == pytest.approx(np.linalg.norm(one), rel=0.4), at
+
+
+def test_a_machine_that_does_not_say_what_changes_show_is_refused(tmp_path):
+    """In words, and before anything is fitted."""
+    for number in (1, 2):
+        log(tmp_path / "logs" / f"session_{number}.csv", slow(number, 20.0), number)
+    with pytest.raises(SerpentError, match=r"--discover: .* without --discover"):
+        trace(
+            Trace((tmp_path / "logs",), tmp_path / "out", machine=machine(tmp_path), discover=True)
+        )
