@@ -53,7 +53,8 @@ def changed(folder: Path, number: str, of: str, by: float, angle="radian"):
     rig = open_machine(folder / "machine.toml")
     time = np.arange(0.0, 2.0, 0.02)
     log = folder / "log.csv"
-    swing = np.c_[time, 0.1 * np.sin(3 * time), np.zeros((len(time), 3))]
+    moved = 0.1 * np.sin(3 * time)
+    swing = np.c_[time, moved, np.outer(moved, np.ones(3))]  # the tip is not looked at
     log.write_text("t,current,x,y,z\n" + "\n".join(",".join(map(str, row)) for row in swing))
     (run,) = rig.read(log)
     assert isinstance(run, Recording)
