@@ -114,10 +114,10 @@ def machine(folder, toml=TOML):
 
 
 def log(path, about, on=None, **more):
-    """A motion of goals, in which nothing was measured of the hinge but zeros."""
+    """A motion of goals, in which readings of the hinge say nothing but that it is near zero."""
     time = np.arange(0, 2, 0.02)
     columns = {"time": time, "goal": 0.5 * np.sin(5 * time), "goal_m": 0.1 * np.sin(3 * time),
-               "angle": 0 * time, "on": 0 * time + 1 if on is None else on, **more}  # fmt: skip
+               "angle": 1e-9 * time, "on": 0 * time + 1 if on is None else on, **more}  # fmt: skip
     return write_log(path, about, **columns)
 
 
