@@ -282,9 +282,11 @@ class Machine(Protocol[P]):
         seconds: float,
         rate_hz: float,
         rng: np.random.Generator,
+        after: P | None = None,
     ) -> Proposals[P]:
         """Up to `count` motions of at most so many seconds at a rate, simulated by the twin of a parameter
-        vector; raises a `SerpentError` where nothing commands the machine, or no motion keeps its limits.
+        vector as if they followed logged segments; raises a `SerpentError` where nothing commands the
+        machine, or no motion keeps its limits.
         """
         ...
 

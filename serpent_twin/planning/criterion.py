@@ -7,15 +7,23 @@ squared distance, in standard deviations, between an effect and whatever else co
 complement of its row in G after the rows of the free parameters, and of the rival, are eliminated: the
 T-optimal design criterion of Atkinson and Fedorov (Biometrika 62, 1975), with all declared parameters and the
 rival's strength refitted.
+
+A trace asks for more than a distance: an effect must also lessen the error of held-out logs by a least
+share. Longer logs do not make that share larger, and at usual noise it is the higher bar. It depends on the
+squares that an effect changes of each measure, beyond what the parameters take up, beside those that the twin
+leaves. Both bars together give a detection limit, the least strength that is named.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from serpent_twin.arrays import Array
+from serpent_twin.identification.acceptance import SURE
+from serpent_twin.identification.detection import times_worth
 
 _LEAST_SHARE = 0.02
 """Of a distance, what is taken as confirmed where held-out logs confirm nothing"""
@@ -23,6 +31,29 @@ _HIDDEN = 2.0
 """Distance from nothing, in standard deviations, up to which logs hide an effect"""
 _LEAST = 1e-12
 """Share of an effect's own change below which what is left is rounding"""
+
+
+_USUAL, _FACTOR = 0.5, 2.0
+"""Of an effect that logs hide: the strength's median as a share of their detection limit, and the factor by
+which it is one standard deviation larger"""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What logs or motions tell of R rows: of parameters and effects."""
+
+    gram: Array
+    """Their Gram matrix, weighed as a fit weighs it, (R, R)"""
+    changed: Array
+    """Their Gram matrices by measure, the pose's and the others', each in its unit, (2, R, R)"""
+    left: Array
+    """Squares that the twin leaves of each measure, (2,)"""
+
+    def __add__(self, other: "Evidence") -> "Evidence":
+        """Of both together."""
+        return Evidence(
+            self.gram + other.gram, self.changed + other.changed, self.left + other.left
+        )
 
 
 @dataclass(frozen=True)
@@ -40,6 +71,14 @@ class Question:
     """Rows of the free parameters"""
     share: float = 1.0
     """Of the distance, what counts [1]"""
+    limit_before: float = 0.0
+    """Detection limit of the logs, in times the effect's strength, of an effect that they did not show; 0 for
+    other questions"""
+    weight: float = 1.0
+    """How much its answer counts beside those of others [1]"""
+    strength: float = 1.0
+    """The effect's, in `unit`"""
+    unit: str = "1"
 
     def __str__(self) -> str:
         name = self.effect.replace("_", " ")
@@ -58,12 +97,38 @@ class Question:
         seen = 2 * float(ndtri(1 - np.clip(chance, 1e-6, 0.5)))
         return replace(self, share=float(np.clip(seen / max(whole, 1e-9), _LEAST_SHARE, 1.0)))
 
-    def hidden(self, gram: Array) -> "Question":
-        """The same about an effect no stronger than these logs can hide: an effect that they show beyond
-        doubt at its typical strength would otherwise ask for nothing.
+    def hidden(self, known: Evidence) -> "Question":
+        """The same about an effect no stronger than these logs can hide: one that they show beyond doubt at
+        its typical strength would otherwise ask for nothing.
         """
-        shown = float(np.sqrt(schur(gram, self.row, self.free)))
-        return replace(self, share=min(1.0, _HIDDEN / max(shown, 1e-9)))
+        shown = float(np.sqrt(schur(known.gram, self.row, self.free)))
+        share = min(1.0, _HIDDEN / max(shown, 1e-9))
+        limit = 0.0 if self.rival else self.limit(known, known)
+        return replace(self, share=share, limit_before=limit)
+
+    def limit(self, known: Evidence, judged: Evidence) -> float:
+        """Detection limit, in times the effect's strength: the least at which it is `SURE` standard errors
+        from zero by all that is known, and worth its parameters in the logs that are judged.
+        """
+        left = np.zeros(len(known.gram))
+        left[self.row], free = 1.0, list(self.free)
+        left[free] = -projection(known.gram, self.row, free)
+        changed = np.maximum(left @ judged.changed @ left, 0.0)
+        there = judged.left > 0
+        scatter = SURE / max(np.sqrt(schur(known.gram, self.row, free)), 1e-9)
+        return max(float(scatter), times_worth(changed[there] / judged.left[there]))
+
+    def answered(self, known: Evidence, motion: Evidence) -> float:
+        """Probability that logs and a motion answer it rightly. Of an effect that the logs hid, it is that of
+        a strength beyond the detection limit; the strength's logarithm is normal.
+        """
+        both = known + motion
+        if not self.limit_before:
+            return self.probability(both.gram)
+        limit = self.limit(both, motion)
+        if not np.isfinite(limit):
+            return 0.0
+        return float(ndtr(np.log(_USUAL * self.limit_before / limit) / np.log(_FACTOR)))
 
     def probability(self, gram: Array) -> float:
         """That the log-likelihood ratio names the right one of effect and rival, or of effect and nothing: it
@@ -88,15 +153,21 @@ def schur(gram: Array, row: int, others: Sequence[int]) -> float:
     own, at = float(gram[row, row]), list(others)
     if not at or own <= 0:
         return max(own, 0.0)
-    size = np.sqrt(np.maximum(np.diag(gram)[at], 1e-300))
-    scaled = gram[np.ix_(at, at)] / np.outer(size, size)
-    along = gram[at, row] / size
-    left = own - float(along @ np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) @ along)
+    left = own - float(gram[at, row] @ projection(gram, row, at))
     return left if left > _LEAST * own else 0.0
 
 
+def projection(gram: Array, row: int, others: Sequence[int]) -> Array:
+    """By how much of each of some other rows a row is explained best, (len(others),)."""
+    at = list(others)
+    size = np.sqrt(np.maximum(np.diag(gram)[at], 1e-300))
+    scaled = gram[np.ix_(at, at)] / np.outer(size, size)
+    found: Array = np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) @ (gram[at, row] / size)
+    return found / size
+
+
 def chosen(
-    known: Array, pieces: Sequence[Array], questions: Sequence[Question], count: int
+    known: Evidence, pieces: Sequence[Evidence], questions: Sequence[Question], count: int
 ) -> list[int]:
     """Which pieces of motion to run, one by one, each the one after which most questions are expected to be
     answered rightly; a piece may be run again, which adds the same again. A question that no piece answers
@@ -104,12 +175,16 @@ def chosen(
     """
     out: list[int] = []
     for _ in range(count):
-        after = [_expected(known + each, questions) for each in pieces]
-        out.append(int(np.argmax(after)))
-        known = known + pieces[out[-1]]
+        motions = [added([pieces[k] for k in (*out, n)]) for n in range(len(pieces))]
+        out.append(int(np.argmax([_expected(known, each, questions) for each in motions])))
     return out
 
 
-def _expected(gram: Array, questions: Sequence[Question]) -> float:
+def added(several: Sequence[Evidence]) -> Evidence:
+    """Of several together."""
+    return reduce(Evidence.__add__, several)
+
+
+def _expected(known: Evidence, motion: Evidence, questions: Sequence[Question]) -> float:
     """How many questions are expected to be answered rightly."""
-    return sum(each.probability(gram) for each in questions)
+    return sum(each.weight * each.answered(known, motion) for each in questions)

@@ -1,6 +1,11 @@
-"""Simulate what effects change of logs and of proposed motions, and compute their evidence."""
+"""Simulate what effects change of logs and of proposed motions, and compute their evidence.
 
-from collections.abc import Mapping, Sequence
+What a twin leaves of a motion is not known before. It is taken to be the measurement's noise, and a model
+error that follows the motion as the response's sensitivity to the declared parameters does: a twin is wrong
+in its laws about as if its parameters were a little off, differently in each segment.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -9,13 +14,19 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.identification.detection import squares_by_measure
 from serpent_twin.identification.free_parameters import jacobian, steadied
+from serpent_twin.identification.held_out import errors
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.score_test import strengths
+from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.planning.criterion import Question, gram
+from serpent_twin.planning.criterion import Evidence, Question, gram
 from serpent_twin.planning.traced import Traced
+from serpent_twin.residual.noise import measurement_noise
 
+_WEAK = 0.2
+"""Of a typical strength, what is simulated of an effect that was not fitted: laws bend, and logs hide less"""
 Asked = Sequence[tuple[str, str]]
 """Effects, each with the rival from which it is to be told; empty for none"""
 
@@ -31,6 +42,8 @@ class Rows:
     """And with it"""
     names: tuple[str, ...]
     """The effect's name"""
+    shares: tuple[float, ...]
+    """Of its strength, what is simulated"""
 
 
 def rows(trace: Traced, asked: Asked) -> Rows:
@@ -58,45 +71,110 @@ def rows(trace: Traced, asked: Asked) -> Rows:
         row = add(effect, base, _values(trace, effect))
         variants = _variants(trace, rival) if rival else ()
         against = [(*free, add(rival, _without(base, rival), each)) for each in variants]
-        questions.append(Question(effect, rival, row, tuple(against) or (free,), free))
+        unit, strength = _strength(trace, effect)
+        questions.append(
+            Question(
+                effect, rival, row, tuple(against) or (free,), free, strength=strength, unit=unit
+            )
+        )
     if not questions:
         raise SerpentError("there is no effect that a motion could be planned for.")
-    return Rows(tuple(questions), tuple(before), tuple(after), tuple(names))
+    shares = tuple(1.0 if _fitted(trace, name) else _WEAK for name in names)
+    return Rows(tuple(questions), tuple(before), tuple(after), tuple(names), shares)
 
 
-def known(trace: Traced, asked: Rows) -> Array:
-    """The evidence of the trace's own logs, with the priors, (R, R)."""
+def known(trace: Traced, asked: Rows) -> Evidence:
+    """The evidence of the trace's own logs, with the priors, of R rows."""
     of = Information.of(trace.case, trace.fit)
     some = trace.case.take(trace.pieces, trace.fit.used)
-    each = np.concatenate([of.slopes, _changes(trace, asked, some).reshape(len(asked.names), -1)])
-    out = gram(each, of.weight)
-    out[range(len(of.prior)), range(len(of.prior))] += of.prior
+    each = np.concatenate([trace.fit.jacobian, _changes(trace, asked, some)])
+    out = _evidence(trace, each, some, of.weight, ModelError(np.ones(2), np.zeros(2)))
+    out.gram[range(len(of.prior)), range(len(of.prior))] += of.prior
     return out
 
 
-def of_pieces(trace: Traced, asked: Rows, pieces: Any) -> list[Array]:
-    """The evidence of each of some motions, [(R, R)], a session of segments each."""
-    weight = 1 / trace.fit.variance_inflation
+def of_pieces(trace: Traced, asked: Rows, pieces: Any) -> list[Evidence]:
+    """The evidence of each of some motions, a session of segments each."""
+    weight, error = 1 / trace.fit.variance_inflation, model_error(trace)
     slopes = jacobian(trace.case, trace.fit.point, trace.fit.free, pieces)[1]
     each = np.concatenate([slopes, _changes(trace, asked, pieces)])
     segments: dict[str, list[int]] = {}
     for n, name in enumerate(pieces.session):
         segments.setdefault(name, []).append(n)
-    return [gram(each[:, n].reshape(len(each), -1), weight) for n in segments.values()]
+    return [
+        _evidence(trace, each[:, n], trace.case.take(pieces, n), weight, error)
+        for n in segments.values()
+    ]
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """Of what parts the squares are that a twin leaves of each measure."""
+
+    noise: Array
+    """The measurement's share of those that it leaves of logs, (2,)"""
+    follows: Array
+    """What else it leaves, per square that the declared parameters' priors make uncertain, (2,)"""
+
+    def left(self, usual: Array, uncertain: Array) -> Array:
+        """Squares that the twin leaves where it usually leaves some, by how uncertain the response is."""
+        return self.noise * usual + self.follows * uncertain
+
+
+def model_error(trace: Traced) -> ModelError:
+    """Of a trace's own logs."""
+    case, some = trace.case, trace.case.take(trace.pieces, trace.fit.used)
+    compared = case.compare(trace.fit.point, some)
+    noise, error = measurement_noise(compared), errors(compared)
+    pairs = ((noise.mean_floor, error.marker), (noise.load_floor, error.load))
+    share = np.array([min(1.0, (n / e) ** 2) if n >= 0 and e > 0 else 1.0 for n, e in pairs])
+    rest, uncertain = (1 - share) * _usual(case, some), _uncertain(trace, trace.fit.jacobian)
+    follows = np.divide(rest, uncertain, out=np.zeros(2), where=uncertain > 0)
+    return ModelError(share, follows)
+
+
+def _usual(case: Case[Any], pieces: Any) -> Array:
+    """Squares that the last fit left of as many numbers, (2,)."""
+    known = np.isfinite(pieces.measured)
+    return squares_by_measure(case, np.where(known, case.noise, 0.0))
+
+
+def _uncertain(trace: Traced, rows: Array) -> Array:
+    """Squares that the priors of the declared parameters make uncertain, (2,)."""
+    case, declared = trace.case, trace.fit.free.declared
+    prior = np.array([case.declared[k].prior for k in declared])
+    slopes = rows[: len(declared)].reshape(len(declared), -1, case.channels)
+    return squares_by_measure(case, slopes * prior[:, None, None] * case.noise)
+
+
+def _evidence(
+    trace: Traced, rows: Array, pieces: Any, weight: float, error: ModelError
+) -> Evidence:
+    """Of rows, (R, S, n), in segments."""
+    case, flat = trace.case, rows.reshape(len(rows), -1).astype(float)
+    numbers = flat.reshape(len(flat), -1, case.channels) * case.noise
+    pose = np.array(
+        [each.measure == case.machine.outputs[0].measure for each in case.machine.outputs]
+    )
+    changed = [gram(numbers[..., some].reshape(len(flat), -1), 1.0) for some in (pose, ~pose)]
+    left = error.left(_usual(case, pieces), _uncertain(trace, rows))
+    return Evidence(gram(flat, weight), np.array(changed), left)
 
 
 def _changes(trace: Traced, asked: Rows, pieces: Any) -> Array:
     """What each row's effect changes of the residual, (E, S, n)."""
     case = trace.case
     once = {id(each): each for each in asked.before}  # most effects are added to one twin
-    points = [*once.values(), *asked.after]
+    each = zip(asked.names, asked.before, asked.after, asked.shares, strict=True)
+    weak = [_weaker(trace, base, name, there, share) for name, base, there, share in each]
+    points = [*once.values(), *weak]
     found = case.residual(points, pieces, case.coarse_step(points))
     without = [list(once).index(id(each)) for each in asked.before]
     changes = found[len(once) :] - found[without]
+    changes /= np.array(asked.shares, np.float32)[:, None, None]
     for n, name in enumerate(asked.names):
-        base, values = asked.before[n], asked.after[n].effects[name]
-        strong = strengths(case.candidates[name])
-        weaker = partial(_weaker, base, name, values, strong)
+        base, there = asked.before[n], asked.after[n]
+        weaker = partial(_weaker_one, trace, base, name, there)
         changes[n : n + 1] = steadied(case, pieces, base, changes[n : n + 1], weaker)
         if not np.isfinite(changes[n]).all():
             raise SerpentError(
@@ -106,11 +184,22 @@ def _changes(trace: Traced, asked: Rows, pieces: Any) -> Array:
     return changes
 
 
-def _weaker(
-    base: ParameterVector, name: str, values: Array, strong: list[int], _: int, share: float
+def _weaker_one(
+    trace: Traced,
+    base: ParameterVector,
+    name: str,
+    there: ParameterVector,
+    _: int,
+    share: float,
 ) -> ParameterVector:
-    """A vector with a share of an effect's strengths."""
-    less = values.copy()
+    return _weaker(trace, base, name, there, share)
+
+
+def _weaker(
+    trace: Traced, base: ParameterVector, name: str, there: ParameterVector, share: float
+) -> ParameterVector:
+    """A vector with a share of the strengths that an effect has in another."""
+    less, strong = there.effects[name].copy(), strengths(trace.case.candidates[name])
     less[strong] *= share
     return base.having(name, less)
 
@@ -125,15 +214,23 @@ def _without(point: ParameterVector, name: str) -> ParameterVector:
 
 def _values(trace: Traced, name: str) -> Array:
     """An effect's parameters as fitted; its first variant where it was not."""
-    for point in (trace.fit.point, trace.fitted.get(name)):
-        if point and name in point.effects:
-            return point.effects[name]
-    return trace.case.candidates[name].variants[0]
+    return found[0] if (found := _fitted(trace, name)) else trace.case.candidates[name].variants[0]
+
+
+def _fitted(trace: Traced, name: str) -> list[Array]:
+    """An effect's parameters, of each fit that has it, the last fit's first."""
+    points = (trace.fit.point, trace.fitted.get(name))
+    return [point.effects[name] for point in points if point and name in point.effects]
+
+
+def _strength(trace: Traced, name: str) -> tuple[str, float]:
+    """The unit of an effect's strength, and how much it is, of several the greatest."""
+    candidate, values = trace.case.candidates[name], _values(trace, name)
+    strong = strengths(candidate)
+    unit = list(candidate.ranges.values())[strong[0]].unit
+    return unit, float(np.abs(values[strong]).max())
 
 
 def _variants(trace: Traced, name: str) -> Sequence[Array]:
     """A rival's parameters as fitted, else all its variants."""
-    at: Mapping[str, ParameterVector] = trace.fitted
-    if name in trace.fit.point.effects or name in at:
-        return [_values(trace, name)]
-    return trace.case.candidates[name].variants
+    return _fitted(trace, name)[:1] or trace.case.candidates[name].variants

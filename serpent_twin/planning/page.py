@@ -5,40 +5,51 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.arrays import Array
 from serpent_twin.machines.proposals import CommandColumn, Proposals
 from serpent_twin.numerals import counted
-from serpent_twin.planning.criterion import Question
+from serpent_twin.planning.criterion import Evidence, Question
 from serpent_twin.recording.motion import Motion
 from serpent_twin.reporting.plot_style import sheet, tidy
 from serpent_twin.reporting.report import Figure, Report, Section, Table
 
 _NOTE = """\
 Of two rivals: the probability that the log-likelihood ratio names the right one, Φ(d/2), where d is the
-distance between one and the best fit of the other in standard deviations. Of one effect: the expected
-standard error of its strength, as a share of its strength. Both to first order, with all declared parameters
-fitted again. Of the distance, as much counts as the trace's held-out logs have confirmed, since no twin is
-exact; an effect that the trace has not named is taken to be as strong as its logs can hide."""
+distance between one and the best fit of the other in standard deviations; of the distance, as much counts
+as the trace's held-out logs have confirmed, since no twin is exact. Of an effect that the trace found: the
+expected standard error of its strength, as a share of its strength. Of one that it did not find: the least
+strength that a trace would name, three standard errors from zero and worth its parameters in the logs or
+in the motion's; the twin's error is taken to grow in the motion as the response does. All to first order,
+with all declared parameters fitted again."""
 
 
-def decides(questions: Sequence[Question], before: Array, after: Array) -> Table:
+def decides(questions: Sequence[Question], before: Evidence, motion: Evidence) -> Table:
     """Each question with the logs' answer, and with the motion's."""
     return Table(
         ("question", "measure", "with these logs", "after the motion"),
-        tuple(_row(each, before, after) for each in questions),
+        tuple(_row(each, before, motion) for each in questions),
         _NOTE,
     )
 
 
-def _row(question: Question, before: Array, after: Array) -> tuple[str, ...]:
+def _row(question: Question, before: Evidence, motion: Evidence) -> tuple[str, ...]:
+    grams = (before.gram, (before + motion).gram)
     if question.rival:
         values = [
             f"{question.probability(gram):.3f} (d = {question.distance(gram):.2g})"
-            for gram in (before, after)
+            for gram in grams
         ]
         return str(question), "probability of the right name", *values
-    values = [f"{question.relative_error(gram):.3g}" for gram in (before, after)]
+    if question.limit_before:
+        limits = question.limit_before, question.limit(before + motion, motion)
+        values = [_strength(question, times) for times in limits]
+        return str(question), "least strength that is named", *values
+    values = [f"{question.relative_error(gram):.3g}" for gram in grams]
     return str(question), "relative standard error", *values
+
+
+def _strength(question: Question, times: float) -> str:
+    unit = "" if question.unit == "1" else f" {question.unit}"
+    return f"{times * question.strength:.3g}{unit}" if np.isfinite(times) else "none"
 
 
 def page(

@@ -8,20 +8,20 @@ from typing import Annotated, Any
 import numpy as np
 from tqdm import tqdm
 
-from serpent_twin.arrays import Array
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.planning import criterion, evidence, page, traced
-from serpent_twin.planning.criterion import Question
+from serpent_twin.planning.criterion import Evidence, Question
 from serpent_twin.planning.traced import Traced
 from serpent_twin.recording import motion
 from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.stored import within
 
-PIECE = 20.0
-"""Seconds of a piece of motion, at most"""
+PIECE = 40.0
+"""Seconds of a piece of motion, at most: as long as a trace cuts the arm's logs, so that in it, too, segments
+begin at rest"""
 _STEPS = 5
 
 
@@ -31,7 +31,7 @@ class Plan(Checked):
 
     OUT gets the motion; the folder of the same name without its ending gets report.html and report.md. Of the
     pieces of motion that keep the limits of the machine, those are chosen after which most of the open
-    questions are expected to be answered rightly.
+    questions are expected to be answered rightly, and the weakest effects named.
     """
 
     trace: Path
@@ -58,16 +58,16 @@ class Planned:
 
     motion: motion.Motion
     questions: tuple[Question, ...]
-    before: Array
-    """Evidence of the logs, (R, R)"""
-    after: Array
-    """With the motion's, (R, R)"""
+    before: Evidence
+    """Of the logs, with the priors"""
+    motion_evidence: Evidence
+    """Of the motion"""
     kinds: tuple[str, ...]
     """What each piece of the motion is"""
     proposals: Proposals[Any]
     """From which the pieces were chosen"""
-    each: Sequence[Array]
-    """The evidence of each of these, [(R, R)]"""
+    each: Sequence[Evidence]
+    """The evidence of each of these"""
 
 
 def plan(config: Plan) -> Planned:
@@ -79,15 +79,15 @@ def plan(config: Plan) -> Planned:
         asked = questions(trace, config.rivals)
         rng = np.random.default_rng(config.seed)
         bar.set_description_str("motions")
+        seconds = min(PIECE, 60 * config.minutes)
         proposals = trace.case.machine.propose(
-            trace.fit.point, config.candidates, PIECE, trace.rate_hz, rng
+            trace.fit.point, config.candidates, seconds, trace.rate_hz, rng, trace.pieces
         )
         bar.update()
         bar.set_description_str("what the logs tell")
         rows = evidence.rows(trace, asked)
         before = evidence.known(trace, rows)
-        sure = tuple(_confirmed(each, before, trace) for each in rows.questions)
-        rows = replace(rows, questions=sure)
+        rows = replace(rows, questions=weighed(rows.questions, before, trace))
         bar.update()
         bar.set_description_str("what the motions tell")
         each = evidence.of_pieces(trace, rows, proposals.pieces)
@@ -111,7 +111,7 @@ def plan(config: Plan) -> Planned:
         motion.Motion(targets, trace.rate_hz, about, names, proposals.time),
         rows.questions,
         before,
-        before + np.sum([each[n] for n in order], axis=0),
+        criterion.added([each[n] for n in order]),
         kinds,
         proposals,
         each,
@@ -138,27 +138,49 @@ def questions(trace: Traced, rivals: Sequence[str] = ()) -> list[tuple[str, str]
         for each in trace.diagnosis.get("next_motion", [])
         if each["effect"] in known and (not each["rival"] or each["rival"] in known)
     ]
-    if asked:
-        alone = [(effect, "") for effect, rival in asked if rival]  # it must still show
-        return list(dict.fromkeys([*asked, *alone]))
+    alone = [(effect, "") for effect, rival in asked if rival]  # it must still show
+    if trace.diagnosis.get("effects"):
+        every = list(dict.fromkeys([*asked, *alone]))
+        if every:
+            return every
+    elif asked:
+        hidden = [(name, "") for name in known]  # what is missing may be any of them
+        return list(dict.fromkeys([*asked, *alone, *hidden]))
     print("This trace left nothing open; the motion is one that shows every candidate effect.")
     return [(name, "") for name in known if name not in trace.fit.point.effects]
 
 
-def _confirmed(question: Question, known: Array, trace: Traced) -> Question:
-    """A question with what the trace says of it: the chance of its answer, or that it is not named."""
+def weighed(several: Sequence[Question], known: Evidence, trace: Traced) -> tuple[Question, ...]:
+    """Questions with what the trace says of them: the chance of an answer, or that an effect is not named.
+
+    Which effect not named is there is one question: half of its weight lies evenly on all of them, half on
+    each in proportion to what it would remove of the residual, as the trace's score tests found.
+    """
+    sure = [_confirmed(each, known, trace) for each in several]
+    scores = {each["name"]: each["score"] for each in trace.diagnosis.get("candidates", [])}
+    hidden = [each for each in sure if each.limit_before]
+    score = np.array([max(scores.get(each.effect, 0.0), 0.0) for each in hidden])
+    share = (
+        score / score.sum() if score.sum() > 0 else np.full(len(hidden), 1 / max(len(hidden), 1))
+    )
+    weight = {id(e): 0.5 / len(hidden) + 0.5 * by for e, by in zip(hidden, share, strict=True)}
+    return tuple(replace(each, weight=weight.get(id(each), 1.0)) for each in sure)
+
+
+def _confirmed(question: Question, known: Evidence, trace: Traced) -> Question:
+    """A question with the chance of its answer, or at a strength that the logs hide."""
     for each in trace.diagnosis.get("next_motion", []):
         chance = each.get("probability_of_chance")
         same = (each["effect"], each["rival"] or "") == (question.effect, question.rival)
         if same and chance is not None:
-            return question.confirmed(known, chance)
+            return question.confirmed(known.gram, chance)
     return question if question.effect in trace.fit.point.effects else question.hidden(known)
 
 
 def _write(config: Plan, found: Planned) -> None:
     config.out.parent.mkdir(parents=True, exist_ok=True)
     motion.write(config.out, found.motion)
-    table = page.decides(found.questions, found.before, found.after)
+    table = page.decides(found.questions, found.before, found.motion_evidence)
     facts: dict[str, Any] = {"trace": str(config.trace), "seed": str(config.seed)}
     report = write(
         page.page(found.motion, table, found.kinds, found.proposals, facts),

@@ -55,7 +55,7 @@ def test_every_kind_of_motion_keeps_what_the_log_used_and_begins_and_ends_at_res
     assert found.kinds == tuple(OF_MOTION) * 2
     used = stored.read_columns(log)["goal_deg"]
     steps = np.abs(np.diff(used))
-    assert found.targets.shape == (14, 200, 1) and [c.name for c in found.columns] == ["goal_deg"]
+    assert found.targets.shape == (18, 200, 1) and [c.name for c in found.columns] == ["goal_deg"]
     assert found.targets.min() >= used.min() - 1e-9 and found.targets.max() <= used.max() + 1e-9
     fastest = np.percentile(steps[steps > 0], 99)
     assert np.abs(np.diff(found.targets, axis=1)).max() <= fastest + 1e-9

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from serpent_twin.planning.criterion import Question, chosen, gram, schur
+from serpent_twin.identification.acceptance import SURE, WORTH_IT
+from serpent_twin.planning.criterion import Evidence, Question, chosen, gram, schur
 
 N = 40
 
@@ -12,6 +13,11 @@ N = 40
 def model(seed=0):
     rng = np.random.default_rng(seed)
     return rng.standard_normal((2, N)), rng.standard_normal(N), rng.standard_normal(N)
+
+
+def of(gram, left=1.0):
+    """The evidence of a Gram matrix, as if its rows changed one measure."""
+    return Evidence(gram, np.array([gram, 0 * gram]), np.array([left, 0.0]))
 
 
 def evidence(J, one, other, weight, prior):
@@ -70,16 +76,16 @@ def test_what_another_row_explains_is_nothing():
 
 def test_pieces_are_chosen_for_the_questions_that_they_decide():
     questions = [Question("a", "", 0, ((),)), Question("b", "", 1, ((),))]
-    for_a, for_b, little = np.diag([9.0, 0.0]), np.diag([0.0, 4.0]), np.diag([1.0, 1.0])
-    assert chosen(np.diag([100.0, 1.0]), [for_a, for_b, little], questions, 2) == [1, 1]
-    assert chosen(np.diag([1.0, 100.0]), [for_a, for_b, little], questions, 1) == [0]
+    pieces = [of(np.diag(each)) for each in ([9.0, 0.0], [0.0, 4.0], [1.0, 1.0])]
+    assert chosen(of(np.diag([100.0, 1.0])), pieces, questions, 2) == [1, 1]
+    assert chosen(of(np.diag([1.0, 100.0])), pieces, questions, 1) == [0]
 
 
 def test_a_question_that_nothing_answers_takes_no_piece_from_the_others():
     """Though it is the worst off, and one piece changes it most in proportion."""
     questions = [Question("a", "", 0, ((),)), Question("hidden", "", 1, ((),))]
-    for_a, for_hidden = np.diag([4.0, 1e-8]), np.diag([0.1, 1e-6])
-    assert chosen(np.diag([1.0, 1e-8]), [for_hidden, for_a], questions, 3) == [1, 1, 1]
+    for_a, for_hidden = of(np.diag([4.0, 1e-8])), of(np.diag([0.1, 1e-6]))
+    assert chosen(of(np.diag([1.0, 1e-8])), [for_hidden, for_a], questions, 3) == [1, 1, 1]
 
 
 def test_a_distance_is_as_sure_as_held_out_logs_have_confirmed_it():
@@ -94,21 +100,57 @@ def test_a_distance_is_as_sure_as_held_out_logs_have_confirmed_it():
     assert asked.confirmed(known, 0.7).share == asked.confirmed(known, 0.5).share > 0
 
 
-def test_an_effect_not_named_is_as_strong_as_the_logs_hide():
-    """Else a strength that shows beyond doubt asks for no motion, and the weakest effect for every piece."""
-    known = np.diag([1e4, 1.0])
-    asked = [
-        Question("strong", "", 0, ((),)).hidden(known),
-        Question("weak", "", 1, ((),)).hidden(known),
-    ]
-    assert asked[0].distance(known) == pytest.approx(2.0)
-    assert asked[1].distance(known) == pytest.approx(1.0)
-    for_strong, for_weak = np.diag([1e4, 0.0]), np.diag([0.0, 0.1])
-    assert chosen(known, [for_weak, for_strong], asked, 1) == [1]
-
-
 def test_rivals_that_are_not_named_are_told_apart_no_better_than_each_shows():
     J, one, other = model(6)
     known = gram(np.array([*J, one, other]), 1e4)
     asked = Question("a", "b", len(J), ((*range(len(J)), len(J) + 1),), tuple(range(len(J))))
-    assert 0 < asked.hidden(known).distance(known) < 2.0 < asked.distance(known)
+    assert 0 < asked.hidden(of(known)).distance(known) < 2.0 < asked.distance(known)
+
+
+def test_detection_limit_is_the_strength_at_which_a_fit_betters_the_error_by_the_least_share():
+    """Found by least squares on noiseless rows: what is left of them adds to what the twin leaves."""
+    J, one, _ = model(7)
+    rows, left, asked = np.array([*J, one]), 50.0, Question("a", "", 2, ((0, 1),), (0, 1))
+    known = Evidence(gram(rows, 1e6), np.array([gram(rows, 1.0), np.zeros((3, 3))]), np.r_[left, 0])
+    times = asked.limit(known, known)
+    rest = times * (one - np.linalg.lstsq(J.T, one, rcond=None)[0] @ J)
+    without, beside = np.sqrt(left + rest @ rest), np.sqrt(left)
+    # One of two measures shows it, and the other, of which nothing is left, is not judged.
+    assert 1 - beside / without == pytest.approx(WORTH_IT, rel=1e-6)
+
+
+def test_where_noise_leaves_more_unknown_the_limit_is_a_number_of_standard_errors():
+    J, one, _ = model(8)
+    full = gram(np.array([*J, one]), 1e-3)
+    asked = Question("a", "", 2, ((0, 1),), (0, 1))
+    error = np.sqrt(np.linalg.inv(full)[2, 2])
+    assert asked.limit(of(full, 1e-9), of(full, 1e-9)) == pytest.approx(SURE * error)
+
+
+def test_a_hidden_strength_is_answered_as_often_as_it_lies_beyond_the_new_limit():
+    asked = Question("a", "", 0, ((),))
+    logs = of(np.array([[1e4]]), 1e4)
+    asked = asked.hidden(logs)
+    motion = of(np.array([[4e4]]), 1e4)  # half the limit
+    log_strength = np.random.default_rng(0).normal(np.log(0.5), np.log(2), 100_000)
+    strength = asked.limit_before * np.exp(log_strength)
+    found = (strength > asked.limit(logs + motion, motion)).mean()
+    assert asked.answered(logs, motion) == pytest.approx(found, abs=0.005)
+    assert found == pytest.approx(0.5, abs=0.005)
+
+
+def test_more_of_the_same_motion_lowers_no_limit_that_worth_sets():
+    asked = Question("a", "", 0, ((),))
+    logs = of(np.array([[1e4]]), 1e4)
+    asked = asked.hidden(logs)
+    usual = asked.answered(logs, logs)
+    assert asked.answered(logs, logs + logs + logs) == pytest.approx(usual, abs=1e-9)
+
+
+def test_a_motion_in_which_the_twin_errs_as_much_more_shows_no_more():
+    asked = Question("a", "", 0, ((),))
+    logs = of(np.array([[1e4]]), 1e4)
+    asked = asked.hidden(logs)
+    usual = asked.answered(logs, logs)
+    assert asked.answered(logs, of(np.array([[4e4]]), 4e4)) == pytest.approx(usual, abs=1e-9)
+    assert asked.answered(logs, of(np.array([[4e4]]), 1e4)) > 2 * usual

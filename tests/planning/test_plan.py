@@ -15,7 +15,7 @@ from serpent_twin.machines.xl330 import Xl330
 from serpent_twin.next_step import after_plan
 from serpent_twin.next_step.words import typed
 from serpent_twin.planning import evidence, traced
-from serpent_twin.planning.criterion import chosen
+from serpent_twin.planning.criterion import added, chosen
 from serpent_twin.planning.run import PIECE, questions
 from serpent_twin.planning.traced import Traced
 from serpent_twin.recording.collect import collect
@@ -40,17 +40,17 @@ def trace(tmp_path_factory):
 
 def test_a_planned_motion_tells_backlash_from_friction_better_than_random_targets(trace):
     proposals = trace.case.machine.propose(
-        trace.fit.point, 12, PIECE, 4.0, np.random.default_rng(0)
+        trace.fit.point, 16, PIECE, 4.0, np.random.default_rng(0)
     )
     rows = evidence.rows(trace, [(BACKLASH, FRICTION)])
     before, each = evidence.known(trace, rows), evidence.of_pieces(trace, rows, proposals.pieces)
     order = chosen(before, each, rows.questions, 2)
     (asked,) = rows.questions
-    planned = asked.distance(before + sum(each[n] for n in order))
+    planned = asked.distance((before + added([each[n] for n in order])).gram)
     random = [each[n] for n, kind in enumerate(proposals.kinds) if kind == "random targets"]
     assert len(random) == 2
-    assert planned > 1.1 * asked.distance(before + sum(random))
-    assert asked.distance(before + sum(random)) >= asked.distance(before) > 0
+    usual = asked.distance((before + added(random)).gram)
+    assert planned > 1.1 * usual >= 1.1 * asked.distance(before.gram) > 0
 
 
 def test_unknown_rivals_are_refused_with_the_known_ones(trace):

@@ -39,14 +39,16 @@ def test_slow_motions_leave_open_what_the_planned_motion_names(lever):
     assert {DELAY, LAG} <= {each["effect"] for each in before["next_motion"]}
 
     found = plan(
-        Plan(lever / "trace", lever / "motion.csv", (DELAY, LAG), minutes=0.34, candidates=14)
+        Plan(lever / "trace", lever / "motion.csv", (DELAY, LAG), minutes=0.34, candidates=18)
     )
     (asked,) = found.questions
     kinds = found.proposals.kinds
     random = [found.each[n] for n, kind in enumerate(kinds) if kind == "random targets"]
     assert len(random) == 2
-    usual = found.before + len(found.kinds) * np.mean(random, axis=0)
-    assert asked.distance(found.after) > 1.1 * asked.distance(usual)
+    grams = [each.gram for each in random]
+    usual = found.before.gram + len(found.kinds) * np.mean(grams, axis=0)
+    planned = (found.before + found.motion_evidence).gram
+    assert asked.distance(planned) > 1.1 * asked.distance(usual)
 
     report = (lever / "motion" / "report.md").read_text()
     assert "| goal_deg | deg | -28.6" in report and "ends at goal_deg = 0 deg" in report

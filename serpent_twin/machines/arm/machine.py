@@ -11,7 +11,7 @@ from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_axis, link_frame
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.machines.arm import motions
-from serpent_twin.machines.arm.pieces import ArmPieces, camera_noise, cut, past
+from serpent_twin.machines.arm.pieces import ArmPieces, camera_noise, cut, past, ran_until
 from serpent_twin.machines.arm.quantities import quantities
 from serpent_twin.machines.arm.vector import Vector
 from serpent_twin.machines.machine import (
@@ -218,21 +218,26 @@ class ArmMachine:
         seconds: float,
         rate_hz: float,
         rng: np.random.Generator,
+        after: ArmPieces | None = None,
     ) -> Proposals[ArmPieces]:
-        """Joint targets [rad], (count, T, 9), of all kinds in turn, and what the twin makes of them."""
-        design = self.vector.design(point)
+        """Joint targets [rad], (count, T, 9), of all kinds in turn, and what the twin makes of them.
+
+        Each runs twice, and its second run counts, as what an effect remembers is then like in a session.
+        """
+        design, ran = self.vector.design(point), ran_until(after) if after else 0.0
 
         def make(kind: str, turn: int) -> Array:
             return motions.proposed(kind, seconds, rate_hz, rng)
 
         def keep(targets: Sequence[Array], tried: int) -> list[tuple[Session | None, str]]:
             return [
-                motions.kept_limits(design, each, rate_hz, n)
+                motions.kept_limits(design, np.tile(each, (2, 1)), rate_hz, n, ran)
                 for n, each in enumerate(targets, tried + 1)
             ]
 
         kinds, targets, done = kept_ones(list(motions.KINDS), count, make, keep, "the arm's")
-        pieces = cut(done, self.vector.start.tolerances.marker_offset, seconds)
+        both = cut(done, self.vector.start.tolerances.marker_offset, seconds)
+        pieces = both.take(range(1, len(both), 2))
         return Proposals(kinds, motions.columns(), targets, pieces, motions.LIMITS)
 
     def write(

@@ -21,7 +21,7 @@ from serpent_twin.sessions.session import SCHEMA_VERSION, Session, session_from_
 from serpent_twin.sim.twin import Twin
 from serpent_twin.sim.twin_model import TwinModel
 
-_REST = 3.0
+_REST = 2.0
 """Seconds at the end of each motion in which the arm returns to straight, so that motions can follow
 one another in any order"""
 LIMITS = (
@@ -66,6 +66,32 @@ def _long_hold(time: Array, low: Array, high: Array, rng: np.random.Generator) -
     return np.tile(pose, (len(time), 1))
 
 
+def _random_ends(time: Array, low: Array, high: Array, rng: np.random.Generator) -> Array:
+    """Each joint at one of its ends, chosen anew each second: of random targets those that move most."""
+    return _ends_held(time, 1.0, low, high, rng)
+
+
+def _random_ends_held(time: Array, low: Array, high: Array, rng: np.random.Generator) -> Array:
+    """The same more slowly: what slow changes of load show."""
+    return _ends_held(time, float(rng.choice([2.0, 4.0])), low, high, rng)
+
+
+def _ends_held(
+    time: Array, hold: float, low: Array, high: Array, rng: np.random.Generator
+) -> Array:
+    step = (time / hold + 1e-9).astype(int)
+    return np.where(rng.random((step[-1] + 1, N_JOINTS)) < 0.5, low, high)[step]
+
+
+def _opposite_ends(time: Array, low: Array, high: Array, rng: np.random.Generator) -> Array:
+    """All joints from one end to the other together, half the time all to the same side: the largest changes
+    of shape, and with it of gravity's torques and of tensions.
+    """
+    first = rng.random(N_JOINTS) < float(rng.choice([0.5, 1.0]))
+    back = (time / float(rng.choice([2.5, 5.0])) + 1e-9).astype(int) % 2 == 1
+    return np.where(first ^ back[:, None], low, high)
+
+
 def _same_pose_again(time: Array, low: Array, high: Array, rng: np.random.Generator) -> Array:
     """Two poses in turn: drift, and what depends on the side from which a pose is reached."""
     one, other = rng.uniform(low, high, (2, N_JOINTS))
@@ -74,6 +100,9 @@ def _same_pose_again(time: Array, low: Array, high: Array, rng: np.random.Genera
 
 KINDS: Mapping[str, Callable[[Array, Array, Array, np.random.Generator], Array]] = {
     "random targets": _random,
+    "random ends": _random_ends,
+    "random ends, held": _random_ends_held,
+    "opposite ends": _opposite_ends,
     "one joint": _one_joint,
     "slow, then fast": _slow_then_fast,
     "small reversals": _small_reversals,
@@ -98,10 +127,12 @@ def proposed(kind: str, seconds: float, rate_hz: float, rng: np.random.Generator
     return targets
 
 
-def simulated(design: TwinModel, targets: Array, rate_hz: float, number: int) -> Session:
-    """The session that a twin makes of joint targets, without noise; raises `BusError` where it leaves the
-    limits at which the real arm is stopped: of its joints, and of its motors' loads, hence its cables'
-    tensions.
+def simulated(
+    design: TwinModel, targets: Array, rate_hz: float, number: int, prior_runtime: float = 0.0
+) -> Session:
+    """The session that a twin makes of joint targets after a time in earlier sessions [s], without noise;
+    raises `BusError` where it leaves the limits at which the real arm is stopped: of its joints, and of its
+    motors' loads, hence its cables' tensions.
     """
     twin, guard, rows = Twin(design), Guard(Limits()), []
     cameras = SimulatedMocap(twin, np.random.default_rng(0), 0.0, 0.0)
@@ -125,15 +156,15 @@ def simulated(design: TwinModel, targets: Array, rate_hz: float, number: int) ->
                 }
             )
     about = {"schema_version": SCHEMA_VERSION, "session": number, "rate_hz": rate_hz}
-    about["prior_runtime_s"] = 0.0
+    about["prior_runtime_s"] = prior_runtime
     return session_from_rows(rows, about)
 
 
 def kept_limits(
-    design: TwinModel, targets: Array, rate_hz: float, number: int
+    design: TwinModel, targets: Array, rate_hz: float, number: int, prior_runtime: float = 0.0
 ) -> tuple[Session | None, str]:
     """The session of joint targets; None, and why, where it leaves the limits."""
     try:
-        return simulated(design, targets, rate_hz, number), ""
+        return simulated(design, targets, rate_hz, number, prior_runtime), ""
     except BusError as error:
         return None, str(error)

@@ -146,6 +146,12 @@ def _run(session: Session, offset: Array) -> MeasuredMotion:
     return MeasuredMotion(motors, joints_from_markers(session.marker, start, offset))
 
 
+def ran_until(pieces: ArmPieces) -> float:
+    """How long an arm ran until the end of its last session [s]."""
+    lasted = [float(np.ptp(pieces.run[name].motors.time)) for name in pieces.session]
+    return float(np.max(pieces.prior_runtime + lasted))
+
+
 def past(pieces: ArmPieces) -> MeasuredMotion:
     """What happened in the session before each segment, (S, K); a short past repeats its first row."""
     most = max(1, int(pieces.began.max()))

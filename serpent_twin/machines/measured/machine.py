@@ -138,6 +138,7 @@ class RunMachine(ABC):
         seconds: float,
         rate_hz: float,
         rng: np.random.Generator,
+        after: Runs | None = None,
     ) -> Proposals[Runs]:
         """Refused: its logs were measured elsewhere."""
         raise SerpentError(

@@ -266,6 +266,7 @@ class ModelMachine(RunMachine):
         seconds: float,
         rate_hz: float,
         rng: np.random.Generator,
+        after: Runs | None = None,
     ) -> Proposals[Runs]:
         """Motions in the columns and units of its logs, within what these used and showed."""
         return proposed(self, point, count, seconds, rate_hz, rng)

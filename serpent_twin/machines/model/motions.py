@@ -46,6 +46,19 @@ def _steps(time: Array, drives: int, rng: np.random.Generator) -> Array:
     return _held(time, drives, int(rng.choice([3, 6, 12])), rng)
 
 
+def _random_ends(time: Array, drives: int, rng: np.random.Generator) -> Array:
+    """Each drive at one of its ends, chosen anew at each step: of steps those that move most."""
+    step = np.minimum((time * int(rng.choice([4, 8, 16]))).astype(int), 15)
+    return rng.choice([-1.0, 1.0], (16, drives))[step]
+
+
+def _opposite_ends(time: Array, drives: int, rng: np.random.Generator) -> Array:
+    """All drives together from one end to the other, half the time all to the same side."""
+    first = _sides(drives, rng) if rng.random() < 0.5 else np.ones(drives)
+    back = np.floor(time * int(rng.choice([4, 8, 16]))) % 2 == 1
+    return np.where(back[:, None], -first, first)
+
+
 def _small_reversals(time: Array, drives: int, rng: np.random.Generator) -> Array:
     """Small steps to and fro about a place: play and friction."""
     side = np.sign(_triangle(rng.choice([4, 8, 16]) * time))
@@ -91,6 +104,8 @@ def _random_poses(time: Array, drives: int, rng: np.random.Generator) -> Array:
 
 OF_MOTION: Mapping[str, Shape] = {
     "random targets": _random,
+    "random ends": _random_ends,
+    "opposite ends": _opposite_ends,
     "one drive": _one_drive,
     "slow triangles with pauses": _triangles_with_pauses,
     "many sines": _many_sines,
