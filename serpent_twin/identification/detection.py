@@ -171,28 +171,20 @@ def _detection(
 
 
 def _worth(case: Case[Any], explained: _Explained, beyond: Array) -> float:
-    """Times its strength that an effect must have to better the error by `WORTH_IT`."""
-    noise, changed = (
-        squares_by_measure(case, rows.reshape(-1, case.channels) * explained.noise)
-        for rows in (explained.left, beyond)
-    )
-    return times_worth(changed[noise > 0] / noise[noise > 0])
-
-
-def squares_by_measure(case: Case[Any], rows: Array) -> Array:
-    """Sums of squares of rows (…, C) over the channels of the pose and over the others, (2,)."""
-    measures = [each.measure for each in case.machine.outputs]
-    pose = np.array([each == measures[0] for each in measures])
-    each = (rows.reshape(-1, len(pose)) ** 2).sum(axis=0)
-    return np.array([each[pose].sum(), each[~pose].sum()])
-
-
-def times_worth(ratio: Array) -> float:
-    """Times its strength that an effect must have to better the error by `WORTH_IT`, where it changes squares
-    of each measure by a ratio of what a twin with it leaves, measures weighing alike.
+    """Times its strength that an effect must have to better the error by `WORTH_IT`, pose and the other
+    channels weighing alike.
 
     A twin without it leaves √(σ² + x² b²) where one with it leaves σ.
     """
+    measures = [each.measure for each in case.machine.outputs]
+    pose = np.array([each == measures[0] for each in measures])
+
+    def squares(rows: Array) -> Array:
+        each = ((rows.reshape(-1, case.channels) * explained.noise) ** 2).sum(axis=0)
+        return np.array([each[pose].sum(), each[~pose].sum()])
+
+    noise, changed = squares(explained.left), squares(beyond)
+    ratio = changed[noise > 0] / noise[noise > 0]
 
     def gain(times: float) -> float:
         return float(np.mean(1 - 1 / np.sqrt(1 + times**2 * ratio)))

@@ -9,21 +9,21 @@ T-optimal design criterion of Atkinson and Fedorov (Biometrika 62, 1975), with a
 rival's strength refitted.
 
 A trace asks for more than a distance: an effect must also lessen the error of held-out logs by a least
-share. Longer logs do not make that share larger, and at usual noise it is the higher bar. It depends on the
-squares that an effect changes of each measure, beyond what the parameters take up, beside those that the twin
-leaves. Both bars together give a detection limit, the least strength that is named.
+share, and in most of their blocks: if it shows in one piece of motion only, that may be chance. Longer logs
+do not make that share larger, and at usual noise it is the higher bar. It depends on the squares that an
+effect changes of each measure, beyond what the parameters take up, beside those that the twin leaves. Both
+bars together give a detection limit, the least strength that is named.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.acceptance import SURE
-from serpent_twin.identification.detection import times_worth
+from serpent_twin.identification.acceptance import SURE, WORTH_IT
+from serpent_twin.identification.held_out import CONFIRMED, chance
 
 _LEAST_SHARE = 0.02
 """Of a distance, what is taken as confirmed where held-out logs confirm nothing"""
@@ -36,24 +36,33 @@ _LEAST = 1e-12
 _USUAL, _FACTOR = 0.5, 2.0
 """Of an effect that logs hide: the strength's median as a share of their detection limit, and the factor by
 which it is one standard deviation larger"""
+_CHANCE = CONFIRMED / 2
+"""Most probability of chance of the gains that are expected, which noise will scatter"""
+_TIMES = np.geomspace(0.05, 20.0, 13)
+"""Strengths, in those that change as much as the twin leaves, between which a detection limit is sought"""
+_HALVINGS = 8
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What logs or motions tell of R rows: of parameters and effects."""
+    """What S segments of logs or motions tell of R rows: of parameters and effects."""
 
     gram: Array
     """Their Gram matrix, weighed as a fit weighs it, (R, R)"""
     changed: Array
-    """Their Gram matrices by measure, the pose's and the others', each in its unit, (2, R, R)"""
+    """Their Gram matrices in B blocks of each segment, by measure, the pose's and the others', each in its
+    unit, (S, B, 2, R, R)"""
     left: Array
-    """Squares that the twin leaves of each measure, (2,)"""
+    """Squares that the twin leaves there, (S, B, 2)"""
 
-    def __add__(self, other: "Evidence") -> "Evidence":
-        """Of both together."""
-        return Evidence(
-            self.gram + other.gram, self.changed + other.changed, self.left + other.left
-        )
+
+def added(several: Sequence[Evidence]) -> Evidence:
+    """Of several together."""
+    return Evidence(
+        np.sum([each.gram for each in several], axis=0),
+        np.concatenate([each.changed for each in several]),
+        np.concatenate([each.left for each in several]),
+    )
 
 
 @dataclass(frozen=True)
@@ -103,28 +112,29 @@ class Question:
         """
         shown = float(np.sqrt(schur(known.gram, self.row, self.free)))
         share = min(1.0, _HIDDEN / max(shown, 1e-9))
-        limit = 0.0 if self.rival else self.limit(known, known)
+        limit = 0.0 if self.rival else self.limit(known.gram, known)
         return replace(self, share=share, limit_before=limit)
 
-    def limit(self, known: Evidence, judged: Evidence) -> float:
+    def limit(self, gram: Array, judged: Evidence) -> float:
         """Detection limit, in times the effect's strength: the least at which it is `SURE` standard errors
-        from zero by all that is known, and worth its parameters in the logs that are judged.
+        from zero by all that is known, and worth its parameters, beyond chance, in the logs that are judged.
         """
-        left = np.zeros(len(known.gram))
+        left = np.zeros(len(gram))
         left[self.row], free = 1.0, list(self.free)
-        left[free] = -projection(known.gram, self.row, free)
-        changed = np.maximum(left @ judged.changed @ left, 0.0)
-        there = judged.left > 0
-        scatter = SURE / max(np.sqrt(schur(known.gram, self.row, free)), 1e-9)
-        return max(float(scatter), times_worth(changed[there] / judged.left[there]))
+        left[free] = -projection(gram, self.row, free)
+        changed = np.maximum(
+            np.einsum("i,sbmij,j->sbm", left, judged.changed, left, optimize=True), 0
+        )
+        scatter = SURE / max(np.sqrt(schur(gram, self.row, free)), 1e-9)
+        return max(float(scatter), least_worth(changed, judged.left))
 
     def answered(self, known: Evidence, motion: Evidence) -> float:
         """Probability that logs and a motion answer it rightly. Of an effect that the logs hid, it is that of
         a strength beyond the detection limit; the strength's logarithm is normal.
         """
-        both = known + motion
+        both = known.gram + motion.gram
         if not self.limit_before:
-            return self.probability(both.gram)
+            return self.probability(both)
         limit = self.limit(both, motion)
         if not np.isfinite(limit):
             return 0.0
@@ -180,11 +190,35 @@ def chosen(
     return out
 
 
-def added(several: Sequence[Evidence]) -> Evidence:
-    """Of several together."""
-    return reduce(Evidence.__add__, several)
-
-
 def _expected(known: Evidence, motion: Evidence, questions: Sequence[Question]) -> float:
     """How many questions are expected to be answered rightly."""
     return sum(each.weight * each.answered(known, motion) for each in questions)
+
+
+def least_worth(changed: Array, left: Array) -> float:
+    """Times its strength that an effect must have to better the error of held-out logs by `WORTH_IT`, and
+    evenly enough for the test of the gains of blocks; infinite if none does.
+
+    `changed` are squares that it changes of each measure in each block, (S, B, M), `left` what a twin with it
+    leaves: a twin without it leaves √(left + x² changed). Measures weigh alike.
+    """
+    there = left.sum(axis=(0, 1)) > 0
+    changed, left = changed[..., there], left[..., there]
+
+    def worth(times: float) -> bool:
+        before, after = np.sqrt(left + times**2 * changed), np.sqrt(left)
+        gains = ((before - after) / before.mean(axis=(0, 1))).mean(axis=-1)
+        return bool(gains.mean() > WORTH_IT and chance(gains) < _CHANCE)
+
+    if not there.any() or not changed.any():
+        return np.inf
+    tried = np.sqrt(left.sum() / changed.sum()) * _TIMES
+    passed = np.flatnonzero([worth(times) for times in tried])
+    if not len(passed):
+        return np.inf
+    high = tried[passed[0]]
+    low = tried[passed[0] - 1] if passed[0] else 0.0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if worth(middle) else (middle, high)
+    return float(high)

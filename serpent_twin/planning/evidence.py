@@ -14,9 +14,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification.detection import squares_by_measure
 from serpent_twin.identification.free_parameters import jacobian, steadied
-from serpent_twin.identification.held_out import errors
+from serpent_twin.identification.held_out import BLOCKS, errors
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.score_test import strengths
 from serpent_twin.machines.case import Case
@@ -128,23 +127,33 @@ def model_error(trace: Traced) -> ModelError:
     noise, error = measurement_noise(compared), errors(compared)
     pairs = ((noise.mean_floor, error.marker), (noise.load_floor, error.load))
     share = np.array([min(1.0, (n / e) ** 2) if n >= 0 and e > 0 else 1.0 for n, e in pairs])
-    rest, uncertain = (1 - share) * _usual(case, some), _uncertain(trace, trace.fit.jacobian)
+    rest = (1 - share) * _usual(case, some).sum(axis=(0, 1))
+    uncertain = _uncertain(trace, trace.fit.jacobian).sum(axis=(0, 1))
     follows = np.divide(rest, uncertain, out=np.zeros(2), where=uncertain > 0)
     return ModelError(share, follows)
 
 
 def _usual(case: Case[Any], pieces: Any) -> Array:
-    """Squares that the last fit left of as many numbers, (2,)."""
-    known = np.isfinite(pieces.measured)
-    return squares_by_measure(case, np.where(known, case.noise, 0.0))
+    """Squares that the last fit left of as many numbers in each block, (S, B, 2)."""
+    return _squares(case, np.where(np.isfinite(pieces.measured), case.noise, 0.0) ** 2)
 
 
 def _uncertain(trace: Traced, rows: Array) -> Array:
-    """Squares that the priors of the declared parameters make uncertain, (2,)."""
+    """Squares that the priors of the declared parameters make uncertain in each block, (S, B, 2)."""
     case, declared = trace.case, trace.fit.free.declared
     prior = np.array([case.declared[k].prior for k in declared])
-    slopes = rows[: len(declared)].reshape(len(declared), -1, case.channels)
-    return squares_by_measure(case, slopes * prior[:, None, None] * case.noise)
+    slopes = rows[: len(declared)].reshape(len(declared), rows.shape[1], -1, case.channels)
+    return _squares(case, ((slopes * prior[:, None, None, None] * case.noise) ** 2).sum(axis=0))
+
+
+def _squares(case: Case[Any], each: Array) -> Array:
+    """Sums of squares, (S, T, C), by block over the channels of the pose and over the others, (S, B, 2)."""
+    first = case.machine.outputs[0].measure
+    pose = np.array([each.measure == first for each in case.machine.outputs])
+    blocks = np.array_split(each, min(BLOCKS, each.shape[1]), axis=1)
+    return np.array(
+        [[b[..., some].sum(axis=(1, 2)) for some in (pose, ~pose)] for b in blocks]
+    ).transpose(2, 0, 1)
 
 
 def _evidence(
@@ -152,13 +161,21 @@ def _evidence(
 ) -> Evidence:
     """Of rows, (R, S, n), in segments."""
     case, flat = trace.case, rows.reshape(len(rows), -1).astype(float)
-    numbers = flat.reshape(len(flat), -1, case.channels) * case.noise
-    pose = np.array(
-        [each.measure == case.machine.outputs[0].measure for each in case.machine.outputs]
-    )
-    changed = [gram(numbers[..., some].reshape(len(flat), -1), 1.0) for some in (pose, ~pose)]
+    numbers = rows.reshape(*rows.shape[:2], -1, case.channels) * case.noise
+    first = case.machine.outputs[0].measure
+    pose = np.array([each.measure == first for each in case.machine.outputs])
+    blocks = np.array_split(numbers, min(BLOCKS, numbers.shape[2]), axis=2)
+    changed = [
+        [[_products(block[:, s][..., some]) for some in (pose, ~pose)] for block in blocks]
+        for s in range(rows.shape[1])
+    ]
     left = error.left(_usual(case, pieces), _uncertain(trace, rows))
     return Evidence(gram(flat, weight), np.array(changed), left)
+
+
+def _products(numbers: Array) -> Array:
+    """Of rows of numbers, (R, T, C), with each other, (R, R)."""
+    return gram(numbers.reshape(len(numbers), -1), 1.0)
 
 
 def _changes(trace: Traced, asked: Rows, pieces: Any) -> Array:
@@ -166,7 +183,7 @@ def _changes(trace: Traced, asked: Rows, pieces: Any) -> Array:
     case = trace.case
     once = {id(each): each for each in asked.before}  # most effects are added to one twin
     each = zip(asked.names, asked.before, asked.after, asked.shares, strict=True)
-    weak = [_weaker(trace, base, name, there, share) for name, base, there, share in each]
+    weak = [_weaker(trace, base, name, there, 0, share) for name, base, there, share in each]
     points = [*once.values(), *weak]
     found = case.residual(points, pieces, case.coarse_step(points))
     without = [list(once).index(id(each)) for each in asked.before]
@@ -174,7 +191,7 @@ def _changes(trace: Traced, asked: Rows, pieces: Any) -> Array:
     changes /= np.array(asked.shares, np.float32)[:, None, None]
     for n, name in enumerate(asked.names):
         base, there = asked.before[n], asked.after[n]
-        weaker = partial(_weaker_one, trace, base, name, there)
+        weaker = partial(_weaker, trace, base, name, there)
         changes[n : n + 1] = steadied(case, pieces, base, changes[n : n + 1], weaker)
         if not np.isfinite(changes[n]).all():
             raise SerpentError(
@@ -184,19 +201,13 @@ def _changes(trace: Traced, asked: Rows, pieces: Any) -> Array:
     return changes
 
 
-def _weaker_one(
+def _weaker(
     trace: Traced,
     base: ParameterVector,
     name: str,
     there: ParameterVector,
     _: int,
     share: float,
-) -> ParameterVector:
-    return _weaker(trace, base, name, there, share)
-
-
-def _weaker(
-    trace: Traced, base: ParameterVector, name: str, there: ParameterVector, share: float
 ) -> ParameterVector:
     """A vector with a share of the strengths that an effect has in another."""
     less, strong = there.effects[name].copy(), strengths(trace.case.candidates[name])

@@ -17,9 +17,9 @@ Of two rivals: the probability that the log-likelihood ratio names the right one
 distance between one and the best fit of the other in standard deviations; of the distance, as much counts
 as the trace's held-out logs have confirmed, since no twin is exact. Of an effect that the trace found: the
 expected standard error of its strength, as a share of its strength. Of one that it did not find: the least
-strength that a trace would name, three standard errors from zero and worth its parameters in the logs or
-in the motion's; the twin's error is taken to grow in the motion as the response does. All to first order,
-with all declared parameters fitted again."""
+strength that a trace would name, three standard errors from zero and worth its parameters, beyond chance,
+in the logs or in the motion; the twin's error is taken to grow in the motion as the response does. All to
+first order, with all declared parameters fitted again."""
 
 
 def decides(questions: Sequence[Question], before: Evidence, motion: Evidence) -> Table:
@@ -32,7 +32,7 @@ def decides(questions: Sequence[Question], before: Evidence, motion: Evidence) -
 
 
 def _row(question: Question, before: Evidence, motion: Evidence) -> tuple[str, ...]:
-    grams = (before.gram, (before + motion).gram)
+    grams = (before.gram, before.gram + motion.gram)
     if question.rival:
         values = [
             f"{question.probability(gram):.3f} (d = {question.distance(gram):.2g})"
@@ -40,7 +40,7 @@ def _row(question: Question, before: Evidence, motion: Evidence) -> tuple[str, .
         ]
         return str(question), "probability of the right name", *values
     if question.limit_before:
-        limits = question.limit_before, question.limit(before + motion, motion)
+        limits = question.limit_before, question.limit(grams[1], motion)
         values = [_strength(question, times) for times in limits]
         return str(question), "least strength that is named", *values
     values = [f"{question.relative_error(gram):.3g}" for gram in grams]

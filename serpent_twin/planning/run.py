@@ -10,6 +10,7 @@ from tqdm import tqdm
 
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
+from serpent_twin.identification.diagnosis import UNSTABLE
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.planning import criterion, evidence, page, traced
 from serpent_twin.planning.criterion import Evidence, Question
@@ -144,8 +145,9 @@ def questions(trace: Traced, rivals: Sequence[str] = ()) -> list[tuple[str, str]
         if every:
             return every
     elif asked:
-        hidden = [(name, "") for name in known]  # what is missing may be any of them
-        return list(dict.fromkeys([*asked, *alone, *hidden]))
+        verdicts = {each["name"]: each["verdict"] for each in trace.diagnosis.get("candidates", [])}
+        hidden = [(name, "") for name in known if verdicts.get(name) != UNSTABLE]
+        return list(dict.fromkeys([*asked, *alone, *hidden]))  # any of them may be missing
     print("This trace left nothing open; the motion is one that shows every candidate effect.")
     return [(name, "") for name in known if name not in trace.fit.point.effects]
 

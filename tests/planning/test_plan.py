@@ -1,5 +1,6 @@
 """Test that a planned motion tells rivals apart better than random targets of the same length."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from serpent_twin.next_step import after_plan
 from serpent_twin.next_step.words import typed
 from serpent_twin.planning import evidence, traced
 from serpent_twin.planning.criterion import added, chosen
-from serpent_twin.planning.run import PIECE, questions
+from serpent_twin.planning.run import PIECE, questions, weighed
 from serpent_twin.planning.traced import Traced
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.motion import require_form
@@ -46,11 +47,57 @@ def test_a_planned_motion_tells_backlash_from_friction_better_than_random_target
     before, each = evidence.known(trace, rows), evidence.of_pieces(trace, rows, proposals.pieces)
     order = chosen(before, each, rows.questions, 2)
     (asked,) = rows.questions
-    planned = asked.distance((before + added([each[n] for n in order])).gram)
+    planned = asked.distance(before.gram + added([each[n] for n in order]).gram)
     random = [each[n] for n, kind in enumerate(proposals.kinds) if kind == "random targets"]
     assert len(random) == 2
-    usual = asked.distance((before + added(random)).gram)
+    usual = asked.distance(before.gram + added(random).gram)
     assert planned > 1.1 * usual >= 1.1 * asked.distance(before.gram) > 0
+
+
+def test_pieces_follow_the_logs_in_time_and_in_their_session(trace):
+    found = trace.case.machine.propose(
+        trace.fit.point, 2, 10.0, 4.0, np.random.default_rng(0), trace.pieces
+    )
+    assert len(found.pieces) == 2 and found.targets.shape[:2] == (2, 40)
+    np.testing.assert_allclose(found.pieces.prior_runtime, 169 / 4)
+    assert list(found.pieces.began) == [40, 40]
+    assert not found.targets[:, -8:].any()
+
+
+def test_model_error_leaves_of_the_logs_what_the_fit_left_and_more_where_the_response_is_less_sure(
+    trace,
+):
+    rows = evidence.rows(trace, [(BACKLASH, "")])
+    logs = evidence.known(trace, rows)
+    error = evidence.model_error(trace)
+    assert (error.noise > 0).all() and (error.noise <= 1).all()
+    same = evidence.of_pieces(trace, rows, trace.case.take(trace.pieces, trace.fit.used))
+    np.testing.assert_allclose(added(same).left, logs.left, rtol=1e-3)
+    np.testing.assert_allclose(error.left(np.ones(2), 0 * error.noise), error.noise)
+
+
+def test_a_trace_that_found_nothing_asks_for_every_candidate_and_most_for_those_of_high_score(
+    trace,
+):
+    candidates = [
+        {"name": name, "score": 0.04 * (name == BACKLASH), "verdict": "rejected"}
+        for name in trace.case.candidates
+    ]
+    open_ = {"effect": FRICTION, "rival": None, "why": "may be chance"}
+    found = replace(
+        trace,
+        diagnosis={
+            "effects": [],
+            "candidates": candidates,
+            "next_motion": [open_ | {"probability_of_chance": 0.1}],
+        },
+    )
+    asked = questions(found)
+    assert {name for name, _ in asked} == set(trace.case.candidates)
+    rows = evidence.rows(found, [(FRICTION, ""), (BACKLASH, ""), ("payload", "")])
+    doubted, likely, other = weighed(rows.questions, evidence.known(found, rows), found)
+    assert (doubted.weight, doubted.limit_before) == (1.0, 0.0)
+    assert likely.weight == pytest.approx(0.75) and other.weight == pytest.approx(0.25)
 
 
 def test_unknown_rivals_are_refused_with_the_known_ones(trace):

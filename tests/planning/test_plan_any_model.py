@@ -47,7 +47,7 @@ def test_slow_motions_leave_open_what_the_planned_motion_names(lever):
     assert len(random) == 2
     grams = [each.gram for each in random]
     usual = found.before.gram + len(found.kinds) * np.mean(grams, axis=0)
-    planned = (found.before + found.motion_evidence).gram
+    planned = found.before.gram + found.motion_evidence.gram
     assert asked.distance(planned) > 1.1 * asked.distance(usual)
 
     report = (lever / "motion" / "report.md").read_text()
