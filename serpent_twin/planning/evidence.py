@@ -87,7 +87,7 @@ def known(trace: Traced, asked: Rows) -> Evidence:
     of = Information.of(trace.case, trace.fit)
     some = trace.case.take(trace.pieces, trace.fit.used)
     each = np.concatenate([trace.fit.jacobian, _changes(trace, asked, some)])
-    out = _evidence(trace, each, some, of.weight, ModelError(np.ones(2), np.zeros(2)))
+    out = _evidence(trace, each, some, of.weight, model_error(trace))
     out.gram[range(len(of.prior)), range(len(of.prior))] += of.prior
     return out
 
