@@ -94,7 +94,7 @@ def plan(config: Plan) -> Planned:
         each = evidence.of_pieces(trace, rows, proposals.pieces)
         bar.update()
         count = max(1, round(60 * config.minutes * trace.rate_hz) // proposals.targets.shape[1])
-        order = criterion.chosen(before, each, rows.questions, count)
+        order = criterion.chosen(before, each, rows.questions, count, proposals.kinds)
         bar.update()
     kinds = tuple(proposals.kinds[n] for n in order)
     about = {

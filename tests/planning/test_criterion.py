@@ -84,6 +84,14 @@ def test_pieces_are_chosen_for_the_questions_that_they_decide():
     assert chosen(of(np.diag([1.0, 100.0])), pieces, questions, 1) == [0]
 
 
+def test_of_kinds_the_one_is_chosen_that_decides_most_and_no_other():
+    questions = [Question("a", "", 0, ((),)), Question("b", "", 1, ((),))]
+    pieces = [of(np.diag(each)) for each in ([9.0, 0.0], [0.0, 9.0], [2.0, 2.0], [1.0, 1.0])]
+    known = of(np.diag([1.0, 1.0]))
+    assert set(chosen(known, pieces, questions, 2)) == {0, 1}
+    assert chosen(known, pieces, questions, 2, ("one", "other", "both", "both")) == [2, 2]
+
+
 def test_a_question_that_nothing_answers_takes_no_piece_from_the_others():
     """Though it is the worst off, and one piece changes it most in proportion."""
     questions = [Question("a", "", 0, ((),)), Question("hidden", "", 1, ((),))]
