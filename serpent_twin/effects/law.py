@@ -51,7 +51,7 @@ Form = Callable[[Array, Array | float, Array | float], Array]
 
 
 @dataclass(frozen=True)
-class Shape:
+class LawShape:
     """How a change follows a reading x, by up to two parameters."""
 
     form: Form
@@ -70,21 +70,21 @@ def _within(x: Array, first: Array | float, second: Array | float) -> Array:
     return _above(x, first, 0.0) - _above(x, first + np.abs(second), 0.0)
 
 
-SHAPES: Mapping[str, Shape] = {
-    "constant": Shape(lambda x, a, b: np.ones_like(x), (), "always"),
-    "linear": Shape(lambda x, a, b: x, (), "in proportion to {x}"),
-    "beyond": Shape(
+SHAPES: Mapping[str, LawShape] = {
+    "constant": LawShape(lambda x, a, b: np.ones_like(x), (), "always"),
+    "linear": LawShape(lambda x, a, b: x, (), "in proportion to {x}"),
+    "beyond": LawShape(
         lambda x, a, b: np.maximum(x - a, 0.0), ("threshold",), "growing with {x} beyond {first}"
     ),
-    "below": Shape(
+    "below": LawShape(
         lambda x, a, b: np.minimum(x - a, 0.0), ("threshold",), "growing with {x} below {first}"
     ),
-    "above": Shape(_above, ("threshold",), "while {x} is above {first}"),
-    "under": Shape(
+    "above": LawShape(_above, ("threshold",), "while {x} is above {first}"),
+    "under": LawShape(
         lambda x, a, b: 1.0 - _above(x, a, b), ("threshold",), "while {x} is below {first}"
     ),
-    "within": Shape(_within, ("from", "width"), "while {x} is from {first} on, over {second}"),
-    "periodic": Shape(
+    "within": LawShape(_within, ("from", "width"), "while {x} is from {first} on, over {second}"),
+    "periodic": LawShape(
         lambda x, a, b: np.sin(a * x + b), ("rate", "phase"), "as a sine of {x}, at {first}"
     ),
 }

@@ -8,7 +8,7 @@ from serpent_twin.arrays import Array
 
 
 @dataclass(frozen=True)
-class Response:
+class PlaceResponse:
     """What a change of one quantity at one place does to the prediction in the same row."""
 
     handle: str
@@ -28,6 +28,6 @@ class Places(Protocol):
         ...
 
     @property
-    def responses(self) -> Sequence[Response]:
+    def responses(self) -> Sequence[PlaceResponse]:
         """Of every quantity at every place."""
         ...

@@ -16,7 +16,7 @@ from serpent_twin.identification.discovery.candidates import candidate_of
 from serpent_twin.identification.discovery.screen import screened
 from serpent_twin.identification.wording import spaced, with_numbers
 from serpent_twin.machines.machine import ParameterVector, effect_at
-from serpent_twin.machines.places import Response
+from serpent_twin.machines.places import PlaceResponse
 from serpent_twin.machines.rig import read_logs
 
 S, T, C, M = 6, 160, 5, 4
@@ -37,7 +37,8 @@ class Made:
         }
         made = (("joint_torque", "joint1", 1), ("slack", "cable1_plus", 1), ("force", "link3", 3))
         self.responses = [
-            Response(handle, place, rng.standard_normal((d, S, T, C))) for handle, place, d in made
+            PlaceResponse(handle, place, rng.standard_normal((d, S, T, C)))
+            for handle, place, d in made
         ]
         shown = next(r.change for r in self.responses if r.handle == law.law.handle)
         x = self.readings.get((law.law.reading, law.law.where), np.zeros((S, T)))

@@ -30,7 +30,7 @@ _FINER = 9
 
 
 @dataclass(frozen=True)
-class Followed:
+class Way:
     """One way in which a change may follow a reading."""
 
     shape: str
@@ -46,17 +46,17 @@ class Followed:
         return len(SHAPES[self.shape].parameters)
 
 
-def ways(readings: Mapping[tuple[str, str], Array]) -> tuple[list[Followed], Array]:
+def ways(readings: Mapping[tuple[str, str], Array]) -> tuple[list[Way], Array]:
     """All ways, and the change of each, (W, N), in the rows of all segments; of a periodic one, the sine at
     phase 0 is followed by the cosine.
     """
     constant = np.ones(next(iter(readings.values())).size, np.float32)
-    several, rows = [Followed("constant", "", "", 0.0, 0.0)], [constant]
+    several, rows = [Way("constant", "", "", 0.0, 0.0)], [constant]
     for (reading, where), x in readings.items():
         if np.ptp(x) < _STILL:
             continue
         for shape, first, second in _parameters(reading, x):
-            several.append(Followed(shape, reading, where, first, second))
+            several.append(Way(shape, reading, where, first, second))
             rows.append(SHAPES[shape].form(x.ravel(), first, second).astype(np.float32))
     return several, np.array(rows)
 
@@ -83,7 +83,7 @@ def _parameters(reading: str, x: Array) -> Iterator[tuple[str, float, float]]:
 
 def around(
     law: Law, first: float, second: float, readings: Mapping[tuple[str, str], Array]
-) -> list[Followed]:
+) -> list[Way]:
     """Ways like one with thresholds, between its neighbours of the first search."""
     names = SHAPES[law.shape].parameters
     if not names or law.shape == "periodic":
@@ -92,9 +92,9 @@ def around(
     ends = [first, first + second] if len(names) > 1 else [first]
     finer = [_between(levels, end) for end in ends]
     if len(names) == 1:
-        return [Followed(law.shape, law.reading, law.where, a, 0.0) for a in finer[0]]
+        return [Way(law.shape, law.reading, law.where, a, 0.0) for a in finer[0]]
     return [
-        Followed(law.shape, law.reading, law.where, a, b - a)
+        Way(law.shape, law.reading, law.where, a, b - a)
         for a in finer[0]
         for b in finer[1]
         if b > a
@@ -123,12 +123,12 @@ def swings(time: Array, products: Array, scale: Array) -> Array:
     return rates[np.argsort(-each, axis=0)[:_PEAKS]].T
 
 
-def swinging(time: tuple[str, str], rate: float) -> list[Followed]:
+def swinging(time: tuple[str, str], rate: float) -> list[Way]:
     """A swing by a time, as its sine and its cosine."""
-    return [Followed("periodic", *time, float(rate), phase) for phase in (0.0, np.pi / 2)]
+    return [Way("periodic", *time, float(rate), phase) for phase in (0.0, np.pi / 2)]
 
 
-def rows_of(several: Sequence[Followed], readings: Mapping[tuple[str, str], Array]) -> Array:
+def rows_of(several: Sequence[Way], readings: Mapping[tuple[str, str], Array]) -> Array:
     """The change of each of some ways, (W, N)."""
     each = [
         SHAPES[f.shape].form(readings[f.reading, f.where].ravel(), f.first, f.second)

@@ -11,7 +11,7 @@ from serpent_twin.effects.law import SHAPES, Law, parse
 from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.places import Response
+from serpent_twin.machines.places import PlaceResponse
 
 _KNOTS = 8
 _UNSETTLED = 30.0
@@ -76,7 +76,8 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     knots = np.linspace(*ends, _KNOTS + phase)[:_KNOTS] if phase else _spread(x)
     search = Search(case, some, fit, places.readings)
     off, error, gain = search.together(
-        Response(law.handle, law.place, change), _hats(seen, knots, 2 * np.pi if phase else None)
+        PlaceResponse(law.handle, law.place, change),
+        _hats(seen, knots, 2 * np.pi if phase else None),
     )
     fine = np.linspace(*ends, _FINE)
     form = SHAPES[law.shape].form

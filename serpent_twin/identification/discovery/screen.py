@@ -15,7 +15,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects.law import HANDLES, SHAPES, Law
 from serpent_twin.identification.discovery.followed import (
-    Followed,
+    Way,
     around,
     rows_of,
     swinging,
@@ -25,7 +25,7 @@ from serpent_twin.identification.discovery.followed import (
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.information import Information
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.places import Places, Response
+from serpent_twin.machines.places import PlaceResponse, Places
 
 _EACH = 4
 """Laws that are kept at each place"""
@@ -88,9 +88,9 @@ class Search:
         self.left = left.reshape(-1, self.channels)
         self.slopes = known.slopes.reshape(len(known.slopes), -1, self.channels)
 
-    def swings(self, responses: Sequence[Response]) -> list[list[Followed]]:
+    def swings(self, responses: Sequence[PlaceResponse]) -> list[list[Way]]:
         """The swings by each time that are tried at each place."""
-        out: list[list[Followed]] = [[] for _ in responses]
+        out: list[list[Way]] = [[] for _ in responses]
         widest = max(len(each.change) for each in responses)
         products, squares = np.zeros((2, len(responses), widest, len(self.left)))
         for n, response in enumerate(responses):
@@ -103,12 +103,12 @@ class Search:
                 several += [each for rate in rates for each in swinging(name, rate)]
         return out
 
-    def _weighed(self, response: Response) -> Array:
+    def _weighed(self, response: PlaceResponse) -> Array:
         """What a place's change does to the residual, (d, N, C)."""
         change = -response.change * self.scale
         return change.reshape(len(change), -1, self.channels)
 
-    def at(self, response: Response, besides: Sequence[Followed]) -> list[Composed]:
+    def at(self, response: PlaceResponse, besides: Sequence[Way]) -> list[Composed]:
         """The best laws at a place, some ways beside the usual ones included."""
         F = np.concatenate([self.F, rows_of(besides, self.readings)])
         kept = self._among(response, [*self.ways, *besides], F)
@@ -119,7 +119,7 @@ class Search:
             return kept
         return _best_of([*kept, *self._among(response, finer, rows_of(finer, self.readings))])
 
-    def together(self, response: Response, F: Array) -> tuple[Array, Array, float]:
+    def together(self, response: PlaceResponse, F: Array) -> tuple[Array, Array, float]:
         """Sizes of several changes at once, (W,), of a place with one component, their standard errors, and
         the squared standard errors that they remove together.
         """
@@ -132,7 +132,7 @@ class Search:
         error = np.sqrt(np.maximum(np.diag(inverse), 0.0) / self.weight)
         return size, error, self.weight * float(-size @ pull)
 
-    def _among(self, response: Response, several: Sequence[Followed], F: Array) -> list[Composed]:
+    def _among(self, response: PlaceResponse, several: Sequence[Way], F: Array) -> list[Composed]:
         """The best laws at a place, among some ways whose changes are F, (W, N)."""
         R = self._weighed(response)
         h = np.einsum("dnc,nc->dn", R, self.left).astype(np.float32)
@@ -148,8 +148,8 @@ class Search:
 
     def _best(
         self,
-        response: Response,
-        tried: Sequence[Followed],
+        response: PlaceResponse,
+        tried: Sequence[Way],
         pulls: Array,
         grams: Array,
         raw: Array,
@@ -179,7 +179,7 @@ class Search:
                 break
         return kept
 
-    def _composed(self, response: Response, way: Followed, size: Array, gain: float) -> Composed:
+    def _composed(self, response: PlaceResponse, way: Way, size: Array, gain: float) -> Composed:
         law = Law(response.handle, response.place, way.shape, way.reading, way.where)
         share = gain / self.weight / self.total
         return Composed(law, size, way.first, way.second, gain, share)
@@ -207,8 +207,8 @@ def _solved(pulls: Array, grams: Array, raw: Array) -> tuple[Array, Array]:
 
 
 def _of_one_phase(
-    several: Sequence[Followed], pulls: Array, grams: Array, raw: Array
-) -> list[tuple[Followed, Array, float]]:
+    several: Sequence[Way], pulls: Array, grams: Array, raw: Array
+) -> list[tuple[Way, Array, float]]:
     """Periodic laws with the best phase, from their sines and cosines, taken as orthogonal to each other."""
     out = []
     for n, each in enumerate(several):

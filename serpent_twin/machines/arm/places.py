@@ -16,7 +16,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects.arm_places import LOADS, MARKERS, NAMES, levers
 from serpent_twin.effects.law import READINGS
 from serpent_twin.machines.arm.pieces import ArmPieces
-from serpent_twin.machines.places import Response
+from serpent_twin.machines.places import PlaceResponse
 from serpent_twin.sim import response
 from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.sim.twin_model import TwinModel
@@ -66,7 +66,7 @@ class ArmPlaces:
         }
 
     @property
-    def responses(self) -> Sequence[Response]:
+    def responses(self) -> Sequence[PlaceResponse]:
         """Of every quantity at every place."""
         return [*self._of_joints(), *self._of_drives(), *self._of_bodies(), *self._of_sensors()]
 
@@ -118,23 +118,23 @@ class ArmPlaces:
         """Change of the prediction by a load, as a share of the stall torque, (10, 1, 1, 37)."""
         return np.eye(3 * N_JOINTS + N_MOTORS)[3 * N_JOINTS :, None, None, :]
 
-    def _of_joints(self) -> Iterator[Response]:
+    def _of_joints(self) -> Iterator[PlaceResponse]:
         resists = -np.tanh(self._joint_velocity / (STANDING / 3))
         for i, name in enumerate(NAMES["joint"]):
             change = self._by_torques[i]
-            yield Response("joint_torque", name, change[None])
-            yield Response("joint_friction", name, (change * resists[..., i, None])[None])
+            yield PlaceResponse("joint_torque", name, change[None])
+            yield PlaceResponse("joint_friction", name, (change * resists[..., i, None])[None])
 
-    def _of_drives(self) -> Iterator[Response]:
+    def _of_drives(self) -> Iterator[PlaceResponse]:
         turns = np.tanh(self.pieces.motors.velocity / (STANDING / 3)) / ARM.servo.stall_torque
         for j, name in enumerate(NAMES["actuator"]):
             load = np.broadcast_to(self._by_loads[j], self.pieces.measured.shape)
-            yield Response("motor_torque", name, -load[None] / ARM.servo.stall_torque)
-            yield Response("gear_friction", name, (load * turns[..., j, None])[None])
-            yield Response("winch_angle", name, self._wound(j, self._cable[..., j])[None])
+            yield PlaceResponse("motor_torque", name, -load[None] / ARM.servo.stall_torque)
+            yield PlaceResponse("gear_friction", name, (load * turns[..., j, None])[None])
+            yield PlaceResponse("winch_angle", name, self._wound(j, self._cable[..., j])[None])
         for n, name in enumerate(NAMES["tendon"]):
             pull = -_SIDES[n] * _RADII[n // 2] * self._strand[..., n]
-            yield Response("slack", name, self._wound(n // 2, pull)[None])
+            yield PlaceResponse("slack", name, self._wound(n // 2, pull)[None])
 
     def _wound(self, j: int, torque: Array) -> Array:
         """Change of the prediction by a torque (S, T) that cable j has more, (S, T, 37)."""
@@ -143,30 +143,30 @@ class ArmPlaces:
         )
         return torque[..., None] * moved
 
-    def _of_bodies(self) -> Iterator[Response]:
+    def _of_bodies(self) -> Iterator[PlaceResponse]:
         lever = levers(self.did.joint_angle)
         rotation = link_frames(self.did.joint_angle)[1]
         for n, name in enumerate(NAMES["body"]):
             world = np.einsum("stjx,jstc->xstc", lever[..., n, :, :], self._by_torques)
-            yield Response("force", name, world)
+            yield PlaceResponse("force", name, world)
             own = np.einsum("stxy,xstc->ystc", rotation[..., n, :, :], world)
-            yield Response("force_in_body", name, own)
+            yield PlaceResponse("force_in_body", name, own)
         inertia = -np.einsum("l,stljx,jstc->xstc", _MASS, lever, self._by_torques)
-        yield Response("acceleration", NAMES["frame"][0], inertia)
+        yield PlaceResponse("acceleration", NAMES["frame"][0], inertia)
 
-    def _of_sensors(self) -> Iterator[Response]:
+    def _of_sensors(self) -> Iterator[PlaceResponse]:
         rotation = link_frames(self.did.joint_angle)[1]
         every = np.zeros((3, *self.pieces.measured.shape))
         for n, name in enumerate(MARKERS):
             change = np.zeros_like(every)
             change[..., 3 * n : 3 * n + 3] = np.moveaxis(rotation[..., n, :, :], -1, 0)
-            yield Response("marker_shift", name, change)
+            yield PlaceResponse("marker_shift", name, change)
             for axis in range(3):
                 every[axis, ..., 3 * n + axis] = 1.0
-        yield Response("camera_shift", NAMES["frame"][0], every)
+        yield PlaceResponse("camera_shift", NAMES["frame"][0], every)
         for j, name in enumerate(LOADS):
             load = np.broadcast_to(self._by_loads[j], self.pieces.measured.shape)
-            yield Response("load_shift", name, load[None])
+            yield PlaceResponse("load_shift", name, load[None])
 
 
 def _gravity_stiffness(q: Array) -> Array:
