@@ -16,7 +16,7 @@ _RUBS = 0.02
 """Typical of the stretch that a tendon's actuator answers with as much force as friction has, of its range"""
 _LEAST = 1e-6
 """Range of an actuator [m]; lever of a joint [m/rad] that has one"""
-_STIFFENS = 0.1
+_STIFFENS = 0.5
 """Typical of a tendon's stiffness, by which its typical stretch raises it"""
 
 
