@@ -5,14 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, joint_axis, link_frames
-from serpent_twin.arrays import Array
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.effects import Effect, Moment, parameter
+from serpent_twin.effects.arm_places import levers
 
 NUMBER = np.arange(1, N_JOINTS + 1)
 """Of joints and links"""
-_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
-_COM = np.array([[length / 2, 0.0, 0.0] for length in ARM.link_length])
 
 
 @dataclass(frozen=True)
@@ -39,21 +37,10 @@ class OutsideForce(Effect):
             across = np.stack(
                 np.broadcast_arrays(0.0, np.cos(self.direction), np.sin(self.direction)), -1
             )
-            lever = levers(moment.joint_angle, self.link)
+            here = (NUMBER == self.link)[..., None, None]
+            lever = (here * levers(moment.joint_angle)).sum(axis=-3)
             push = self.force * (lever * across).sum(axis=-1)
             moment.joint_torque = moment.joint_torque + pulls * push
-
-
-def levers(q: Array, link: Array | float) -> Array:
-    """Motion of link 1 … 9's centre of mass by each joint [m], (n, 9, 3), at q [rad], (n, 9); `link` may
-    be (n, 1).
-    """
-    origin, rotation = link_frames(q)
-    com = origin + (rotation @ _COM[..., None])[..., 0]
-    at = ((NUMBER == link)[..., None] * com).sum(axis=-2, keepdims=True)
-    axis = (rotation @ _AXES[..., None])[..., 0]
-    moved = np.cross(axis, at - origin).astype(float)
-    return moved * (NUMBER <= link)[..., None]
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,9 @@ NAMES = {
 """Of the places of each kind; sensors are `MARKERS` and `LOADS`"""
 MARKERS = tuple(f"marker{i}" for i in range(1, N_JOINTS + 1))
 LOADS = tuple(f"{name}_load" for name in mjcf.MOTORS)
-_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
+JOINT_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
 _COM = np.array([[length / 2, 0.0, 0.0] for length in ARM.link_length])
-_MASS = np.array(ARM.link_mass)
+LINK_MASS = np.array(ARM.link_mass)
 _COM.setflags(write=False)
 
 
@@ -90,7 +90,7 @@ def _torque(q: Array, law: Law, at: int, sizes: Sequence[Array | float]) -> Arra
     """Torque of a force on a link, or of the inertia of all links, on the joints [N m], (n, 9)."""
     vector = _vector(sizes, len(q))
     if law.handle == "acceleration":
-        return -np.einsum("l,nljx,nx->nj", _MASS, levers(q), vector)
+        return -np.einsum("l,nljx,nx->nj", LINK_MASS, levers(q), vector)
     if law.handle == "force_in_body":
         vector = np.einsum("nxy,ny->nx", link_frames(q)[1][:, at], vector)
     return np.einsum("njx,nx->nj", levers(q)[:, at], vector)
@@ -112,7 +112,7 @@ def levers(q: Array) -> Array:
     """
     origin, rotation = link_frames(q)
     com = origin + (rotation @ _COM[..., None])[..., 0]
-    axis = (rotation @ _AXES[..., None])[..., 0]
+    axis = (rotation @ JOINT_AXES[..., None])[..., 0]
     reach = com[..., :, None, :] - origin[..., None, :, :]
     moved = np.cross(axis[..., None, :, :], reach)
     return moved * np.tri(N_JOINTS)[..., None]

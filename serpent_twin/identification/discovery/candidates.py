@@ -119,12 +119,10 @@ def distinct(found: Sequence[Composed], most: int) -> list[Composed]:
     what has the reading that they follow.
     """
     best: dict[tuple[str, str], Composed] = {}
-    for each in found:
-        best.setdefault((each.law.handle, each.law.place), each)
     own: dict[tuple[str, str], Composed] = {}
     for each in found:
-        if each.law.of_itself:
-            own.setdefault((each.law.handle, each.law.place), each)
-    chosen = [*list(own.values())[: most // 2]]
+        for several in (best, own) if each.law.of_itself else (best,):
+            several.setdefault((each.law.handle, each.law.place), each)
+    chosen = list(own.values())[: most // 2]
     rest = [each for each in best.values() if each.law not in {one.law for one in chosen}]
     return sorted([*chosen, *rest[: most - len(chosen)]], key=lambda each: -each.worth)

@@ -11,9 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, joint_axis, link_frames
+from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
 from serpent_twin.arrays import Array
-from serpent_twin.effects.arm_places import LOADS, MARKERS, NAMES, levers
+from serpent_twin.effects.arm_places import JOINT_AXES, LINK_MASS, LOADS, MARKERS, NAMES, levers
 from serpent_twin.effects.law import READINGS
 from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.places import PlaceResponse
@@ -24,8 +24,6 @@ from serpent_twin.sim.twin_model import TwinModel
 _SOFTEST = 0.01
 """[N m/rad] of a joint whose cables are slack: friction holds it"""
 _STEP = 1e-4  # [rad]
-_MASS = np.array(ARM.link_mass)
-_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
 _SIDES = np.tile([1.0, -1.0], N_MOTORS)
 _RADII = ARM.pulley_radii
 _PASSES = np.array(
@@ -100,7 +98,7 @@ class ArmPlaces:
     def _by_joints(self) -> Array:
         """Change of the prediction by each joint's angle, (9, S, T, 37)."""
         origin, rotation = link_frames(self.did.joint_angle)
-        axis = (rotation @ _AXES[..., None])[..., 0]
+        axis = (rotation @ JOINT_AXES[..., None])[..., 0]
         marker = np.asarray(self.did.marker)
         reach = marker[..., None, :, :] - origin[..., :, None, :]
         moved = np.cross(axis[..., :, None, :], reach) * np.tri(N_JOINTS).T[..., None]
@@ -151,7 +149,7 @@ class ArmPlaces:
             yield PlaceResponse("force", name, world)
             own = np.einsum("stxy,xstc->ystc", rotation[..., n, :, :], world)
             yield PlaceResponse("force_in_body", name, own)
-        inertia = -np.einsum("l,stljx,jstc->xstc", _MASS, lever, self._by_torques)
+        inertia = -np.einsum("l,stljx,jstc->xstc", LINK_MASS, lever, self._by_torques)
         yield PlaceResponse("acceleration", NAMES["frame"][0], inertia)
 
     def _of_sensors(self) -> Iterator[PlaceResponse]:
@@ -174,7 +172,7 @@ def _gravity_stiffness(q: Array) -> Array:
     gravity = np.array(ARM.gravity)
 
     def needed(q: Array) -> Array:
-        return -np.einsum("l,...ljx,x->...j", _MASS, levers(q), gravity)
+        return -np.einsum("l,...ljx,x->...j", LINK_MASS, levers(q), gravity)
 
     steps = [needed(q + _STEP * one) - needed(q - _STEP * one) for one in np.eye(N_JOINTS)]
     return np.stack(steps, axis=-1) / (2 * _STEP)
