@@ -28,22 +28,32 @@ class Handle:
     only_more: bool = False
     """Whether it may be raised only, as friction"""
     words: str = ""
-    """What the place gets, such as `a torque`"""
+    """What is changed, with {size} and {place}"""
+
+    def told(self, place: str, size: str = "") -> str:
+        """What is changed at a place, by a size in words."""
+        return self.words.format(place=place, size=f" of {size}" if size else "")
 
 
 HANDLES: Mapping[str, Handle] = {
-    "joint_torque": Handle("joint", "N m", words="a torque"),
-    "joint_friction": Handle("joint", "N m", only_more=True, words="friction"),
-    "gear_friction": Handle("actuator", "N m", only_more=True, words="gear friction"),
-    "motor_torque": Handle("actuator", "N m", words="a torque on its horn"),
-    "winch_angle": Handle("actuator", "rad", words="an angle that its encoder does not show"),
-    "slack": Handle("tendon", "m", words="more length"),
-    "force": Handle("body", "N", 3, words="a force in the base frame"),
-    "force_in_body": Handle("body", "N", 3, words="a force in its own frame"),
-    "marker_shift": Handle("sensor", "m", 3, words="a shift in its link's frame"),
-    "load_shift": Handle("sensor", "1", words="a change of what it reads"),
-    "camera_shift": Handle("frame", "m", 3, words="a shift of all that the cameras see"),
-    "acceleration": Handle("frame", "m/s²", 3, words="an acceleration of the base"),
+    "joint_torque": Handle("joint", "N m", words="a torque{size} at {place}"),
+    "joint_friction": Handle("joint", "N m", only_more=True, words="friction{size} at {place}"),
+    "gear_friction": Handle(
+        "actuator", "N m", only_more=True, words="gear friction{size} at {place}"
+    ),
+    "motor_torque": Handle("actuator", "N m", words="a torque{size} on the horn of {place}"),
+    "winch_angle": Handle(
+        "actuator",
+        "rad",
+        words="a turn{size} of the winch of {place} that its encoder does not show",
+    ),
+    "slack": Handle("tendon", "m", words="a length{size} that {place} has more"),
+    "force": Handle("body", "N", 3, words="a force{size} in the base frame on {place}"),
+    "force_in_body": Handle("body", "N", 3, words="a force{size} in the frame of {place} on it"),
+    "marker_shift": Handle("sensor", "m", 3, words="a shift{size} of {place} in its link's frame"),
+    "load_shift": Handle("sensor", "1", words="a change{size} of what {place} reads"),
+    "camera_shift": Handle("frame", "m", 3, words="a shift{size} of all that the cameras see"),
+    "acceleration": Handle("frame", "m/s²", 3, words="an acceleration{size} of the {place}"),
 }
 """What laws change, by the name of the moment's quantity"""
 
@@ -60,6 +70,8 @@ class LawShape:
     """Names of the parameters"""
     words: str = ""
     """With {x} for the reading, {first} and {second}"""
+    plain: str = ""
+    """The same without numbers, where the words have some"""
 
 
 def _above(x: Array, first: Array | float, second: Array | float) -> Array:
@@ -74,18 +86,37 @@ SHAPES: Mapping[str, LawShape] = {
     "constant": LawShape(lambda x, a, b: np.ones_like(x), (), "always"),
     "linear": LawShape(lambda x, a, b: x, (), "in proportion to {x}"),
     "beyond": LawShape(
-        lambda x, a, b: np.maximum(x - a, 0.0), ("threshold",), "growing with {x} beyond {first}"
+        lambda x, a, b: np.maximum(x - a, 0.0),
+        ("threshold",),
+        "growing with {x} beyond {first}",
+        "growing with {x} beyond a threshold",
     ),
     "below": LawShape(
-        lambda x, a, b: np.minimum(x - a, 0.0), ("threshold",), "growing with {x} below {first}"
+        lambda x, a, b: np.minimum(x - a, 0.0),
+        ("threshold",),
+        "growing with {x} below {first}",
+        "growing with {x} below a threshold",
     ),
-    "above": LawShape(_above, ("threshold",), "while {x} is above {first}"),
+    "above": LawShape(
+        _above, ("threshold",), "while {x} is above {first}", "while {x} is above a threshold"
+    ),
     "under": LawShape(
-        lambda x, a, b: 1.0 - _above(x, a, b), ("threshold",), "while {x} is below {first}"
+        lambda x, a, b: 1.0 - _above(x, a, b),
+        ("threshold",),
+        "while {x} is below {first}",
+        "while {x} is below a threshold",
     ),
-    "within": LawShape(_within, ("from", "width"), "while {x} is from {first} on, over {second}"),
+    "within": LawShape(
+        _within,
+        ("from", "width"),
+        "while {x} is in a window that begins at {first} and is {second} wide",
+        "while {x} is in a window",
+    ),
     "periodic": LawShape(
-        lambda x, a, b: np.sin(a * x + b), ("rate", "phase"), "as a sine of {x}, at {first}"
+        lambda x, a, b: np.sin(a * x + b),
+        ("rate", "phase"),
+        "as a sine of {x}, at {first}",
+        "as a sine of {x}",
     ),
 }
 """How changes follow readings, by name"""

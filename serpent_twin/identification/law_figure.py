@@ -26,7 +26,7 @@ def composed_law(curve: FreeCurve, number: int) -> Figure:
     x = f"phase of {law.depends_on} [rad]" if curve.folded else law.depends_on
     x += "" if curve.folded else f" [{READINGS[law.reading][1]}]"
     handle = HANDLES[law.handle]
-    panel.set(xlabel=x, ylabel=f"{handle.words} at {law.place} [{handle.unit}]")
+    panel.set(xlabel=x, ylabel=f"{handle.told(law.place)} [{handle.unit}]")
     panel.legend()
     tidy(panel, "y")
     said = "No free curve describes the training logs better."

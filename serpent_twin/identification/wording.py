@@ -1,6 +1,9 @@
 """Write effects and their numbers as text for sentences and tables."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from serpent_twin.effects import law_of, place_of
 from serpent_twin.effects.law import HANDLES, SHAPES, parse
@@ -21,14 +24,37 @@ def with_numbers(name: str, parameters: Mapping[str, ParameterEstimate]) -> str:
         told = ", ".join(f"{key} {each}" for key, each in parameters.items())
         return f"{spaced(name)} ({told})"
     law = parse(place_of(name))
-    sizes = [str(each) for key, each in parameters.items() if key.startswith("size")]
-    size = (
-        "" if not sizes else f" of {sizes[0]}" if len(sizes) == 1 else f" of ({', '.join(sizes)})"
-    )
-    first, second = (
-        str(parameters[key]) if key in parameters else key.replace("_", " ")
-        for key in (*SHAPES[law.shape].parameters, "", "")[:2]
-    )
-    what = f"{HANDLES[law.handle].words} at {law.place}{size}"
+    shape = SHAPES[law.shape]
+    handle = HANDLES[law.handle]
     x = f"the {law.depends_on}" if law.reading else ""
-    return f"{what}, {SHAPES[law.shape].words.format(x=x, first=first, second=second)}"
+    if not parameters:
+        return f"{handle.told(law.place)}, {(shape.plain or shape.words).format(x=x)}"
+    first, second = ([*map(parameters.get, shape.parameters)] + [None, None])[:2]
+    if first and law.shape == "periodic":
+        first = _swings(first)
+    sizes = [each for key, each in parameters.items() if key.startswith("size")]
+    what = handle.told(law.place, _size(sizes))
+    return f"{what}, {shape.words.format(x=x, first=first, second=second)}"
+
+
+def _size(sizes: Sequence[ParameterEstimate]) -> str:
+    """A size; of a vector, its length and its direction."""
+    if len(sizes) == 1:
+        return str(sizes[0])
+    values = np.array([each.value for each in sizes])
+    length = float(np.linalg.norm(values))
+    along = values / max(length, 1e-30)
+    half = float(
+        np.hypot.reduce([a * (e.high - e.low) / 2 for a, e in zip(along, sizes, strict=True)])
+    )
+    whole = ParameterEstimate(length, length - half, length + half, sizes[0].unit)
+    direction = ", ".join(f"{each:.2f}" for each in along).replace("-", "−")
+    return f"{whole} along ({direction})"
+
+
+def _swings(rate: ParameterEstimate) -> str:
+    """The rate of a sine: of time as a frequency, of an angle as waves in a turn."""
+    if rate.unit != "rad per s":
+        return f"{replace(rate, unit='1')} waves in a turn"
+    hertz = (each / (2 * np.pi) for each in (rate.value, rate.low, rate.high))
+    return str(ParameterEstimate(*hertz, "Hz"))

@@ -135,7 +135,7 @@ def test_a_candidate_of_a_law_starts_where_it_was_found():
 
 def test_a_law_in_words():
     name = "discovered@joint_torque of joint1: above joint_angle of joint3"
-    assert spaced(name) == "a torque at joint1, while the joint angle of joint3 is above threshold"
+    assert spaced(name) == "a torque at joint1, while the joint angle of joint3 is above a threshold"
     assert with_numbers("payload", {}) == "payload ()"
 
 
