@@ -66,9 +66,9 @@ class Trace(Checked):
     """Use only this many sessions, the first ones, files of --held-out not counted; 0 for all."""
     seed: Seed = 0
     """Seed of bootstrap and permutations."""
-    discover: bool = False
-    """Also compose effects that no catalogue lists from what the named ones leave: laws at places of the arm.
-    This takes some minutes more."""
+    discover: bool = True
+    """Also compose effects that no catalogue lists, where the named ones leave something: laws at places of
+    the machine. That takes some minutes more, and not every machine says what its places show."""
     twins: Annotated[int, within(0, 1000)] = 0
     """Also write this many twins that the logs cannot distinguish from the corrected one, drawn from the
     uncertainty of the fit: OUT/twins/drawn_NN.json; and OUT/twins/calibrated.json, without effects. A later
@@ -161,8 +161,8 @@ def _settings(
 ) -> dict[str, Any]:
     inputs = {s.name: file_hash(s.path) for s in [*training, *judging] if s.path}
     kept = {"rig": config.named, "held_out": config.held_out, "seed": config.seed}
-    if config.discover:
-        kept["discover"] = True
+    if not config.discover:
+        kept["discover"] = False
     if config.judge or not isinstance(config.held_out, int):
         kept["held_out"] = [s.name for s in judging]
     if files := machines.made_of(rig):
@@ -181,11 +181,6 @@ def _run(
             bar.update()
 
         case = rig.open(training)
-        if config.discover and not case.composes:
-            raise SerpentError(
-                f"--discover: {config.named} does not say what changes at its places would show, so that no "
-                "effect can be composed. Trace it without --discover."
-            )
         notes = Checkpoints(config.out / "stages", case.clock)
         tracer = Tracer(
             case,
@@ -194,7 +189,7 @@ def _run(
             notes,
             on_progress,
             config.seed,
-            config.discover,
+            config.discover and case.composes,
         )
         selection = tracer.select()
         on_progress("what is left")

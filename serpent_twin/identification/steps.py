@@ -24,7 +24,7 @@ from serpent_twin.identification.acceptance import (
 )
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.detection import identifiability, opening_fit
-from serpent_twin.identification.discovery import discover
+from serpent_twin.identification.discovery import SHARE, discover
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.held_out import Errors, gain, gave_up
@@ -115,9 +115,8 @@ class Tracer:
                 break
             self.case = self.case.composing(found)
             names, before = [each.name for each in found], self.errors(base.point)
-            trials = self.trials.each(
-                names, self.case, base, base, before, f"{len(rounds) + 1}_composed"
-            )
+            stage = f"{len(rounds) + 1}_composed"
+            trials = self.trials.each(names, self.case, base, base, before, stage, least=SHARE)
             best = best_trial(trials, self.case.candidates)
             rounds.append(Round(base, before, trials, (best,) if best else ()))
             if (better := self._stands(rounds)) is None:

@@ -5,13 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from paths import DATA
-from swung_models import log, machine, slow
 
 from serpent_twin import machines
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import HANDLES, SHAPES
-from serpent_twin.errors import SerpentError
-from serpent_twin.identification import Trace, trace
 from serpent_twin.identification.discovery.candidates import candidate_of
 from serpent_twin.identification.discovery.screen import screened
 from serpent_twin.identification.wording import spaced, with_numbers
@@ -135,7 +132,9 @@ def test_a_candidate_of_a_law_starts_where_it_was_found():
 
 def test_a_law_in_words():
     name = "discovered@joint_torque of joint1: above joint_angle of joint3"
-    assert spaced(name) == "a torque at joint1, while the joint angle of joint3 is above a threshold"
+    assert (
+        spaced(name) == "a torque at joint1, while the joint angle of joint3 is above a threshold"
+    )
     assert with_numbers("payload", {}) == "payload ()"
 
 
@@ -183,13 +182,3 @@ def test_the_arms_places_show_what_a_simulation_shows():
         cosine = one @ two / np.linalg.norm(one) / np.linalg.norm(two)
         assert cosine > least, (at, cosine)
         assert np.linalg.norm(two) == pytest.approx(np.linalg.norm(one), rel=0.4), at
-
-
-def test_a_machine_that_does_not_say_what_changes_show_is_refused(tmp_path):
-    """In words, and before anything is fitted."""
-    for number in (1, 2):
-        log(tmp_path / "logs" / f"session_{number}.csv", slow(number, 20.0), number)
-    with pytest.raises(SerpentError, match=r"--discover: .* without --discover"):
-        trace(
-            Trace((tmp_path / "logs",), tmp_path / "out", machine=machine(tmp_path), discover=True)
-        )
