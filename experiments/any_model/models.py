@@ -4,7 +4,7 @@ They are read where dm_control is installed.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import dm_control
@@ -36,6 +36,8 @@ class PublicModel:
     """
     faults: Mapping[str, float]
     """Strengths of effects at places, one of which each machine has, in SI units"""
+    accidents: Mapping[str, float] = field(default_factory=dict)
+    """Strengths of what no effect of the catalogue describes, likewise"""
     planar: bool = False
     """Whether nothing can move along y"""
 
@@ -82,22 +84,26 @@ MODELS: Mapping[str, PublicModel] = {
         lambda: _suite("pendulum"), (np.pi,), 1.0, {"torque": "hinge"}, 4.0,
         {"hinge_friction@hinge": 0.15, "joint_elasticity@hinge": 0.3, "torque_saturation@torque": 0.5,
          "command_delay": 0.03},
+        {"soft_stop@hinge": 2.0},
     ),
     "acrobot": PublicModel(
         lambda: _suite("acrobot"), (np.pi, 0.0), 1.0, {"elbow": "elbow"}, 4.0,
         {"hinge_friction@elbow": 0.3, "joint_elasticity@shoulder": 3.0, "command_delay": 0.03,
          "constant_force@lower_arm": 1.5},
+        {"sticking_joint@elbow": 0.6},
         planar=True,
     ),
     "reacher": PublicModel(
         lambda: _suite("reacher"), (0.0, 0.0), 1.0, {"shoulder": "shoulder", "wrist": "wrist"}, 0.5,
         {"hinge_friction@wrist": 0.002, "joint_elasticity@shoulder": 0.02, "servo_lag@wrist": 0.04,
          "sensor_delay@shoulder": 0.03},
+        {"soft_stop@wrist": 0.1},
     ),
     "leg": PublicModel(
         _leg, (0.0, 0.0, 0.0), 0.4, {name: name for name in ("bthigh", "bshin", "bfoot")}, 1.0,
         {"hinge_friction@bshin": 6.0, "payload@bfoot": 1.5, "joint_stiffening@bthigh": 6000.0,
          "constant_force@bfoot": 15.0},
+        {"sticking_joint@bshin": 12.0, "swinging_force@bfoot": 15.0},
         planar=True,
     ),
     "six_joints": PublicModel(
@@ -105,6 +111,7 @@ MODELS: Mapping[str, PublicModel] = {
         {f"servo_{n}": f"joint_{n}" for n in range(1, 7)}, 0.0,
         {"hinge_friction@joint_4": 3.0, "gear_backlash@servo_2": 0.02, "constant_force@b_5": 12.0,
          "gravity": 1.5},
+        {"swinging_force@b_5": 12.0, "sticking_joint@joint_3": 8.0, "encoder_wave@joint_2": 0.01},
     ),
 }  # fmt: skip
 """By name"""

@@ -18,8 +18,12 @@ from serpent_twin.effects import law_of, place_of
 
 RATE, SECONDS, STEP, NOISE = 50.0, 12.0, 0.25e-3, 3e-4  # [Hz], [s], [s], [rad]
 _SLIDES = 0.002  # [rad/s] above which dry friction is whole
-VECTORS = ("gravity", "constant_force")
+VECTORS = ("gravity", "constant_force", "swinging_force")
 """Laws whose strength is a vector"""
+WINDOW, BEYOND, SWING, WAVES = (0.0, 0.3), 0.15, 0.7, 6.0
+"""Of what no catalogue lists: angles from the joint's middle between which it sticks and beyond which it is
+stopped [rad], frequency of a swing [Hz], waves of an encoder in a turn
+"""
 
 
 class FaultyRun:
@@ -33,6 +37,7 @@ class FaultyRun:
         self.towards = np.random.default_rng(seed).standard_normal(3)
         self.towards[1] *= not model.planar
         self.towards *= strength / np.linalg.norm(self.towards)
+        self._middle = model.middle
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         if self.law == "payload":
@@ -48,6 +53,14 @@ class FaultyRun:
     def parameters(self) -> Array:
         """Of the effect that the trace should find, the strengths, (1,) or (3,)."""
         return self.towards if self.law in VECTORS else np.array([self.strength])
+
+    def read(self) -> Array:
+        """What the joints' encoders show without noise, (nq,)."""
+        found = self.data.qpos.copy()
+        if self.law == "encoder_wave":
+            joint = self._named(mujoco.mjtObj.mjOBJ_JOINT)
+            found[joint] += self.strength * np.sin(WAVES * found[joint])
+        return found
 
     def step(self, told: Array) -> None:
         """One step, in which the actuators are told something, (nu,)."""
@@ -83,11 +96,18 @@ class FaultyRun:
             rubs = np.tanh(data.qvel[dof] / _SLIDES)
             of = {"hinge_friction": rubs, "joint_elasticity": angle, "joint_stiffening": angle**3}
             out[dof] = -self.strength * of[self.law]
-        elif self.law == "constant_force":
+        elif self.law in ("sticking_joint", "soft_stop"):
+            joint = self._named(mujoco.mjtObj.mjOBJ_JOINT)
+            angle, dof = data.qpos[joint] - self._middle[joint], self.model.jnt_dofadr[joint]
+            inside = WINDOW[0] < angle < WINDOW[1]
+            rubs = inside * np.tanh(data.qvel[dof] / _SLIDES)
+            of = {"sticking_joint": rubs, "soft_stop": max(angle - BEYOND, 0.0)}
+            out[dof] = -self.strength * of[self.law]
+        elif self.law in ("constant_force", "swinging_force"):
+            swings = np.sin(2 * np.pi * SWING * data.time)
+            push = self.towards * (swings if self.law == "swinging_force" else 1.0)
             body = self._named(mujoco.mjtObj.mjOBJ_BODY)
-            mujoco.mj_applyFT(
-                self.model, data, self.towards, np.zeros(3), data.xpos[body], body, out
-            )
+            mujoco.mj_applyFT(self.model, data, push, np.zeros(3), data.xpos[body], body, out)
         return out
 
     def _named(self, kind: mujoco.mjtObj) -> int:
@@ -141,7 +161,7 @@ def record(path: Path, model: PublicModel, fault: str, strength: float, seed: in
         if model.gain:
             told = model.gain * (told - data.qpos[driven] - 0.1 * data.qvel[driven])
         told = np.where(limited, np.clip(told, low, high), told)
-        read = data.qpos.copy()
+        read = machine.read()
         past = past or [read[behind[0]]] * (behind[1] + 1)
         read[behind[0]] = past[-1 - behind[1]]
         rows.append([n / RATE, *told, *read])

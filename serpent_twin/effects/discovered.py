@@ -7,7 +7,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import LOSS, Effect, parameter
-from serpent_twin.effects.law import SHAPES, Law, parse
+from serpent_twin.effects.law import CLOCKS, READING_SHIFT, READINGS, SHAPES, Law, parse
 
 _ANY = 1e9
 
@@ -54,6 +54,18 @@ class Discovered(Effect):
     def strength(self) -> float:
         """The length of the vector of sizes."""
         return float(np.linalg.norm([self.size, self.size_y, self.size_z]))
+
+    @property
+    def of_readings(self) -> bool:
+        """Whether it shifts what is read of a run."""
+        return self.law.handle == READING_SHIFT
+
+    @property
+    def things(self) -> frozenset[str]:
+        """What it changes, and what it follows; a clock is no thing."""
+        law = self.law
+        clock = not law.reading or READINGS[law.reading][0] in CLOCKS
+        return frozenset({law.place} if clock else {law.place, law.where})
 
     def here(self, moment: Any) -> Any:
         """The whole moment: the law says where."""

@@ -144,6 +144,16 @@ class Effect:
         """Whether it changes nothing at all."""
         return self.strength == 0
 
+    @property
+    def of_readings(self) -> bool:
+        """Whether it changes what is read of a run, after all time steps."""
+        return self.stage == READING
+
+    @property
+    def things(self) -> frozenset[str]:
+        """Names of the model's things that it reads or changes; one is empty if it may be all of a kind."""
+        return frozenset({self.at})
+
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Write into the machine's spec what MJCF can express of it."""
 

@@ -35,6 +35,8 @@ class Handle:
         return self.words.format(place=place, size=f" of {size}" if size else "")
 
 
+READING_SHIFT = "reading_shift"
+"""The one quantity that is changed after all time steps of a run"""
 HANDLES: Mapping[str, Handle] = {
     "joint_torque": Handle("joint", "N m", words="a torque{size} at {place}"),
     "joint_friction": Handle("joint", "N m", only_more=True, words="friction{size} at {place}"),
@@ -52,6 +54,7 @@ HANDLES: Mapping[str, Handle] = {
     "force_in_body": Handle("body", "N", 3, words="a force{size} in the frame of {place} on it"),
     "marker_shift": Handle("sensor", "m", 3, words="a shift{size} of {place} in its link's frame"),
     "load_shift": Handle("sensor", "1", words="a change{size} of what {place} reads"),
+    READING_SHIFT: Handle("sensor", "rad", words="a shift{size} of what is read of {place}"),
     "camera_shift": Handle("frame", "m", 3, words="a shift{size} of all that the cameras see"),
     "acceleration": Handle("frame", "m/s²", 3, words="an acceleration{size} of the {place}"),
 }
@@ -121,6 +124,8 @@ SHAPES: Mapping[str, LawShape] = {
 }
 """How changes follow readings, by name"""
 
+CLOCKS = ("session", "machine")
+"""Kinds of what time is of"""
 READINGS: Mapping[str, tuple[str, str]] = {
     "joint_angle": ("joint", "rad"),
     "joint_velocity": ("joint", "rad/s"),
@@ -168,7 +173,7 @@ class Law:
         """What it follows, in words; nothing for a constant."""
         if not self.reading:
             return ""
-        of = "" if READINGS[self.reading][0] in ("session", "machine") else f" of {self.where}"
+        of = "" if READINGS[self.reading][0] in CLOCKS else f" of {self.where}"
         return f"{self.reading.replace('_', ' ')}{of}"
 
     def units(self) -> dict[str, str]:

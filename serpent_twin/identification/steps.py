@@ -36,6 +36,8 @@ from serpent_twin.machines.machine import ParameterVector
 
 _MOST_EFFECTS = 6
 _MOST_DISCOVERED = 3
+_COMPOSED, _NEAR = 2, 0.8
+"""Composed candidates that are fitted; of what the best removes, what another must"""
 _BEATS = 0.97
 """Share of a first calibration's cost that a candidate from the opening must come below with its first
 derivative"""
@@ -116,7 +118,9 @@ class Tracer:
             self.case = self.case.composing(found)
             names, before = [each.name for each in found], self.errors(base.point)
             stage = f"{len(rounds) + 1}_composed"
-            trials = self.trials.each(names, self.case, base, base, before, stage, least=SHARE)
+            trials = self.trials.each(
+                names, self.case, base, base, before, stage, _COMPOSED, least=SHARE, beside=_NEAR
+            )
             best = best_trial(trials, self.case.candidates)
             rounds.append(Round(base, before, trials, (best,) if best else ()))
             if (better := self._stands(rounds)) is None:

@@ -9,6 +9,7 @@ from typing import Any, Generic
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.effects.law import Law
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
@@ -95,6 +96,11 @@ class Case(Generic[P]):
         machine: Any = self.machine
         with self.clock:
             return machine.responses_at_places(point, pieces)
+
+    def units_of_law(self, law: Law) -> Mapping[str, str]:
+        """The units of a composed law's size and of its form's parameters."""
+        machine: Any = self.machine
+        return machine.units_of_law(law) if hasattr(machine, "units_of_law") else law.units()
 
     def pieces(self, sessions: Sequence[Any]) -> P:
         """Cut sessions into segments."""

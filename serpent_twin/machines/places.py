@@ -1,8 +1,10 @@
 """Hold what a machine shows, to first order, of a change at each of its places."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol
+
+import numpy as np
 
 from serpent_twin.arrays import Array
 
@@ -18,6 +20,96 @@ class PlaceResponse:
     change: Array
     """Of the prediction per unit, of each component, (d, S, T, C)"""
 
+    def along(self, direction: Array) -> "PlaceResponse":
+        """That of a vector along a direction, (d,), as one component."""
+        return replace(self, change=np.tensordot(direction, self.change, 1)[None])
+
+
+@dataclass(frozen=True)
+class RowMotion:
+    """How small changes of D states go on from row to row, in S segments of T rows."""
+
+    goes_on: Array
+    """Changes of the next row's state, (S, T, D, D)"""
+    shows: Array
+    """Changes of the prediction, (S, T, C, D)"""
+    adapts: Array | None = None
+    """By how much the first state is chosen otherwise for a change of the prediction in the first L rows,
+    (S, D, L, C)
+    """
+
+    def adjoint(self, weighed: Array) -> Array:
+        """Derivative of the sum of the prediction times weights, (S, T, C), by the state of the row after
+        each row, (S, T, D).
+        """
+        S, T, _, D = self.shows.shape
+        out, later = np.zeros((S, T, D)), np.zeros((S, D))
+        for t in reversed(range(T)):
+            out[:, t] = later
+            own = np.einsum("scd,sc->sd", self.shows[:, t], weighed[:, t])
+            later = np.einsum("sed,se->sd", self.goes_on[:, t], later) + own
+        return out
+
+    def driven(self, pushes: Array, own: Array) -> Array:
+        """Changes of the prediction, (n, S, T, C), by pushes on the state of the row after each row,
+        (n, S, T, D), and by what shows in the row itself, (n, S, T, C).
+        """
+        n, S, D = *pushes.shape[:2], pushes.shape[3]
+        begun = np.zeros((S, n, D), np.float32)
+        if self.adapts is not None:
+            lead = self.adapts.shape[2]
+            read = self._rows(begun, pushes[:, :, :lead], own[:, :, :lead])
+            flat = read.swapaxes(0, 1).reshape(S, n, -1)
+            begun = flat @ self.adapts.reshape(S, D, -1).swapaxes(1, 2).astype(np.float32)
+        return self._rows(begun, pushes, own)
+
+    def _rows(self, state: Array, pushes: Array, own: Array) -> Array:
+        """The same from states of the first row, (S, n, D)."""
+        out = np.empty(own.shape, np.float32)
+        goes_on, shows = self.goes_on.astype(np.float32), self.shows.astype(np.float32)
+        for t in range(pushes.shape[2]):
+            out[:, :, t] = (state @ shows[:, t].swapaxes(1, 2)).swapaxes(0, 1) + own[:, :, t]
+            state = state @ goes_on[:, t].swapaxes(1, 2) + pushes[:, :, t].swapaxes(0, 1)
+        return out
+
+
+@dataclass(frozen=True)
+class LaggedResponse:
+    """What a change of one quantity at one place does to the prediction in all rows after it."""
+
+    handle: str
+    """The quantity, of `effects.law.HANDLES`"""
+    place: str
+    """MuJoCo's name"""
+    motion: RowMotion
+    enters: Array
+    """Change of the next row's state per unit during a row, of each component, (d, S, T, D)"""
+    own: Array
+    """And of the prediction in the row itself, (d, S, T, C)"""
+
+    def along(self, direction: Array) -> "LaggedResponse":
+        """That of a vector along a direction, (d,), as one component."""
+        enters, own = (np.tensordot(direction, each, 1)[None] for each in (self.enters, self.own))
+        return replace(self, enters=enters, own=own)
+
+    def products(self, weighed: Array) -> Array:
+        """Of what a change in each row does with weights of the prediction, (S, T, C): (d, S, T); runs are
+        taken to begin in the same state.
+        """
+        later = np.einsum("kstd,std->kst", self.enters, self.motion.adjoint(weighed))
+        return later + np.einsum("kstc,stc->kst", self.own, weighed)
+
+    def of(self, follows: Array) -> Iterator[Array]:
+        """Change of the prediction by changes that follow something, (W, S, T), of one component after the
+        other, (W, S, T, C).
+        """
+        for enters, own in zip(self.enters, self.own, strict=True):
+            pushes, shown = (follows[..., None] * np.float32(each) for each in (enters, own))
+            yield self.motion.driven(pushes, shown)
+
+
+Response = PlaceResponse | LaggedResponse
+
 
 class Places(Protocol):
     """Where reality may differ from a machine's twin, and on what that may depend."""
@@ -28,6 +120,6 @@ class Places(Protocol):
         ...
 
     @property
-    def responses(self) -> Sequence[PlaceResponse]:
+    def responses(self) -> Sequence[Response]:
         """Of every quantity at every place."""
         ...

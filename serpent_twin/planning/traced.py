@@ -72,7 +72,7 @@ def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
     case = rig.open(training)
     fit, fitted = _fits(folder / "stages", case, diagnosis)
     several = {n: v for each in (fit.point, *fitted.values()) for n, v in each.effects.items()}
-    composed = [remade(n, v) for n, v in several.items() if law_of(n) == DISCOVERED]
+    composed = [remade(case, n, v) for n, v in several.items() if law_of(n) == DISCOVERED]
     case = replace(case, noise=fit.noise).composing(composed)
     rate = training[0].metadata.get("rate_hz") or 1 / np.median(np.diff(training[0].time))
     return Traced(folder, case, case.pieces(training), fit, diagnosis, name, float(rate), fitted)

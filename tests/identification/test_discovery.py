@@ -119,7 +119,7 @@ def test_what_a_declared_parameter_takes_up_is_not_composed():
 def test_a_candidate_of_a_law_starts_where_it_was_found():
     made = Made(LAWS[0])
     best = made.found()[0]
-    candidate = candidate_of(best, made.readings)
+    candidate = candidate_of(best, made.readings, best.law.units())
     assert list(candidate.ranges)[:4] == ["size", "size_y", "size_z", "threshold"]
     effect = effect_at(candidate.name, candidate.variants[0])
     assert (effect.size, effect.first) == (best.size[0], best.first)

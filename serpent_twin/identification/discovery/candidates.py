@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -10,10 +11,13 @@ from serpent_twin.effects import Range, place_of
 from serpent_twin.effects.law import HANDLES, SHAPES, parse
 from serpent_twin.identification.discovery.screen import Composed
 from serpent_twin.identification.wording import DISCOVERED
+from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Candidate
 
 _WIDE = 30.0
 """Range of a size, in what the screening found"""
+_SHARE = 0.2
+"""Finite differences of a size to itself"""
 _STEPS = 60.0
 """Finite differences of a threshold to the range of its reading"""
 _SIZES = ("size", "size_y", "size_z")
@@ -32,12 +36,14 @@ class _Reading:
         return self.most - self.least
 
 
-def candidate_of(found: Composed, readings: Mapping[tuple[str, str], Array]) -> Candidate:
-    """The candidate of a composed law."""
+def candidate_of(
+    found: Composed, readings: Mapping[tuple[str, str], Array], units: Mapping[str, str]
+) -> Candidate:
+    """The candidate of a composed law, whose numbers are in some units."""
     law = found.law
     x = readings[law.reading, law.where] if law.reading else np.zeros(1)
     ends = _Reading(float(x.min()), float(x.max()))
-    ranges = _sizes(found) | _forms(found, ends)
+    ranges = _sizes(found, units) | _forms(found, ends, units)
     values = [ranges[name].typical for name in ranges]
     values[: len(found.size)] = list(map(float, found.size))
     return Candidate(
@@ -58,32 +64,33 @@ def candidate_of(found: Composed, readings: Mapping[tuple[str, str], Array]) -> 
     )
 
 
-def remade(name: str, values: Array) -> Candidate:
-    """The candidate of a law that was fitted before, from its parameters, (7,)."""
+def remade(case: Case[Any], name: str, values: Array) -> Candidate:
+    """The candidate of a law that was fitted to a case before, from its parameters, (7,)."""
     law = parse(place_of(name))
     size, (first, second, least, most) = values[: HANDLES[law.handle].components], values[3:7]
     ends = (least, most) if most > least else (min(0.0, first), abs(first) + abs(second) + 1.0)
     fitted = Composed(law, size, float(first), float(second), 0.0, 0.0)
-    return candidate_of(fitted, {(law.reading, law.where): np.array(ends)})
+    readings = {(law.reading, law.where): np.array(ends)}
+    return candidate_of(fitted, readings, case.units_of_law(law))
 
 
-def _sizes(found: Composed) -> dict[str, Range]:
-    law, unit = found.law, found.law.units()["size"]
+def _sizes(found: Composed, units: Mapping[str, str]) -> dict[str, Range]:
+    law, unit = found.law, units["size"]
     typical = float(np.linalg.norm(found.size)) or 1.0
     low = 0.0 if HANDLES[law.handle].only_more else -_WIDE * typical
     components = len(found.size)
     names = _ALONG if components > 1 else _SIZES
     return {
-        name: Range(unit, low, _WIDE * typical, typical, fitted=True)
+        name: Range(unit, low, _WIDE * typical, typical, fitted=True, step=_SHARE * typical)
         if n < components
         else Range(unit, 0.0, 0.0, 0.0, fitted=False)
         for n, name in enumerate(names)
     }
 
 
-def _forms(found: Composed, ends: _Reading) -> dict[str, Range]:
+def _forms(found: Composed, ends: _Reading, units: Mapping[str, str]) -> dict[str, Range]:
     """Ranges of the law's form: thresholds within the readings, widths up to theirs, phases all round."""
-    law, units = found.law, found.law.units()
+    law = found.law
     names = SHAPES[law.shape].parameters
     out: dict[str, Range] = {}
     for key, value, name in zip(

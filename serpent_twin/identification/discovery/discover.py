@@ -28,7 +28,10 @@ def discover(
         return ()
     on_progress("laws at all places")
     found = [each for each in screened(case, some, base, places) if _worth_it(each)]
-    new = [candidate_of(each, places.readings) for each in distinct(found, _TRIED)]
+    new = [
+        candidate_of(each, places.readings, case.units_of_law(each.law))
+        for each in distinct(found, _TRIED)
+    ]
     return [each for each in new if each.name not in base.point.effects]
 
 

@@ -7,11 +7,10 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import place_of
-from serpent_twin.effects.law import SHAPES, Law, parse
+from serpent_twin.effects.law import HANDLES, SHAPES, Law, parse
 from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.places import PlaceResponse
 
 _KNOTS = 8
 _UNSETTLED = 30.0
@@ -68,7 +67,6 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     length = float(np.linalg.norm(size))
     along = size / max(length, 1e-30)
     response = next(r for r in places.responses if (r.handle, r.place) == (law.handle, law.place))
-    change = np.tensordot(along[: len(response.change)], response.change, 1)[None]
     x = places.readings[law.reading, law.where].ravel()
     phase = law.shape == "periodic"
     seen = np.mod(first * x + second, 2 * np.pi) if phase else x
@@ -76,7 +74,7 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     knots = np.linspace(*ends, _KNOTS + phase)[:_KNOTS] if phase else _spread(x)
     search = Search(case, some, fit, places.readings)
     off, error, gain = search.together(
-        PlaceResponse(law.handle, law.place, change),
+        response.along(along[: HANDLES[law.handle].components]),
         _hats(seen, knots, 2 * np.pi if phase else None),
     )
     fine = np.linspace(*ends, _FINE)

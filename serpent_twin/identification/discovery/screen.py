@@ -22,10 +22,11 @@ from serpent_twin.identification.discovery.followed import (
     swings,
     ways,
 )
+from serpent_twin.identification.discovery.sums import Rows, between, by_row, sums
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.information import Information
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.places import PlaceResponse, Places
+from serpent_twin.machines.places import Places, Response
 
 _EACH = 4
 """Laws that are kept at each place"""
@@ -78,37 +79,33 @@ class Search:
         known = Information.of(case, fit)
         self.readings = readings
         self.ways, self.F = ways(readings)
-        self.weight, self.channels = known.weight, case.channels
-        self.scale = np.where(np.isfinite(pieces.measured), 1 / case.noise, 0.0)
+        self.weight = known.weight
+        scale = np.where(np.isfinite(pieces.measured), 1 / case.noise, 0.0)
         residual = fit.residual.ravel().astype(float)
         pull = known.weight * (known.slopes @ residual) + known.prior * known.lean
         self.total = float(residual @ residual)
         self.inverse = np.linalg.inv(known.matrix)
         left = residual - known.slopes.T @ (self.inverse @ pull)
-        self.left = left.reshape(-1, self.channels)
-        self.slopes = known.slopes.reshape(len(known.slopes), -1, self.channels)
+        shape = (-1, case.channels)
+        self.rows = Rows(
+            left.reshape(shape), known.slopes.reshape(len(known.slopes), *shape), scale
+        )
 
-    def swings(self, responses: Sequence[PlaceResponse]) -> list[list[Way]]:
+    def swings(self, responses: Sequence[Response]) -> list[list[Way]]:
         """The swings by each time that are tried at each place."""
         out: list[list[Way]] = [[] for _ in responses]
-        widest = max(len(each.change) for each in responses)
-        products, squares = np.zeros((2, len(responses), widest, len(self.left)))
-        for n, response in enumerate(responses):
-            R = self._weighed(response)
-            products[n, : len(R)] = np.einsum("dnc,nc->dn", R, self.left)
-            squares[n, : len(R)] = (R**2).sum(axis=2)
+        found = [by_row(self.rows, response) for response in responses]
+        widest = max(len(each) for each, _ in found)
+        products, squares = np.zeros((2, len(responses), widest, len(self.rows.left)))
+        for n, (product, square) in enumerate(found):
+            products[n, : len(product)], squares[n, : len(square)] = product, square
         for name in _TIMES:
             peaks = swings(self.readings[name], products, squares)
             for several, rates in zip(out, peaks, strict=True):
                 several += [each for rate in rates for each in swinging(name, rate)]
         return out
 
-    def _weighed(self, response: PlaceResponse) -> Array:
-        """What a place's change does to the residual, (d, N, C)."""
-        change = -response.change * self.scale
-        return change.reshape(len(change), -1, self.channels)
-
-    def at(self, response: PlaceResponse, besides: Sequence[Way]) -> list[Composed]:
+    def at(self, response: Response, besides: Sequence[Way]) -> list[Composed]:
         """The best laws at a place, some ways beside the usual ones included."""
         F = np.concatenate([self.F, rows_of(besides, self.readings)])
         kept = self._among(response, [*self.ways, *besides], F)
@@ -119,36 +116,29 @@ class Search:
             return kept
         return _best_of([*kept, *self._among(response, finer, rows_of(finer, self.readings))])
 
-    def together(self, response: PlaceResponse, F: Array) -> tuple[Array, Array, float]:
+    def together(self, response: Response, F: Array) -> tuple[Array, Array, float]:
         """Sizes of several changes at once, (W,), of a place with one component, their standard errors, and
         the squared standard errors that they remove together.
         """
-        R = self._weighed(response)[0]
-        taken = F @ np.einsum("nc,mnc->nm", R, self.slopes, optimize=True)
-        gram = (F * (R**2).sum(axis=1)) @ F.T - self.weight * taken @ self.inverse @ taken.T
-        pull = F @ (R * self.left).sum(axis=1)
+        raw, pull, taken = between(self.rows, response, F)
+        gram = raw - self.weight * taken @ self.inverse @ taken.T
         inverse = np.linalg.pinv(gram, rcond=_FLAT, hermitian=True)
         size = -inverse @ pull
         error = np.sqrt(np.maximum(np.diag(inverse), 0.0) / self.weight)
         return size, error, self.weight * float(-size @ pull)
 
-    def _among(self, response: PlaceResponse, several: Sequence[Way], F: Array) -> list[Composed]:
+    def _among(self, response: Response, several: Sequence[Way], F: Array) -> list[Composed]:
         """The best laws at a place, among some ways whose changes are F, (W, N)."""
-        R = self._weighed(response)
-        h = np.einsum("dnc,nc->dn", R, self.left).astype(np.float32)
-        D = np.einsum("dnc,mnc->dnm", R, self.slopes, optimize=True).astype(np.float32)
-        taken = [F @ each for each in D]
-        pulls, d = (F @ h.T).astype(float), len(R)
-        raw, absorbed = np.empty((2, len(F), d, d))
-        for a, b in np.ndindex(d, d):
-            raw[:, a, b] = F**2 @ (R[a] * R[b]).sum(axis=1).astype(np.float32)
-            through = taken[a] @ self.inverse.astype(np.float32)
-            absorbed[:, a, b] = (through * taken[b]).sum(axis=1)
-        return self._best(response, several, pulls, raw - self.weight * absorbed, raw)
+        found, inverse = sums(self.rows, response, F), self.inverse.astype(np.float32)
+        absorbed = np.empty_like(found.raw)
+        for a, b in np.ndindex(absorbed.shape[1:]):
+            absorbed[:, a, b] = (found.taken[a] @ inverse * found.taken[b]).sum(axis=1)
+        gram = found.raw - self.weight * absorbed
+        return self._best(response, several, found.pulls, gram, found.raw)
 
     def _best(
         self,
-        response: PlaceResponse,
+        response: Response,
         tried: Sequence[Way],
         pulls: Array,
         grams: Array,
@@ -179,7 +169,7 @@ class Search:
                 break
         return kept
 
-    def _composed(self, response: PlaceResponse, way: Way, size: Array, gain: float) -> Composed:
+    def _composed(self, response: Response, way: Way, size: Array, gain: float) -> Composed:
         law = Law(response.handle, response.place, way.shape, way.reading, way.where)
         share = gain / self.weight / self.total
         return Composed(law, size, way.first, way.second, gain, share)

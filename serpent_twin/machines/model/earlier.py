@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
 from serpent_twin.machines.measured import Recording, Runs, cut
 from serpent_twin.machines.model.description import Described
@@ -22,6 +23,15 @@ def part_of(run: Recording, rows: slice) -> Recording:
     return Recording(run.path, {**run.metadata, _WHOLE: run}, columns, run.name)
 
 
+def clocks_of(pieces: Runs) -> tuple[Array, Array]:
+    """When runs begin since their session began, and that since the beginning of the log [s], (S,) each."""
+    wholes = [about[_WHOLE] for about in pieces.metadata if _WHOLE in about]
+    if not wholes:  # each run is a session
+        return np.zeros(len(pieces)), pieces.time[:, 0]
+    begun = np.array([each.time[0] for each in wholes])
+    return pieces.time[:, 0] - begun, begun
+
+
 def acting(
     machine: Described,
     model: mujoco.MjModel,
@@ -35,13 +45,10 @@ def acting(
     several = acting_on_state(there, model)
     if not several:
         return None
-    wholes = [about[_WHOLE] for about in pieces.metadata if _WHOLE in about]
-    if not wholes:  # each run is a session
-        return Acting([several] * len(pieces), np.zeros(len(pieces)), pieces.time[:, 0])
-    begun, earlier = np.array([each.time[0] for each in wholes]), None
-    if any(each.remembers for each in several) and measured_joints(machine):
+    wholes, earlier = [about[_WHOLE] for about in pieces.metadata if _WHOLE in about], None
+    if wholes and any(each.remembers for each in several) and measured_joints(machine):
         earlier = _earlier(machine, model, there, x, pieces, wholes)
-    return Acting([several] * len(pieces), pieces.time[:, 0] - begun, begun, earlier)
+    return Acting([several] * len(pieces), *clocks_of(pieces), earlier)
 
 
 def _earlier(

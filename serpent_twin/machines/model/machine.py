@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import pairwise
-from math import ceil
 from typing import Any
 
 import mujoco
@@ -12,6 +10,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, edit
+from serpent_twin.effects.law import Law
 from serpent_twin.machines.machine import (
     Candidate,
     Declared,
@@ -25,25 +24,25 @@ from serpent_twin.machines.measured import Recording, RunMachine, Runs, cut
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
 from serpent_twin.machines.model.drives import controls
-from serpent_twin.machines.model.earlier import acting, part_of
+from serpent_twin.machines.model.earlier import acting, clocks_of
 from serpent_twin.machines.model.known import Factor, by_known_numbers
 from serpent_twin.machines.model.limits import LoggedLimits
 from serpent_twin.machines.model.motion import (
     STEPS,
     DrivenRuns,
+    Motion,
     StartGains,
-    moved,
     start_gain,
 )
 from serpent_twin.machines.model.numbers import change_number
+from serpent_twin.machines.model.places import ModelPlaces, only_single, units_of_law
 from serpent_twin.machines.model.poses import Rests, settled
 from serpent_twin.machines.model.prescribed import known_motion, prescribe
 from serpent_twin.machines.model.proposing import proposed
-from serpent_twin.machines.model.readings import reread
+from serpent_twin.machines.model.readings import Clocks, reread
 from serpent_twin.machines.model.seen import Seen, beginning
+from serpent_twin.machines.model.segments import ROWS, segments
 from serpent_twin.machines.model.starts import (
-    LEAD,
-    measured_joints,
     start,
     start_columns,
     started_again,
@@ -57,13 +56,6 @@ from serpent_twin.machines.model.switches import separate, switched_off
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
 from serpent_twin.sim.quiet import quietly
-
-_FEWEST = 2
-"""Rows of a segment"""
-_LEAD = 4
-"""Poses before a segment that are sought, so that what remembers its past has one"""
-_POSES, _ROWS = 20, 100
-"""Rows of a segment of poses, and of a motion"""
 
 
 @dataclass(frozen=True)
@@ -158,34 +150,18 @@ class ModelMachine(RunMachine):
 
     def pieces(self, sessions: Sequence[Recording]) -> Runs:
         """Sessions in segments of some rows; whole, if a motion can start from its first row only."""
-        parts = [part for run in sessions for part in self._parts(run)]
-        return cut(parts, self.columns, [each.name for each in self.outputs])
-
-    def _parts(self, run: Recording) -> list[Recording]:
-        """A session in parts of nearly one length, each after a lead in which nothing counts as measured."""
-        about, moves = self.described.about, self.described.about.rows == MOTION
-        whole = moves and not measured_joints(self.described)
-        parts = 1 if whole else ceil(len(run) / (about.segment or (_ROWS if moves else _POSES)))
-        lead = 0 if whole or about.start else LEAD if moves else _LEAD
-        ends = np.linspace(lead if moves else 0, len(run), parts + 1).round().astype(int).tolist()
-        found = []
-        for first, end in pairwise(ends):
-            rows = slice(max(0, first - lead), end)
-            part = part_of(run, rows)
-            for output in self.outputs:
-                part.columns[output.name][: first - rows.start] = np.nan
-            if end - rows.start >= _FEWEST:
-                found.append(part)
-        return found
+        outputs = [each.name for each in self.outputs]
+        parts = [part for run in sessions for part in segments(self.described, run, outputs)]
+        return cut(parts, self.columns, outputs)
 
     def block_rows(self, pieces: Runs) -> int:
         """As few as can be; of sessions that are simulated whole those of a usual segment, so that few are
         left: a motion's error follows that of the rows before.
         """
         rows = pieces.time.shape[1]
-        if self.described.about.rows == POSES or rows < 2 * _ROWS:
+        if self.described.about.rows == POSES or rows < 2 * ROWS:
             return super().block_rows(pieces)
-        return rows // (rows // _ROWS)
+        return rows // (rows // ROWS)
 
     def spec(self, declared: Array, effects: Sequence[Effect]) -> mujoco.MjSpec:
         """The twin as MJCF."""
@@ -236,6 +212,14 @@ class ModelMachine(RunMachine):
 
     def _moved(self, points: Sequence[ParameterVector], pieces: Runs) -> Array:
         """What twins of one structure show in motion, side by side, (D, S, T, C)."""
+        per_run = [there for there in map(effects_at, points) for _ in range(len(pieces))]
+        period = np.tile(pieces.period, len(points))
+        found = self._motion(points, pieces).moved()
+        found = reread(per_run, self.places, found, period, _clocks(len(points), pieces))
+        return found.reshape(len(points), len(pieces), *found.shape[1:])
+
+    def _motion(self, points: Sequence[ParameterVector], pieces: Runs) -> Motion:
+        """Twins of one structure in motion, the runs of one after those of the other."""
         machine, several = self.described, [effects_at(point) for point in points]
         each = [self._driven(p, there, pieces) for p, there in zip(points, several, strict=True)]
         xs = [by_coordinate(self.declared, point.declared) for point in points]
@@ -247,16 +231,30 @@ class ModelMachine(RunMachine):
             gain = np.tile(self.gains.of(pieces, self._start_gain), (len(points), 1, 1))
         period = np.tile(pieces.period, len(points))
         per_run = [there for there in several for _ in range(len(pieces))]
-        read = partial(reread, per_run, at.joints, period=period)
+        clocks = _clocks(len(points), pieces)
+        read = partial(reread, per_run, at.joints, period=period, clocks=clocks)
         laws = [
             acting(machine, driven.models[0], there, x, pieces)
             for driven, there, x in zip(each, several, xs, strict=True)
         ]
         laws = [law for law in laws if law]
         driven = DrivenRuns.together(each) if len(each) > 1 else each[0]
-        found = moved(driven, at, seen, gain, self.steps, read, together(laws) if laws else None)
-        found = reread(per_run, self.places, found, period)
-        return found.reshape(len(points), len(pieces), *found.shape[1:])
+        return Motion(driven, at, seen, gain, self.steps, read, together(laws) if laws else None)
+
+    def responses_at_places(self, point: ParameterVector, pieces: Runs) -> ModelPlaces | None:
+        """What changes at the model's places would show; None of poses and of prescribed motion."""
+        machine = self.described
+        if machine.about.rows == POSES or machine.prescribed or not only_single(machine.model):
+            return None
+        with quietly(), np.errstate(all="ignore"):
+            motion = self._motion([point], pieces)
+            if motion.driven.models[0].nq != machine.model.nq:  # an effect lets its links bend
+                return None
+            return ModelPlaces.of(machine, self.places, motion, pieces)
+
+    def units_of_law(self, law: Law) -> dict[str, str]:
+        """The units of a law's size and of its form's parameters."""
+        return units_of_law(self.described.model, law)
 
     def _driven(self, point: ParameterVector, there: Sequence[Effect], pieces: Runs) -> DrivenRuns:
         """The models of a twin's runs, which may state numbers of their own, and what drives them."""
@@ -300,3 +298,8 @@ class ModelMachine(RunMachine):
         seen = Seen(machine, self.frame, [by_coordinate(self.declared, zero.declared)])
         at, driven = start(machine, machine.begin, pieces), self._driven(zero, (), pieces)
         return start_gain(driven, at, seen, self.steps)
+
+
+def _clocks(twins: int, pieces: Runs) -> Clocks:
+    """When the runs of some twins begin, those of one after those of the other."""
+    return Clocks(*(np.tile(each, twins) for each in clocks_of(pieces)))

@@ -33,26 +33,64 @@ STEPS = (16, 32, 64, 128)
 """Of a row, of which a machine takes as few as its noise allows"""
 
 
-def moved(
-    driven: "DrivenRuns",
-    start: SegmentStart,
-    seen: Seen,
-    gain: Array | None,
-    steps: int,
-    reading: Callable[[Array], Array],
-    acting: Acting | None = None,
-) -> Array:
-    """What is seen of runs in each row, (n, T, C), in so many time steps of a row at least; effects on their
-    state are `acting` in each.
+@dataclass(frozen=True)
+class Motion:
+    """n runs that are simulated in motion.
 
     Where all joints are measured, angles and rates at the start are improved until the model follows what was
-    read in the lead, with a gain as `start_gain` finds it; `reading` is what sensors make of angles,
-    (n, LEAD, J). What is known of prescribed motion is followed, whatever the start.
+    read in the lead. What is known of prescribed motion is followed, whatever the start.
     """
-    runs = _Runs(driven, seen, steps, acting)
-    state = start.state if gain is None else _improved(runs, start, gain, reading)
-    runs.begin(start, state)
-    return np.stack([seen.read(runs.batch), *runs.rows(driven.rows - 1)], axis=1)
+
+    driven: "DrivenRuns"
+    start: SegmentStart
+    seen: Seen
+    gain: Array | None
+    """By which starts are improved, as `start_gain` finds it"""
+    steps: int
+    """Of a row, at least"""
+    reading: Callable[[Array], Array]
+    """What sensors make of angles, (n, LEAD, J)"""
+    acting: Acting | None = None
+    """Effects on the state in each time step"""
+
+    def moved(self) -> Array:
+        """What is seen of the runs in each row, (n, T, C)."""
+        runs = self._begun()
+        seen = self.seen.read(runs.batch)
+        return np.stack([seen, *runs.rows(self.driven.rows - 1)], axis=1)
+
+    def states(self) -> "RowStates":
+        """The states in which the runs are seen."""
+        runs = self._begun()
+        fields = [runs.batch.bind(name) for name in ("qpos", "qvel", "act")]
+        rows = [[field.copy() for field in fields]]
+        rows += [[field.copy() for field in fields] for _ in runs.rows(self.driven.rows - 1)]
+        pose, rate, activation = (np.stack(each, axis=1) for each in zip(*rows, strict=True))
+        return RowStates(pose, rate, activation, runs.step, runs.nstep)
+
+    def _begun(self) -> "_Runs":
+        runs = _Runs(self.driven, self.seen, self.steps, self.acting)
+        state = self.start.state
+        if self.gain is not None:
+            state = _improved(runs, self.start, self.gain, self.reading)
+        runs.begin(self.start, state)
+        return runs
+
+
+@dataclass(frozen=True)
+class RowStates:
+    """The states of n runs in each row."""
+
+    pose: Array
+    """(n, T, nq)"""
+    rate: Array
+    """Half a time step before, but for RK4, (n, T, nv)"""
+    activation: Array
+    """(n, T, na)"""
+    step: Array
+    """Time steps [s], (n,)"""
+    nstep: int
+    """Of each part of a row in which the controls change"""
 
 
 @dataclass(frozen=True)
@@ -158,18 +196,18 @@ class _Runs:
         self._parts = driven.told.shape[1] // driven.rows
         self.batch, model = side_by_side(driven.models, threads()), self._model
         period, known = driven.period, driven.known
-        self._nstep = max(2, ceil(max(steps, period.max() / model.opt.timestep) / self._parts))
+        self.nstep = max(2, ceil(max(steps, period.max() / model.opt.timestep) / self._parts))
         self._leaps = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
-        self._step = period / (self._nstep * self._parts)
-        set_timestep(self.batch, self._step)
+        self.step = period / (self.nstep * self._parts)
+        set_timestep(self.batch, self.step)
         seen.bind(self.batch)
         for field in ("qpos", "qvel", "qacc", "ctrl", "act"):
             self.batch.bind(field)
-        self._steps = known and PrescribedSteps(known, self._nstep * self._parts)
+        self._steps = known and PrescribedSteps(known, self.nstep * self._parts)
         self._prescription = known and Prescription(known.machine, self.batch)
         self._n = 0
         self._switches = Switches(self.batch, driven.off) if driven.off.any() else None
-        self._laws = acting and StateLaws(self.batch, acting, self._step, self._leaps)
+        self._laws = acting and StateLaws(self.batch, acting, self.step, self._leaps)
 
     def begin(self, start: SegmentStart, state: Array) -> None:
         """Place all runs at their beginning, joints at angles and rates (S, J, 2)."""
@@ -188,14 +226,14 @@ class _Runs:
             self.batch.bind("act")[:, first] = self._told[:, 0, n]
         if self._prescription and self._steps:
             self._n = 0
-            self._prescription.place(self._steps.at, self._steps.change / self._step[:, None])
+            self._prescription.place(self._steps.at, self._steps.change / self.step[:, None])
             self._prescription.hold(self._steps.first)
         if self._laws:
             self.batch.forward()
             self._laws.start()
         self.batch.forward()
         if self._leaps:
-            speed -= self._step[:, None] / 2 * self.batch.bind("qacc")
+            speed -= self.step[:, None] / 2 * self.batch.bind("qacc")
         if self._prescription and self._steps:
             self._prescription.hold(self._steps.held[:, 0])
         if self._laws:
@@ -212,7 +250,7 @@ class _Runs:
             self._turn(t // self._parts)
             last = (t + 1) % self._parts == 0
             stage = self._seen.stage if last else _NOTHING
-            self._move(self._nstep - self._leaps, stage)
+            self._move(self.nstep - self._leaps, stage)
             if last:
                 yield self._seen.read(self.batch)
 

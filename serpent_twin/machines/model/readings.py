@@ -4,21 +4,38 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from serpent_twin import effects
 from serpent_twin.arrays import Array
-from serpent_twin.effects import READING, Effect, Instant
+from serpent_twin.effects import Effect, Instant
+from serpent_twin.effects.law import Law
 from serpent_twin.errors import SerpentError
 
 
+@dataclass(frozen=True)
+class Clocks:
+    """When n runs begin [s], (n,) each."""
+
+    begun: Array
+    """Since the session began"""
+    prior_runtime: Array
+    """From the beginning of the log to that of the session"""
+
+
 def reread(
-    there: Sequence[Sequence[Effect]], names: Sequence[str], found: Array, period: Array
+    there: Sequence[Sequence[Effect]],
+    names: Sequence[str],
+    found: Array,
+    period: Array,
+    clocks: Clocks | None = None,
 ) -> Array:
     """What sensors make of readings, (n, T, C), each column of a named thing, in n runs with their effects
     and times between rows [s], (n,).
     """
-    several = [each for each in effects.stacked(there) if each.stage == READING]
-    several = [each for each in several if not each.at or each.at in names]
-    moment = ReadRuns(names, period[:, None], found)
+    several = [each for each in effects.stacked(there) if each.of_readings]
+    several = [each for each in several if not each.at or each.things & {*names}]
+    moment = ReadRuns(names, period[:, None], clocks, found)
     effects.act(several, moment, effects.begin(several, moment))
     return moment.reading
 
@@ -27,14 +44,37 @@ def reread(
 class ReadRuns(Instant):
     """All rows of n runs."""
 
-    given: ClassVar[frozenset[str]] = frozenset({"names", "dt"})
+    given: ClassVar[frozenset[str]] = frozenset({"names", "dt", "clocks"})
 
     names: Sequence[str]
     """What each column is of, (C,)"""
     dt: Array
     """Between rows [s], (n, 1)"""
+    clocks: Clocks | None
     reading: Array
     """(n, T, C)"""
+
+    def reading_of(self, law: Law) -> Array:
+        """What a law follows, (n, T); of a constant, zeros."""
+        if not law.reading:
+            return np.zeros(self.reading.shape[:2])
+        if law.reading in ("time", "runtime") and self.clocks:
+            rows = self.clocks.begun[:, None] + self.dt * np.arange(self.reading.shape[1])
+            return rows if law.reading == "time" else rows + self.clocks.prior_runtime[:, None]
+        if law.reading not in ("joint_angle", "joint_velocity"):
+            raise SerpentError(f"no reading here follows the {law.depends_on}.")
+        angle = self.reading[..., self._column(law.where)]
+        return angle if law.reading == "joint_angle" else np.gradient(angle, axis=1) / self.dt
+
+    def change(self, law: Law, sizes: Sequence[Array | float]) -> None:
+        """Shift what is read of one thing, by a size (n, T)."""
+        at, changed = self._column(law.place), self.reading.copy()
+        changed[..., at] += sizes[0]
+        self.reading = changed
+
+    def _column(self, place: str) -> int:
+        """Which column is the one of a thing."""
+        return self.at(place).which[0]
 
     def at(self, place: str) -> "SomeColumns":
         """The columns of one thing."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import CABLE, READING, Effect, name_of
+from serpent_twin.effects import CABLE, Effect, name_of
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.numbers import is_dc_motor
 from serpent_twin.machines.model.springs import single_joints
@@ -34,7 +34,7 @@ def acts_on_state(effect: Effect, model: mujoco.MjModel) -> bool:
     """Whether an effect acts in each time step: one on what an actuator gives does so where that follows from
     the state.
     """
-    if not effect.acts() or effect.stage >= READING:
+    if not effect.acts() or effect.of_readings:
         return False
     follows = _TORQUE in effect.needs and any(
         effect.at in ("", name) for name in state_driven(model)

@@ -40,7 +40,9 @@ class StateLaws:
         self._batch, self._acting, self._half, self._dt = batch, acting, half, step[:, None]
         self._several = effects.stacked(acting.several)
         self._first: list[Any] | None = None
-        self._names, springs = _places(model, {each.at for each in self._several})
+        self._names, springs = _places(
+            model, {name for each in self._several for name in each.things}
+        )
         self._springs = [Spring(batch, kind, name) for kind, name in springs]
         stiffness = [each.stiffness for each in self._springs]
         self._stiffness = np.array(stiffness).reshape(-1, len(step)).T

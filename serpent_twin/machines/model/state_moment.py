@@ -8,6 +8,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Instant
+from serpent_twin.effects.law import Law
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.part_of_moment import PartOfMoment
 
@@ -101,6 +102,36 @@ class StateMoment(Instant):
         """What the gears of a joint carry: the mean of what enters and of its load [N m or N], (n, J)."""
         return (self.drive_torque @ self.drives + self.other_torque) / 2
 
+    def reading_of(self, law: Law) -> Array:
+        """What a law follows, (n, 1)."""
+        if not law.reading:
+            return np.zeros_like(self.time)
+        if law.reading == "time":
+            return self.time
+        if law.reading == "runtime":
+            return self.time + self.prior_runtime
+        if law.reading not in _FOLLOWED:
+            raise SerpentError(
+                f"no law follows the {law.depends_on} here; there are: {', '.join(_FOLLOWED)}, time, runtime."
+            )
+        at = self.column(law.reading, law.where)
+        return getattr(self, law.reading)[:, at : at + 1]
+
+    def change(self, law: Law, sizes: Sequence[Array | float]) -> None:
+        """Change what a law changes, by sizes (n, 1) of one component or three."""
+        if law.handle not in _CHANGED:
+            raise SerpentError(
+                f"no law changes {law.handle} here; there are: {', '.join(_CHANGED)}."
+            )
+        quantity = _CHANGED[law.handle]
+        at, changed = self.column(quantity, law.place), getattr(self, quantity).copy()
+        if quantity == "wrench":
+            for axis, size in enumerate(sizes):
+                changed[:, at, axis] += np.broadcast_to(size, self.time.shape)[:, 0]
+        else:
+            changed[:, at : at + 1] += sizes[0]
+        setattr(self, quantity, changed)
+
     def at(self, place: str) -> PartOfMoment:
         """The moment at one joint, tendon, drive or body."""
         return PartOfMoment(self, place)
@@ -115,6 +146,15 @@ class StateMoment(Instant):
         return list(self.names[kind]).index(place)
 
 
+_FOLLOWED = ("joint_angle", "joint_velocity", "tension")
+"""What laws may follow, besides clocks"""
+_CHANGED = {
+    "joint_torque": "joint_torque",
+    "joint_friction": "gear_friction",
+    "slack": "slack",
+    "force": "wrench",
+}
+"""What laws may change, by their names of it"""
 _KIND = {
     **dict.fromkeys(
         ("joint_angle", "joint_velocity", "joint_torque", "gear_friction", "horn_torque"), JOINT

@@ -1,0 +1,103 @@
+"""Sum over rows what the residual says of changes at one place that follow readings."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.machines.places import LaggedResponse, Response
+
+_AT_ONCE = 2e7
+"""Numbers of the changes of some ways that are held at once"""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """A residual of N rows, and what free parameters take up of it."""
+
+    left: Array
+    """Of the residual, beyond the free parameters, (N, C)"""
+    slopes: Array
+    """Its derivative by the free parameters, (M, N, C)"""
+    scale: Array
+    """One over the noise, 0 where nothing was measured, (S, T, C)"""
+
+    def weighed(self, change: Array) -> Array:
+        """What changes of the prediction, (…, S, T, C), do to the residual, (…, N, C)."""
+        weighed = -change * self.scale
+        return weighed.reshape(*change.shape[:-3], *self.left.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Of W ways of a place with d components."""
+
+    pulls: Array
+    """Products with the residual, (W, d)"""
+    raw: Array
+    """Products of components with each other, (W, d, d)"""
+    taken: Array
+    """Products with the derivatives by the free parameters, (d, W, M)"""
+
+
+def sums(rows: Rows, response: Response, F: Array) -> Sums:
+    """The sums of a place's response to changes that follow F, (W, N)."""
+    if not isinstance(response, LaggedResponse):
+        return _in_their_row(rows, rows.weighed(response.change), F)
+    d, W, M = len(response.enters), len(F), len(rows.slopes)
+    pulls, raw, taken = np.empty((W, d)), np.empty((W, d, d)), np.empty((d, W, M))
+    left = rows.left.ravel().astype(np.float32)
+    slopes = rows.slopes.reshape(M, -1).astype(np.float32)
+    for which, each in _changes(rows, response, F):
+        pulls[which] = np.stack([y @ left for y in each], axis=1)
+        for a, b in np.ndindex(d, d):
+            raw[which, a, b] = np.einsum("wn,wn->w", each[a], each[b])
+        for a in range(d):
+            taken[a, which] = each[a] @ slopes.T
+    return Sums(pulls, raw, taken)
+
+
+def between(rows: Rows, response: Response, F: Array) -> tuple[Array, Array, Array]:
+    """Products of the changes of all ways with each other, (W, W), with the residual, (W,), and with the
+    derivatives by the free parameters, (W, M); of a place with one component.
+    """
+    if isinstance(response, LaggedResponse):
+        Y = np.concatenate([each[0] for _, each in _changes(rows, response, F)]).astype(float)
+    else:
+        R = rows.weighed(response.change)[0]
+        Y = (F[..., None] * R).reshape(len(F), -1)
+    return Y @ Y.T, Y @ rows.left.ravel(), Y @ rows.slopes.reshape(len(rows.slopes), -1).T
+
+
+def by_row(rows: Rows, response: Response) -> tuple[Array, Array]:
+    """Products of the residual with a change in each row, and the squares of what this does, (d, N) each; of
+    what goes on from row to row, the squares are taken as 1.
+    """
+    if isinstance(response, LaggedResponse):
+        found = response.products(-rows.left.reshape(rows.scale.shape) * rows.scale)
+        found = found.reshape(len(found), -1)
+        return found, np.ones_like(found)
+    R = rows.weighed(response.change)
+    return np.einsum("dnc,nc->dn", R, rows.left), (R**2).sum(axis=2)
+
+
+def _in_their_row(rows: Rows, R: Array, F: Array) -> Sums:
+    """Of what shows in its row alone: with the way's squares and products, row by row."""
+    h = np.einsum("dnc,nc->dn", R, rows.left).astype(np.float32)
+    D = np.einsum("dnc,mnc->dnm", R, rows.slopes, optimize=True).astype(np.float32)
+    d = len(R)
+    raw = np.empty((len(F), d, d))
+    for a, b in np.ndindex(d, d):
+        raw[:, a, b] = F**2 @ (R[a] * R[b]).sum(axis=1).astype(np.float32)
+    return Sums((F @ h.T).astype(float), raw, np.array([F @ each for each in D]))
+
+
+def _changes(rows: Rows, response: LaggedResponse, F: Array) -> Iterator[tuple[slice, list[Array]]]:
+    """Some ways after the other: what they do to the residual, (W, N · C) for each component."""
+    at_once = max(1, int(_AT_ONCE / rows.left.size))
+    for n in range(0, len(F), at_once):
+        which = slice(n, n + at_once)
+        follows = F[which].reshape(-1, *rows.scale.shape[:2]).astype(np.float32)
+        weighed = [rows.weighed(each) for each in response.of(follows)]
+        yield which, [each.reshape(len(each), -1).astype(np.float32) for each in weighed]

@@ -1,0 +1,165 @@
+"""Say, along one simulated motion, what changes at the places of a model do to what is measured."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.effects.law import READING_SHIFT, Law
+from serpent_twin.machines.measured import Runs
+from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.earlier import clocks_of
+from serpent_twin.machines.model.motion import Motion, RowStates
+from serpent_twin.machines.model.row_motion import ForcedRows, forced_rows
+from serpent_twin.machines.model.seen import address
+from serpent_twin.machines.model.springs import single_joints
+from serpent_twin.machines.model.starts import LEAD, measured_joints
+from serpent_twin.machines.model.things import joint_type, lengths
+from serpent_twin.machines.places import LaggedResponse, Response, RowMotion
+
+_MOST = 12
+"""Joints or bodies of a model at which laws are sought"""
+_SLOW = 0.05
+"""Speed at which dry friction has its full size, of the joint's own rms: it changes its sign softly"""
+_SLIDES = {"N m": "N", "rad": "m", "rad/s": "m/s"}
+"""Units of a slide, in place of a hinge's"""
+
+
+def only_single(model: mujoco.MjModel) -> bool:
+    """Whether all joints are hinges or slides, and few enough."""
+    return model.njnt == model.nq == len(single_joints(model)) <= _MOST
+
+
+def units_of_law(model: mujoco.MjModel, law: Law) -> dict[str, str]:
+    """The units of a law's size and of its form's parameters, by whether its places turn or slide."""
+    own, followed = (_slides(model, name) for name in (law.place, law.where))
+    units = law.units()
+    size, _, per = units["size"].partition(" per ")
+    size = _SLIDES.get(size, size) if own else size
+    per = _SLIDES.get(per, per) if followed else per
+    units["size"] = f"{size} per {per}" if per else size
+    for name in ("first", "bound", "second"):
+        units[name] = _SLIDES.get(units[name], units[name]) if followed else units[name]
+    if law.shape == "periodic":
+        units |= {"first": f"rad per {units['bound']}", "second": "rad"}
+    return units
+
+
+def _slides(model: mujoco.MjModel, name: str) -> bool:
+    """Whether what has a name is in metres."""
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) >= 0:
+        return joint_type(model, name) == "slide"
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, name) >= 0:
+        return lengths(model, "tendon", name) == ("m",)
+    return False
+
+
+@dataclass(frozen=True)
+class ModelPlaces:
+    """What S segments of T rows show of changes at a model's places."""
+
+    machine: Described
+    measured: tuple[str, ...]
+    """The thing that each channel is of, (C,)"""
+    states: RowStates
+    forced: ForcedRows
+    pieces: Runs
+
+    @classmethod
+    def of(
+        cls, machine: Described, measured: Sequence[str], motion: Motion, pieces: Runs
+    ) -> "ModelPlaces":
+        """Those of a motion of one twin."""
+        states = motion.states()
+        forced = forced_rows(motion.driven, states, motion.seen)
+        if motion.gain is not None:
+            adapts = _adapts(machine.model, measured, motion, forced.motion)
+            forced = replace(forced, motion=replace(forced.motion, adapts=adapts))
+        return cls(machine, tuple(measured), states, forced, pieces)
+
+    @cached_property
+    def readings(self) -> Mapping[tuple[str, str], Array]:
+        """What laws may follow, (S, T), by the reading and its place."""
+        since, prior = clocks_of(self.pieces)
+        rows = self.pieces.time - self.pieces.time[:, :1] + since[:, None]
+        found: dict[tuple[str, str], Array] = {}
+        for name, dof in self._joints:
+            found["joint_angle", name] = np.nan_to_num(self.states.pose[..., dof])
+            found["joint_velocity", name] = np.nan_to_num(self.states.rate[..., dof])
+        return found | {
+            ("time", "session"): rows,
+            ("runtime", "machine"): rows + prior[:, None],
+        }
+
+    @property
+    def responses(self) -> Sequence[Response]:
+        """Of every quantity at every place."""
+        return [*self._of_joints(), *self._of_bodies(), *self._of_readings()]
+
+    @property
+    def _joints(self) -> list[tuple[str, int]]:
+        """Names of joints, and their degrees of freedom, which are their place in the pose."""
+        model = self.machine.model
+        return [(name, n) for n in range(model.njnt) if (name := model.joint(n).name)]
+
+    def _of_joints(self) -> Iterator[Response]:
+        for name, dof in self._joints:
+            push, rate = self.forced.by_force[dof], self.states.rate[..., dof]
+            full = max(_SLOW * float(np.sqrt(np.nanmean(rate**2))), 1e-9)
+            rubs = -np.tanh(np.nan_to_num(rate) / full)[..., None] * push
+            yield self._lagged("joint_torque", name, push[None])
+            yield self._lagged("joint_friction", name, rubs[None])
+
+    def _lagged(self, handle: str, name: str, push: Array, own: Array | None = None) -> Response:
+        if own is None:
+            own = np.zeros((len(push), *self.pieces.measured.shape))
+        return LaggedResponse(handle, name, self.forced.motion, push, own)
+
+    def _of_bodies(self) -> Iterator[Response]:
+        model = self.machine.model
+        bodies = [n for n in range(1, model.nbody) if model.body_dofnum[n] and model.body(n).name]
+        if len(bodies) > _MOST:
+            return
+        for n, lever in zip(bodies, self._levers(bodies), strict=True):
+            push = np.einsum("stxv,vstd->xstd", lever, self.forced.by_force)
+            yield self._lagged("force", model.body(n).name, push)
+
+    def _levers(self, bodies: Sequence[int]) -> Array:
+        """Motion of bodies' centres of mass by each degree of freedom, (B, S, T, 3, nv)."""
+        model, pose = self.machine.model, np.nan_to_num(self.states.pose)
+        data, own = mujoco.MjData(model), model.nq
+        out = np.empty((len(bodies), *pose.shape[:2], 3, model.nv))
+        for s, t in np.ndindex(pose.shape[:2]):
+            data.qpos[:] = pose[s, t, :own]
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            for k, n in enumerate(bodies):
+                mujoco.mj_jacBodyCom(model, data, out[k, s, t], None, n)
+        return out
+
+    def _of_readings(self) -> Iterator[Response]:
+        for k, name in enumerate(self.measured):
+            if name in measured_joints(self.machine) and self.measured.count(name) == 1:
+                change = np.zeros((1, *self.pieces.measured.shape))
+                change[..., k] = 1.0
+                yield self._lagged(READING_SHIFT, name, 0.0 * self.forced.by_force[:1], change)
+
+
+def _adapts(
+    model: mujoco.MjModel, measured: Sequence[str], motion: Motion, rows: RowMotion
+) -> Array:
+    """How the states at which runs begin follow what is read in the lead, (S, D, LEAD, C)."""
+    (S, _, C, D), joints = rows.shows.shape, motion.start.joints
+    assert motion.gain is not None
+    out = np.zeros((S, D, LEAD, C))
+    gain = motion.gain.reshape(S, len(joints), 2, len(joints), LEAD)
+    for j, joint in enumerate(joints):
+        dof = address(model, joint)
+        for k, other in enumerate(joints):
+            column = list(measured).index(other)
+            out[:, dof, :, column] = -gain[:, j, 0, k]
+            out[:, model.nq + dof, :, column] = -gain[:, j, 1, k]
+    return out

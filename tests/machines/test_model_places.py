@@ -1,0 +1,127 @@
+"""Composed laws on any model: beside effects that say the same, and to first order beside simulation."""
+
+import moving_models
+import numpy as np
+import pytest
+
+from serpent_twin import machines
+from serpent_twin.effects.law import SHAPES, parse
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.rig import read_logs
+
+FRICTION = "hinge_friction@elbow"
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory):
+    """A two-link arm's case and its segments."""
+    folder = tmp_path_factory.mktemp("arm")
+    path = moving_models.machine(folder)
+    for n in (1, 2):
+        moving_models.log(folder / "logs" / f"session_{n}.csv", n)
+    rig = machines.find(str(path))
+    case = rig.open(sessions := read_logs(rig, (folder / "logs",)))
+    return case, case.pieces(sessions)
+
+
+def shown(opened, at="", *values, effects=()):
+    """What the nominal twin shows with a law of some numbers, or with other effects, less without."""
+    case, pieces = opened
+    nominal = ParameterVector(np.zeros(len(case.declared)))
+    there = dict(effects) | ({f"discovered@{at}": np.array(values)} if at else {})
+    with_it, plain = (
+        case.machine.respond([ParameterVector(nominal.declared, each)], pieces)[0]
+        for each in (there, {})
+    )
+    return with_it - plain
+
+
+def of(size, first=0.0, second=0.0):
+    """A law's seven numbers."""
+    return size, 0.0, 0.0, first, second, 0.0, 0.0
+
+
+@pytest.mark.parametrize(
+    ("at", "values", "name", "others", "near"),
+    [
+        ("joint_torque of elbow: linear joint_angle of elbow", of(-0.4),
+         "joint_elasticity@elbow", [0.4], 2e-4),
+        ("joint_friction of elbow: constant", of(0.03), FRICTION, [0.03, 0.0], 2e-4),
+        ("joint_torque of elbow: linear joint_velocity of elbow", of(-0.02),
+         FRICTION, [0.0, 0.02], 2e-4),
+    ],
+)  # fmt: skip
+def test_a_law_moves_a_model_as_the_effect_that_says_the_same(
+    opened, at, values, name, others, near
+):
+    one, two = shown(opened, at, *values), shown(opened, effects={name: np.array(others)})
+    assert np.abs(two).max() > 0.004
+    assert np.quantile(np.abs(one - two), 0.95) < near  # a start may adapt in another way
+
+
+def test_a_shifted_reading_changes_that_column_alone(opened):
+    _, pieces = opened
+    change = shown(opened, "reading_shift of elbow: above time of session", *of(0.02, 3.0))
+    start = np.array([about["session"].time[0] for about in pieces.metadata])
+    late = pieces.time - start[:, None] > 3.01
+    early = pieces.time - start[:, None] < 2.99
+    whole = early.all(axis=1)  # where readings of the lead are shifted, so is the start
+    assert not change[whole].any()
+    assert np.abs(change[..., 0])[whole | late.all(axis=1)].max() < 0.02
+    crosses = ~whole & early[:, 0]
+    assert crosses.any()
+    assert np.allclose(change[crosses][late[crosses]], [0.0, 0.02], atol=1e-9)
+
+
+LAWS = {
+    "joint_torque of elbow: constant": 0.999,
+    "joint_torque of shoulder: above joint_angle of elbow": 0.99,
+    "joint_torque of elbow: beyond joint_angle of elbow": 0.99,
+    "joint_friction of elbow: constant": 0.9,
+    "force of lower: constant": 0.999,
+    "joint_torque of elbow: periodic time of session": 0.999,
+    "reading_shift of elbow: linear joint_angle of shoulder": 0.99,
+}
+
+
+@pytest.mark.parametrize(("at", "least"), LAWS.items())
+def test_a_change_shows_as_places_say_to_first_order(opened, at, least):
+    case, pieces = opened
+    law = parse(at)
+    places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+    responses = {(each.handle, each.place): each for each in places.responses}
+    if law.handle == "force":
+        law = parse(at.replace("lower", next(p for h, p in responses if h == "force")))
+    x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
+    first = 3.0 if law.shape == "periodic" else float(np.median(x))
+    follows = SHAPES[law.shape].form(x, first, 0.0)
+    unit = next(iter(responses[law.handle, law.place].of(follows[None])))[0]
+    size = 2e-3 / np.sqrt(np.mean(unit**2))
+    known = np.isfinite(pieces.measured)
+    found, told = shown(opened, str(law), *of(size, first))[known], size * unit[known]
+    assert found @ told > least * np.linalg.norm(found) * np.linalg.norm(told)
+    assert np.linalg.norm(told) == pytest.approx(np.linalg.norm(found), rel=0.1)
+
+
+def test_places_are_told_by_name_and_unit(opened):
+    case, pieces = opened
+    places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+    handles = {each.handle for each in places.responses}
+    assert handles == {"joint_torque", "joint_friction", "force", "reading_shift"}
+    assert ("joint_velocity", "elbow") in places.readings
+    units = case.units_of_law(parse("joint_torque of elbow: linear joint_angle of elbow"))
+    assert units["size"] == "N m per rad"
+
+
+@pytest.mark.parametrize(
+    ("at", "says"),
+    [
+        ("joint_torque of wrist: constant", "no hinge, slide, tendon, body or drive of a joint 'wrist'"),
+        ("winch_angle of elbow: constant", "no law changes winch_angle here; there are: joint_torque"),
+        ("joint_torque of elbow: linear horn_torque of elbow", "no law follows the horn torque of elbow"),
+    ],
+)  # fmt: skip
+def test_what_a_model_lacks_is_refused(opened, at, says):
+    with pytest.raises(SerpentError, match=says):
+        shown(opened, at, *of(0.1))
