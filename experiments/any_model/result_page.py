@@ -13,7 +13,9 @@ from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Section, Table
 
 _TEXT = """Each machine is a public model (dm_control's pendulum, acrobot and reacher, the hind leg of its
-cheetah, Kinova's six-joint arm with position servos) with one fault at one place, or with none. Its log is
+cheetah, Kinova's six-joint arm with position servos) with one fault at one place, or with none. Of a bumper
+("soft stop"), a joint that sticks in a window of its angle, a force that swings at 0.7 Hz and an encoder that
+waves, no catalogue has a law: these must be composed. A log is
 a CSV with what the actuators are told and what the joints' encoders read, at 50 Hz with noise of 0.3 mrad;
 the last of {sessions} judges. The data come from another integration than the twin's (Runge-Kutta, 0.25 ms),
 and the fault is a force, a command or a reading computed there, which shares nothing with the twin's effect.

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from experiments.any_model.record import VECTORS
-from experiments.any_model.trial import CLEAN
+from experiments.any_model.trial import CLEAN, COMPOSED
 from serpent_twin.effects import law_of, placed, ranges
 
 Row = Mapping[str, Any]
@@ -60,9 +60,16 @@ def _found(row: Row) -> tuple[Any, Any, Any, Any] | None:
     """True, found, low and high strengths, (n,) each."""
     if row["name"] == CLEAN or row["name"] not in row["strengths"]:
         return None
-    of = row["strengths"][row["name"]]
-    kind, _ = placed(row["name"])
-    vector = law_of(row["name"]) in VECTORS
-    names = [f"along_{axis}" for axis in "xyz"] if vector else [next(iter(ranges(kind)))]
+    of, law = row["strengths"][row["name"]], law_of(row["name"])
+    names = [f"along_{axis}" for axis in "xyz"]
+    if law in COMPOSED:
+        names = [name for name in of if name.startswith("size")]
+    elif law not in VECTORS:
+        names = [next(iter(ranges(placed(row["name"])[0])))]
     true = np.array(list(row["true"].values()))
-    return true, *(np.array([of[n][key] for n in names]) for key in ("value", "low", "high"))
+    value, low, high = (np.array([of[n][key] for n in names]) for key in ("value", "low", "high"))
+    if (
+        value @ true < 0 and law in COMPOSED
+    ):  # half a wave later, or a force that is told as a torque
+        return true, -value, -high, -low
+    return true, value, low, high

@@ -2,7 +2,7 @@
 
 import contextlib
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,11 +10,20 @@ from experiments.any_model.config import AnyModel
 from experiments.any_model.models import MODELS
 from experiments.any_model.record import VECTORS, FaultyRun, describe, record
 from experiments.result_rows import failed_row
-from serpent_twin.effects import law_of
+from serpent_twin.effects import law_of, place_of
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
 
 CLEAN = "nothing"
+COMPOSED: Mapping[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
+    "sticking_joint": ("joint_friction", ("within", "above", "under"), ("joint angle of {at}",)),
+    "soft_stop": ("joint_torque", ("beyond",), ("joint angle of {at}",)),
+    "encoder_wave": ("reading_shift", ("periodic",), ("joint angle of {at}",)),
+    "swinging_force": ("force", ("periodic",), ("time", "runtime")),
+}
+"""Of what no catalogue lists, what a composed law must change at its place, how, and on what: a fault in the
+middle of a motion's range may be seen from one of its ends
+"""
 
 
 @dataclass(frozen=True)
@@ -38,13 +47,16 @@ class FaultyMachine:
     @property
     def strength(self) -> float:
         """Of the fault, in SI units."""
-        return MODELS[self.model].faults.get(self.fault, 0.0)
+        model = MODELS[self.model]
+        return {**model.faults, **model.accidents}.get(self.fault, 0.0)
 
 
 def machines(only: Sequence[str] = ()) -> list[FaultyMachine]:
     """Every model without a fault, then with each of its faults."""
     every = [
-        FaultyMachine(name, fault) for name, of in MODELS.items() for fault in ("", *of.faults)
+        FaultyMachine(name, fault)
+        for name, of in MODELS.items()
+        for fault in ("", *of.faults, *of.accidents)
     ]
     known = {each.model for each in every} | {law_of(each.name) for each in every}
     if unknown := [name for name in only if name not in known]:
@@ -77,8 +89,8 @@ def run(config: AnyModel, machine: FaultyMachine) -> dict[str, Any]:
         "model": machine.model,
         "name": machine.name,
         "true": _true(machine),
-        "named": [each["name"] for each in found["effects"]],
-        "strengths": _strengths(found),
+        "named": [_named(machine, each) for each in found["effects"]],
+        "strengths": _strengths(machine, found),
         "rivals": {
             name: [each["name"] for each in several if not each["told_apart"]]
             for name, several in found["rivals"].items()
@@ -97,10 +109,25 @@ def _true(machine: FaultyMachine) -> dict[str, float]:
     return {"": float(values[0])} if machine.fault else {}
 
 
-def _strengths(found: dict[str, Any]) -> dict[str, dict[str, dict[str, float]]]:
+def _named(machine: FaultyMachine, effect: Mapping[str, Any]) -> str:
+    """What an effect is called; a composed law by the fault that it describes, or in words."""
+    if "law" not in effect:
+        return str(effect["name"])
+    changes, laws, on = COMPOSED.get(law_of(machine.name), ("", (), ()))
+    at, follows = place_of(machine.name), effect["depends_on"]
+    wanted = [each.format(at=at) for each in on]
+    there = (effect["changes"], effect["place"]["name"]) == (changes, at)
+    if there and effect["law"] in laws and {*follows} & {*wanted}:
+        return machine.name
+    return " ".join((effect["changes"], "of", effect["place"]["name"], effect["law"], *follows))
+
+
+def _strengths(
+    machine: FaultyMachine, found: dict[str, Any]
+) -> dict[str, dict[str, dict[str, float]]]:
     """Value, low and high of each parameter of each named effect."""
     return {
-        each["name"]: {
+        _named(machine, each): {
             name: {key: of[key] for key in ("value", "low", "high")}
             for name, of in each["parameters"].items()
         }

@@ -4,18 +4,20 @@ import mujoco
 import numpy as np
 import pytest
 
-from experiments.any_model import score
+from experiments.any_model import score, trial
 from experiments.any_model.models import MODELS
 from experiments.any_model.record import FaultyRun
 from experiments.any_model.trial import FaultyMachine, machines
+from serpent_twin import effects
 from serpent_twin.errors import SerpentError
 
+ACCIDENTS = [(name, fault) for name, model in MODELS.items() for fault in model.accidents]
 FAULTS = [(name, fault) for name, model in MODELS.items() for fault in model.faults]
 
 
-def moved(name, fault, strength):
+def moved(name, fault, strength, aside=0.0):
     machine = FaultyRun(MODELS[name], fault, strength, 1)
-    machine.data.qpos[:] = MODELS[name].middle
+    machine.data.qpos[:] = np.array(MODELS[name].middle) + aside
     drives = len(MODELS[name].drives)
     start = machine.data.qpos[:drives] if MODELS[name].gain == 0 else np.zeros(drives)
     for n in range(400):
@@ -73,6 +75,33 @@ def test_a_machine_is_judged_by_what_is_named_first():
     assert not score.right(swapped) and score.undecided(swapped) and not score.covered(swapped)
     assert score.covered(row(fault, "gravity")) is None
     assert score.right(row("")) and not score.right(row("", "gravity"))
+
+
+def test_a_composed_law_is_judged_by_its_place_and_what_it_follows():
+    machine = FaultyMachine("reacher", "soft_stop@wrist")
+    found = {"name": "discovered", "changes": "joint_torque", "law": "beyond",
+             "place": {"kind": "joint", "name": "wrist"}, "depends_on": ["joint angle of wrist"]}  # fmt: skip
+    assert trial._named(machine, found) == machine.name
+    other = found | {"place": {"kind": "joint", "name": "shoulder"}}
+    said = "joint_torque of shoulder beyond joint angle of wrist"
+    assert trial._named(machine, other) == said
+    assert trial._named(machine, {"name": "gravity"}) == "gravity"
+    size = {"size": {"value": -0.104, "low": -0.12, "high": -0.09}}
+    good = row("", machine.name) | {"name": machine.name, "true": {"": 0.1}}
+    good["strengths"] = {machine.name: size}
+    assert score.right(good) and score.covered(good) and score.off(good) == pytest.approx(0.04)
+
+
+@pytest.mark.parametrize(("name", "fault"), ACCIDENTS)
+def test_an_accident_acts_and_is_not_in_the_catalogue(name, fault):
+    strength = MODELS[name].accidents[fault]
+    if fault.startswith("encoder_wave"):
+        machine = FaultyRun(MODELS[name], fault, strength, 1)
+        machine.data.qpos[:] = np.array(MODELS[name].middle) + 0.1
+        assert 0 < np.abs(machine.read() - machine.data.qpos).max() <= strength
+    else:
+        assert np.abs(moved(name, fault, strength, 0.2) - moved(name, "", 0.0, 0.2)).max() > 1e-4
+    assert fault.partition("@")[0] not in effects.KNOWN
 
 
 def test_a_model_or_a_kind_of_fault_can_be_asked_for():

@@ -16,8 +16,10 @@ _WAVES = range(1, 9)
 _STILL = 1e-6
 _RAMPS = ("beyond", "below")
 _TIMES = ("session", "machine")
-_TURNS = "motor_angle"
-"""The reading that may be followed in waves"""
+_TURNS = {"motor_angle": 0.0, "joint_angle": 4.5}
+"""Readings that may be followed in waves, and how far [rad] these must go on in the logs: a part of a wave of
+a joint is a curve
+"""
 _OVERSAMPLED = 2.0
 """Frequencies of a swing to each that its duration tells apart"""
 _PERIODS = 3
@@ -76,8 +78,8 @@ def _parameters(reading: str, x: Array) -> Iterator[tuple[str, float, float]]:
         return
     for low, high in combinations(levels, 2):
         yield "within", float(low), float(high - low)
-    if reading == _TURNS:
-        for waves in _WAVES:
+    for waves in _WAVES if reading in _TURNS else ():
+        if waves * np.ptp(x) >= _TURNS[reading]:
             yield from (("periodic", float(waves), phase) for phase in (0.0, np.pi / 2))
 
 
