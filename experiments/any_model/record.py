@@ -105,9 +105,11 @@ class FaultyRun:
             out[dof] = -self.strength * of[self.law]
         elif self.law in ("constant_force", "swinging_force"):
             swings = np.sin(2 * np.pi * SWING * data.time)
-            push = self.towards * (swings if self.law == "swinging_force" else 1.0)
+            push, at = self.towards, data.xpos[body]
+            if self.law == "swinging_force":
+                push, at = swings * push, data.xipos[body]
             body = self._named(mujoco.mjtObj.mjOBJ_BODY)
-            mujoco.mj_applyFT(self.model, data, push, np.zeros(3), data.xpos[body], body, out)
+            mujoco.mj_applyFT(self.model, data, push, np.zeros(3), at, body, out)
         return out
 
     def _named(self, kind: mujoco.mjtObj) -> int:
