@@ -104,11 +104,11 @@ class FaultyRun:
             of = {"sticking_joint": rubs, "soft_stop": max(angle - BEYOND, 0.0)}
             out[dof] = -self.strength * of[self.law]
         elif self.law in ("constant_force", "swinging_force"):
+            body = self._named(mujoco.mjtObj.mjOBJ_BODY)
             swings = np.sin(2 * np.pi * SWING * data.time)
             push, at = self.towards, data.xpos[body]
             if self.law == "swinging_force":
                 push, at = swings * push, data.xipos[body]
-            body = self._named(mujoco.mjtObj.mjOBJ_BODY)
             mujoco.mj_applyFT(self.model, data, push, np.zeros(3), at, body, out)
         return out
 

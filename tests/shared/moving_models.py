@@ -94,10 +94,10 @@ def machine(folder: Path) -> Path:
     return folder / "machine.toml"
 
 
-def log(path: Path, seed: int, friction=0.0, at_tip=0.0, late=0.0) -> Path:
+def log(path: Path, seed: int, friction=0.0, at_tip=0.0, late=0.0, stop=0.0) -> Path:
     """Write a motion as CSV, with noise of 0.5 mrad, and of 4 mA in the motors' currents, of 0.5 N m/A, which
-    are read before a row's goals are told: the elbow has Coulomb friction [N m], the tip a further
-    mass [kg], and the motors obey late [s].
+    are read before a row's goals are told: the elbow has Coulomb friction [N m] and a bumper [N m/rad] beyond
+    0.1 rad, the tip a further mass [kg], and the motors obey late [s].
     """
     rng = np.random.default_rng(seed)
     size, speed, phase = (
@@ -126,7 +126,7 @@ def log(path: Path, seed: int, friction=0.0, at_tip=0.0, late=0.0) -> Path:
             [(m1 + m2) * a * np.cos(q[0]) + m2 * b * np.cos(q.sum()), m2 * b * np.cos(q.sum())]
         )
         motors = GAIN * (goal(t) - q) - np.array(SPRINGS) * q - DAMPING * v
-        rubs = np.array([0.0, friction * np.tanh(v[1] / 1e-3)])
+        rubs = np.array([0.0, friction * np.tanh(v[1] / 1e-3) + stop * max(q[1] - 0.1, 0.0)])
         return np.r_[v, np.linalg.solve(inertia, motors + down - coriolis - rubs)]
 
     start = posed_models.rest(goal(0.0), np.array([0.0, 0.0, -9.81]))
