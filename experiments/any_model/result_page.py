@@ -6,22 +6,23 @@ from typing import Any
 import numpy as np
 
 from experiments.any_model.score import WITHIN, Row, covered, off, right, told, undecided
-from experiments.any_model.trial import CLEAN
+from experiments.any_model.trial import CLEAN, COMPOSED
 from experiments.result_page import PageContent
+from serpent_twin.effects import law_of
 from serpent_twin.identification.figures import spaced
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Section, Table
 
 _TEXT = """Each machine is a public model (dm_control's pendulum, acrobot and reacher, the hind leg of its
-cheetah, Kinova's six-joint arm with position servos) with one fault at one place, or with none. Of a bumper
-("soft stop"), a joint that sticks in a window of its angle, a force that swings at 0.7 Hz and an encoder that
-waves, no catalogue has a law: these must be composed. A log is
+cheetah, Kinova's six-joint arm with position servos) with one fault at one place, or with none. Its log is
 a CSV with what the actuators are told and what the joints' encoders read, at 50 Hz with noise of 0.3 mrad;
 the last of {sessions} judges. The data come from another integration than the twin's (Runge-Kutta, 0.25 ms),
 and the fault is a force, a command or a reading computed there, which shares nothing with the twin's effect.
 The machine.toml of each lists the drives and the joints, nothing else: numbers that calibration fits and
 candidates are the default. Strengths are above the detection limits that the traces state; below them
 nothing is named."""
+_COMPOSED = """Of a bumper ("soft stop"), a joint that sticks in a window of its angle, a force that swings at
+0.7 Hz and an encoder that waves, no catalogue has a law: these must be composed."""
 
 
 def result_page(results: Mapping[str, Any]) -> PageContent:
@@ -31,6 +32,8 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
     if settings["seed"]:
         command += f" --seed {settings['seed']}"
     sessions = counted(settings["sessions"], "session")
+    told = [_TEXT.format(sessions=sessions)]
+    told += [_COMPOSED] * any(law_of(row["name"]) in COMPOSED for row in rows)
     failures = [f"{name}: {why}" for name, why in results["failed"].items()]
     failed = [Section("Not traced", "\n\n".join(failures))] if failures else []
     return PageContent(
@@ -38,7 +41,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         command,
         f"{counted(len(rows), 'machine')} of five public models, {sessions} of 12 s each",
         (
-            Section("", _TEXT.format(sessions=sessions), (_rates(rows),)),
+            Section("", "\n\n".join(told), (_rates(rows),)),
             Section("Machines", "", (_machines(rows),)),
             *failed,
         ),
