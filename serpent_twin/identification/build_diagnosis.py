@@ -28,6 +28,7 @@ from serpent_twin.identification.score_test import at_bound, strengths
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.identification.unexplained import unexplained
+from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case as AnyCase
 from serpent_twin.machines.machine import Quantity
 from serpent_twin.residual import analyse
@@ -206,7 +207,7 @@ def _verdict(name: str, each: Round, selection: Selection, case: Case) -> tuple[
     if why := why_not(name, trial, case.candidates[name]):
         return REJECTED, why
     assert trial.gain is not None
-    return REJECTED, f"{trial.gain}, less than {' and '.join(each.accepted)}"
+    return REJECTED, f"{trial.gain}, less than {' and '.join(map(spaced, each.accepted))}"
 
 
 def _cautions(case: Case, selection: Selection) -> tuple[str, ...]:

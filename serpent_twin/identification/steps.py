@@ -31,6 +31,7 @@ from serpent_twin.identification.held_out import Errors, gain, gave_up
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.trials import Trials
+from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
@@ -279,6 +280,6 @@ class Tracer:
                 continue
             lost = gain(without, beside)
             if weakness(lost):
-                self.on_progress(f"{name} is not worth it beside the others")
+                self.on_progress(f"{spaced(name)} is not worth it beside the others")
                 final = less
         return final
