@@ -20,6 +20,10 @@ _FAIR, _AIM = (0.02, 1.0), 0.2
 _RESIZED = (0.02, 20.0)  # times the usual difference
 
 
+class UnstableStartError(SerpentError):
+    """A fit cannot begin where its simulation is unstable."""
+
+
 @dataclass(frozen=True)
 class FreeParameters:
     """The free parameters of a fit: declared ones by index, effects' ones by name and index."""
@@ -78,11 +82,11 @@ def jacobian(
     """The residual, (S, n), and its derivative by every free parameter, (len(free), S, n).
 
     It is 0, so that a fit holds the parameter, where every step of it makes the simulation unstable:
-    `unstable` names those. Raises a `SerpentError` where the parameter vector itself does.
+    `unstable` names those. Raises an `UnstableStartError` where the parameter vector itself does.
     """
     residual = case.residual([point], pieces)[0]
     if not np.isfinite(residual).all():
-        raise SerpentError(
+        raise UnstableStartError(
             "the twin's simulation became unstable where a fit was to begin, so nothing can be said of these "
             "logs. Check the motors' angles, and what the twin declares."
         )

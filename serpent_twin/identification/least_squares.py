@@ -49,7 +49,7 @@ def fit(
     carried: Fit | None = None,
     steps: int = _STEPS,
     near: float = np.inf,
-    last: bool = False,
+    rounds: int = 0,
 ) -> Fit:
     """Fit to at most so many segments, spread evenly, with at most so many derivatives.
 
@@ -58,8 +58,8 @@ def fit(
     simulated. From one that is `carried` over from other weights, and maybe fewer segments, the derivative
     is taken for the first steps instead of a simulation. The fit has converged when a new derivative gives no
     better step; with no steps it is the derivative at the start. Above the cost `near` there is no second
-    derivative, and small steps are not worth it. The `last` fit is finished along what the data tell least,
-    if its slopes are finite differences.
+    derivative, and small steps are not worth it. In so many `rounds` at most a fit is finished along what
+    the data tell least, if its slopes are finite differences.
     """
     used = known.used if known else _spread(len(pieces), most, carried.used if carried else ())
     problem = Objective(case, case.take(pieces, used), free, known)
@@ -90,8 +90,8 @@ def fit(
         settled = steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost)
         if (settled or at.cost > near) and (n or not carried):
             break
-    if last and case.differenced(at.point, problem.some):
-        at, jacobian = weak_steps.follow(problem, at, jacobian)
+    if rounds and case.differenced(at.point, problem.some):
+        at, jacobian = weak_steps.follow(problem, at, jacobian, rounds, on_progress)
     at = problem.exact(at)
     inflation, noise = problem.variance_inflation, case.noise
     error, correlation = _errors(jacobian, at.residual, inflation, problem.prior)

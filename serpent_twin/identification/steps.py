@@ -37,6 +37,8 @@ from serpent_twin.machines.machine import ParameterVector
 
 _MOST_EFFECTS = 6
 _MOST_DISCOVERED = 3
+_FINISHED = 8
+"""Rounds in which the last fit is finished along what the logs tell least"""
 _COMPOSED, _NEAR = 2, 0.8
 """Composed candidates that are fitted; of what the best removes, what another must"""
 _BEATS = 0.97
@@ -200,7 +202,7 @@ class Tracer:
                 self.on_progress,
                 known,
                 carried,
-                last=last,
+                rounds=_FINISHED if last else 0,
             ),
         )
 

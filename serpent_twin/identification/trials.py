@@ -1,6 +1,6 @@
 """Fit candidates fully, alone and in pairs, and judge the fits on logs that they were not fitted to."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +10,7 @@ from serpent_twin.identification.acceptance import CandidateTrial, PairTrial, Ro
 from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
 from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
 from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.left_out import chance_of_selection
@@ -30,8 +30,8 @@ from serpent_twin.numerals import counted
 
 _NEAR = 0.3
 """Share of the best candidate's gain in cost from which another is fitted further"""
-_MORE = 3
-"""Derivatives of a fit that goes on"""
+_MORE, _ROUNDS = 3, 2
+"""Derivatives of a fit that goes on, and its rounds along what the logs tell least"""
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
 _RIVALS = 2  # that were not fitted in their round, and are then
@@ -79,12 +79,15 @@ class Trials:
         for name in chosen:
             self.on_progress(f"{stage.replace('_', ', from the ')}: fitting {name}")
             near = min(beat, begun.cost - _NEAR * (begun.cost - best))
-            fitted = self.notes.fit(
+            fitted = self._stable(
                 f"fit_{stage}_{name}",
                 lambda one=found[name], near=near: full_fit(
                     case, self.training, begun, one, self.on_progress, near
                 ),
             )
+            if fitted is None:
+                trials[name] = replace(trials[name], score=replace(found[name], unstable=True))
+                continue
             best = min(best, fitted.cost)
             trials[name] = self._judged(case, found[name], base, fitted, before, len(chosen))
         near = min(beat, begun.cost - _NEAR * (begun.cost - best))
@@ -94,6 +97,13 @@ class Trials:
                 further = self._further(case, fitted, f"fit_{stage}_{name}_further")
                 trials[name] = self._judged(case, found[name], base, further, before, len(chosen))
         return trials
+
+    def _stable(self, stage: str, make: Callable[[], Fit]) -> Fit | None:
+        """A fit by its name; None where no simulation is stable in which it could begin."""
+        try:
+            return self.notes.fit(stage, make)
+        except UnstableStartError:
+            return None
 
     def _further(self, case: Case[Any], begun: Fit, stage: str) -> Fit:
         """A fit that its last derivative still bettered, gone on with derivatives by all parameters: what is
@@ -112,7 +122,7 @@ class Trials:
                 most,
                 self.on_progress,
                 carried=begun,
-                last=True,
+                rounds=_ROUNDS,
             ),
         )
 
@@ -134,14 +144,13 @@ class Trials:
             for name, size in zip(pair.names, pair.size, strict=True):
                 point = point.having(name, scores[name].sized(known[name], size))
             free = free_parameters(case, [*base.point.effects, *pair.names])
-            fitted = self.notes.fit(
+            fitted = self._stable(
                 f"fit_{number}_pair_{'_'.join(pair.names)}",
                 lambda p=point, f=free: fit(
                     case, self.training, p, f, 2, 1, self.on_progress, known=base
                 ),
             )
-            after = self.errors(case, fitted.point)
-            if gave_up(before, after):
+            if fitted is None or gave_up(before, self.errors(case, fitted.point)):
                 continue
             among = len(chosen) + len(known)
             trial = self._judged(case, scores[pair.names[0]], base, fitted, before, among)
@@ -164,13 +173,13 @@ class Trials:
             errors = done.trials[other].errors
             if errors is None and len(out) < _RIVALS and not scores[other].unstable:
                 self.on_progress(f"{name} or {other}: fitting {other}")
-                fitted = self.notes.fit(
+                rival = self._stable(
                     f"rival_{number}_{name}_{other}",
                     lambda o=other: full_fit(
                         case, self.training, done.base, scores[o], self.on_progress
                     ),
                 )
-                errors = self.errors(case, fitted.point)
+                errors = self.errors(case, rival.point) if rival else None
             alone = cosine(scores[name], scores[other])
             if errors is None or winner is None or gave_up(winner, errors):
                 out.append(Rival(other, alone, None, None))

@@ -7,6 +7,7 @@ happened to come in, and its standard errors are too small. So the residual is d
 combinations themselves, by central differences, and the fit follows them and its priors to the end.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,6 @@ _CHANGE = 3.0
 """Standard deviations by which a difference changes the residual"""
 _SHARE = 0.2
 """Of its value, by which an effect's parameter is scaled"""
-_ROUNDS = 8
 _STEPS = (1.0, 0.5, 0.2)
 """Shares of a step that are tried side by side"""
 _CORRECTIONS = 3
@@ -32,13 +32,21 @@ _WORTH = 0.5
 """A step that reduces the cost by less is the last"""
 
 
-def follow(problem: Objective, at: At, jacobian: Array) -> tuple[At, Array]:
-    """A parameter vector from which no weak direction leads to a lower cost, and the Jacobian there. That is
-    in double precision: rounding to single precision would give back part of the false information.
+def follow(
+    problem: Objective,
+    at: At,
+    jacobian: Array,
+    rounds: int,
+    on_progress: Callable[[str], None],
+) -> tuple[At, Array]:
+    """A parameter vector from which no weak direction leads to a lower cost, after so many rounds at most,
+    and the Jacobian there. That is in double precision: rounding to single precision would give back part of
+    the false information.
     """
     width = _widths(problem.case, problem.free, at.point)
     scaled = jacobian.reshape(len(width), -1).astype(float) * width[:, None]
-    for _ in range(_ROUNDS):
+    for n in range(rounds):
+        on_progress(f"along what the logs tell least, {n + 1} of {rounds}: cost {at.cost:.0f}")
         weak = _differentiated(problem, at, scaled, width)
         taken = _stepped(problem, at, scaled, width, weak)
         gained, at = at.cost - taken.cost, taken

@@ -68,7 +68,7 @@ class TwoServos(PulledSpring):
 def fitted(arm, last):
     """From where all forces are by a third too large."""
     start = ParameterVector(np.full(2, 0.3), {GUST: np.array([FORCE * np.exp(0.3)])})
-    return fit(arm, every(), start, free_parameters(arm, [GUST]), 3, 99, last=last)
+    return fit(arm, every(), start, free_parameters(arm, [GUST]), 3, 99, rounds=8 * last)
 
 
 def test_a_fit_goes_along_what_moves_nothing_until_its_priors_stop_it(pulled):
@@ -118,7 +118,7 @@ def test_a_fit_follows_a_way_that_bends():
 
     far = -0.12
     start = ParameterVector(np.array([far, springs(far)[1]]), {GUST: np.array([springs(far)[0]])})
-    found = fit(two, every(), start, free_parameters(two, [GUST]), 3, 99, last=True)
+    found = fit(two, every(), start, free_parameters(two, [GUST]), 3, 99, rounds=8)
     assert found.point.declared == pytest.approx([0.0, 0.0], abs=0.02)
     assert found.point.effects[GUST][0] == pytest.approx(0.8, rel=0.1)
 
