@@ -27,6 +27,8 @@ MARKERS = tuple(f"marker{i}" for i in range(1, N_JOINTS + 1))
 LOADS = tuple(f"{name}_load" for name in mjcf.MOTORS)
 JOINT_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
 _COM = np.array([[length / 2, 0.0, 0.0] for length in ARM.link_length])
+POSITIONS = ("position_x", "position_y", "position_z")
+"""Of a link's marker in the base frame"""
 LINK_MASS = np.array(ARM.link_mass)
 _COM.setflags(write=False)
 
@@ -55,6 +57,9 @@ def reading_of(moment: Any, law: Law) -> Array:
     if law.reading == "runtime":
         return moment.time + moment.prior_runtime
     at = column(NAMES[READINGS[law.reading][0]], law.where)
+    if law.reading in POSITIONS:
+        axis = POSITIONS.index(law.reading)
+        return _marker(moment.joint_angle, at)[:, axis : axis + 1]
     return getattr(moment, law.reading)[:, at : at + 1]
 
 
@@ -75,6 +80,12 @@ def change(moment: Any, law: Law, sizes: Sequence[Array | float]) -> None:
         if HANDLES[law.handle].only_more:
             changed = np.maximum(changed, 0.0)
         setattr(moment, law.handle, changed)
+
+
+def _marker(q: Array, link: int) -> Array:
+    """Position of a link's marker in the base frame [m], (n, 3)."""
+    origin, rotation = link_frames(q)
+    return origin[:, link] + rotation[:, link] @ ARM.markers_in_links[link]
 
 
 def _shape(moment: Any, law: Law) -> tuple[int, int]:

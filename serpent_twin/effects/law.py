@@ -133,6 +133,9 @@ READINGS: Mapping[str, tuple[str, str]] = {
     "motor_velocity": ("actuator", "rad/s"),
     "horn_torque": ("actuator", "N m"),
     "tension": ("tendon", "N"),
+    "position_x": ("body", "m"),
+    "position_y": ("body", "m"),
+    "position_z": ("body", "m"),
     "time": ("session", "s"),
     "runtime": ("machine", "s"),
 }

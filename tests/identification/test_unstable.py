@@ -17,6 +17,7 @@ from serpent_twin.identification.free_parameters import free_parameters, jacobia
 from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.score_test import full_fit, scores
+from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.case import Stopwatch
 
 
@@ -93,6 +94,17 @@ def test_a_full_fit_begins_where_it_is_stable():
     base = base_of(arm)
     fitted = full_fit(arm, every(), base, score(arm, base), print)
     assert 0 < fitted.point.effects[GUST][0] <= 0.1
+
+
+def test_a_fit_that_can_begin_nowhere_is_none_and_ends_nothing(tmp_path):
+    sound = fragile()
+    found, base = score(sound, base_of(sound)), base_of(sound)
+    trials = Trials(every(), every(), Checkpoints(tmp_path, Stopwatch()), print)
+    begun = [
+        trials._stable(f"gust_{n}", lambda a=arm: full_fit(a, every(), base, found, print))
+        for n, arm in enumerate((fragile(gust=-1.0), sound))
+    ]
+    assert begun[0] is None and begun[1] is not None
 
 
 def test_an_effect_that_no_strength_of_is_stable_is_said_to_be_untested(tmp_path):

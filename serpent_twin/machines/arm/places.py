@@ -13,7 +13,15 @@ import numpy as np
 
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
 from serpent_twin.arrays import Array
-from serpent_twin.effects.arm_places import JOINT_AXES, LINK_MASS, LOADS, MARKERS, NAMES, levers
+from serpent_twin.effects.arm_places import (
+    JOINT_AXES,
+    LINK_MASS,
+    LOADS,
+    MARKERS,
+    NAMES,
+    POSITIONS,
+    levers,
+)
 from serpent_twin.effects.law import READINGS
 from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.places import PlaceResponse
@@ -21,6 +29,8 @@ from serpent_twin.sim import response
 from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.sim.twin_model import TwinModel
 
+_OBSTACLES = (2, 4, 6, 8)
+"""Links whose position laws may follow, as where something stands in the way: links beside move alike"""
 _SOFTEST = 0.01
 """[N m/rad] of a joint whose cables are slack: friction holds it"""
 _STEP = 1e-4  # [rad]
@@ -57,11 +67,15 @@ class ArmPlaces:
             "time": time[..., None],
             "runtime": (time + self.pieces.prior_runtime[:, None])[..., None],
         }
-        return {
+        found = {
             (name, where): values[..., k]
             for name, values in several.items()
             for k, where in enumerate(NAMES[READINGS[name][0]])
         }
+        for axis, name in enumerate(POSITIONS):
+            for k in _OBSTACLES:
+                found[name, NAMES["body"][k]] = np.asarray(self.did.marker)[..., k, axis]
+        return found
 
     @property
     def responses(self) -> Sequence[PlaceResponse]:
