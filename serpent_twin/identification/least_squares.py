@@ -143,7 +143,8 @@ def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tupl
         0, 1
     ):  # in single precision, what a prior alone tells could be lost
         square += part.astype(float) @ part.T.astype(float) / each
-    covariance = np.linalg.inv(square)
+    width = np.sqrt(np.diag(square))
+    covariance = np.linalg.inv(square / np.outer(width, width)) / np.outer(width, width)
     error = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(error, error)
     segments = residual.shape[0]

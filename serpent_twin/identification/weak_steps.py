@@ -24,6 +24,8 @@ _CHANGE = 3.0
 """Standard deviations by which a difference changes the residual"""
 _SHARE = 0.2
 """Of its value, by which an effect's parameter is scaled"""
+_LEAST = 0.03
+"""Share of a way that is long enough for a difference: bounds may leave none of it, or none across others"""
 _STEPS = (1.0, 0.5, 0.2)
 """Shares of a step that are tried side by side"""
 _CORRECTIONS = 3
@@ -68,11 +70,13 @@ def _differentiated(problem: Objective, at: At, scaled: Array, width: Array) -> 
     points = [_curved(problem, at.point, way) for way in ways]
     found = problem.residuals(points) if points else np.empty((0, *at.residual.shape))
     went = np.reshape([_straight(problem, at.point, point) for point in points], (-1, len(width)))
-    steps = (went[0::2] - went[1::2]) / width
+    steps = (went[0::2] - went[1::2]) / width / (2 * lengths)[:, None]
     changes = (found[0::2] - found[1::2]).reshape(len(steps), scaled.shape[1])
-    if (known := np.isfinite(changes).all(axis=1)).any():
+    changes /= (2 * lengths)[:, None].astype(changes.dtype)
+    known = np.isfinite(changes).all(axis=1) & (np.linalg.norm(steps, axis=1) > _LEAST)
+    if known.any():
         some = steps[known]
-        scaled += np.linalg.pinv(some) @ (changes[known] - some @ scaled)
+        scaled += np.linalg.pinv(some, rcond=_LEAST) @ (changes[known] - some @ scaled)
     return weak
 
 
