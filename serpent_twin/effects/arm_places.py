@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_axis, link_frames
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import HANDLES, READINGS, Law
+from serpent_twin.effects.law import HANDLES, POSITIONS, READINGS, Law
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
 
@@ -27,8 +27,6 @@ MARKERS = tuple(f"marker{i}" for i in range(1, N_JOINTS + 1))
 LOADS = tuple(f"{name}_load" for name in mjcf.MOTORS)
 JOINT_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
 _COM = np.array([[length / 2, 0.0, 0.0] for length in ARM.link_length])
-POSITIONS = ("position_x", "position_y", "position_z")
-"""Of a link's marker in the base frame"""
 LINK_MASS = np.array(ARM.link_mass)
 _COM.setflags(write=False)
 

@@ -124,6 +124,8 @@ SHAPES: Mapping[str, LawShape] = {
 }
 """How changes follow readings, by name"""
 
+POSITIONS = ("position_x", "position_y", "position_z")
+"""Readings along axes of the base frame, of a model the world's"""
 CLOCKS = ("session", "machine")
 """Kinds of what time is of"""
 READINGS: Mapping[str, tuple[str, str]] = {
@@ -133,9 +135,7 @@ READINGS: Mapping[str, tuple[str, str]] = {
     "motor_velocity": ("actuator", "rad/s"),
     "horn_torque": ("actuator", "N m"),
     "tension": ("tendon", "N"),
-    "position_x": ("body", "m"),
-    "position_y": ("body", "m"),
-    "position_z": ("body", "m"),
+    **dict.fromkeys(POSITIONS, ("body", "m")),
     "time": ("session", "s"),
     "runtime": ("machine", "s"),
 }

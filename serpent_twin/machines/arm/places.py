@@ -13,16 +13,8 @@ import numpy as np
 
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
 from serpent_twin.arrays import Array
-from serpent_twin.effects.arm_places import (
-    JOINT_AXES,
-    LINK_MASS,
-    LOADS,
-    MARKERS,
-    NAMES,
-    POSITIONS,
-    levers,
-)
-from serpent_twin.effects.law import READINGS
+from serpent_twin.effects.arm_places import JOINT_AXES, LINK_MASS, LOADS, MARKERS, NAMES, levers
+from serpent_twin.effects.law import POSITIONS, READINGS
 from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.places import PlaceResponse
 from serpent_twin.sim import response

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import READING_SHIFT, Law
+from serpent_twin.effects.law import POSITIONS, READING_SHIFT, Law
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.earlier import clocks_of
@@ -89,6 +89,11 @@ class ModelPlaces:
         for name, dof in self._joints:
             found["joint_angle", name] = np.nan_to_num(self.states.pose[..., dof])
             found["joint_velocity", name] = np.nan_to_num(self.states.rate[..., dof])
+        for k, n in enumerate(self._bodies):
+            if n not in self.machine.model.body_parentid[self._bodies]:  # the end of a chain
+                at = self._along[1][k]
+                name = self.machine.model.body(n).name
+                found |= {(axis, name): at[..., x] for x, axis in enumerate(POSITIONS)}
         return found | {
             ("time", "session"): rows,
             ("runtime", "machine"): rows + prior[:, None],
@@ -119,26 +124,34 @@ class ModelPlaces:
         return LaggedResponse(handle, name, self.forced.motion, push, own)
 
     def _of_bodies(self) -> Iterator[Response]:
-        model = self.machine.model
-        bodies = [n for n in range(1, model.nbody) if model.body_dofnum[n] and model.body(n).name]
-        if len(bodies) > _MOST:
-            return
-        for n, lever in zip(bodies, self._levers(bodies), strict=True):
+        for n, lever in zip(self._bodies, self._along[0], strict=True):
             push = np.einsum("stxv,vstd->xstd", lever, self.forced.by_force)
-            yield self._lagged("force", model.body(n).name, push)
+            yield self._lagged("force", self.machine.model.body(n).name, push)
 
-    def _levers(self, bodies: Sequence[int]) -> Array:
-        """Motion of bodies' centres of mass by each degree of freedom, (B, S, T, 3, nv)."""
-        model, pose = self.machine.model, np.nan_to_num(self.states.pose)
+    @cached_property
+    def _bodies(self) -> list[int]:
+        """Bodies with joints and names, if there are few."""
+        model = self.machine.model
+        found = [n for n in range(1, model.nbody) if model.body_dofnum[n] and model.body(n).name]
+        return found if len(found) <= _MOST else []
+
+    @cached_property
+    def _along(self) -> tuple[Array, Array]:
+        """Motion of bodies' centres of mass by each degree of freedom, (B, S, T, 3, nv), and where these are
+        [m], (B, S, T, 3).
+        """
+        model, bodies, pose = self.machine.model, self._bodies, np.nan_to_num(self.states.pose)
         data, own = mujoco.MjData(model), model.nq
         out = np.empty((len(bodies), *pose.shape[:2], 3, model.nv))
+        at = np.empty(out.shape[:-1])
         for s, t in np.ndindex(pose.shape[:2]):
             data.qpos[:] = pose[s, t, :own]
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             for k, n in enumerate(bodies):
                 mujoco.mj_jacBodyCom(model, data, out[k, s, t], None, n)
-        return out
+                at[k, s, t] = data.xipos[n]
+        return out, at
 
     def _of_readings(self) -> Iterator[Response]:
         for k, name in enumerate(self.measured):

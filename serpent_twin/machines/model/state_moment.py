@@ -8,9 +8,10 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Instant
-from serpent_twin.effects.law import Law
+from serpent_twin.effects.law import POSITIONS, Law
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.part_of_moment import PartOfMoment
+from serpent_twin.numerals import listed
 
 JOINT, TENDON, SPRING, BODY, ACTUATOR = "joint", "tendon", "spring", "body", "actuator"
 """Kinds of places; what pulls is a spring: tendons, springs of joints and their drives"""
@@ -110,9 +111,12 @@ class StateMoment(Instant):
             return self.time
         if law.reading == "runtime":
             return self.time + self.prior_runtime
+        if law.reading in POSITIONS:
+            at = self.column("body_position", law.where)
+            return self.body_position[:, [at], POSITIONS.index(law.reading)]
         if law.reading not in _FOLLOWED:
             raise SerpentError(
-                f"no law follows the {law.depends_on} here; there are: {', '.join(_FOLLOWED)}, time, runtime."
+                f"no law follows the {law.depends_on} here; there are: {listed(_ALL_FOLLOWED)}."
             )
         at = self.column(law.reading, law.where)
         return getattr(self, law.reading)[:, at : at + 1]
@@ -147,7 +151,8 @@ class StateMoment(Instant):
 
 
 _FOLLOWED = ("joint_angle", "joint_velocity", "tension")
-"""What laws may follow, besides clocks"""
+"""What laws may follow, besides positions of bodies and clocks"""
+_ALL_FOLLOWED = (*_FOLLOWED, *POSITIONS, "time", "runtime")
 _CHANGED = {
     "joint_torque": "joint_torque",
     "joint_friction": "gear_friction",
