@@ -24,7 +24,7 @@ from serpent_twin.identification.acceptance import (
 )
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.detection import identifiability, opening_fit
-from serpent_twin.identification.discovery import SHARE, discover
+from serpent_twin.identification.discovery import discover
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.held_out import Errors, gain, gave_up
@@ -122,7 +122,7 @@ class Tracer:
             names, before = [each.name for each in found], self.errors(base.point)
             stage = f"{len(rounds) + 1}_composed"
             trials = self.trials.each(
-                names, self.case, base, base, before, stage, _COMPOSED, least=SHARE, beside=_NEAR
+                names, self.case, base, base, before, stage, _COMPOSED, beside=_NEAR
             )
             best = best_trial(trials, self.case.candidates)
             rounds.append(Round(base, before, trials, (best,) if best else ()))

@@ -62,17 +62,15 @@ class Trials:
         stage: str,
         most: int | None = None,
         beat: float = np.inf,
-        least: float = 0.0,
         beside: float = 0.0,
     ) -> dict[str, CandidateTrial]:
         """Score tests of candidates on top of a fit, and full fits of the selected ones, judged against the
-        base. One that is not below the cost `beat` after its first derivative is fitted no further; `least`
-        is the share of the residual that one must remove, in place of the usual, and `beside` that of what
-        the best removes.
+        base. One that is not below the cost `beat` after its first derivative is fitted no further; `beside`
+        is the share of what the best removes that another must.
         """
         found = self.placed(stage, case, begun, self.scores(stage, case, begun, names))
         trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
-        least = least or self._worth_a_fit(case, begun, before)
+        least = self._worth_a_fit(case, begun, before)
         least = max(least, beside * max((each.share for each in found.values()), default=0.0))
         chosen = worth_fitting(list(found.values()), case.candidates, least)[:most]
         best = begun.cost

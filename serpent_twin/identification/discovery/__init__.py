@@ -1,7 +1,7 @@
 """Compose effects that no catalogue lists: a law at a place, found in what the twin leaves of the logs."""
 
 from serpent_twin.identification.discovery.candidates import remade
-from serpent_twin.identification.discovery.discover import SHARE, discover
+from serpent_twin.identification.discovery.discover import discover
 from serpent_twin.identification.discovery.free_curve import FreeCurve, free_curve
 
-__all__ = ["SHARE", "FreeCurve", "discover", "free_curve", "remade"]
+__all__ = ["FreeCurve", "discover", "free_curve", "remade"]

@@ -14,7 +14,7 @@ _TRIED = 8
 """Composed candidates that are simulated"""
 _WORTH = 30.0
 """Squared standard errors that the best of some 300,000 laws must be worth: 2 ln 300,000 is chance"""
-SHARE = 0.008
+_SHARE = 0.015
 """Of the residual's squares that it must remove: of an arm that lacks nothing, the best removes 0.005"""
 
 
@@ -36,4 +36,4 @@ def discover(
 
 
 def _worth_it(found: Composed) -> bool:
-    return found.worth > _WORTH and found.share > SHARE
+    return found.worth > _WORTH and found.share > _SHARE
