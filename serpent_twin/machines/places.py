@@ -38,6 +38,15 @@ class RowMotion:
     (S, D, L, C)
     """
 
+    def of_starts(self) -> Array:
+        """Changes of the prediction by the state of each segment's first row, (S, D, T, C)."""
+        S, T, C, D = self.shows.shape
+        out, state = np.empty((S, D, T, C)), np.tile(np.eye(D), (S, 1, 1))
+        for t in range(T):
+            out[:, :, t] = (self.shows[:, t] @ state).swapaxes(1, 2)
+            state = self.goes_on[:, t] @ state
+        return out
+
     def adjoint(self, weighed: Array) -> Array:
         """Derivative of the sum of the prediction times weights, (S, T, C), by the state of the row after
         each row, (S, T, D).
@@ -122,4 +131,11 @@ class Places(Protocol):
     @property
     def responses(self) -> Sequence[Response]:
         """Of every quantity at every place."""
+        ...
+
+    @property
+    def starts(self) -> Array | None:
+        """Changes of the prediction by the states in which segments begin, if these are known by noisy
+        readings only, (S, k, T, C).
+        """
         ...

@@ -22,6 +22,8 @@ S, T, C, M = 6, 160, 5, 4
 class Made:
     """A machine of three places and a fit of M parameters, with a residual that a law makes."""
 
+    starts = None
+
     def __init__(self, law, seed=0, noise=1.0, knows=None):
         rng = np.random.default_rng(seed)
         time = 0.25 * np.arange(T) + 40 * np.arange(S)[:, None]

@@ -6,7 +6,7 @@ with F the ways in which a change may follow readings, h the residual's product 
 D that of the Jacobian, the pull is F h and the Gram matrix F² |R|² − w (F D) M⁻¹ (F D)ᵀ.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +22,7 @@ from serpent_twin.identification.discovery.followed import (
     swings,
     ways,
 )
-from serpent_twin.identification.discovery.sums import Rows, between, by_row, sums
+from serpent_twin.identification.discovery.sums import Rows, between, beyond, by_row, columns, sums
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.information import Information
 from serpent_twin.machines.case import Case
@@ -61,7 +61,7 @@ class Composed:
 
 def screened(case: Case[Any], pieces: Any, fit: Fit, places: Places) -> list[Composed]:
     """The best laws at each place, the best first, by the segments that a fit used."""
-    search = Search(case, pieces, fit, places.readings)
+    search = Search(case, pieces, fit, places)
     responses = list(places.responses)
     swings = search.swings(responses)
     found = [
@@ -73,22 +73,22 @@ def screened(case: Case[Any], pieces: Any, fit: Fit, places: Places) -> list[Com
 class Search:
     """What all places share."""
 
-    def __init__(
-        self, case: Case[Any], pieces: Any, fit: Fit, readings: Mapping[tuple[str, str], Array]
-    ) -> None:
-        known = Information.of(case, fit)
-        self.readings = readings
-        self.ways, self.F = ways(readings)
-        self.weight = known.weight
+    def __init__(self, case: Case[Any], pieces: Any, fit: Fit, places: Places) -> None:
         scale = np.where(np.isfinite(pieces.measured), 1 / case.noise, 0.0)
-        residual = fit.residual.ravel().astype(float)
+        free, known = columns(places.starts, scale), Information.of(case, fit)
+        slopes = beyond(free, known.slopes.astype(float).reshape(-1, *scale.shape))
+        known = replace(known, slopes=slopes.reshape(len(slopes), -1))
+        self.readings = places.readings
+        self.ways, self.F = ways(self.readings)
+        self.weight = known.weight
+        residual = beyond(free, fit.residual.astype(float).reshape(scale.shape)).ravel()
         pull = known.weight * (known.slopes @ residual) + known.prior * known.lean
         self.total = float(residual @ residual)
         self.inverse = np.linalg.inv(known.matrix)
         left = residual - known.slopes.T @ (self.inverse @ pull)
         shape = (-1, case.channels)
         self.rows = Rows(
-            left.reshape(shape), known.slopes.reshape(len(known.slopes), *shape), scale
+            left.reshape(shape), known.slopes.reshape(len(known.slopes), *shape), scale, free
         )
 
     def swings(self, responses: Sequence[Response]) -> list[list[Way]]:

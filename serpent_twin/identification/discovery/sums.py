@@ -8,6 +8,8 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.machines.places import LaggedResponse, Response
 
+_SAME = 1e-6
+"""Of changes by two states, below which they are one"""
 _AT_ONCE = 2e7
 """Numbers of the changes of some ways that are held at once"""
 
@@ -22,11 +24,35 @@ class Rows:
     """Its derivative by the free parameters, (M, N, C)"""
     scale: Array
     """One over the noise, 0 where nothing was measured, (S, T, C)"""
+    free: Array | None = None
+    """What each segment's start may change, weighed, as orthonormal columns, (S, T · C, k)"""
 
     def weighed(self, change: Array) -> Array:
-        """What changes of the prediction, (…, S, T, C), do to the residual, (…, N, C)."""
-        weighed = -change * self.scale
+        """What changes of the prediction, (…, S, T, C), do to the residual, beyond what starts may,
+        (…, N, C).
+        """
+        weighed = beyond(self.free, -change * self.scale)
         return weighed.reshape(*change.shape[:-3], *self.left.shape)
+
+
+def columns(starts: Array | None, scale: Array) -> Array | None:
+    """What starts may change, (S, k, T, C), weighed and as orthonormal columns, (S, T · C, k)."""
+    if starts is None:
+        return None
+    S, k = starts.shape[:2]
+    weighed = (starts * scale[:, None]).reshape(S, k, -1).swapaxes(1, 2)
+    size = np.maximum(np.linalg.norm(weighed, axis=1, keepdims=True), 1e-30)
+    u, s, _ = np.linalg.svd(weighed / size, full_matrices=False)
+    return u * (s > _SAME)[:, None]
+
+
+def beyond(free: Array | None, values: Array) -> Array:
+    """What is left of values, (…, S, T, C), beside what segments' starts may change."""
+    if free is None:
+        return values
+    flat = values.reshape(*values.shape[:-2], 1, -1)
+    taken = (flat @ free.astype(values.dtype)) @ free.swapaxes(1, 2).astype(values.dtype)
+    return (flat - taken).reshape(values.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +101,8 @@ def by_row(rows: Rows, response: Response) -> tuple[Array, Array]:
     what goes on from row to row, the squares are taken as 1.
     """
     if isinstance(response, LaggedResponse):
-        found = response.products(-rows.left.reshape(rows.scale.shape) * rows.scale)
+        left = rows.left.reshape(rows.scale.shape)  # which holds nothing that starts may change
+        found = response.products(-left * rows.scale)
         found = found.reshape(len(found), -1)
         return found, np.ones_like(found)
     R = rows.weighed(response.change)

@@ -74,6 +74,11 @@ class ArmPlaces:
         """Of every quantity at every place."""
         return [*self._of_joints(), *self._of_drives(), *self._of_bodies(), *self._of_sensors()]
 
+    @property
+    def starts(self) -> None:
+        """None: cables hold the joints, so that a start's error is soon gone."""
+        return
+
     @cached_property
     def _joint_velocity(self) -> Array:
         time = self.pieces.motors.time[..., None]

@@ -105,6 +105,12 @@ class ModelPlaces:
         return [*self._of_joints(), *self._of_bodies(), *self._of_readings()]
 
     @property
+    def starts(self) -> Array | None:
+        """Of all states, where segments begin as readings say."""
+        rows = self.forced.motion
+        return rows.of_starts() if rows.adapts is not None else None
+
+    @property
     def _joints(self) -> list[tuple[str, int]]:
         """Names of joints, and their degrees of freedom, which are their place in the pose."""
         model = self.machine.model
