@@ -56,5 +56,5 @@ def _swings(rate: ParameterEstimate) -> str:
     """The rate of a sine: of time as a frequency, of an angle as waves in a turn."""
     if rate.unit != "rad per s":
         return f"{replace(rate, unit='1')} waves in a turn"
-    hertz = (each / (2 * np.pi) for each in (rate.value, rate.low, rate.high))
-    return str(ParameterEstimate(*hertz, "Hz"))
+    value, low, high = (each / (2 * np.pi) for each in (rate.value, rate.low, rate.high))
+    return str(ParameterEstimate(value, low, high, "Hz"))

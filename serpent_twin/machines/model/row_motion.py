@@ -70,7 +70,7 @@ class _Changed:
         seen.bind(self._batch)
         self._fields = [self._batch.bind(name) for name in _STATE]
         self._applied, self._control = self._batch.bind("qfrc_applied"), self._batch.bind("ctrl")
-        off = self._repeated(driven.off)
+        off = np.repeat(driven.off, self._k, axis=0)
         self._switches = Switches(self._batch, off) if off.any() else None
 
     def _repeated(self, values: Array) -> Array:
