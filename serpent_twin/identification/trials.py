@@ -65,8 +65,8 @@ class Trials:
         beside: float = 0.0,
     ) -> dict[str, CandidateTrial]:
         """Score tests of candidates on top of a fit, and full fits of the selected ones, judged against the
-        base. One that is not below the cost `beat` after its first derivative is fitted no further; `beside`
-        is the share of what the best removes that another must.
+        base. One that is not below the cost `beat` after its first derivative is fitted no further. With a
+        share `beside` of what the best removes, others must remove that much, and no fit goes on.
         """
         found = self.placed(stage, case, begun, self.scores(stage, case, begun, names))
         trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
@@ -89,7 +89,7 @@ class Trials:
             best = min(best, fitted.cost)
             trials[name] = self._judged(case, found[name], base, fitted, before, len(chosen))
         near = min(beat, begun.cost - _NEAR * (begun.cost - best))
-        for name in chosen:
+        for name in () if beside else chosen:
             fitted = trials[name].fit
             if fitted and not fitted.converged and fitted.cost < near:
                 further = self._further(case, fitted, f"fit_{stage}_{name}_further")
