@@ -6,6 +6,7 @@
 repeat with it included. (5) An error above that of a twin that lacks nothing is unexplained.
 """
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -120,7 +121,8 @@ class Tracer:
                 break
             self.case = self.case.composing(found)
             names, before = [each.name for each in found], self.errors(base.point)
-            stage = f"{len(rounds) + 1}_composed"
+            which = zlib.crc32(" ".join(names).encode())  # another version may compose others
+            stage = f"{len(rounds) + 1}_composed_{which:08x}"
             trials = self.trials.each(
                 names, self.case, base, base, before, stage, _COMPOSED, beside=_NEAR
             )

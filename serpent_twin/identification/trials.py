@@ -24,6 +24,7 @@ from serpent_twin.identification.score_test import (
     scores,
     worth_fitting,
 )
+from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import counted
@@ -75,7 +76,8 @@ class Trials:
         chosen = worth_fitting(list(found.values()), case.candidates, least)[:most]
         best = begun.cost
         for name in chosen:
-            self.on_progress(f"{stage.replace('_', ', from the ')}: fitting {name}")
+            number, begins = stage.split("_")[:2]
+            self.on_progress(f"{number}, from the {begins}: fitting {spaced(name)}")
             near = min(beat, begun.cost - _NEAR * (begun.cost - best))
             fitted = self._stable(
                 f"fit_{stage}_{name}",
