@@ -22,7 +22,14 @@ from serpent_twin.identification.discovery.followed import (
     swings,
     ways,
 )
-from serpent_twin.identification.discovery.sums import Rows, between, beyond, by_row, columns, sums
+from serpent_twin.identification.discovery.sums import (
+    ResidualRows,
+    between,
+    beyond,
+    by_row,
+    columns,
+    sums,
+)
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.information import Information
 from serpent_twin.machines.case import Case
@@ -87,7 +94,7 @@ class Search:
         self.inverse = np.linalg.inv(known.matrix)
         left = residual - known.slopes.T @ (self.inverse @ pull)
         shape = (-1, case.channels)
-        self.rows = Rows(
+        self.rows = ResidualRows(
             left.reshape(shape), known.slopes.reshape(len(known.slopes), *shape), scale, free
         )
 

@@ -15,7 +15,7 @@ _AT_ONCE = 2e7
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class ResidualRows:
     """A residual of N rows, and what free parameters take up of it."""
 
     left: Array
@@ -67,7 +67,7 @@ class Sums:
     """Products with the derivatives by the free parameters, (d, W, M)"""
 
 
-def sums(rows: Rows, response: Response, F: Array) -> Sums:
+def sums(rows: ResidualRows, response: Response, F: Array) -> Sums:
     """The sums of a place's response to changes that follow F, (W, N)."""
     if not isinstance(response, LaggedResponse):
         return _in_their_row(rows, rows.weighed(response.change), F)
@@ -84,7 +84,7 @@ def sums(rows: Rows, response: Response, F: Array) -> Sums:
     return Sums(pulls, raw, taken)
 
 
-def between(rows: Rows, response: Response, F: Array) -> tuple[Array, Array, Array]:
+def between(rows: ResidualRows, response: Response, F: Array) -> tuple[Array, Array, Array]:
     """Products of the changes of all ways with each other, (W, W), with the residual, (W,), and with the
     derivatives by the free parameters, (W, M); of a place with one component.
     """
@@ -96,7 +96,7 @@ def between(rows: Rows, response: Response, F: Array) -> tuple[Array, Array, Arr
     return Y @ Y.T, Y @ rows.left.ravel(), Y @ rows.slopes.reshape(len(rows.slopes), -1).T
 
 
-def by_row(rows: Rows, response: Response) -> tuple[Array, Array]:
+def by_row(rows: ResidualRows, response: Response) -> tuple[Array, Array]:
     """Products of the residual with a change in each row, and the squares of what this does, (d, N) each; of
     what goes on from row to row, the squares are taken as 1.
     """
@@ -109,7 +109,7 @@ def by_row(rows: Rows, response: Response) -> tuple[Array, Array]:
     return np.einsum("dnc,nc->dn", R, rows.left), (R**2).sum(axis=2)
 
 
-def _in_their_row(rows: Rows, R: Array, F: Array) -> Sums:
+def _in_their_row(rows: ResidualRows, R: Array, F: Array) -> Sums:
     """Of what shows in its row alone: with the way's squares and products, row by row."""
     h = np.einsum("dnc,nc->dn", R, rows.left).astype(np.float32)
     D = np.einsum("dnc,mnc->dnm", R, rows.slopes, optimize=True).astype(np.float32)
@@ -120,7 +120,9 @@ def _in_their_row(rows: Rows, R: Array, F: Array) -> Sums:
     return Sums((F @ h.T).astype(float), raw, np.array([F @ each for each in D]))
 
 
-def _changes(rows: Rows, response: LaggedResponse, F: Array) -> Iterator[tuple[slice, list[Array]]]:
+def _changes(
+    rows: ResidualRows, response: LaggedResponse, F: Array
+) -> Iterator[tuple[slice, list[Array]]]:
     """Some ways after the other: what they do to the residual, (W, N · C) for each component."""
     at_once = max(1, int(_AT_ONCE / rows.left.size))
     for n in range(0, len(F), at_once):

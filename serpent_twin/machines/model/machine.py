@@ -29,8 +29,8 @@ from serpent_twin.machines.model.known import Factor, by_known_numbers
 from serpent_twin.machines.model.limits import LoggedLimits
 from serpent_twin.machines.model.motion import (
     STEPS,
+    DrivenMotion,
     DrivenRuns,
-    Motion,
     StartGains,
     start_gain,
 )
@@ -218,7 +218,7 @@ class ModelMachine(RunMachine):
         found = reread(per_run, self.places, found, period, _clocks(len(points), pieces))
         return found.reshape(len(points), len(pieces), *found.shape[1:])
 
-    def _motion(self, points: Sequence[ParameterVector], pieces: Runs) -> Motion:
+    def _motion(self, points: Sequence[ParameterVector], pieces: Runs) -> DrivenMotion:
         """Twins of one structure in motion, the runs of one after those of the other."""
         machine, several = self.described, [effects_at(point) for point in points]
         each = [self._driven(p, there, pieces) for p, there in zip(points, several, strict=True)]
@@ -239,7 +239,9 @@ class ModelMachine(RunMachine):
         ]
         laws = [law for law in laws if law]
         driven = DrivenRuns.together(each) if len(each) > 1 else each[0]
-        return Motion(driven, at, seen, gain, self.steps, read, together(laws) if laws else None)
+        return DrivenMotion(
+            driven, at, seen, gain, self.steps, read, together(laws) if laws else None
+        )
 
     def responses_at_places(self, point: ParameterVector, pieces: Runs) -> ModelPlaces | None:
         """What changes at the model's places would show; None of poses and of prescribed motion."""

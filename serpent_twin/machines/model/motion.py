@@ -34,7 +34,7 @@ STEPS = (16, 32, 64, 128)
 
 
 @dataclass(frozen=True)
-class Motion:
+class DrivenMotion:
     """n runs that are simulated in motion.
 
     Where all joints are measured, angles and rates at the start are improved until the model follows what was

@@ -12,7 +12,7 @@ from serpent_twin.effects.law import POSITIONS, READING_SHIFT, Law
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.earlier import clocks_of
-from serpent_twin.machines.model.motion import Motion, RowStates
+from serpent_twin.machines.model.motion import DrivenMotion, RowStates
 from serpent_twin.machines.model.row_motion import ForcedRows, forced_rows
 from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.springs import single_joints
@@ -70,7 +70,7 @@ class ModelPlaces:
 
     @classmethod
     def of(
-        cls, machine: Described, measured: Sequence[str], motion: Motion, pieces: Runs
+        cls, machine: Described, measured: Sequence[str], motion: DrivenMotion, pieces: Runs
     ) -> "ModelPlaces":
         """Those of a motion of one twin."""
         states = motion.states()
@@ -168,7 +168,7 @@ class ModelPlaces:
 
 
 def _adapts(
-    model: mujoco.MjModel, measured: Sequence[str], motion: Motion, rows: RowMotion
+    model: mujoco.MjModel, measured: Sequence[str], motion: DrivenMotion, rows: RowMotion
 ) -> Array:
     """How the states at which runs begin follow what is read in the lead, (S, D, LEAD, C)."""
     (S, _, C, D), joints = rows.shows.shape, motion.start.joints
