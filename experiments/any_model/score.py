@@ -68,8 +68,6 @@ def _found(row: Row) -> tuple[Any, Any, Any, Any] | None:
         names = [next(iter(ranges(placed(row["name"])[0])))]
     true = np.array(list(row["true"].values()))
     value, low, high = (np.array([of[n][key] for n in names]) for key in ("value", "low", "high"))
-    if (
-        value @ true < 0 and law in COMPOSED
-    ):  # half a wave later, or a force that is told as a torque
+    if law in COMPOSED and value @ true < 0:  # a wave half a period later, a push told as a pull
         return true, -value, -high, -low
     return true, value, low, high

@@ -39,7 +39,7 @@ from serpent_twin.machines.machine import ParameterVector
 _MOST_EFFECTS = 6
 _MOST_DISCOVERED = 3
 _FINISHED = 8
-"""Rounds in which the last fit is finished along what the logs tell least"""
+"""Rounds of the last fit along its weakest directions"""
 _COMPOSED, _NEAR = 2, 0.8
 """Composed candidates that are fitted; of what the best removes, what another must"""
 _BEATS = 0.97

@@ -32,7 +32,7 @@ from serpent_twin.numerals import counted
 _NEAR = 0.3
 """Share of the best candidate's gain in cost from which another is fitted further"""
 _MORE, _ROUNDS = 3, 2
-"""Derivatives of a fit that goes on, and its rounds along what the logs tell least"""
+"""Derivatives of a fit that goes on, and its rounds along its weakest directions"""
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
 _RIVALS = 2  # that were not fitted in their round, and are then
