@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from serpent_twin.effects.law import HANDLES, READINGS
+from serpent_twin.effects.law import HANDLES
 from serpent_twin.identification.discovery.free_curve import FreeCurve
 from serpent_twin.reporting.plot_style import COLOURS, INK, sheet, tidy
 from serpent_twin.reporting.report import Figure
@@ -24,9 +24,9 @@ def composed_law(curve: FreeCurve, number: int) -> Figure:
         label="a free curve, 95 %",
     )
     x = f"phase of {law.depends_on} [rad]" if curve.folded else law.depends_on
-    x += "" if curve.folded else f" [{READINGS[law.reading][1]}]"
-    handle = HANDLES[law.handle]
-    panel.set(xlabel=x, ylabel=f"{handle.told(law.place)} [{handle.unit}]")
+    x += "" if curve.folded else f" [{curve.units['bound']}]"
+    unit = curve.units["size"].partition(" per ")[0]
+    panel.set(xlabel=x, ylabel=f"{HANDLES[law.handle].told(law.place)} [{unit}]")
     panel.legend()
     tidy(panel, "y")
     said = "No free curve describes the training logs better."

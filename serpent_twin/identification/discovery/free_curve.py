@@ -1,5 +1,6 @@
 """Test the form of a composed law: beside a free curve of eight knots in its place."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +24,8 @@ class FreeCurve:
     """A composed law and what logs say of it, along its direction, over the reading that it follows."""
 
     law: Law
+    units: Mapping[str, str]
+    """Of its numbers"""
     knots: Array
     """Values of the reading; of a periodic law, of its phase [rad], (8,)"""
     free: Array
@@ -82,7 +85,7 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     at, there = (
         length * (np.sin(each) if phase else form(each, first, second)) for each in (knots, fine)
     )
-    return FreeCurve(law, knots, at + off, error, fine, there, gain)
+    return FreeCurve(law, case.units_of_law(law), knots, at + off, error, fine, there, gain)
 
 
 def _spread(x: Array) -> Array:
