@@ -48,12 +48,8 @@ def column(names: tuple[str, ...], place: str) -> int:
 
 def reading_of(moment: Any, law: Law) -> Array:
     """What a law follows, (n, 1); of a constant, zeros."""
-    if not law.reading:
-        return np.zeros_like(moment.time)
-    if law.reading == "time":
-        return moment.time
-    if law.reading == "runtime":
-        return moment.time + moment.prior_runtime
+    if (clock := law.clock(moment.time, moment.prior_runtime)) is not None:
+        return clock
     at = column(NAMES[READINGS[law.reading][0]], law.where)
     if law.reading in POSITIONS:
         axis = POSITIONS.index(law.reading)

@@ -179,6 +179,15 @@ class Law:
         of = "" if READINGS[self.reading][0] in CLOCKS else f" of {self.where}"
         return f"{self.reading.replace('_', ' ')}{of}"
 
+    def clock(self, time: Array, prior_runtime: Array | float) -> Array | None:
+        """What it follows at times since a session began, if that is no thing: one of the clocks, or zeros of
+        a constant; else None.
+        """
+        if not self.reading:
+            return np.zeros_like(time)
+        clocks = {"time": time, "runtime": time + prior_runtime}
+        return clocks.get(self.reading)
+
     def units(self) -> dict[str, str]:
         """The units of size, and of the parameters of its shape."""
         of = READINGS[self.reading][1] if self.reading else "1"

@@ -1,6 +1,6 @@
 """Make any MJCF traceable whose machine.toml says what a log's columns are."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -212,10 +212,8 @@ class ModelMachine(RunMachine):
 
     def _moved(self, points: Sequence[ParameterVector], pieces: Runs) -> Array:
         """What twins of one structure show in motion, side by side, (D, S, T, C)."""
-        per_run = [there for there in map(effects_at, points) for _ in range(len(pieces))]
-        period = np.tile(pieces.period, len(points))
-        found = self._motion(points, pieces).moved()
-        found = reread(per_run, self.places, found, period, _clocks(len(points), pieces))
+        sensed = self._sensed(points, pieces, self.places)
+        found = sensed(self._motion(points, pieces).moved())
         return found.reshape(len(points), len(pieces), *found.shape[1:])
 
     def _motion(self, points: Sequence[ParameterVector], pieces: Runs) -> DrivenMotion:
@@ -229,10 +227,7 @@ class ModelMachine(RunMachine):
         gain = None
         if at.joints and not machine.about.start:
             gain = np.tile(self.gains.of(pieces, self._start_gain), (len(points), 1, 1))
-        period = np.tile(pieces.period, len(points))
-        per_run = [there for there in several for _ in range(len(pieces))]
-        clocks = _clocks(len(points), pieces)
-        read = partial(reread, per_run, at.joints, period=period, clocks=clocks)
+        read = self._sensed(points, pieces, at.joints)
         laws = [
             acting(machine, driven.models[0], there, x, pieces)
             for driven, there, x in zip(each, several, xs, strict=True)
@@ -242,6 +237,16 @@ class ModelMachine(RunMachine):
         return DrivenMotion(
             driven, at, seen, gain, self.steps, read, together(laws) if laws else None
         )
+
+    def _sensed(
+        self, points: Sequence[ParameterVector], pieces: Runs, names: Sequence[str]
+    ) -> Callable[[Array], Array]:
+        """What sensors of named things make of the twins' runs."""
+        per_run = [there for there in map(effects_at, points) for _ in range(len(pieces))]
+        period, *begun = (
+            np.tile(each, len(points)) for each in (pieces.period, *clocks_of(pieces))
+        )
+        return partial(reread, per_run, names, period=period, clocks=Clocks(*begun))
 
     def responses_at_places(self, point: ParameterVector, pieces: Runs) -> ModelPlaces | None:
         """What changes at the model's places would show; None of poses and of prescribed motion."""
@@ -300,8 +305,3 @@ class ModelMachine(RunMachine):
         seen = Seen(machine, self.frame, [by_coordinate(self.declared, zero.declared)])
         at, driven = start(machine, machine.begin, pieces), self._driven(zero, (), pieces)
         return start_gain(driven, at, seen, self.steps)
-
-
-def _clocks(twins: int, pieces: Runs) -> Clocks:
-    """When the runs of some twins begin, those of one after those of the other."""
-    return Clocks(*(np.tile(each, twins) for each in clocks_of(pieces)))

@@ -28,10 +28,10 @@ def reread(
     names: Sequence[str],
     found: Array,
     period: Array,
-    clocks: Clocks | None = None,
+    clocks: Clocks,
 ) -> Array:
-    """What sensors make of readings, (n, T, C), each column of a named thing, in n runs with their effects
-    and times between rows [s], (n,).
+    """What sensors make of readings, (n, T, C), each column of a named thing, in n runs with their effects,
+    times between rows [s], (n,), and when they begin.
     """
     several = [each for each in effects.stacked(there) if each.of_readings]
     several = [each for each in several if not each.at or each.things & {*names}]
@@ -50,17 +50,16 @@ class ReadRuns(Instant):
     """What each column is of, (C,)"""
     dt: Array
     """Between rows [s], (n, 1)"""
-    clocks: Clocks | None
+    clocks: Clocks
+    """When the runs begin"""
     reading: Array
     """(n, T, C)"""
 
     def reading_of(self, law: Law) -> Array:
         """What a law follows, (n, T); of a constant, zeros."""
-        if not law.reading:
-            return np.zeros(self.reading.shape[:2])
-        if law.reading in ("time", "runtime") and self.clocks:
-            rows = self.clocks.begun[:, None] + self.dt * np.arange(self.reading.shape[1])
-            return rows if law.reading == "time" else rows + self.clocks.prior_runtime[:, None]
+        time = self.clocks.begun[:, None] + self.dt * np.arange(self.reading.shape[1])
+        if (clock := law.clock(time, self.clocks.prior_runtime[:, None])) is not None:
+            return clock
         if law.reading not in ("joint_angle", "joint_velocity"):
             raise SerpentError(f"no reading here follows the {law.depends_on}.")
         angle = self.reading[..., self._column(law.where)]

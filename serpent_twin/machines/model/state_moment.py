@@ -105,12 +105,8 @@ class StateMoment(Instant):
 
     def reading_of(self, law: Law) -> Array:
         """What a law follows, (n, 1)."""
-        if not law.reading:
-            return np.zeros_like(self.time)
-        if law.reading == "time":
-            return self.time
-        if law.reading == "runtime":
-            return self.time + self.prior_runtime
+        if (clock := law.clock(self.time, self.prior_runtime)) is not None:
+            return clock
         if law.reading in POSITIONS:
             at = self.column("body_position", law.where)
             return self.body_position[:, [at], POSITIONS.index(law.reading)]
