@@ -40,8 +40,10 @@ def steps(out: Path) -> list[tuple[str, list[Any]]]:
         ("Train quick readouts on them, and the twin itself as observer (the published networks take "
          "minutes)",
          ["serpent_twin.train", "--logs", out / "logs", "--out", out / "readouts", *quick]),
-        ("Close the loop on an arm that is not the twin: find what the twin lacks, add it",
-         ["experiments.close_the_loop", "--logs", DATA, "--sessions", 3, "--out", out / "loop"]),
+        ("Close the loop on an arm that is not the twin: find what the twin lacks, among effects that "
+         "have names, and add it",
+         ["experiments.close_the_loop", "--logs", DATA, "--sessions", 3, "--no-discover",
+          "--out", out / "loop"]),
         ("Replay a session that nothing was fitted to: measured, nominal twin, corrected twin",
          ["serpent_twin.replay", DATA / "session_04.parquet", "--twin", twin,
           "--out", out / "arm_a_session_04.rrd"]),

@@ -46,6 +46,8 @@ class CloseTheLoop(Checked):
     """Which arms, by the names of their folders; all without."""
     sessions: Annotated[int, within(0, 10_000)] = 4
     """Use only this many sessions of each arm, the first ones, the last of them held out; 0 for all."""
+    discover: bool = True
+    """Also compose effects that no catalogue lists; it takes minutes where something is left."""
     seed: Seed = 0
     """Of bootstrap and permutations."""
     page: Path | None = None
@@ -93,7 +95,10 @@ def diagnose(config: CloseTheLoop, name: str, folder: Path) -> dict[str, Any]:
     done = out / "diagnosis.json"
     if done.exists():
         return stored.read_json(done)
-    return trace(Trace((folder,), out, sessions=config.sessions, seed=config.seed))
+    asked = Trace(
+        (folder,), out, sessions=config.sessions, seed=config.seed, discover=config.discover
+    )
+    return trace(asked)
 
 
 def _kept(diagnosis: Mapping[str, Any]) -> dict[str, Any]:
@@ -102,7 +107,8 @@ def _kept(diagnosis: Mapping[str, Any]) -> dict[str, Any]:
 
 def _settings(config: CloseTheLoop, folders: Mapping[str, Path]) -> dict[str, Any]:
     hashes = session_hashes(folders, config.sessions)
-    return {"sessions": config.sessions, "seed": config.seed, "input_sha256": hashes}
+    options = {name: getattr(config, name) for name in ("sessions", "discover", "seed")}
+    return options | {"input_sha256": hashes}
 
 
 def session_hashes(folders: Mapping[str, Path], sessions: int) -> dict[str, dict[str, str]]:

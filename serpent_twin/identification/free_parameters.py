@@ -127,25 +127,28 @@ def _differences(
     def after(k: int, share: float) -> ParameterVector:
         return moved(case, point, free, share * steps[k] * (np.arange(len(free)) == which[k]))
 
-    def changed(some: Sequence[int], share: float) -> tuple[Array, Array]:
-        points = [point, *(after(k, share) for k in some)]
+    def changed(some: Sequence[int]) -> tuple[Array, Array, dict[int, Array]]:
+        """The residual, and its changes by steps and, where the range has room, by steps back."""
+        back = [
+            k for k in some if of_effect[k] and _both_sides(case, point, free, which[k], steps[k])
+        ]
+        points = [point, *(after(k, 1.0) for k in some), *(after(k, -1.0) for k in back)]
         before, *found = case.residual(points, pieces, case.coarse_step(points))
-        return before, np.array(found) - before
+        changes = np.array(found) - before
+        return before, changes[: len(some)], dict(zip(back, changes[len(some) :], strict=True))
 
-    each = list(range(len(which)))
-    without, ahead = changed(each, 1.0)
+    without, ahead, behind = changed(range(len(which)))
     shares = np.linalg.norm(ahead, axis=(1, 2)) / max(float(np.linalg.norm(without)), 1e-15)
     unfair = of_effect & (shares > 0) & ((shares < _FAIR[0]) | (shares > _FAIR[1]))
     if again := np.flatnonzero(unfair & np.isfinite(shares)).tolist():
         steps[again] = [_resized(case, point, free, which[k], _AIM / shares[k]) for k in again]
-        ahead[again] = changed(again, 1.0)[1]
+        _, ahead[again], resized = changed(again)
+        behind = {k: each for k, each in behind.items() if k not in again} | resized
     slopes = steadied(case, pieces, point, ahead, after) / steps.astype(np.float32)[:, None, None]
-    both = [k for k in each if of_effect[k] and _both_sides(case, point, free, which[k], steps[k])]
-    if both:
-        behind = changed(both, -1.0)[1] / -steps[both].astype(np.float32)[:, None, None]
-        central = (slopes[both] + behind) / 2
-        known = np.isfinite(central).all(axis=(1, 2))
-        slopes[np.array(both)[known]] = central[known]
+    for k, change in behind.items():
+        central = (slopes[k] - change / np.float32(steps[k])) / 2
+        if np.isfinite(central).all():
+            slopes[k] = central
     return slopes
 
 

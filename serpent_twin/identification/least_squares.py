@@ -90,7 +90,7 @@ def fit(
         settled = steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost)
         if (settled or at.cost > near) and (n or not carried):
             break
-    if rounds and case.differenced(at.point, problem.some):
+    if rounds and case.differenced(ParameterVector(at.point.declared), problem.some):
         at, jacobian = weak_steps.follow(problem, at, jacobian, rounds, on_progress)
     at = problem.exact(at)
     inflation, noise = problem.variance_inflation, case.noise
