@@ -9,7 +9,14 @@ import numpy as np
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_axis, link_frames
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import HANDLES, POSITIONS, READINGS, Law
+from serpent_twin.effects.law import (
+    COMMAND,
+    HANDLES,
+    POSITIONS,
+    READING_SHIFT,
+    READINGS,
+    Law,
+)
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
 
@@ -33,7 +40,9 @@ _COM.setflags(write=False)
 
 @cache
 def names_of(handle: str) -> tuple[str, ...]:
-    """The places at which a law may change a quantity."""
+    """The places at which a law may change a quantity; raises a `SerpentError` if the arm lacks it."""
+    if handle in (COMMAND, READING_SHIFT):
+        raise SerpentError(f"no law changes the {handle.replace('_', ' ')} of the arm.")
     sensors = {"marker_shift": MARKERS, "load_shift": LOADS}
     return sensors[handle] if handle in sensors else NAMES[HANDLES[handle].kind]
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import LOSS, Effect, parameter
-from serpent_twin.effects.law import CLOCKS, READING_SHIFT, READINGS, SHAPES, Law, parse
+from serpent_twin.effects.law import CLOCKS, COMMAND, READING_SHIFT, READINGS, SHAPES, Law, parse
 
 _ANY = 1e9
 
@@ -59,6 +59,11 @@ class Discovered(Effect):
     def of_readings(self) -> bool:
         """Whether it shifts what is read of a run."""
         return self.law.handle == READING_SHIFT
+
+    @property
+    def of_commands(self) -> bool:
+        """Whether it changes what actuators are told, by nothing but that and the time."""
+        return self.law.handle == COMMAND
 
     @property
     def things(self) -> frozenset[str]:

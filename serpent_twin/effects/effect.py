@@ -150,6 +150,11 @@ class Effect:
         return self.stage == READING
 
     @property
+    def of_commands(self) -> bool:
+        """Whether it changes what actuators are told, by nothing but that and the time."""
+        return False
+
+    @property
     def things(self) -> frozenset[str]:
         """Names of the model's things that it reads or changes; one is empty if it may be all of a kind."""
         return frozenset({self.at})

@@ -37,6 +37,8 @@ class Handle:
 
 READING_SHIFT = "reading_shift"
 """The one quantity that is changed after all time steps of a run"""
+COMMAND = "command"
+"""What actuators are told: a quantity that laws may change before the time steps, and may follow"""
 HANDLES: Mapping[str, Handle] = {
     "joint_torque": Handle("joint", "N m", words="a torque{size} at {place}"),
     "joint_friction": Handle("joint", "N m", only_more=True, words="friction{size} at {place}"),
@@ -49,6 +51,7 @@ HANDLES: Mapping[str, Handle] = {
         "rad",
         words="a turn{size} of the winch of {place} that its encoder does not show",
     ),
+    COMMAND: Handle("actuator", "1", words="a change{size} of the command that reaches {place}"),
     "slack": Handle("tendon", "m", words="a length{size} that {place} has more"),
     "force": Handle("body", "N", 3, words="a force{size} in the base frame on {place}"),
     "force_in_body": Handle("body", "N", 3, words="a force{size} in the frame of {place} on it"),
@@ -134,6 +137,7 @@ READINGS: Mapping[str, tuple[str, str]] = {
     "motor_angle": ("actuator", "rad"),
     "motor_velocity": ("actuator", "rad/s"),
     "horn_torque": ("actuator", "N m"),
+    COMMAND: ("actuator", "1"),
     "tension": ("tendon", "N"),
     **dict.fromkeys(POSITIONS, ("body", "m")),
     "time": ("session", "s"),
@@ -162,6 +166,12 @@ class Law:
         return f"{self.handle} of {self.place}: {self.shape}{follows}"
 
     @property
+    def possible(self) -> bool:
+        """Whether what it changes may follow its reading: commands are changed before anything moves."""
+        known = not self.reading or self.reading == COMMAND or READINGS[self.reading][0] in CLOCKS
+        return known or self.handle != COMMAND
+
+    @property
     def of_itself(self) -> bool:
         """Whether it follows a reading of the thing that it changes: of the joint, the motor or its cable."""
         digits = re.compile(r"[a-z]+(\d+)")
@@ -188,10 +198,12 @@ class Law:
         clocks = {"time": time, "runtime": time + prior_runtime}
         return clocks.get(self.reading)
 
-    def units(self) -> dict[str, str]:
-        """The units of size, and of the parameters of its shape."""
-        of = READINGS[self.reading][1] if self.reading else "1"
-        size = HANDLES[self.handle].unit
+    def units(self, size: str = "", of: str = "") -> dict[str, str]:
+        """The units of size, and of the parameters of its shape, where what is changed or what it follows
+        has another unit than `HANDLES` and `READINGS` state.
+        """
+        of = of or (READINGS[self.reading][1] if self.reading else "1")
+        size = size or HANDLES[self.handle].unit
         if self.shape in ("linear", "beyond", "below"):
             size = f"{size} per {of}"
         first, second = {"periodic": (f"rad per {of}", "rad")}.get(self.shape, (of, of))

@@ -1,6 +1,7 @@
 """Draw the figures of a diagnosis."""
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,6 +40,7 @@ _VERDICT_STYLE = {
 Twin = tuple[Comparison, Findings]
 """What one twin predicts beside what was measured, and what there is to say of it"""
 _HEAT_S = 4.0  # a cell of the heat map
+_LABEL = 46  # characters in a line of a candidate's label: a composed law is a sentence
 
 
 def stages(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -136,7 +138,9 @@ def ranking(candidates: Sequence[Tried], unit: str = "mm") -> Figure | None:
         return None
     order = ranked(candidates)
     fitted = any(np.isfinite(mean_gain(each)[0]) for each in order)
-    drawing, panels = sheet(9, 0.34 * len(order) + 1.3, columns=1 + fitted, sharey=True)
+    lines = [fill(spaced(each.name), _LABEL).count("\n") + 1 for each in order]
+    height = 0.34 * len(order) * (1 + 0.45 * (max(lines) - 1)) + 1.3
+    drawing, panels = sheet(9, height, columns=1 + fitted, sharey=True)
     _scores(panels[0], order)
     if fitted:
         _gains(panels[1], order, unit)
@@ -158,7 +162,7 @@ def _scores(axes: "Axes", order: Sequence[Tried]) -> None:
         colour = _VERDICT_STYLE[each.verdict][1]
         faded = 0.35 if each.verdict in UNTESTED else 1.0
         axes.barh(n, 100 * each.score, height=0.6, color=colour, alpha=faded)
-    axes.set_yticks(range(len(order)), [spaced(each.name) for each in order])
+    axes.set_yticks(range(len(order)), [fill(spaced(each.name), _LABEL) for each in order])
     axes.set(ylim=(len(order) - 0.4, -0.6), xlim=(0, None), xlabel="score [% of the squares]")
     axes.tick_params(axis="y", length=0)
     for label, each in zip(axes.get_yticklabels(), order, strict=True):

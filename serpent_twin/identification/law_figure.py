@@ -1,11 +1,15 @@
 """Draw a composed law beside the free curve that tests it."""
 
+from textwrap import fill
+
 import numpy as np
 
 from serpent_twin.effects.law import HANDLES
 from serpent_twin.identification.discovery.free_curve import FreeCurve
 from serpent_twin.reporting.plot_style import COLOURS, INK, sheet, tidy
 from serpent_twin.reporting.report import Figure
+
+_LABEL = 36  # characters in a line of the label
 
 
 def composed_law(curve: FreeCurve, number: int) -> Figure:
@@ -26,7 +30,7 @@ def composed_law(curve: FreeCurve, number: int) -> Figure:
     x = f"phase of {law.depends_on} [rad]" if curve.folded else law.depends_on
     x += "" if curve.folded else f" [{curve.units['bound']}]"
     unit = curve.units["size"].partition(" per ")[0]
-    panel.set(xlabel=x, ylabel=f"{HANDLES[law.handle].told(law.place)} [{unit}]")
+    panel.set(xlabel=x, ylabel=fill(f"{HANDLES[law.handle].told(law.place)} [{unit}]", _LABEL))
     panel.legend()
     tidy(panel, "y")
     said = "No free curve describes the training logs better."
@@ -34,5 +38,6 @@ def composed_law(curve: FreeCurve, number: int) -> Figure:
         said = (
             "The free curve describes the training logs better: the form of the law is not settled."
         )
-    caption = f"What was composed over what it depends on, along its direction. {said}"
+    along = ", along its direction" if HANDLES[law.handle].components > 1 else ""
+    caption = f"What was composed over what it depends on{along}. {said}"
     return Figure(f"composed_law_{number}", drawing, caption)

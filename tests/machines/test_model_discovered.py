@@ -3,6 +3,8 @@
 import json
 
 import moving_models
+import numpy as np
+import posed_models
 import pytest
 
 from serpent_twin.identification import Trace, trace
@@ -10,6 +12,7 @@ from serpent_twin.machines.machine import ParameterVector, effects_at
 from serpent_twin.planning.traced import read
 
 STOP = 1.2  # [N m/rad]
+YIELDS, BEYOND = 0.5, 0.3  # of what the elbow is told beyond an angle [rad]
 
 
 @pytest.fixture(scope="module")
@@ -49,3 +52,26 @@ def test_the_twin_and_the_plan_know_a_composed_law(traced):
     (effect,) = effects_at(ParameterVector(again.fit.point.declared, again.fit.point.effects))
     assert effect.things == {"elbow"}
     assert [each for each in again.case.candidates if each.startswith("discovered@")]
+
+
+def yielding(goals):
+    """What reaches the motors if the elbow's gives half of what it is told beyond an angle."""
+    return goals - np.array([0.0, YIELDS]) * np.maximum(goals - BEYOND, 0.0)
+
+
+def test_a_drive_that_yields_is_composed_from_poses_at_rest(tmp_path):
+    path = posed_models.machine(tmp_path / "arm")
+    path.write_text('candidates = ["gravity"]\n' + path.read_text())
+    for n in range(3):
+        posed_models.log(tmp_path / "logs" / f"poses_{n}.csv", n, given=yielding)
+    found = trace(Trace((tmp_path / "logs",), tmp_path / "trace", machine=path))
+    (law,) = found["effects"]
+    assert law["place"] == {"kind": "actuator", "name": "at_elbow"}
+    assert (law["changes"], law["law"]) == ("command", "beyond")
+    assert law["depends_on"] == ["command of at_elbow"]
+    size, threshold = (law["parameters"][name] for name in ("size", "threshold"))
+    assert size["value"] == pytest.approx(-YIELDS, rel=0.1)
+    assert size["low"] < -YIELDS < size["high"]
+    assert threshold["value"] == pytest.approx(BEYOND, abs=0.03)
+    assert (size["unit"], threshold["unit"]) == ("rad per rad", "rad")
+    assert found["error_mm"]["corrected"] < 0.6  # 0.48 mm is the mean length of its noise

@@ -83,6 +83,9 @@ LAWS = {
     "joint_torque of elbow: periodic time of session": 0.999,
     "force of lower: beyond position_z of lower": 0.98,
     "reading_shift of elbow: linear joint_angle of shoulder": 0.99,
+    "command of at_elbow: constant": 0.999,
+    "command of at_elbow: beyond command of at_shoulder": 0.99,
+    "command of at_shoulder: above time of session": 0.99,
 }
 
 
@@ -110,7 +113,7 @@ def test_places_are_told_by_name_and_unit(opened):
     case, pieces = opened
     places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
     handles = {each.handle for each in places.responses}
-    assert handles == {"joint_torque", "joint_friction", "force", "reading_shift"}
+    assert handles == {"joint_torque", "joint_friction", "force", "command", "reading_shift"}
     assert ("joint_velocity", "elbow") in places.readings
     units = case.units_of_law(parse("joint_torque of elbow: linear joint_angle of elbow"))
     assert units["size"] == "N m per rad"

@@ -11,8 +11,8 @@ from serpent_twin.effects.sensor_delay import SensorDelay
 from serpent_twin.identification.run import Trace, trace
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
-from serpent_twin.machines.model.earlier import clocks_of
-from serpent_twin.machines.model.readings import Clocks, reread
+from serpent_twin.machines.model.clocks import clocks_of
+from serpent_twin.machines.model.readings import reread
 from serpent_twin.residual import analyse, describe
 
 
@@ -150,7 +150,7 @@ def test_a_late_reading_is_late_at_its_own_place_only(tmp_path):
         case.machine.places,
         seen,
         pieces.period,
-        Clocks(*clocks_of(pieces)),
+        clocks_of(pieces),
     )
     np.testing.assert_array_equal(late[..., :3], seen[..., :3])
     np.testing.assert_allclose(late[:, 1:, 3:], seen[:, :-1, 3:], atol=1e-12)

@@ -88,16 +88,24 @@ def machine(folder: Path) -> Path:
 
 
 def log(
-    path: Path, seed: int, gravity=(0.0, 0.0, -9.81), poses=60, gap=0.0, friction=(0.0, 0.0)
+    path: Path,
+    seed: int,
+    gravity=(0.0, 0.0, -9.81),
+    poses=60,
+    gap=0.0,
+    friction=(0.0, 0.0),
+    given=lambda goals: goals,
 ) -> Path:
     """Write poses at random goals as CSV, with noise of 0.3 mm; `gap` is the motors' play [rad], of both or
-    of each, `friction` that of the joints [N m].
+    of each, `friction` that of the joints [N m];
+    `given` makes of the logged goals [rad], (poses, 2), what reaches the motors.
     """
     gap = np.broadcast_to(gap, 2)
     rng = np.random.default_rng(seed)
     goals = rng.uniform(-0.8, 0.8, (poses, 2))
-    reached, at = np.empty_like(goals), goals[0] - gap / 2 * np.sign(goals[1] - goals[0])
-    for n, goal in enumerate(goals):
+    told = given(goals)
+    reached, at = np.empty_like(told), told[0] - gap / 2 * np.sign(told[1] - told[0])
+    for n, goal in enumerate(told):
         at = np.clip(at, goal - gap / 2, goal + gap / 2)
         reached[n] = at
     angles = [rest(reached[0], np.array(gravity))]

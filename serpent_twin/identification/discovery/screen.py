@@ -115,7 +115,11 @@ class Search:
     def at(self, response: Response, besides: Sequence[Way]) -> list[Composed]:
         """The best laws at a place, some ways beside the usual ones included."""
         F = np.concatenate([self.F, rows_of(besides, self.readings)])
-        kept = self._among(response, [*self.ways, *besides], F)
+        several = [*self.ways, *besides]
+        possible = [n for n, way in enumerate(several) if _law(response, way).possible]
+        if len(possible) < len(several):
+            F, several = F[possible], [several[n] for n in possible]
+        kept = self._among(response, several, F)
         finer = [
             way for each in kept for way in around(each.law, each.first, each.second, self.readings)
         ]
@@ -177,9 +181,13 @@ class Search:
         return kept
 
     def _composed(self, response: Response, way: Way, size: Array, gain: float) -> Composed:
-        law = Law(response.handle, response.place, way.shape, way.reading, way.where)
+        law = _law(response, way)
         share = gain / self.weight / self.total
         return Composed(law, size, way.first, way.second, gain, share)
+
+
+def _law(response: Response, way: Way) -> Law:
+    return Law(response.handle, response.place, way.shape, way.reading, way.where)
 
 
 def _best_of(found: Sequence[Composed]) -> list[Composed]:

@@ -9,8 +9,10 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect, Instant
+from serpent_twin.effects.law import COMMAND, Law
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Runs
+from serpent_twin.machines.model.clocks import clocks_of
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
 from serpent_twin.machines.model.description import MOTION, Described
 from serpent_twin.machines.model.part_of_moment import PartOfMoment
@@ -18,6 +20,14 @@ from serpent_twin.machines.model.state_effects import acts_on_state
 
 _PARTS = 4
 """Of a row"""
+
+
+def commands(machine: Described, pieces: Runs) -> Array:
+    """What the log tells the actuators, (S, T, nu)."""
+    out = np.tile(machine.keyframe_controls, (*pieces.time.shape, 1))
+    for each in machine.commanded:
+        out[..., machine.model.actuator(each.actuator).id] = pieces.column[each.column]
+    return out
 
 
 def controls(
@@ -29,16 +39,18 @@ def controls(
     and what is late changes between rows.
     """
     model, rows = machine.model, pieces.time.shape[1]
-    start = machine.keyframe_controls
-    told = np.tile(start, (len(pieces), rows, 1))
+    start, logged = machine.keyframe_controls, commands(machine, pieces)
+    told = logged.copy()
     for each in machine.commanded:
         n = model.actuator(each.actuator).id
-        away = pieces.column[each.column] - start[n]
+        away = logged[..., n] - start[n]
         zero = 0.0 if each.exact else machine.control_unit(each)[1] * x[zero_of(each)]
         scaled = machine.is_servo(each.actuator) and not each.exact
         scale = np.exp(x[SCALE]) if scaled else 1.0
         told[..., n] = start[n] + scale * away + zero
-    of_drives = [e for e in there if e.stage < CABLE and not acts_on_state(e, model)]
+    of_drives = [
+        e for e in there if (e.of_commands or e.stage < CABLE) and not acts_on_state(e, model)
+    ]
     several = effects.stacked([of_drives] * len(told))
     if not several:
         return told
@@ -47,10 +59,24 @@ def controls(
     parts = _PARTS if machine.about.rows == MOTION else 1
     ahead, dt = np.asarray(np.gradient(told, axis=1)), pieces.period[:, None] / parts
     told, ahead = np.repeat(told, parts, axis=1), np.repeat(ahead, parts, axis=1)
+    time, clocks = pieces.time - pieces.time[:, :1], clocks_of(pieces)
+    begun, prior = clocks.begun[:, None], clocks.prior_runtime[:, None]
     memory: list[object] = []
     for t in range(rows * parts):
         now = told[:, t]
-        moment = DrivenMoment(names, dt, force, now.copy(), ahead[:, t], now.copy(), now.copy())
+        late = begun + time[:, t // parts, None] + t % parts * dt
+        moment = DrivenMoment(
+            names,
+            dt,
+            late,
+            prior,
+            force,
+            logged[:, t // parts],
+            now.copy(),
+            ahead[:, t],
+            now.copy(),
+            now.copy(),
+        )
         memory = memory if t else effects.begin(several, moment)
         effects.act(several, moment, memory)
         told[:, t] = moment.winch_angle
@@ -64,20 +90,36 @@ class DrivenMoment(Instant):
     """
 
     given: ClassVar[frozenset[str]] = frozenset(
-        {"names", "dt", "force_per_control", "motor_angle", "motor_velocity", "goal"}
+        {
+            "names",
+            "dt",
+            "time",
+            "prior_runtime",
+            "force_per_control",
+            "command",
+            "motor_angle",
+            "motor_velocity",
+            "goal",
+        }
     )
 
-    everywhere: ClassVar[frozenset[str]] = frozenset({"dt"})
+    everywhere: ClassVar[frozenset[str]] = frozenset({"dt", "time", "prior_runtime"})
     """Names of the fields that all actuators share"""
 
     names: Sequence[str]
     """Of the actuators, (nu,)"""
     dt: Array
     """To the next moment [s], (n, 1)"""
+    time: Array
+    """Since the session began [s], (n, 1)"""
+    prior_runtime: Array
+    """From the beginning of the log to that of the session [s], (n, 1)"""
     force_per_control: Array
     """Of an actuator whose control is a force [N m or N], (nu,)"""
+    command: Array
+    """What the log tells the actuators [m, rad or 1]"""
     motor_angle: Array
-    """What the log tells the actuators [m or rad]"""
+    """The same with the scale and zeros of the fit [m or rad]"""
     motor_velocity: Array
     """Its change from row to row [m or rad]"""
 
@@ -99,6 +141,18 @@ class DrivenMoment(Instant):
         """Give the actuators another goal."""
         object.__setattr__(self, "goal", goal)
         self.winch_angle = goal.copy()
+
+    def reading_of(self, law: Law) -> Array:
+        """What a law follows, (n, 1); of a constant, zeros."""
+        if (clock := law.clock(self.time, self.prior_runtime)) is not None:
+            return clock
+        if law.reading != COMMAND:
+            raise SerpentError(f"no command here follows the {law.depends_on}.")
+        return self.at(law.where).command
+
+    def change(self, law: Law, sizes: Sequence[Array | float]) -> None:
+        """Change what reaches one actuator, by a size (n, 1)."""
+        self.at(law.place).winch_angle += sizes[0]
 
     def at(self, place: str) -> "PartOfDrives":
         """The moment of one actuator."""

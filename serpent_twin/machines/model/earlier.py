@@ -1,35 +1,18 @@
-"""Say when in its session each run begins, and what is known of the rows before it."""
+"""Say which effects act on a model's runs, and what is known of the rows before each run."""
 
 from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 
-from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
 from serpent_twin.machines.measured import Recording, Runs, cut
+from serpent_twin.machines.model.clocks import clocks_of, wholes_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.seen import address, beginning
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
 from serpent_twin.machines.model.state_effects import Acting, Earlier, acting_on_state
-
-_WHOLE = "session"
-
-
-def part_of(run: Recording, rows: slice) -> Recording:
-    """Some rows of a session, which know the whole of it."""
-    columns = {name: values[rows].copy() for name, values in run.columns.items()}
-    return Recording(run.path, {**run.metadata, _WHOLE: run}, columns, run.name)
-
-
-def clocks_of(pieces: Runs) -> tuple[Array, Array]:
-    """When runs begin since their session began, and that since the beginning of the log [s], (S,) each."""
-    wholes = [about[_WHOLE] for about in pieces.metadata if _WHOLE in about]
-    if not wholes:  # each run is a session
-        return np.zeros(len(pieces)), pieces.time[:, 0]
-    begun = np.array([each.time[0] for each in wholes])
-    return pieces.time[:, 0] - begun, begun
 
 
 def acting(
@@ -45,10 +28,11 @@ def acting(
     several = acting_on_state(there, model)
     if not several:
         return None
-    wholes, earlier = [about[_WHOLE] for about in pieces.metadata if _WHOLE in about], None
+    wholes, earlier = wholes_of(pieces), None
     if wholes and any(each.remembers for each in several) and measured_joints(machine):
         earlier = _earlier(machine, model, there, x, pieces, wholes)
-    return Acting([several] * len(pieces), *clocks_of(pieces), earlier)
+    clocks = clocks_of(pieces)
+    return Acting([several] * len(pieces), clocks.begun, clocks.prior_runtime, earlier)
 
 
 def _earlier(

@@ -21,10 +21,11 @@ from serpent_twin.machines.machine import (
     effects_at,
 )
 from serpent_twin.machines.measured import Recording, RunMachine, Runs, cut
+from serpent_twin.machines.model.clocks import clocks_of
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
 from serpent_twin.machines.model.drives import controls
-from serpent_twin.machines.model.earlier import acting, clocks_of
+from serpent_twin.machines.model.earlier import acting
 from serpent_twin.machines.model.known import Factor, by_known_numbers
 from serpent_twin.machines.model.limits import LoggedLimits
 from serpent_twin.machines.model.motion import (
@@ -36,10 +37,11 @@ from serpent_twin.machines.model.motion import (
 )
 from serpent_twin.machines.model.numbers import change_number
 from serpent_twin.machines.model.places import ModelPlaces, only_single, units_of_law
+from serpent_twin.machines.model.pose_places import PosePlaces, commands_at_rest
 from serpent_twin.machines.model.poses import Rests, settled
 from serpent_twin.machines.model.prescribed import known_motion, prescribe
 from serpent_twin.machines.model.proposing import proposed
-from serpent_twin.machines.model.readings import Clocks, reread
+from serpent_twin.machines.model.readings import reread
 from serpent_twin.machines.model.seen import Seen, beginning
 from serpent_twin.machines.model.segments import ROWS, segments
 from serpent_twin.machines.model.starts import (
@@ -243,15 +245,17 @@ class ModelMachine(RunMachine):
     ) -> Callable[[Array], Array]:
         """What sensors of named things make of the twins' runs."""
         per_run = [there for there in map(effects_at, points) for _ in range(len(pieces))]
-        period, *begun = (
-            np.tile(each, len(points)) for each in (pieces.period, *clocks_of(pieces))
-        )
-        return partial(reread, per_run, names, period=period, clocks=Clocks(*begun))
+        period, clocks = np.tile(pieces.period, len(points)), clocks_of(pieces)
+        return partial(reread, per_run, names, period=period, clocks=clocks.repeated(len(points)))
 
-    def responses_at_places(self, point: ParameterVector, pieces: Runs) -> ModelPlaces | None:
-        """What changes at the model's places would show; None of poses and of prescribed motion."""
+    def responses_at_places(
+        self, point: ParameterVector, pieces: Runs
+    ) -> ModelPlaces | PosePlaces | None:
+        """What changes at the model's places would show; None of prescribed motion."""
         machine = self.described
-        if machine.about.rows == POSES or machine.prescribed or not only_single(machine.model):
+        if machine.about.rows == POSES:
+            return commands_at_rest(machine, self.respond, point, pieces)
+        if machine.prescribed or not only_single(machine.model):
             return None
         with quietly(), np.errstate(all="ignore"):
             motion = self._motion([point], pieces)
@@ -261,7 +265,7 @@ class ModelMachine(RunMachine):
 
     def units_of_law(self, law: Law) -> dict[str, str]:
         """The units of a law's size and of its form's parameters."""
-        return units_of_law(self.described.model, law)
+        return units_of_law(self.described, law)
 
     def _driven(self, point: ParameterVector, there: Sequence[Effect], pieces: Runs) -> DrivenRuns:
         """The models of a twin's runs, which may state numbers of their own, and what drives them."""

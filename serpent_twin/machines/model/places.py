@@ -8,10 +8,11 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import POSITIONS, READING_SHIFT, Law
+from serpent_twin.effects.law import COMMAND, HANDLES, POSITIONS, READING_SHIFT, READINGS, Law
 from serpent_twin.machines.measured import Runs
+from serpent_twin.machines.model.clocks import clocks_of
 from serpent_twin.machines.model.description import Described
-from serpent_twin.machines.model.earlier import clocks_of
+from serpent_twin.machines.model.drives import commands
 from serpent_twin.machines.model.motion import DrivenMotion, RowStates
 from serpent_twin.machines.model.row_motion import ForcedRows, forced_rows
 from serpent_twin.machines.model.seen import address
@@ -26,6 +27,8 @@ _SLOW = 0.05
 """Speed at which dry friction has its full size, of the joint's own rms: it changes its sign softly"""
 _SLIDES = {"N m": "N", "rad": "m", "rad/s": "m/s"}
 """Units of a slide, in place of a hinge's"""
+SI = {"mm": "m", "°": "rad", "1": "1"}
+"""Units of commands, by those in which reports state them"""
 
 
 def only_single(model: mujoco.MjModel) -> bool:
@@ -33,19 +36,14 @@ def only_single(model: mujoco.MjModel) -> bool:
     return model.njnt == model.nq == len(single_joints(model)) <= _MOST
 
 
-def units_of_law(model: mujoco.MjModel, law: Law) -> dict[str, str]:
-    """The units of a law's size and of its form's parameters, by whether its places turn or slide."""
-    own, followed = (_slides(model, name) for name in (law.place, law.where))
-    units = law.units()
-    size, _, per = units["size"].partition(" per ")
-    size = _SLIDES.get(size, size) if own else size
-    per = _SLIDES.get(per, per) if followed else per
-    units["size"] = f"{size} per {per}" if per else size
-    for name in ("first", "bound", "second"):
-        units[name] = _SLIDES.get(units[name], units[name]) if followed else units[name]
-    if law.shape == "periodic":
-        units |= {"first": f"rad per {units['bound']}", "second": "rad"}
-    return units
+def units_of_law(machine: Described, law: Law) -> dict[str, str]:
+    """The units of a law's size and of its form's parameters, by what turns, slides or is told."""
+    told = {each.actuator: SI[machine.control_unit(each)[0]] for each in machine.commanded}
+    size, of = HANDLES[law.handle].unit, READINGS[law.reading][1] if law.reading else ""
+    size = _SLIDES.get(size, size) if _slides(machine.model, law.place) else size
+    of = _SLIDES.get(of, of) if _slides(machine.model, law.where) else of
+    size = told[law.place] if law.handle == COMMAND else size
+    return law.units(size, told[law.where] if law.reading == COMMAND else of)
 
 
 def _slides(model: mujoco.MjModel, name: str) -> bool:
@@ -55,6 +53,18 @@ def _slides(model: mujoco.MjModel, name: str) -> bool:
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, name) >= 0:
         return lengths(model, "tendon", name) == ("m",)
     return False
+
+
+def clocks_and_commands(machine: Described, pieces: Runs) -> dict[tuple[str, str], Array]:
+    """What laws may follow at rest and in motion, (S, T), by the reading and its place."""
+    clocks, told = clocks_of(pieces), commands(machine, pieces)
+    rows = pieces.time - pieces.time[:, :1] + clocks.begun[:, None]
+    names = [each.actuator for each in machine.commanded]
+    return {
+        **{(COMMAND, name): told[..., machine.model.actuator(name).id] for name in names},
+        ("time", "session"): rows,
+        ("runtime", "machine"): rows + clocks.prior_runtime[:, None],
+    }
 
 
 @dataclass(frozen=True)
@@ -70,11 +80,17 @@ class ModelPlaces:
 
     @classmethod
     def of(
-        cls, machine: Described, measured: Sequence[str], motion: DrivenMotion, pieces: Runs
+        cls,
+        machine: Described,
+        measured: Sequence[str],
+        motion: DrivenMotion,
+        pieces: Runs,
     ) -> "ModelPlaces":
         """Those of a motion of one twin."""
         states = motion.states()
-        forced = forced_rows(motion.driven, states, motion.seen)
+        forced = forced_rows(
+            motion.driven, states, motion.seen, commands(machine, pieces).std(axis=(0, 1))
+        )
         if motion.gain is not None:
             adapts = _adapts(machine.model, measured, motion, forced.motion)
             forced = replace(forced, motion=replace(forced.motion, adapts=adapts))
@@ -83,9 +99,7 @@ class ModelPlaces:
     @cached_property
     def readings(self) -> Mapping[tuple[str, str], Array]:
         """What laws may follow, (S, T), by the reading and its place."""
-        since, prior = clocks_of(self.pieces)
-        rows = self.pieces.time - self.pieces.time[:, :1] + since[:, None]
-        found: dict[tuple[str, str], Array] = {}
+        found = clocks_and_commands(self.machine, self.pieces)
         for name, dof in self._joints:
             found["joint_angle", name] = np.nan_to_num(self.states.pose[..., dof])
             found["joint_velocity", name] = np.nan_to_num(self.states.rate[..., dof])
@@ -94,15 +108,17 @@ class ModelPlaces:
                 at = self._along[1][k]
                 name = self.machine.model.body(n).name
                 found |= {(axis, name): at[..., x] for x, axis in enumerate(POSITIONS)}
-        return found | {
-            ("time", "session"): rows,
-            ("runtime", "machine"): rows + prior[:, None],
-        }
+        return found
 
     @property
     def responses(self) -> Sequence[Response]:
         """Of every quantity at every place."""
-        return [*self._of_joints(), *self._of_bodies(), *self._of_readings()]
+        return [
+            *self._of_joints(),
+            *self._of_bodies(),
+            *self._of_commands(),
+            *self._of_readings(),
+        ]
 
     @property
     def starts(self) -> Array | None:
@@ -158,6 +174,13 @@ class ModelPlaces:
                 mujoco.mj_jacBodyCom(model, data, out[k, s, t], None, n)
                 at[k, s, t] = data.xipos[n]
         return out, at
+
+    def _of_commands(self) -> Iterator[Response]:
+        for each in self.machine.commanded:
+            n = self.machine.model.actuator(each.actuator).id
+            push, own = self.forced.by_command[n], self.forced.command_shows[n]
+            if push.any():
+                yield self._lagged(COMMAND, each.actuator, push[None], own[None])
 
     def _of_readings(self) -> Iterator[Response]:
         for k, name in enumerate(self.measured):

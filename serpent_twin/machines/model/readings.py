@@ -11,16 +11,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Instant
 from serpent_twin.effects.law import Law
 from serpent_twin.errors import SerpentError
-
-
-@dataclass(frozen=True)
-class Clocks:
-    """When n runs begin [s], (n,) each."""
-
-    begun: Array
-    """Since the session began"""
-    prior_runtime: Array
-    """From the beginning of the log to that of the session"""
+from serpent_twin.machines.model.clocks import Clocks
 
 
 def reread(

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from mujoco.batch import Batch
+from scipy.linalg import block_diag
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.motion import DrivenRuns, RowStates
@@ -22,16 +23,20 @@ _STATE = ("qpos", "qvel", "act")
 
 @dataclass(frozen=True)
 class ForcedRows:
-    """How small changes of states, and small forces during rows, go on."""
+    """How small changes of states, and small forces and changed commands during rows, go on."""
 
     motion: RowMotion
     by_force: Array
     """Change of the next row's state by a force on each degree of freedom, (nv, S, T, D)"""
+    by_command: Array
+    """The same by what each actuator is told, (nu, S, T, D)"""
+    command_shows: Array
+    """Change of the prediction in the row itself, (nu, S, T, C)"""
 
 
-def forced_rows(driven: DrivenRuns, states: RowStates, seen: Seen) -> ForcedRows:
-    """By differences, a row at a time: all states and forces side by side. What effects do in time steps is
-    left out, but for what MJCF expresses of them.
+def forced_rows(driven: DrivenRuns, states: RowStates, seen: Seen, commands: Array) -> ForcedRows:
+    """By differences, a row at a time: all states, forces and commands side by side; `commands` says how much
+    each varies, (nu,). What effects do in time steps is left out, but for what MJCF expresses of them.
     """
     S, T = states.pose.shape[:2]
     base = np.concatenate([getattr(states, name) for name in ("pose", "rate", "activation")], -1)
@@ -39,31 +44,42 @@ def forced_rows(driven: DrivenRuns, states: RowStates, seen: Seen) -> ForcedRows
     by = np.maximum(_SMALL * base.reshape(-1, D).std(axis=0), _LEAST)
     rate = by[model.nq : model.nq + model.nv]
     force = np.maximum(model.dof_M0, 1e-12) * rate / float(np.median(driven.period))
-    runs = _Changed(driven, states, seen, np.diag(by), np.diag(force))
-    goes_on, shows = np.empty((S, T, D, D)), []
-    by_force = np.empty((model.nv, S, T, D))
+    told = np.maximum(_SMALL * commands, _LEAST)
+    runs = _Changed(driven, states, seen, np.diag(by), np.diag(force), np.diag(told))
+    goes_on, shows, command_shows = np.empty((S, T, D, D)), [], []
+    by_force, by_command = np.empty((model.nv, S, T, D)), np.empty((len(told), S, T, D))
+    forced, commanded = slice(D, D + model.nv), slice(D + model.nv, None)
     for t in range(T):
         seen_now, after = runs.row(t, base[:, t])
-        shows.append((seen_now[:, 1 : D + 1] - seen_now[:, :1]).swapaxes(1, 2) / by)
-        change = after[:, 1:] - after[:, :1]
+        shown, change = (each[:, 1:] - each[:, :1] for each in (seen_now, after))
+        shows.append(shown[:, :D].swapaxes(1, 2) / by)
+        command_shows.append((shown[:, commanded] / told[:, None]).swapaxes(0, 1))
         goes_on[:, t] = change[:, :D].swapaxes(1, 2) / by
-        by_force[:, :, t] = (change[:, D:] / force[:, None]).swapaxes(0, 1)
-    out = goes_on, np.stack(shows, axis=1), by_force
-    goes_on, shown, by_force = (np.nan_to_num(each, posinf=0.0, neginf=0.0) for each in out)
-    return ForcedRows(RowMotion(goes_on, shown), by_force)
+        by_force[:, :, t] = (change[:, forced] / force[:, None]).swapaxes(0, 1)
+        by_command[:, :, t] = (change[:, commanded] / told[:, None]).swapaxes(0, 1)
+    out = goes_on, np.stack(shows, axis=1), by_force, by_command, np.stack(command_shows, axis=2)
+    goes_on, shown, *others = (np.nan_to_num(each, posinf=0.0, neginf=0.0) for each in out)
+    return ForcedRows(RowMotion(goes_on, shown), *others)
 
 
 class _Changed:
-    """S runs as they are, with each state changed, and with each force, side by side."""
+    """S runs as they are, with each state changed, with each force and with each command, side by side."""
 
     def __init__(
-        self, driven: DrivenRuns, states: RowStates, seen: Seen, by: Array, force: Array
+        self,
+        driven: DrivenRuns,
+        states: RowStates,
+        seen: Seen,
+        by: Array,
+        force: Array,
+        told: Array,
     ) -> None:
         self._driven, self._states, self._seen = driven, states, seen
-        D, F = len(by), len(force)
-        self._by = np.concatenate([np.zeros((1, D)), by, np.zeros((F, D))])
-        self._force = np.concatenate([np.zeros((1 + D, F)), force])
-        self._k = len(self._by)
+        changes: Array = block_diag(by, force, told)
+        changes = np.concatenate([np.zeros((1, changes.shape[1])), changes])
+        parts = np.cumsum([len(by), len(force)])
+        self._by, self._force, self._told = np.split(changes, parts, axis=1)
+        self._k = len(changes)
         models = [model for model in driven.models for _ in range(self._k)]
         self._batch: Batch = side_by_side(models, threads())
         set_timestep(self._batch, self._repeated(states.step))
@@ -96,5 +112,5 @@ class _Changed:
         return seen, after
 
     def _tell(self, t: int) -> None:
-        told = self._repeated(self._driven.told[:, t])
-        self._control[:, : told.shape[1]] = told
+        told = self._driven.told[:, t, None] + self._told
+        self._control[:, : told.shape[-1]] = told.reshape(len(self._control), -1)

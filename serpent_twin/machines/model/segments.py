@@ -7,8 +7,8 @@ from math import ceil
 import numpy as np
 
 from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.model.clocks import part_of
 from serpent_twin.machines.model.description import MOTION, Described
-from serpent_twin.machines.model.earlier import part_of
 from serpent_twin.machines.model.starts import LEAD, measured_joints
 
 _FEWEST = 2

@@ -34,7 +34,7 @@ def acts_on_state(effect: Effect, model: mujoco.MjModel) -> bool:
     """Whether an effect acts in each time step: one on what an actuator gives does so where that follows from
     the state.
     """
-    if not effect.acts() or effect.of_readings:
+    if not effect.acts() or effect.of_readings or effect.of_commands:
         return False
     follows = _TORQUE in effect.needs and any(
         effect.at in ("", name) for name in state_driven(model)
