@@ -59,7 +59,7 @@ def fit(
     is taken for the first steps instead of a simulation. The fit has converged when a new derivative gives no
     better step; with no steps it is the derivative at the start. Above the cost `near` there is no second
     derivative, and small steps are not worth it. In so many `rounds` at most a fit is finished along what
-    the data tell least, if its slopes are finite differences.
+    the data tell least.
     """
     used = known.used if known else _spread(len(pieces), most, carried.used if carried else ())
     problem = Objective(case, case.take(pieces, used), free, known)
@@ -90,7 +90,7 @@ def fit(
         settled = steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost)
         if (settled or at.cost > near) and (n or not carried):
             break
-    if rounds and case.differenced(ParameterVector(at.point.declared), problem.some):
+    if rounds:
         at, jacobian = weak_steps.follow(problem, at, jacobian, rounds, on_progress)
     at = problem.exact(at)
     inflation, noise = problem.variance_inflation, case.noise

@@ -38,8 +38,6 @@ from serpent_twin.machines.machine import ParameterVector
 
 _MOST_EFFECTS = 6
 _MOST_DISCOVERED = 3
-_FINISHED = 8
-"""Rounds of the last fit along its weakest directions"""
 _COMPOSED, _NEAR = 2, 0.8
 """Composed candidates that are fitted; of what the best removes, what another must"""
 _BEATS = 0.97
@@ -204,7 +202,7 @@ class Tracer:
                 self.on_progress,
                 known,
                 carried,
-                rounds=_FINISHED if last else 0,
+                rounds=case.weak_rounds if last else 0,
             ),
         )
 

@@ -122,7 +122,7 @@ class Trials:
                 most,
                 self.on_progress,
                 carried=begun,
-                rounds=_ROUNDS,
+                rounds=min(_ROUNDS, case.weak_rounds),
             ),
         )
 

@@ -76,6 +76,11 @@ class Case(Generic[P]):
         return self.machine.segments
 
     @property
+    def weak_rounds(self) -> int:
+        """Rounds at most in which the last fit follows what the data tell least."""
+        return self.machine.weak_rounds
+
+    @property
     def channels(self) -> int:
         """Numbers that a residual has for each row of a log, C."""
         return len(self.machine.outputs)
@@ -149,12 +154,6 @@ class Case(Generic[P]):
             for name, change in changes.items():
                 out[names.index(name), which] = self._weigh(-change[None], measured[which])[0]
         return out
-
-    def differenced(self, point: ParameterVector, pieces: P) -> bool:
-        """Whether only finite differences give some of the derivatives by the declared parameters."""
-        with self.clock:
-            given = self.machine.derivatives(point, pieces.take([0]), self.noise)
-        return len(given) < len(self.declared)
 
     def reweighted(self, point: ParameterVector, pieces: P) -> "Case[P]":
         """The same case, each channel's noise set to the rms that a fitted twin leaves of it; a channel in

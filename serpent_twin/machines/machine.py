@@ -247,6 +247,11 @@ class Machine(Protocol[P]):
         """
         ...
 
+    @property
+    def weak_rounds(self) -> int:
+        """Rounds at most in which the last fit follows what the data tell least; 0 of exact derivatives."""
+        ...
+
     def pieces(self, sessions: Sequence[Any]) -> P:
         """Cut sessions into segments."""
         ...

@@ -4,13 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from linear_case import GUST, START, LinearCase, case, every
+from linear_case import GUST, LinearCase, case, every
 from scipy.optimize import minimize
 
 from serpent_twin.identification.fitted import NORMAL_95
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
-from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import Declared, ParameterVector
 
 PRIOR, DRIVE, STIFFNESS, FORCE = 0.3, 5.0, 2.0, 3.0
@@ -36,9 +35,6 @@ class PulledSpring(LinearCase):
 
     def jacobian(self, point, pieces):
         return np.full((2, len(pieces), self.y.shape[1]), np.nan)
-
-    def differenced(self, point, pieces):
-        return True
 
 
 @pytest.fixture(scope="module")
@@ -128,21 +124,3 @@ def test_without_that_it_stays_where_it_came_in(pulled):
     found = fitted(pulled, False)
     assert found.point.declared == pytest.approx(0.3, abs=0.02)
     assert found.cost > fitted(pulled, True).cost + 1.5
-
-
-def test_slopes_that_a_machine_gives_itself_need_none_of_it():
-    class Given:
-        declared = (Declared("one", "1", 1.0, 0.1),)
-
-        def __init__(self, *names):
-            self.names = names
-
-        def derivatives(self, point, pieces, noise):
-            return {name: np.zeros(1) for name in self.names}
-
-    class Pieces:
-        def take(self, which):
-            return self
-
-    assert Case(Given(), np.ones(1)).differenced(START, Pieces())
-    assert not Case(Given("one"), np.ones(1)).differenced(START, Pieces())

@@ -2,6 +2,7 @@
 
 import re
 
+import moving_models
 import numpy as np
 import posed_models
 import pytest
@@ -128,6 +129,7 @@ def lines(keep):
         (cells("t_ms", lambda n, v: v / 1000), "4e-05 s apart, and the model's time step is 0.004"),
         (lines(lambda rows: rows[:50] + rows[90:]), "first 1.64 s pass after 1.92 s"),
         (earlier("angle", 13), "moves 0.48 s before 'goal_deg' tells it to"),
+        (earlier("goal_deg", 22), "moves 0.92 s after 'goal_deg' tells it to"),
         (lines(lambda rows: rows[:2]), "has 1 row, fewer than 8"),
         (lines(lambda rows: rows[:1]), "has 0 rows, fewer than 8"),
         (lines(lambda rows: ["t_ms,angle,angle", *rows[1:]]), "two columns of one name: angle"),
@@ -135,6 +137,18 @@ def lines(keep):
 )
 def test_a_log_that_cannot_be_is_refused(tmp_path, told, change, wanted):
     assert wanted in refused(tmp_path, swung_models, change(told[swung_models]))
+
+
+def test_columns_that_are_each_other_s_are_refused(tmp_path):
+    """Two encoders whose columns are exchanged; so are the two drives' then, as far as a log can tell."""
+    log = moving_models.log(tmp_path / "made.csv", 0).read_text()
+    said = refused(tmp_path, moving_models, log, lambda text: text.replace("angle_1", "angle_0")
+                   .replace("angle_2", "angle_1").replace("angle_0", "angle_2"))  # fmt: skip
+    assert (
+        "'angle_2' moves as the model's joint elbow does, and 'angle_1' as its joint shoulder"
+        in said
+    )
+    assert "Exchange these columns" in said
 
 
 def swap(before, after):

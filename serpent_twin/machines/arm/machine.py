@@ -69,6 +69,8 @@ class ArmMachine:
     outputs: tuple[Output, ...] = OUTPUTS
     segments: tuple[int, int] = (7, 12)
     """How many segments a fit uses while it searches, and the last fit"""
+    weak_rounds: int = 0
+    """Tangents are exact"""
 
     @property
     def declared(self) -> Sequence[Declared]:

@@ -55,6 +55,8 @@ class RunMachine(ABC):
     """Seconds into which a run is cut, and those simulated before each; None for whole runs"""
     segments: tuple[int, int]
     """How many runs a fit uses at most while it searches, and the last fit"""
+    weak_rounds: int = 8
+    """Rounds at most in which the last fit follows what the data tell least"""
 
     @property
     @abstractmethod

@@ -22,7 +22,7 @@ from serpent_twin.machines.model.doubts import (
     require_moving_poses,
     require_varied,
 )
-from serpent_twin.machines.model.likeness import require_units
+from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
 from serpent_twin.machines.model.machine import ModelMachine
 from serpent_twin.machines.model.motion import STEPS
@@ -92,6 +92,7 @@ class ModelRig:
         few = pieces.take(range(0, len(pieces), max(1, len(pieces) // _FEW)))
         found = _nominal(machine, few)
         require_units(self.described, few, found)
+        require_own(self.described, few, found)
         _require_found(machine, few, found)
         if self.described.about.rows == MOTION:
             machine = _quieter(machine, few, found)

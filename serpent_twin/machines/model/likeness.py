@@ -1,6 +1,9 @@
-"""Refuse columns that follow the model with the other sign, in another unit or on another clock."""
+"""Refuse columns that follow the model with the other sign, in another unit or on another clock, or that are
+each other's.
+"""
 
 from collections.abc import Iterator
+from itertools import combinations
 
 import mujoco
 import numpy as np
@@ -15,9 +18,11 @@ from serpent_twin.units import TO_SI
 _ALIKE, _ABOUT = 0.9, 1.4
 """Correlation with the model from which on a column is the same motion; the ratio to another unit's"""
 _LATE = 0.5
-"""Longest delay that looks like another sign where a motion is quick [s]"""
-_EARLY, _EARLIEST = 0.2, 1.0
-"""By how much a servo may move before it is told to, until two clocks are suspected; how far is looked [s]"""
+"""Longest delay of a servo: it looks like another sign where a motion is quick [s]"""
+_EARLY, _FARTHEST = 0.2, 1.0
+"""By how much a servo may move before it is told to, until two clocks are suspected; how far is looked, also
+for one that moves after it is told to [s]
+"""
 _SAME = 0.98
 """Correlation of one motion on two clocks"""
 
@@ -37,6 +42,42 @@ def require_units(machine: Described, pieces: Runs, found: Array) -> None:
                 raise SerpentError(f"{machine.path}: {columns} of {session} {why}")
 
 
+def require_own(machine: Described, pieces: Runs, found: Array) -> None:
+    """Refuse two columns that follow what the model, (S, T, C), or the servo of its joint, shows of each
+    other.
+    """
+    names = [each for each in machine.about.measured for _ in each.columns]
+    alone = [(n, each) for n, each in enumerate(names) if len(each.columns) == 1]
+    for (i, one), (j, other) in combinations(alone, 2):
+        if one.measure != other.measure:
+            continue
+        of_one, of_other = (
+            _shown(machine, one, i, pieces, found),
+            _shown(machine, other, j, pieces, found),
+        )
+        first, second = pieces.measured[..., [i]], pieces.measured[..., [j]]
+        own = max(_best(first, of_one), _best(second, of_other))
+        if min(_best(first, of_other), _best(second, of_one)) > _ALIKE > own:
+            raise SerpentError(
+                f"{machine.path}: {one.columns[0]!r} moves as the model's {' '.join(other.of)} does, and "
+                f"{other.columns[0]!r} as its {' '.join(one.of)}. Exchange these columns, or those of their "
+                "drives, in machine.toml."
+            )
+
+
+def _best(measured: Array, several: list[Array]) -> float:
+    """The best correlation of a motion with some others, (S, T, 1) each."""
+    return max(_correlation(measured, each)[0] for each in several)
+
+
+def _shown(
+    machine: Described, each: MeasuredColumns, at: int, pieces: Runs, found: Array
+) -> list[Array]:
+    """What the model shows of a measured thing, and what its servos are told, (S, T, 1) each."""
+    goals = [goal for _, goal in _servos(machine, each.joint, pieces)]
+    return [found[..., [at]], *goals]
+
+
 def _amiss(
     machine: Described, each: MeasuredColumns, pieces: Runs, measured: Array, found: Array
 ) -> str:
@@ -49,9 +90,10 @@ def _amiss(
         return ""
     for drive, goal in _servos(machine, each.joint, pieces):
         if ahead := _ahead(measured, goal, period):
+            when = "before" if ahead > 0 else "after"
             return (
-                f"moves {ahead * period:.2g} s before {drive.column!r} tells it to, as on two clocks. Put "
-                "both on one clock: `log import` does so."
+                f"moves {abs(ahead) * period:.2g} s {when} {drive.column!r} tells it to, as on two clocks. "
+                "Put both on one clock: `log import` does so."
             )
         sign, ratio = _alike(measured, goal, late)
         own = _unlike(each.unit, sign, ratio, "its unit")
@@ -87,15 +129,19 @@ def _alike(measured: Array, like: Array, late: int) -> tuple[int, float]:
 
 
 def _ahead(measured: Array, goal: Array, period: float) -> int:
-    """By how many rows a motion (S, T, 1) comes before what it follows; 0 where it may be as told."""
-    first, last = (int(each / period) for each in (_EARLY, _EARLIEST))
+    """By how many rows a motion (S, T, 1) comes before what it follows, negative ones after; 0 where it may
+    be as told.
+    """
+    early, late, last = (int(each / period) for each in (_EARLY, _LATE, _FARTHEST))
     now, _ = _correlation(measured, goal)
-    by = {
-        n: _correlation(measured[:, :-n], goal[:, n:])[0]
-        for n in range(1, min(last, measured.shape[1] // 2))
-    }
+    if now > _ALIKE:
+        return 0
+    by = {}
+    for n in range(1, min(last, measured.shape[1] // 2)):
+        by[n] = _correlation(measured[:, :-n], goal[:, n:])[0]
+        by[-n] = _correlation(measured[:, n:], goal[:, :-n])[0]
     best = max(by, key=by.__getitem__, default=0)
-    return best if best > first and by[best] > _SAME and now < _ALIKE else 0
+    return best if not -late <= best <= early and by[best] > _SAME else 0
 
 
 def _correlation(a: Array, b: Array) -> tuple[float, float]:

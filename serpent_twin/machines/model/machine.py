@@ -59,6 +59,9 @@ from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
 from serpent_twin.sim.quiet import quietly
 
+_MANY, _ROUNDS = 12, (8, 2)
+"""Degrees of freedom that are many; rounds in which a last fit follows what the data tell least"""
+
 
 @dataclass(frozen=True)
 class ModelMachine(RunMachine):
@@ -84,6 +87,11 @@ class ModelMachine(RunMachine):
     block: float = 0.0
     window: None = None
     joints: tuple[str, ...] = ()
+
+    @property
+    def weak_rounds(self) -> int:
+        """Few of many joints, each of which costs some forty simulations of all segments."""
+        return _ROUNDS[self.described.model.nv > _MANY]
 
     @property
     def name(self) -> str:

@@ -75,7 +75,7 @@ class _Changed:
         told: Array,
     ) -> None:
         self._driven, self._states, self._seen = driven, states, seen
-        changes: Array = block_diag(by, force, told)
+        changes = np.asarray(block_diag(by, force, told))
         changes = np.concatenate([np.zeros((1, changes.shape[1])), changes])
         parts = np.cumsum([len(by), len(force)])
         self._by, self._force, self._told = np.split(changes, parts, axis=1)
