@@ -10,7 +10,7 @@ from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_axis, link_frames
 from serpent_twin.arrays import Array
 from serpent_twin.effects.law import (
-    COMMAND,
+    ACTUATOR_COMMAND,
     HANDLES,
     POSITIONS,
     READING_SHIFT,
@@ -32,6 +32,8 @@ NAMES = {
 """Of the places of each kind; sensors are `MARKERS` and `LOADS`"""
 MARKERS = tuple(f"marker{i}" for i in range(1, N_JOINTS + 1))
 LOADS = tuple(f"{name}_load" for name in mjcf.MOTORS)
+_OF_MODELS = (ACTUATOR_COMMAND, READING_SHIFT)
+"""What laws change of other machines alone"""
 JOINT_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
 _COM = np.array([[length / 2, 0.0, 0.0] for length in ARM.link_length])
 LINK_MASS = np.array(ARM.link_mass)
@@ -41,8 +43,9 @@ _COM.setflags(write=False)
 @cache
 def names_of(handle: str) -> tuple[str, ...]:
     """The places at which a law may change a quantity; raises a `SerpentError` if the arm lacks it."""
-    if handle in (COMMAND, READING_SHIFT):
-        raise SerpentError(f"no law changes the {handle.replace('_', ' ')} of the arm.")
+    if handle in _OF_MODELS:
+        there = listed([each for each in HANDLES if each not in _OF_MODELS])
+        raise SerpentError(f"no law changes {handle} here; there are: {there}.")
     sensors = {"marker_shift": MARKERS, "load_shift": LOADS}
     return sensors[handle] if handle in sensors else NAMES[HANDLES[handle].kind]
 

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.effect import LOSS, Effect, parameter
-from serpent_twin.effects.law import CLOCKS, COMMAND, READING_SHIFT, READINGS, SHAPES, Law, parse
+from serpent_twin.effects.effect import LOSS, READING, WINDING, Effect, parameter
+from serpent_twin.effects.law import ACTUATOR_COMMAND, READING_SHIFT, SHAPES, Law, parse
 
 _ANY = 1e9
 
@@ -56,21 +56,15 @@ class Discovered(Effect):
         return float(np.linalg.norm([self.size, self.size_y, self.size_z]))
 
     @property
-    def of_readings(self) -> bool:
-        """Whether it shifts what is read of a run."""
-        return self.law.handle == READING_SHIFT
-
-    @property
-    def of_commands(self) -> bool:
-        """Whether it changes what actuators are told, by nothing but that and the time."""
-        return self.law.handle == COMMAND
+    def acts_at(self) -> int:
+        """By what its law changes."""
+        return {READING_SHIFT: READING, ACTUATOR_COMMAND: WINDING}.get(self.law.handle, self.stage)
 
     @property
     def things(self) -> frozenset[str]:
         """What it changes, and what it follows; a clock is no thing."""
         law = self.law
-        clock = not law.reading or READINGS[law.reading][0] in CLOCKS
-        return frozenset({law.place} if clock else {law.place, law.where})
+        return frozenset({law.place, law.where} if law.follows_a_thing else {law.place})
 
     def here(self, moment: Any) -> Any:
         """The whole moment: the law says where."""

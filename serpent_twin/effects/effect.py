@@ -147,12 +147,12 @@ class Effect:
     @property
     def of_readings(self) -> bool:
         """Whether it changes what is read of a run, after all time steps."""
-        return self.stage == READING
+        return self.acts_at == READING
 
     @property
-    def of_commands(self) -> bool:
-        """Whether it changes what actuators are told, by nothing but that and the time."""
-        return False
+    def acts_at(self) -> int:
+        """The stage at which it acts: that of its kind, unless what it changes is stated by its place."""
+        return self.stage
 
     @property
     def things(self) -> frozenset[str]:

@@ -37,8 +37,8 @@ class Handle:
 
 READING_SHIFT = "reading_shift"
 """The one quantity that is changed after all time steps of a run"""
-COMMAND = "command"
-"""What actuators are told: a quantity that laws may change before the time steps, and may follow"""
+ACTUATOR_COMMAND = "command"
+"""The command of an actuator: laws may follow it, and may change it before the time steps"""
 HANDLES: Mapping[str, Handle] = {
     "joint_torque": Handle("joint", "N m", words="a torque{size} at {place}"),
     "joint_friction": Handle("joint", "N m", only_more=True, words="friction{size} at {place}"),
@@ -51,7 +51,9 @@ HANDLES: Mapping[str, Handle] = {
         "rad",
         words="a turn{size} of the winch of {place} that its encoder does not show",
     ),
-    COMMAND: Handle("actuator", "1", words="a change{size} of the command that reaches {place}"),
+    ACTUATOR_COMMAND: Handle(
+        "actuator", "1", words="a change{size} of the command that reaches {place}"
+    ),
     "slack": Handle("tendon", "m", words="a length{size} that {place} has more"),
     "force": Handle("body", "N", 3, words="a force{size} in the base frame on {place}"),
     "force_in_body": Handle("body", "N", 3, words="a force{size} in the frame of {place} on it"),
@@ -137,7 +139,7 @@ READINGS: Mapping[str, tuple[str, str]] = {
     "motor_angle": ("actuator", "rad"),
     "motor_velocity": ("actuator", "rad/s"),
     "horn_torque": ("actuator", "N m"),
-    COMMAND: ("actuator", "1"),
+    ACTUATOR_COMMAND: ("actuator", "1"),
     "tension": ("tendon", "N"),
     **dict.fromkeys(POSITIONS, ("body", "m")),
     "time": ("session", "s"),
@@ -168,8 +170,13 @@ class Law:
     @property
     def possible(self) -> bool:
         """Whether what it changes may follow its reading: commands are changed before anything moves."""
-        known = not self.reading or self.reading == COMMAND or READINGS[self.reading][0] in CLOCKS
-        return known or self.handle != COMMAND
+        known = self.reading == ACTUATOR_COMMAND or not self.follows_a_thing
+        return known or self.handle != ACTUATOR_COMMAND
+
+    @property
+    def follows_a_thing(self) -> bool:
+        """Whether it follows a reading of a part of the machine: neither a clock nor nothing."""
+        return bool(self.reading) and READINGS[self.reading][0] not in CLOCKS
 
     @property
     def of_itself(self) -> bool:
@@ -186,7 +193,7 @@ class Law:
         """What it follows, in words; nothing for a constant."""
         if not self.reading:
             return ""
-        of = "" if READINGS[self.reading][0] in CLOCKS else f" of {self.where}"
+        of = f" of {self.where}" if self.follows_a_thing else ""
         return f"{self.reading.replace('_', ' ')}{of}"
 
     def clock(self, time: Array, prior_runtime: Array | float) -> Array | None:

@@ -138,8 +138,8 @@ def ranking(candidates: Sequence[Tried], unit: str = "mm") -> Figure | None:
         return None
     order = ranked(candidates)
     fitted = any(np.isfinite(mean_gain(each)[0]) for each in order)
-    lines = [fill(spaced(each.name), _LABEL).count("\n") + 1 for each in order]
-    height = 0.34 * len(order) * (1 + 0.45 * (max(lines) - 1)) + 1.3
+    lines = max(_label(each).count("\n") for each in order)
+    height = 0.34 * len(order) * (1 + 0.45 * lines) + 1.3
     drawing, panels = sheet(9, height, columns=1 + fitted, sharey=True)
     _scores(panels[0], order)
     if fitted:
@@ -157,12 +157,16 @@ def ranking(candidates: Sequence[Tried], unit: str = "mm") -> Figure | None:
     return Figure("candidates", drawing, caption if fitted else caption.split(" Right")[0])
 
 
+def _label(tried: Tried) -> str:
+    return fill(spaced(tried.name), _LABEL)
+
+
 def _scores(axes: "Axes", order: Sequence[Tried]) -> None:
     for n, each in enumerate(order):
         colour = _VERDICT_STYLE[each.verdict][1]
         faded = 0.35 if each.verdict in UNTESTED else 1.0
         axes.barh(n, 100 * each.score, height=0.6, color=colour, alpha=faded)
-    axes.set_yticks(range(len(order)), [fill(spaced(each.name), _LABEL) for each in order])
+    axes.set_yticks(range(len(order)), [_label(each) for each in order])
     axes.set(ylim=(len(order) - 0.4, -0.6), xlim=(0, None), xlabel="score [% of the squares]")
     axes.tick_params(axis="y", length=0)
     for label, each in zip(axes.get_yticklabels(), order, strict=True):

@@ -77,7 +77,7 @@ class Case(Generic[P]):
 
     @property
     def weak_rounds(self) -> int:
-        """Rounds at most in which the last fit follows what the data tell least."""
+        """At most so many rounds along weak directions end the last fit."""
         return self.machine.weak_rounds
 
     @property

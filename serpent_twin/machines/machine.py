@@ -249,7 +249,7 @@ class Machine(Protocol[P]):
 
     @property
     def weak_rounds(self) -> int:
-        """Rounds at most in which the last fit follows what the data tell least; 0 of exact derivatives."""
+        """At most so many rounds along weak directions end the last fit; 0 where derivatives are exact."""
         ...
 
     def pieces(self, sessions: Sequence[Any]) -> P:

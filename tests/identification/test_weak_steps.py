@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import posed_models
 import pytest
 from linear_case import GUST, LinearCase, case, every
 from scipy.optimize import minimize
@@ -10,7 +11,9 @@ from scipy.optimize import minimize
 from serpent_twin.identification.fitted import NORMAL_95
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
+from serpent_twin.machines.arm.machine import ArmMachine
 from serpent_twin.machines.machine import Declared, ParameterVector
+from serpent_twin.machines.model import open_machine
 
 PRIOR, DRIVE, STIFFNESS, FORCE = 0.3, 5.0, 2.0, 3.0
 
@@ -124,3 +127,17 @@ def test_without_that_it_stays_where_it_came_in(pulled):
     found = fitted(pulled, False)
     assert found.point.declared == pytest.approx(0.3, abs=0.02)
     assert found.cost > fitted(pulled, True).cost + 1.5
+
+
+def test_arms_need_none_of_it_and_models_of_many_joints_do_little(tmp_path):
+    path = posed_models.machine(tmp_path)
+    rig = open_machine(path)
+    few = rig.open(rig.read(posed_models.log(tmp_path / "log.csv", 0)))
+    assert few.weak_rounds == 8
+    hung = "".join(f'<body><joint name="j{n}"/><geom size="0.01"/>' for n in range(11))
+    model = path.with_name("arm.xml")
+    text = model.read_text().replace('<site name="tip"', hung + "</body>" * 11 + '<site name="tip"')
+    model.write_text(text)
+    many = replace(few.machine, described=open_machine(path).described)
+    assert many.weak_rounds == 2
+    assert ArmMachine.weak_rounds == 0

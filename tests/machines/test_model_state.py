@@ -16,6 +16,7 @@ from serpent_twin.effects import Effect, parameter
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model.clocks import Clocks
 from serpent_twin.machines.model.state_effects import Acting
 from serpent_twin.machines.model.state_laws import StateLaws
 
@@ -62,7 +63,7 @@ def stepped(does, at, bare):
     model = mujoco.MjModel.from_xml_string(MJCF)
     SomeLaw.does = staticmethod(does)
     batch = Batch(model, 2, 1)
-    acting = Acting([[SomeLaw(at=each) for each in at]] * 2, np.zeros(2), np.zeros(2))
+    acting = Acting([[SomeLaw(at=each) for each in at]] * 2, Clocks(np.zeros(2), np.zeros(2)))
     laws = StateLaws(batch, acting, np.full(2, model.opt.timestep), half=False)
     starts = np.array([[0.3, 0.2], [-0.2, 0.5]])
     laws.begin()

@@ -70,7 +70,7 @@ class ArmMachine:
     segments: tuple[int, int] = (7, 12)
     """How many segments a fit uses while it searches, and the last fit"""
     weak_rounds: int = 0
-    """Tangents are exact"""
+    """None: tangents, not differences, are its derivatives"""
 
     @property
     def declared(self) -> Sequence[Declared]:

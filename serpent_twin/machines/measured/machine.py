@@ -56,7 +56,7 @@ class RunMachine(ABC):
     segments: tuple[int, int]
     """How many runs a fit uses at most while it searches, and the last fit"""
     weak_rounds: int = 8
-    """Rounds at most in which the last fit follows what the data tell least"""
+    """At most so many rounds along weak directions end the last fit"""
 
     @property
     @abstractmethod

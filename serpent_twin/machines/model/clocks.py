@@ -1,5 +1,6 @@
 """Say when in its session each run begins."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,13 @@ class Clocks:
 
     def repeated(self, times: int) -> "Clocks":
         """Those of the same runs so many times, one set after the other."""
-        return Clocks(np.tile(self.begun, times), np.tile(self.prior_runtime, times))
+        return Clocks.together([self] * times)
+
+    @staticmethod
+    def together(several: Sequence["Clocks"]) -> "Clocks":
+        """Those of some sets of runs, one set after the other."""
+        begun, prior = zip(*((each.begun, each.prior_runtime) for each in several), strict=True)
+        return Clocks(np.concatenate(begun), np.concatenate(prior))
 
 
 def part_of(run: Recording, rows: slice) -> Recording:
@@ -42,3 +49,8 @@ def clocks_of(pieces: Runs) -> Clocks:
         return Clocks(np.zeros(len(pieces)), pieces.time[:, 0])
     begun = np.array([each.time[0] for each in wholes])
     return Clocks(pieces.time[:, 0] - begun, begun)
+
+
+def session_time(pieces: Runs) -> Array:
+    """Times of the rows since their session began [s], (S, T)."""
+    return pieces.time - pieces.time[:, :1] + clocks_of(pieces).begun[:, None]

@@ -9,10 +9,10 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect, Instant
-from serpent_twin.effects.law import COMMAND, Law
+from serpent_twin.effects.law import Law
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Runs
-from serpent_twin.machines.model.clocks import clocks_of
+from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
 from serpent_twin.machines.model.description import MOTION, Described
 from serpent_twin.machines.model.part_of_moment import PartOfMoment
@@ -48,9 +48,7 @@ def controls(
         scaled = machine.is_servo(each.actuator) and not each.exact
         scale = np.exp(x[SCALE]) if scaled else 1.0
         told[..., n] = start[n] + scale * away + zero
-    of_drives = [
-        e for e in there if (e.of_commands or e.stage < CABLE) and not acts_on_state(e, model)
-    ]
+    of_drives = [e for e in there if e.acts_at < CABLE and not acts_on_state(e, model)]
     several = effects.stacked([of_drives] * len(told))
     if not several:
         return told
@@ -59,16 +57,15 @@ def controls(
     parts = _PARTS if machine.about.rows == MOTION else 1
     ahead, dt = np.asarray(np.gradient(told, axis=1)), pieces.period[:, None] / parts
     told, ahead = np.repeat(told, parts, axis=1), np.repeat(ahead, parts, axis=1)
-    time, clocks = pieces.time - pieces.time[:, :1], clocks_of(pieces)
-    begun, prior = clocks.begun[:, None], clocks.prior_runtime[:, None]
+    time, prior = session_time(pieces), clocks_of(pieces).prior_runtime[:, None]
     memory: list[object] = []
     for t in range(rows * parts):
         now = told[:, t]
-        late = begun + time[:, t // parts, None] + t % parts * dt
+        now_at = time[:, t // parts, None] + t % parts * dt
         moment = DrivenMoment(
             names,
             dt,
-            late,
+            now_at,
             prior,
             force,
             logged[:, t // parts],
@@ -146,7 +143,7 @@ class DrivenMoment(Instant):
         """What a law follows, (n, 1); of a constant, zeros."""
         if (clock := law.clock(self.time, self.prior_runtime)) is not None:
             return clock
-        if law.reading != COMMAND:
+        if not law.possible:
             raise SerpentError(f"no command here follows the {law.depends_on}.")
         return self.at(law.where).command
 

@@ -31,8 +31,7 @@ def acting(
     wholes, earlier = wholes_of(pieces), None
     if wholes and any(each.remembers for each in several) and measured_joints(machine):
         earlier = _earlier(machine, model, there, x, pieces, wholes)
-    clocks = clocks_of(pieces)
-    return Acting([several] * len(pieces), clocks.begun, clocks.prior_runtime, earlier)
+    return Acting([several] * len(pieces), clocks_of(pieces), earlier)
 
 
 def _earlier(

@@ -47,17 +47,15 @@ def require_own(machine: Described, pieces: Runs, found: Array) -> None:
     other.
     """
     names = [each for each in machine.about.measured for _ in each.columns]
-    alone = [(n, each) for n, each in enumerate(names) if len(each.columns) == 1]
-    for (i, one), (j, other) in combinations(alone, 2):
+    alone = {n: each for n, each in enumerate(names) if len(each.columns) == 1}
+    shown = {n: _shown(machine, each, n, pieces, found) for n, each in alone.items()}
+    for i, j in combinations(alone, 2):
+        one, other = alone[i], alone[j]
         if one.measure != other.measure:
             continue
-        of_one, of_other = (
-            _shown(machine, one, i, pieces, found),
-            _shown(machine, other, j, pieces, found),
-        )
         first, second = pieces.measured[..., [i]], pieces.measured[..., [j]]
-        own = max(_best(first, of_one), _best(second, of_other))
-        if min(_best(first, of_other), _best(second, of_one)) > _ALIKE > own:
+        own = max(_best(first, shown[i]), _best(second, shown[j]))
+        if min(_best(first, shown[j]), _best(second, shown[i])) > _ALIKE > own:
             raise SerpentError(
                 f"{machine.path}: {one.columns[0]!r} moves as the model's {' '.join(other.of)} does, and "
                 f"{other.columns[0]!r} as its {' '.join(one.of)}. Exchange these columns, or those of their "

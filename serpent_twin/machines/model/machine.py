@@ -60,7 +60,7 @@ from serpent_twin.residual import Measure
 from serpent_twin.sim.quiet import quietly
 
 _MANY, _ROUNDS = 12, (8, 2)
-"""Degrees of freedom that are many; rounds in which a last fit follows what the data tell least"""
+"""Degrees of freedom that are many; rounds along weak directions with fewer of them, and with so many"""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class ModelMachine(RunMachine):
 
     @property
     def weak_rounds(self) -> int:
-        """Few of many joints, each of which costs some forty simulations of all segments."""
+        """Fewer for many joints: a round takes some seventy simulations of all segments."""
         return _ROUNDS[self.described.model.nv > _MANY]
 
     @property

@@ -8,9 +8,16 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import COMMAND, HANDLES, POSITIONS, READING_SHIFT, READINGS, Law
+from serpent_twin.effects.law import (
+    ACTUATOR_COMMAND,
+    HANDLES,
+    POSITIONS,
+    READING_SHIFT,
+    READINGS,
+    Law,
+)
 from serpent_twin.machines.measured import Runs
-from serpent_twin.machines.model.clocks import clocks_of
+from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import commands
 from serpent_twin.machines.model.motion import DrivenMotion, RowStates
@@ -42,8 +49,8 @@ def units_of_law(machine: Described, law: Law) -> dict[str, str]:
     size, of = HANDLES[law.handle].unit, READINGS[law.reading][1] if law.reading else ""
     size = _SLIDES.get(size, size) if _slides(machine.model, law.place) else size
     of = _SLIDES.get(of, of) if _slides(machine.model, law.where) else of
-    size = told[law.place] if law.handle == COMMAND else size
-    return law.units(size, told[law.where] if law.reading == COMMAND else of)
+    size = told[law.place] if law.handle == ACTUATOR_COMMAND else size
+    return law.units(size, told[law.where] if law.reading == ACTUATOR_COMMAND else of)
 
 
 def _slides(model: mujoco.MjModel, name: str) -> bool:
@@ -57,13 +64,12 @@ def _slides(model: mujoco.MjModel, name: str) -> bool:
 
 def clocks_and_commands(machine: Described, pieces: Runs) -> dict[tuple[str, str], Array]:
     """What laws may follow at rest and in motion, (S, T), by the reading and its place."""
-    clocks, told = clocks_of(pieces), commands(machine, pieces)
-    rows = pieces.time - pieces.time[:, :1] + clocks.begun[:, None]
+    told, rows = commands(machine, pieces), session_time(pieces)
     names = [each.actuator for each in machine.commanded]
     return {
-        **{(COMMAND, name): told[..., machine.model.actuator(name).id] for name in names},
+        **{(ACTUATOR_COMMAND, name): told[..., machine.model.actuator(name).id] for name in names},
         ("time", "session"): rows,
-        ("runtime", "machine"): rows + clocks.prior_runtime[:, None],
+        ("runtime", "machine"): rows + clocks_of(pieces).prior_runtime[:, None],
     }
 
 
@@ -180,7 +186,7 @@ class ModelPlaces:
             n = self.machine.model.actuator(each.actuator).id
             push, own = self.forced.by_command[n], self.forced.command_shows[n]
             if push.any():
-                yield self._lagged(COMMAND, each.actuator, push[None], own[None])
+                yield self._lagged(ACTUATOR_COMMAND, each.actuator, push[None], own[None])
 
     def _of_readings(self) -> Iterator[Response]:
         for k, name in enumerate(self.measured):

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import COMMAND, Law
+from serpent_twin.effects import ranges
+from serpent_twin.effects.discovered import Discovered
+from serpent_twin.effects.law import ACTUATOR_COMMAND, Law
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.description import Described
@@ -37,23 +39,24 @@ def commands_at_rest(
     point: ParameterVector,
     pieces: Runs,
 ) -> PosePlaces | None:
-    """By differences: a twin is settled once for each actuator, which is told a little more than in its log.
-    None of a model whose commands stay as they are.
+    """By differences: the twin is settled again for each actuator, with its command changed a little. None
+    where no command changes in the log.
     """
     readings, laws, steps = clocks_and_commands(machine, pieces), [], []
+    others = np.zeros(len(ranges(Discovered)) - 1)
     for (reading, name), x in readings.items():
-        if reading == COMMAND and np.std(x) > _STILL:
-            laws.append(Law(COMMAND, name))
+        if reading == ACTUATOR_COMMAND and np.std(x) > _STILL:
+            laws.append(Law(ACTUATOR_COMMAND, name))
             steps.append(_SHARE * float(np.std(x)))
     if not laws:
         return None
     changed = [
-        point.having(f"discovered@{law}", np.array([step, *np.zeros(6)]))
+        point.having(f"discovered@{law}", np.array([step, *others]))
         for law, step in zip(laws, steps, strict=True)
     ]
     usual, *found = respond([point, *changed], pieces)
     responses = [
-        PlaceResponse(COMMAND, law.place, np.nan_to_num((there - usual)[None] / step))
+        PlaceResponse(ACTUATOR_COMMAND, law.place, np.nan_to_num((there - usual)[None] / step))
         for law, there, step in zip(laws, found, steps, strict=True)
     ]
     return PosePlaces(readings, responses)

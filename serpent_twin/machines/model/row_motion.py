@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from mujoco.batch import Batch
-from scipy.linalg import block_diag
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.motion import DrivenRuns, RowStates
@@ -45,7 +44,7 @@ def forced_rows(driven: DrivenRuns, states: RowStates, seen: Seen, commands: Arr
     rate = by[model.nq : model.nq + model.nv]
     force = np.maximum(model.dof_M0, 1e-12) * rate / float(np.median(driven.period))
     told = np.maximum(_SMALL * commands, _LEAST)
-    runs = _Changed(driven, states, seen, np.diag(by), np.diag(force), np.diag(told))
+    runs = _Changed(driven, states, seen, by, force, told)
     goes_on, shows, command_shows = np.empty((S, T, D, D)), [], []
     by_force, by_command = np.empty((model.nv, S, T, D)), np.empty((len(told), S, T, D))
     forced, commanded = slice(D, D + model.nv), slice(D + model.nv, None)
@@ -63,7 +62,7 @@ def forced_rows(driven: DrivenRuns, states: RowStates, seen: Seen, commands: Arr
 
 
 class _Changed:
-    """S runs as they are, with each state changed, with each force and with each command, side by side."""
+    """S runs as they are, and each with a state, a force or a command changed, side by side."""
 
     def __init__(
         self,
@@ -75,8 +74,8 @@ class _Changed:
         told: Array,
     ) -> None:
         self._driven, self._states, self._seen = driven, states, seen
-        changes = np.asarray(block_diag(by, force, told))
-        changes = np.concatenate([np.zeros((1, changes.shape[1])), changes])
+        each = np.concatenate([by, force, told])
+        changes = np.concatenate([np.zeros((1, len(each))), np.diag(each)])
         parts = np.cumsum([len(by), len(force)])
         self._by, self._force, self._told = np.split(changes, parts, axis=1)
         self._k = len(changes)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect, name_of
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines.model.clocks import Clocks
 from serpent_twin.machines.model.numbers import is_dc_motor
 from serpent_twin.machines.model.springs import single_joints
 
@@ -34,12 +35,12 @@ def acts_on_state(effect: Effect, model: mujoco.MjModel) -> bool:
     """Whether an effect acts in each time step: one on what an actuator gives does so where that follows from
     the state.
     """
-    if not effect.acts() or effect.of_readings or effect.of_commands:
+    if not effect.acts() or effect.of_readings:
         return False
     follows = _TORQUE in effect.needs and any(
         effect.at in ("", name) for name in state_driven(model)
     )
-    return follows or effect.stage >= CABLE
+    return follows or effect.acts_at >= CABLE
 
 
 def state_driven(model: mujoco.MjModel) -> list[str]:
@@ -73,10 +74,8 @@ class Acting:
 
     several: Sequence[Sequence[Effect]]
     """Of each run, at least one, (S,)"""
-    time: Array
-    """Since each run's session began [s], (S,)"""
-    prior_runtime: Array
-    """From the beginning of its log to that of its session [s], (S,)"""
+    clocks: Clocks
+    """When the runs begin"""
     earlier: Earlier | None = None
     """Where an effect remembers what was before a run"""
 
@@ -95,7 +94,6 @@ def together(several: Sequence[Acting]) -> Acting:
         earlier = Earlier(**whole, session=np.concatenate(session))
     return Acting(
         [each for one in several for each in one.several],
-        np.concatenate([each.time for each in several]),
-        np.concatenate([each.prior_runtime for each in several]),
+        Clocks.together([each.clocks for each in several]),
         earlier,
     )

@@ -101,13 +101,15 @@ class StateLaws:
         return self._moves[:, self._bodies]
 
     def _act(self, dt: Array, rate: Array, motion: Array) -> None:
-        moment = self._moment(dt, self._acting.time[:, None] + self._clock[:, None], rate, motion)
+        moment = self._moment(
+            dt, self._acting.clocks.begun[:, None] + self._clock[:, None], rate, motion
+        )
         effects.act(self._several, moment, self._memory)
         self._apply(moment)
 
     def _remembered(self) -> list[Any]:
         """The memories of all runs where they begin, from what was measured before."""
-        earlier, begun = self._acting.earlier, 0.0 * self._acting.time[:, None]
+        earlier, begun = self._acting.earlier, 0.0 * self._acting.clocks.begun[:, None]
         if earlier is None:
             self._batch.forward(stage=_RATES)
             moment = self._moment(0.0 * self._dt, begun, self._qvel, self._motions())
@@ -143,7 +145,7 @@ class StateLaws:
             names=self._names,
             dt=dt,
             time=time,
-            prior_runtime=self._acting.prior_runtime[:, None],
+            prior_runtime=self._acting.clocks.prior_runtime[:, None],
             joint_angle=self._qpos[:, self._q],
             joint_velocity=rate[:, self._v],
             tendon_length=length[:, :of_tendons],
