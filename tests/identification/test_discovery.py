@@ -8,8 +8,9 @@ from paths import DATA
 
 from serpent_twin import machines
 from serpent_twin.effects.discovered import Discovered
-from serpent_twin.effects.law import HANDLES, SHAPES
+from serpent_twin.effects.law import HANDLES, SHAPES, Law
 from serpent_twin.identification.discovery.candidates import candidate_of
+from serpent_twin.identification.discovery.followed import around
 from serpent_twin.identification.discovery.screen import screened
 from serpent_twin.identification.wording import spaced, with_numbers
 from serpent_twin.machines.machine import ParameterVector, effect_at
@@ -116,6 +117,20 @@ def test_noise_alone_is_worth_nothing():
 def test_what_a_declared_parameter_takes_up_is_not_composed():
     found = Made(LAWS[3], knows=True).found()
     assert not found or found[0].law != LAWS[3].law or found[0].share < 0.01
+
+
+@pytest.mark.parametrize("shape", ["under", "above", "within"])
+def test_a_law_is_not_of_the_first_rows_alone(shape):
+    """What the first two of 500 rows of each log are off by is no law; from one in a hundred rows on it may
+    be one.
+    """
+    x = np.tile(0.02 * np.arange(500.0), (4, 1))
+    law = Law("force", "tip", shape, "runtime", "machine")
+    tried = around(law, 0.1, 0.2, {("runtime", "machine"): x})
+    held = [np.mean(SHAPES[shape].form(x, way.first, way.second)) for way in tried]
+    assert min(held) > 0.009 and max(held) < 0.991
+    if shape != "above":
+        assert min(held) < 0.03
 
 
 def test_a_candidate_of_a_law_starts_where_it_was_found():

@@ -291,6 +291,15 @@ def test_every_effect_at_a_place_says_what_that_is(tmp_path, told):
     assert all(kinds.values()) and found["gravity"].place == {}
 
 
+def test_a_tip_may_carry_as_much_as_the_machine_weighs(tmp_path, told):
+    path = posed_models.machine(tmp_path)
+    (tmp_path / "log.csv").write_text(told[posed_models])
+    rig = open_machine(path)
+    case = rig.open(rig.read(tmp_path / "log.csv"))
+    mass = case.machine.described.model.body_subtreemass[0]
+    assert case.candidates["payload@tip"].ranges["mass"].high >= mass
+
+
 def test_a_joint_that_nothing_measures_is_sized_by_how_it_moves(tmp_path):
     """A trolley without a spring, of which only the load is seen, is moved by its motor."""
     (tmp_path / "crane.xml").write_text(CRANE)

@@ -29,6 +29,10 @@ _PEAKS = 2
 _AT_ONCE = 500
 _FINER = 9
 """Thresholds that are tried around each of the best"""
+_HELD = 0.01
+"""Share of the rows in which a law with thresholds must act, and in which it must not: what the first row of
+each log is off by is no law
+"""
 
 
 @dataclass(frozen=True)
@@ -90,16 +94,19 @@ def around(
     names = SHAPES[law.shape].parameters
     if not names or law.shape == "periodic":
         return []
-    levels = np.quantile(readings[law.reading, law.where], np.linspace(0, 1, 2 * _LEVELS + 1))
+    x = readings[law.reading, law.where]
+    levels = np.quantile(x, np.linspace(_HELD, 1 - _HELD, 2 * _LEVELS + 1))
     ends = [first, first + second] if len(names) > 1 else [first]
     finer = [_between(levels, end) for end in ends]
     if len(names) == 1:
         return [Way(law.shape, law.reading, law.where, a, 0.0) for a in finer[0]]
+    ordered = np.sort(x, axis=None)
+    least = _HELD * ordered.size
     return [
         Way(law.shape, law.reading, law.where, a, b - a)
         for a in finer[0]
         for b in finer[1]
-        if b > a
+        if np.diff(np.searchsorted(ordered, (a, b)))[0] > least
     ]
 
 

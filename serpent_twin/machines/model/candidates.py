@@ -264,6 +264,8 @@ def _pulled(
     if machine.model.opt.gravity.any():
         nowhere = replace(effects.ranges(KNOWN["payload"])["place"], typical=0.0, fitted=False)
         mass = sized_range("payload", "mass", _LOAD * carried)
+        whole = float(machine.model.body_subtreemass[0])
+        mass = replace(mass, high=max(mass.high, whole))  # a light tip may carry a heavy load
         yield candidate(f"payload@{name}", mass=mass, place=nowhere)
     moved = lever > _STILL
     force = _RUBS * float(np.median(sized.force[moved] / lever[moved]))
