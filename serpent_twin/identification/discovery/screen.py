@@ -40,6 +40,8 @@ _EACH = 4
 _PER_PARAMETER = 8.0
 """Squared standard errors that a parameter of a law's form must be worth"""
 _TIMES = (("time", "session"), ("runtime", "machine"))
+_MOST = 0.99
+"""Share of the residual's squares that a law is taken to remove at most"""
 _FLAT = 1e-4
 """Of a change's squares, what the free parameters leave at least"""
 
@@ -54,13 +56,13 @@ class Composed:
     first: float
     second: float
     gain: float
-    """Squared standard errors by which the residual would be less [1]"""
+    """Twice the logarithm of the likelihood ratio, where the noise is what would be left [1]"""
     share: float
     """Of the residual's squares [1]"""
 
     @property
     def worth(self) -> float:
-        """The gain less what its parameters are to be worth."""
+        """The gain less what its parameters are to be worth [1]."""
         return self.gain - _PER_PARAMETER * (
             self.size.size + len(SHAPES[self.law.shape].parameters)
         )
@@ -164,7 +166,8 @@ class Search:
         size = np.concatenate([size, *(s[None] for _, s, _ in pairs)])
         gain = np.concatenate([gain, [g for *_, g in pairs]])
         periodic = np.array([each.shape == "periodic" for each in tried] + [False] * len(pairs))
-        gain = np.where(periodic, 0.0, gain) * self.weight
+        share = np.where(periodic, 0.0, gain) / self.total
+        gain = -self.weight * self.total * np.log1p(-np.minimum(share, _MOST))
         if handle.only_more:  # friction that follows a swing would be negative at times
             gain = np.where([each.shape == "periodic" for each in several], 0.0, gain)
         cost = np.array([_PER_PARAMETER * each.parameters for each in several])
@@ -175,15 +178,12 @@ class Search:
                 continue
             if gain[n] <= cost[n]:
                 break
-            kept.append(self._composed(response, way, size[n], float(gain[n])))
+            law = _law(response, way)
+            found = Composed(law, size[n], way.first, way.second, float(gain[n]), float(share[n]))
+            kept.append(found)
             if len(kept) == _EACH:
                 break
         return kept
-
-    def _composed(self, response: Response, way: Way, size: Array, gain: float) -> Composed:
-        law = _law(response, way)
-        share = gain / self.weight / self.total
-        return Composed(law, size, way.first, way.second, gain, share)
 
 
 def _law(response: Response, way: Way) -> Law:
