@@ -73,13 +73,16 @@ class Equilibrium:
         self.continued = 0
         """How many runs the last call could not settle with the inverse stiffness that it was given"""
 
-    def settle(self, near: GivingWay | None = None) -> NDArray[np.bool_]:
-        """Let all runs come to rest from where they are; returns which of them did, (n,).
+    def settle(
+        self, near: GivingWay | None = None, runs: NDArray[np.intp] | None = None
+    ) -> NDArray[np.bool_]:
+        """Let all runs, or some, come to rest from where they are; returns which rest, (n,), those that are
+        left alone included.
 
         Where it is known how runs give way in poses near by, most rest after a few evaluations.
         """
         self._speed[...] = 0.0
-        left = np.arange(len(self._pose))
+        left = np.arange(len(self._pose)) if runs is None else runs
         if near is not None:
             left = self._by_chords(near, left)
         self.continued = len(left)

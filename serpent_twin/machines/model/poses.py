@@ -18,6 +18,8 @@ from serpent_twin.sim.stepper import side_by_side
 
 _FELL_BACK = 0.2
 """Share of poses that are far from those known, above which new ones replace them"""
+_FIRST = 2.0
+"""Times the square root of their number, of poses that are found first: those that are told most unlike"""
 _WAY = np.linspace(0.0, 1.0, 9)[1:].tolist()
 """Parts of the way from row to row, where friction does not let a model come to rest at once"""
 
@@ -40,7 +42,7 @@ def settled(
     near, giving = known.of(model, pieces)
     runs.pose[...] = begin if near is None else near
     came = runs.settle(giving, told.reshape(S * T, -1), motion and motion.at.reshape(S * T, -1))
-    if runs.rest.continued > _FELL_BACK * S * T and came.all():
+    if (giving is None or runs.rest.continued > _FELL_BACK * S * T) and came.all():
         giving = runs.rest.giving_way()
         known.keep(pieces, runs.pose.copy(), giving)
     if rubs(model):
@@ -82,7 +84,32 @@ class _Resting:
             self._prescribed.rest(at)
             self.rest.settle(giving)
             self._prescribed.tighten(at)
+        elif giving is None:
+            giving = self._around(_unlike(told))
         return self.rest.settle(giving)
+
+    def _around(self, first: NDArray[np.intp]) -> GivingWay:
+        """Place all runs where the first that are told most alike rest; how these give way. `first` holds for
+        each run which that is, (n,).
+        """
+        several = np.unique(first)
+        self.rest.settle(runs=several)
+        self.pose[...] = self.pose[first]
+        return self.rest.giving_way(several).of(first)
+
+
+def _unlike(told: Array) -> NDArray[np.intp]:
+    """Of each of n runs, that one of the few most unlike in what they are told, (n, nu), which is most like
+    it, (n,): each of these is the farthest from those before it.
+    """
+    first = np.zeros(len(told), int)
+    apart = ((told - told[0]) ** 2).sum(axis=1)
+    for _ in range(round(_FIRST * len(told) ** 0.5)):
+        n = int(apart.argmax())
+        distance = ((told - told[n]) ** 2).sum(axis=1)
+        first = np.where(distance < apart, n, first)
+        apart = np.minimum(distance, apart)
+    return first
 
 
 def _held(runs: _Resting, told: Array, at: Array | None, free: _Free) -> Array:
