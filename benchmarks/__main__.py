@@ -17,6 +17,7 @@ NAMES = (
     "trace_speed",
     "whole_trace",
     "any_model_speed",
+    "right_names",
     "sweep_speed",
     "estimate_speed",
 )

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 from tqdm import tqdm
 
 from serpent_twin import stored
+from serpent_twin.runs.cluster import cluster
 from serpent_twin.runs.files import json_text, write_whole
 from serpent_twin.runs.processes import processes
 from serpent_twin.runs.worker_pool import execute
@@ -64,9 +65,10 @@ class Results:
         line: Callable[[dict[str, Any]], str],
         workers: int,
         unit: str = "arm",
+        scheduler: str = "",
     ) -> None:
-        """Do the trials that have no row yet, side by side, and keep and print the row of each; work that
-        returns None was not begun.
+        """Do the trials that have no row yet, side by side, by workers here or by those of a scheduler, and
+        keep and print the row of each; work that returns None was not begun.
         """
         traced = {row["id"] for row in self.scored}
         missing = [trial for trial in every if trial.id not in traced]
@@ -80,11 +82,11 @@ class Results:
                     bar.write(f"FAILED {row['id']}: {failure}" if failure else line(row))
                     bar.update()
 
-            if workers == 1:
+            if workers == 1 and not scheduler:
                 for trial in missing:
                     keep(trial, work(trial))
                 return
-            with processes(workers) as pool:
+            with cluster(scheduler) if scheduler else processes(workers) as pool:
                 for trial in execute(missing, work, pool, keep):
                     keep(trial, failed_row(trial, _DIED))
 

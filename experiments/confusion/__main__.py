@@ -1,9 +1,9 @@
 """Measure whether the trace names an arm's fault, how small a fault it detects, and when it is wrong.
 
-Every effect of the catalogue at several strengths, pairs, effects outside the catalogue, and none, in
-arms whose other numbers and noises are drawn for each. A trial is one arm: recorded, traced, and
-one line of results.jsonl. One takes minutes; the order of trials keeps the table balanced whenever it
-ends, and the same command goes on.
+Every effect of the catalogue at strengths that are drawn, pairs that can be confused, effects outside
+the catalogue, and none, in arms whose other numbers and noises are drawn, too. A trial is one arm:
+recorded, traced, and one line of results.jsonl. One takes minutes; the order of trials keeps the table
+balanced whenever it ends, and the same command goes on.
 """
 
 import time
@@ -13,36 +13,43 @@ from typing import Any
 
 from experiments.confusion.arms import SOURCES
 from experiments.confusion.config import Confusion
+from experiments.confusion.line import add, line_of
 from experiments.confusion.page import page
-from experiments.confusion.plan import Trial, chosen, plan
+from experiments.confusion.plan import Trial, chosen, confusable, plan
 from experiments.confusion.score import called, quantity, right, scores
 from experiments.confusion.trial import run_before
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
+from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import write
 from serpent_twin.runs.run_lock import claimed
 
 SETTINGS = "confusion.json"
-KEPT = ("id", "kind", "name", "truth", "named", "unexplained", "error_mm", "seconds")
+KEPT = ("id", "kind", "name", "sessions", "truth", "named", "unexplained", "error_mm", "seconds")
 """Of a row of results.jsonl, in results.json"""
 
 
 def main(config: Confusion) -> None:  # noqa: D103 tyro would print it above the config's own
     trials = _trials(config)
-    settings = {name: getattr(config, name) for name in ("source", "sessions", "steps", "seed")}
+    settings = {name: getattr(config, name) for name in ("source", "steps", "seed")}
+    settings["sessions"] = list(config.sessions)
     with claimed(config.out, SETTINGS, settings):
         results = Results(config.out / "results.jsonl")
         work = partial(run_before, time.time() + 60 * (config.budget_minutes or 1e9), config)
-        results.complete(trials, work, _line, config.workers)
+        results.complete(trials, work, _line, config.workers, scheduler=config.cluster)
+        if config.rows:
+            done = ((results.rows.get(trial.id), trial) for trial in trials)
+            add(config.rows, [line_of(row, trial, config) for row, trial in done if row])
         _publish(config, trials, results, settings)
 
 
 def _trials(config: Confusion) -> list[Trial]:
     source = SOURCES[config.source]()
-    every = plan(source.known, source.outside, config.rounds, config.seed)
+    pairs = confusable(source.known, {n: CATALOGUE[n].confused_with for n in source.known})
+    every = plan(source.known, source.outside, pairs, config.rounds, config.seed, config.sessions)
     words = {n for t in every for n, _ in t.effects} | {t.kind for t in every}
     if unknown := sorted(set(config.only) - words):
         raise SerpentError(

@@ -1,21 +1,22 @@
 """Plan which arms the confusion experiment builds, and in which order.
 
 Round by round, so that a run which ends early leaves a balanced table: every round has each effect
-once at one strength, clean arms, one pair, and each effect outside the catalogue.
+once at a strength that is drawn, clean arms, one pair that can be confused, and each effect outside the
+catalogue.
 """
 
 import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 CLEAN, KNOWN, PAIR, OUTSIDE = "clean", "known", "pair", "outside"
-LEVELS = (1.0, 0.5, 2.0, 0.25, 0.125)
-"""Strength of each round, in typical strengths; the rounds go through them over and over"""
 CLEAN_A_ROUND = 2
-_OTHERS_LEVEL = 2.0  # of effects outside the catalogue: clearly there
-_JITTER = 0.15  # log: strengths differ, so that a limit between levels can be fitted
+LEVELS = {KNOWN: (0.1, 2.5), PAIR: (0.7, 2.0), OUTSIDE: (0.5, 2.5)}
+"""Strengths of each kind, in typical strengths, drawn evenly in their logarithm: of one effect alone, from
+far below to above what is noticed
+"""
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class Trial:
     """clean, known, pair or outside"""
     effects: tuple[tuple[str, float], ...] = ()
     """Names, and strengths in typical strengths"""
+    sessions: int = 4
+    """Of the arm; the last one judges"""
 
     @property
     def name(self) -> str:
@@ -38,20 +41,47 @@ class Trial:
         return np.random.default_rng([seed, zlib.crc32(self.id.encode())])
 
 
-def plan(known: Sequence[str], outside: Sequence[str], rounds: int, seed: int) -> list[Trial]:
-    """All trials in the order in which they are to be run."""
-    pairs = [(a, b) for n, a in enumerate(known) for b in known[n + 1 :]]
+def plan(
+    known: Sequence[str],
+    outside: Sequence[str],
+    pairs: Sequence[tuple[str, str]],
+    rounds: int,
+    seed: int,
+    sessions: Sequence[int] = (4,),
+) -> list[Trial]:
+    """All trials in the order in which they are to be run. Numbers of sessions go through a round in turn,
+    and each effect through the numbers from round to round.
+    """
+    pairs = list(pairs)
     np.random.default_rng(seed).shuffle(pairs)
     trials: list[Trial] = []
     for r in range(rounds):
-        level, at = LEVELS[r % len(LEVELS)], f"{r:02d}"
+        at = f"{r:02d}"
         clean = [Trial(f"clean-{at}-{n}", CLEAN) for n in range(CLEAN_A_ROUND)]
-        pair = [(name, 1.0) for name in pairs[r % len(pairs)]] if pairs else []
-        both = [Trial(f"{'+'.join(n for n, _ in pair)}-{at}", PAIR, tuple(pair))] if pair else []
-        single = [Trial(f"{name}-{at}", KNOWN, ((name, level),)) for name in known]
-        other = [Trial(f"{n}-{at}", OUTSIDE, ((n, _OTHERS_LEVEL),)) for n in outside]
-        trials += [*clean, *_turned(single, r), *_turned(other, r), *both]
-    return [_jittered(trial, seed) for trial in trials]
+        single = [Trial(f"{name}-{at}", KNOWN, ((name, 1.0),)) for name in known]
+        other = [Trial(f"{name}-{at}", OUTSIDE, ((name, 1.0),)) for name in outside]
+        both = pairs[r % len(pairs)] if pairs else ()
+        pair = [Trial(f"{'+'.join(both)}-{at}", PAIR, tuple((n, 1.0) for n in both))] * bool(both)
+        every = [
+            replace(trial, sessions=sessions[(r + n) % len(sessions)])
+            for several in (clean, single, other, pair)
+            for n, trial in enumerate(several)
+        ]
+        by = {kind: [each for each in every if each.kind == kind] for kind in (KNOWN, OUTSIDE)}
+        trials += [each for each in every if each.kind == CLEAN]
+        trials += [*_turned(by[KNOWN], r), *_turned(by[OUTSIDE], r)]
+        trials += [each for each in every if each.kind == PAIR]
+    return [_drawn(trial, seed) for trial in trials]
+
+
+def confusable(known: Sequence[str], alike: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
+    """Pairs of effects that can be taken for each other."""
+    return [
+        (a, b)
+        for n, a in enumerate(known)
+        for b in known[n + 1 :]
+        if a in alike.get(b, ()) or b in alike.get(a, ())
+    ]
 
 
 def _turned(trials: list[Trial], by: int) -> list[Trial]:
@@ -60,12 +90,12 @@ def _turned(trials: list[Trial], by: int) -> list[Trial]:
     return trials[by:] + trials[:by]
 
 
-def _jittered(trial: Trial, seed: int) -> Trial:
+def _drawn(trial: Trial, seed: int) -> Trial:
     rng = np.random.default_rng([seed, 1, zlib.crc32(trial.id.encode())])
     effects = tuple(
-        (n, float(level * np.exp(rng.uniform(-_JITTER, _JITTER)))) for n, level in trial.effects
+        (name, float(np.exp(rng.uniform(*np.log(LEVELS[trial.kind]))))) for name, _ in trial.effects
     )
-    return Trial(trial.id, trial.kind, effects)
+    return replace(trial, effects=effects)
 
 
 def chosen(trials: Sequence[Trial], only: Sequence[str], most: int) -> list[Trial]:

@@ -7,7 +7,7 @@ from experiments.confusion.page import aims_table, arms_table, limits_table, str
 from experiments.confusion.plan import KNOWN, PAIR
 from experiments.confusion.score import limits
 from experiments.result_page import PageContent
-from serpent_twin.numerals import counted
+from serpent_twin.numerals import listed
 from serpent_twin.reporting.report import Section
 
 _SOURCE = {
@@ -23,7 +23,8 @@ its place, or that the error was called unexplained."""
 def result_page(results: Mapping[str, Any]) -> PageContent:
     """The page of a results.json."""
     rows, settings = results["rows"], results["settings"]
-    size = f"--sessions {settings['sessions']} --steps {settings['steps']}"
+    numbers = settings["sessions"]
+    size = f"--sessions {' '.join(map(str, numbers))} --steps {settings['steps']}"
     seed = f" --seed {settings['seed']}" if settings["seed"] else ""
     asked = results["asked"]
     some = f" --only {' '.join(asked['only'])}" if asked["only"] else ""
@@ -31,10 +32,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         some += f" --trials {len(rows)}"
     command = f"python -m experiments.confusion --source {settings['source']} {size}{seed}"
     command += f" --rounds {asked['rounds']}{some}"
-    data = (
-        f"{_SOURCE[settings['source']]}; {counted(settings['sessions'], 'session')} × "
-        f"{settings['steps']:,} steps each"
-    )
+    data = f"{_SOURCE[settings['source']]}; {listed(numbers)} sessions × {settings['steps']:,} steps each"
     sections = [
         Section("", _TEXT, (arms_table(rows),)),
         Section("Rates", "", (aims_table(rows, results),)),

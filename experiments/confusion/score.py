@@ -146,9 +146,11 @@ def _limit(name: str, rows: Sequence[Row]) -> Limit:
     return Limit(name, unit, share(rows, right), strength[order], correct, value, said)
 
 
-def detection_limit(strength: Array, correct: Array, unit: str) -> tuple[float, str]:
-    """Where a logistic curve over the logarithm of the strength reaches 95 %, and this as text. Only a limit
-    within the strengths tried is a number; with NaN, the text states what the trials show.
+def detection_limit(
+    strength: Array, correct: Array, unit: str, aim: float = AIM
+) -> tuple[float, str]:
+    """Where a logistic curve over the logarithm of the strength reaches a rate, and this as text. Only a
+    limit within the strengths tried is a number; with NaN, the text states what the trials show.
     """
     low, high = quantity(strength.min(), unit), quantity(strength.max(), unit)
     if len(strength) < _FEWEST:
@@ -158,7 +160,7 @@ def detection_limit(strength: Array, correct: Array, unit: str) -> tuple[float, 
     if not correct.any():
         return np.nan, f"above {high}, the strongest tried"
     middle, slope = _logistic(np.log(strength), correct)
-    at = np.exp(middle + np.log(AIM / (1 - AIM)) / slope) if slope > 0 else np.inf
+    at = np.exp(middle + np.log(aim / (1 - aim)) / slope) if slope > 0 else np.inf
     if not at <= strength.max():
         return np.nan, f"above {high}, the strongest tried"
     if at < strength.min():
@@ -199,17 +201,26 @@ def coverage(rows: Sequence[Row]) -> dict[str, Share]:
 
 def within(rows: Sequence[Row], tolerance: float = 0.10) -> Share:
     """How often a rightly named strength, alone or in a pair, is within 10 % of the truth."""
-    near = []
-    for row in rows:
-        named = {effect["name"]: effect["parameters"] for effect in row["named"]}
-        for effect in row["truth"]["effects"]:
-            if (found := named.get(effect["name"])) and effect["strong"]:
-                true = np.array([effect["parameters"][n] for n in effect["strong"]])
-                value = np.array(
-                    [found[n]["value"] if n in found else np.nan for n in effect["strong"]]
-                )
-                near.append(bool(np.linalg.norm(value - true) <= tolerance * np.linalg.norm(true)))
+    near = [each <= tolerance for row in rows for each in _offs(row)]
     return Share(sum(near), len(near))
+
+
+def off(row: Row) -> float:
+    """How far the first rightly named strength is from the truth, of the truth [1]; NaN where none is."""
+    return next(iter(_offs(row)), float("nan"))
+
+
+def _offs(row: Row) -> list[float]:
+    """How far each rightly named strength is from the truth, of the truth."""
+    named, out = {effect["name"]: effect["parameters"] for effect in row["named"]}, []
+    for effect in row["truth"]["effects"]:
+        if (found := named.get(effect["name"])) and effect["strong"]:
+            true = np.array([effect["parameters"][n] for n in effect["strong"]])
+            value = np.array(
+                [found[n]["value"] if n in found else np.inf for n in effect["strong"]]
+            )
+            out.append(float(np.linalg.norm(value - true) / np.linalg.norm(true)))
+    return out
 
 
 def scores(rows: Sequence[Row]) -> dict[str, Any]:

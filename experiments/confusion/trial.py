@@ -35,6 +35,7 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         "id": trial.id,
         "kind": trial.kind,
         "name": trial.name,
+        "sessions": trial.sessions,
         "truth": truth,
         "named": found["effects"],
         "unexplained": bool(found["unexplained"]["is"]),
@@ -42,6 +43,7 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         "error_mm": found["error_mm"],
         "load_error_percent": found["load_error_percent"],
         "seconds": found["seconds"],
+        "git_commit": found["provenance"]["git_commit"],
         "recording_seconds": recorded,
     }
 
@@ -50,7 +52,7 @@ def _record_and_trace(
     config: Confusion, trial: Trial, folder: Path
 ) -> tuple[dict[str, Any], dict[str, Any], float]:
     """The truth, what diagnosis.json holds, and how long the recording took [s]."""
-    began, length = time.perf_counter(), Length(config.sessions, config.steps)
+    began, length = time.perf_counter(), Length(trial.sessions, config.steps)
     truth = SOURCES[config.source]().write(trial, folder / "logs", length, config.seed)
     recorded = time.perf_counter() - began
     with (folder / "trace.log").open("a") as said, _quiet(said):

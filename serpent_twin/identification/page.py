@@ -7,8 +7,8 @@ import numpy as np
 from serpent_twin.identification import figures, tables
 from serpent_twin.identification.check_page import effects_section
 from serpent_twin.identification.diagnosis import Diagnosis, Named
-from serpent_twin.identification.law_figure import composed_law
-from serpent_twin.identification.wording import spaced, with_numbers
+from serpent_twin.identification.missing_page import missing_section
+from serpent_twin.identification.wording import capital, spaced, with_numbers
 from serpent_twin.machines.machine import Candidate
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import Figure, Report, Section, Table
@@ -23,19 +23,21 @@ def page(
     facts: Mapping[str, str],
     known: Mapping[str, Candidate],
     prior: Mapping[str, float] | None = None,
+    record: Mapping[str, tuple[int, int]] | None = None,
 ) -> Report:
     """The report: what was missing, how that was found, and what is left.
 
     `known` describes the machine's candidates. `prior` holds the prior width of each calibrated
     parameter, in its unit; without it, a parameter's change from its start is given in standard
-    errors.
+    errors. `record` says of each name how often it was right, and how often it was given, where faults
+    were known.
     """
     drawn = _residual_figures(diagnosis)
     sections = (
         _before_and_after(diagnosis, drawn),
         effects_section(diagnosis.identifiability) if diagnosis.identifiability else None,
         _ranking(diagnosis),
-        _missing(diagnosis, known),
+        missing_section(diagnosis, known, record or {}),
         _alike(diagnosis),
         _left(diagnosis, drawn),
         _loads(diagnosis, drawn),
@@ -164,21 +166,6 @@ def _ranking(diagnosis: Diagnosis) -> Section | None:
     )
 
 
-def _missing(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> Section | None:
-    if not diagnosis.effects:
-        return None
-    verdicts = {each.name: each.verdict for each in diagnosis.candidates}
-    text = "\n\n".join(_about(effect, known, verdicts) for effect in diagnosis.effects)
-    return Section(
-        "What was missing",
-        text,
-        (
-            tables.parameters(diagnosis.effects, diagnosis.marker.unit, diagnosis.load.unit),
-            *(composed_law(c, n) for n, c in enumerate(diagnosis.curves.values(), 1)),
-        ),
-    )
-
-
 def _alike(diagnosis: Diagnosis) -> Section | None:
     """What the effects could be mistaken for, and pairs of candidates."""
     tabled = [table for table in (tables.rivals(diagnosis), tables.pairs(diagnosis)) if table.rows]
@@ -194,21 +181,6 @@ def _alike(diagnosis: Diagnosis) -> Section | None:
     return Section("What looks alike", text, tuple(tabled))
 
 
-def _about(effect: Named, known: Mapping[str, Candidate], verdicts: Mapping[str, str]) -> str:
-    """What an effect is, in which logs it shows, and the verdicts on effects that it can be confused with."""
-    candidate = known[effect.name]
-    alike = [
-        f"{spaced(n)} ({verdicts[n]})" if n in verdicts else spaced(n)
-        for n in candidate.confused_with
-    ]
-    said = (
-        f"{_capital(spaced(effect.name))}. {candidate.about}",
-        f"It shows in {candidate.shows_in}." if candidate.shows_in else "",
-        f"It can be confused with {listed(alike)}." if alike else "",
-    )
-    return " ".join(part for part in said if part)
-
-
 def _left(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
     """The residual, in words and pictures: of the calibrated twin and, if there is one, the corrected."""
     twins = {
@@ -220,7 +192,7 @@ def _left(diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> Section | None:
         return None
     told = {name: describe(found) for name, (_, found) in twins.items()}
     parts = [
-        *(f"{_capital(name)}: {said}" for name, said in told.items()),
+        *(f"{capital(name)}: {said}" for name, said in told.items()),
         *([diagnosis.whiteness.sentence()] if diagnosis.whiteness else []),
         _verdict(diagnosis, told),
     ]
@@ -300,7 +272,3 @@ def _last_resort(diagnosis: Diagnosis) -> Section:
             f"{learned.after:.2f} {unit} with it."
         )
     return Section("Last resort, apart from physics", f"{text}\n\n{said}")
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -228,7 +228,9 @@ def _write(
         "versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items()),
     }
     priors = {each.name: each.prior for each in tracer.case.declared}
-    report = write(page(found, facts, tracer.case.candidates, priors), config.out)
+    report = write(
+        page(found, facts, tracer.case.candidates, priors, tracer.case.track_record), config.out
+    )
     numbers = finite(numbers)
     write_json(config.out / "diagnosis.json", numbers)
     print(found.sentence())

@@ -18,6 +18,11 @@ def spaced(name: str) -> str:
     return with_numbers(name, {}) if law_of(name) == DISCOVERED else name.replace("_", " ")
 
 
+def capital(text: str) -> str:
+    """A text with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
 def with_numbers(name: str, parameters: Mapping[str, ParameterEstimate]) -> str:
     """An effect with its numbers: a name and its parameters, or the sentence of a composed law."""
     if law_of(name) != DISCOVERED:

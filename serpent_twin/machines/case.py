@@ -102,6 +102,13 @@ class Case(Generic[P]):
         with self.clock:
             return machine.responses_at_places(point, pieces)
 
+    @property
+    def track_record(self) -> Mapping[str, tuple[int, int]]:
+        """Of each name, how often it was right on such machines whose faults were known, and how often it was
+        given; nothing where that was not measured.
+        """
+        return getattr(self.machine, "track_record", {})
+
     def units_of_law(self, law: Law) -> Mapping[str, str]:
         """The units of a composed law's size and of its form's parameters."""
         machine: Any = self.machine

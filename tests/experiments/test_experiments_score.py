@@ -29,17 +29,24 @@ def row(kind, name, strength=1.0, named=(), unexplained=False):
 
 def test_every_round_has_each_effect_once_and_ids_are_unique():
     known, outside = ["a", "b", "c"], ["x", "y"]
-    every = confusion_plan.plan(known, outside, 4, 0)
+    pairs = confusion_plan.confusable(known, {"c": ("a",)})
+    assert pairs == [("a", "c")]
+    every = confusion_plan.plan(known, outside, pairs, 4, 0, (2, 3))
     size = len(every) // 4
     for r in range(4):
         names = [t.name for t in every[r * size : (r + 1) * size]]
         assert sorted(n for n in names if "+" not in n) == ["a", "b", "c", "none", "none", "x", "y"]
         assert sum("+" in n for n in names) == 1
     assert len({t.id for t in every}) == len(every)
+    for name in (*known, *outside):
+        assert {t.sessions for t in every if t.name == name} == {2, 3}
+    for kind, (low, high) in confusion_plan.LEVELS.items():
+        levels = [level for t in every if t.kind == kind for _, level in t.effects]
+        assert low < min(levels) < max(levels) < high
 
 
 def test_a_trial_is_the_same_in_every_plan():
-    short, long = (confusion_plan.plan(["a", "b"], ["x"], n, 5) for n in (2, 6))
+    short, long = (confusion_plan.plan(["a", "b"], ["x"], [], n, 5) for n in (2, 6))
     assert short == long[: len(short)]
     first = {t.id: t.rng(5).random() for t in short}
     assert first == {t.id: t.rng(5).random() for t in long[: len(short)]}
@@ -47,7 +54,7 @@ def test_a_trial_is_the_same_in_every_plan():
 
 
 def test_only_takes_effects_and_kinds():
-    every = confusion_plan.plan(["a", "b"], ["x"], 2, 0)
+    every = confusion_plan.plan(["a", "b"], ["x"], [], 2, 0)
     assert {t.kind for t in confusion_plan.chosen(every, ["clean"], 0)} == {CLEAN}
     assert all("a" in t.name for t in confusion_plan.chosen(every, ["a"], 0))
     assert len(confusion_plan.chosen(every, [], 3)) == 3

@@ -156,7 +156,7 @@ def faked(monkeypatch):
 
 
 def test_a_run_goes_on_where_it_stopped(faked, tmp_path, capsys):
-    config = confusion.Confusion(tmp_path / "out", rounds=1, sessions=2, steps=3, trials=4)
+    config = confusion.Confusion(tmp_path / "out", rounds=1, sessions=(2,), steps=3, trials=4)
     confusion.main(config)
     assert len(faked) == 4
     confusion.main(replace(config, trials=0))
@@ -178,14 +178,14 @@ def test_a_run_goes_on_where_it_stopped(faked, tmp_path, capsys):
 
 
 def test_a_budget_ends_the_run_and_names_what_is_left(faked, tmp_path, capsys):
-    config = confusion.Confusion(tmp_path, rounds=1, sessions=2, steps=3, budget_minutes=1e-9)
+    config = confusion.Confusion(tmp_path, rounds=1, sessions=(2,), steps=3, budget_minutes=1e-9)
     confusion.main(config)
     assert not faked
     assert "Not run: clean-00-0" in capsys.readouterr().out
 
 
 def test_another_length_in_the_same_folder_is_refused(faked, tmp_path):
-    config = confusion.Confusion(tmp_path, rounds=1, sessions=2, steps=3, trials=1)
+    config = confusion.Confusion(tmp_path, rounds=1, sessions=(2,), steps=3, trials=1)
     confusion.main(config)
     with pytest.raises(SerpentError, match="steps was 3, now 4"):
         confusion.main(replace(config, steps=4))

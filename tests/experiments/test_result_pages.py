@@ -92,7 +92,7 @@ def test_the_page_of_injected_effects_says_what_each_arm_was_called():
 
     rows = [row(CLEAN, "none", []), row(KNOWN, "payload", ["payload"]), row(KNOWN, "creep", [])]
     above = {"named_right_above_limit": {"count": 0, "of": 0}}
-    settings = {"source": "bench", "sessions": 2, "steps": 600, "seed": 0}
+    settings = {"source": "bench", "sessions": [2], "steps": 600, "seed": 0}
     rest = {"settings": settings, "not_run": ["a"], "failed": {}}
     rest["asked"] = {"rounds": 4, "only": ["clean", "payload"]}
     text = page("experiments.confusion", rows=rows, **above, **rest)

@@ -16,4 +16,5 @@ def diagnosis(named=(), unexplained=False):
         "error_mm": ERRORS,
         "load_error_percent": ERRORS,
         "seconds": 1.0,
+        "provenance": {"git_commit": "0123456789ab"},
     }

@@ -15,6 +15,7 @@ from serpent_twin.machines.arm import motions
 from serpent_twin.machines.arm.pieces import ArmPieces, camera_noise, cut, past
 from serpent_twin.machines.arm.places import ArmPlaces
 from serpent_twin.machines.arm.quantities import quantities
+from serpent_twin.machines.arm.track_record import track_record
 from serpent_twin.machines.arm.vector import Vector
 from serpent_twin.machines.machine import (
     Candidate,
@@ -71,6 +72,11 @@ class ArmMachine:
     """How many segments a fit uses while it searches, and the last fit"""
     weak_rounds: int = 0
     """None: tangents, not differences, are its derivatives"""
+
+    @property
+    def track_record(self) -> Mapping[str, tuple[int, int]]:
+        """How often each name was right, and how often it was given, on arms whose faults were known."""
+        return track_record()
 
     @property
     def declared(self) -> Sequence[Declared]:

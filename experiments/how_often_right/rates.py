@@ -1,0 +1,155 @@
+"""Count how often the trace is right, from lines of arms."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from experiments.confusion.line import BETWEEN, FAILED, Line
+from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE
+from experiments.confusion.score import NOTHING, UNEXPLAINED, Share, detection_limit
+from serpent_twin.identification.wording import DISCOVERED
+
+NAMED = 0.90
+"""Rate at which an effect is named from its detection limit on"""
+_NONE = "none"
+
+
+def names_of(line: Line) -> list[str]:
+    """The names that a trace gave."""
+    silent = (NOTHING, UNEXPLAINED, FAILED)
+    return [] if line.called in silent else line.called.split(BETWEEN)
+
+
+def wrong(line: Line) -> bool:
+    """Whether a trace gave a name of the catalogue that is not there."""
+    there = line.there.split(BETWEEN)
+    return any(name not in there and name != DISCOVERED for name in names_of(line))
+
+
+def rates(lines: Sequence[Line]) -> dict[str, Any]:
+    """All figures, as results.json holds them."""
+    by = {kind: [each for each in lines if each.kind == kind] for kind in (CLEAN, KNOWN, OUTSIDE)}
+    faulty = [each for each in lines if each.kind != CLEAN]
+    effects = _effects(by[KNOWN])
+    limit = {(each["effect"], each["sessions"]): each["limit"] for each in effects}
+    strong = [
+        each
+        for each in by[KNOWN]
+        if (at := limit[each.there, each.sessions]) and each.strength >= 2 * at
+    ]
+    held = Share(sum(each.held for each in lines), sum(each.intervals for each in lines))
+    found = {
+        "false alarms": (_share(by[CLEAN], names_of), "at most 1 %"),
+        "clean arms called unexplained": (_share(by[CLEAN], lambda x: x.unexplained), "none"),
+        "a name that is not there": (_share(faulty, wrong), "at most 2 %"),
+        "named at twice the detection limit": (_share(strong, lambda x: x.right), "95 %"),
+        "true strength in its 95 % interval": (held, "93 … 97 %"),
+        "an effect of the catalogue called unexplained": (
+            _share(by[KNOWN], lambda x: x.unexplained),
+            "none",
+        ),
+        "a fault outside the catalogue discovered or called unexplained": (
+            _share(by[OUTSIDE], lambda x: x.right),
+            "",
+        ),
+        "its law and place discovered": (_share(by[OUTSIDE], lambda x: x.discovered), "80 %"),
+        "traces that failed": (_share(lines, lambda x: x.called == FAILED), "none"),
+    }
+    return {
+        "arms": len(lines),
+        "versions_of_lines": sorted({each.version for each in lines}),
+        "rates": {
+            name: share.numbers() | {"said": str(share), "aim": aim}
+            for name, (share, aim) in found.items()
+        },
+        "effects": effects,
+        "trials": [_trial(each) for each in by[KNOWN]],
+        "called": _called(lines),
+        "names": _track(lines),
+        "commits": _commits(lines),
+        "median_seconds": _median(each.seconds for each in lines),
+    }
+
+
+def _share(lines: Sequence[Line], good: Callable[[Line], Any]) -> Share:
+    return Share(sum(bool(good(each)) for each in lines), len(lines))
+
+
+def _median(values: Iterable[float]) -> float | None:
+    """Of those that are numbers."""
+    there = [value for value in values if np.isfinite(value)]
+    return float(np.median(there)) if there else None
+
+
+def _effects(lines: Sequence[Line]) -> list[dict[str, Any]]:
+    """Of each effect of the catalogue, by the number of sessions: limit, how far strengths are off."""
+    out = []
+    for name, sessions in sorted({(each.there, each.sessions) for each in lines}):
+        some = [each for each in lines if (each.there, each.sessions) == (name, sessions)]
+        some.sort(key=lambda each: each.strength)
+        strength, right = (
+            np.array([getattr(each, of) for each in some]) for of in ("strength", "right")
+        )
+        at, said = detection_limit(strength, right.astype(bool), some[0].unit, NAMED)
+        held = Share(sum(each.held for each in some), sum(each.intervals for each in some))
+        out.append(
+            {
+                "effect": name,
+                "sessions": sessions,
+                "limit": float(at) if np.isfinite(at) else None,
+                "said": said,
+                "right": str(_share(some, lambda each: each.right)),
+                "median_off": _median(each.off for each in some),
+                "held": str(held),
+            }
+        )
+    return out
+
+
+def _trial(line: Line) -> list[Any]:
+    """What a picture needs of an arm: effect, strength, unit, whether it was named right, sessions."""
+    return [line.there, line.strength, line.unit, line.right, line.sessions]
+
+
+def _called(lines: Sequence[Line]) -> list[list[Any]]:
+    """What was there, what was called, and how often, of arms with one fault or none."""
+    single = Counter(
+        (each.there, each.called if len(names_of(each)) < 2 else "several")
+        for each in lines
+        if BETWEEN not in each.there
+    )
+    return [[there, called, count] for (there, called), count in sorted(single.items())]
+
+
+def _track(lines: Sequence[Line]) -> dict[str, dict[str, int]]:
+    """Of each name that was given, how often, and how often it was there; a discovered law, whether it was
+    the right one at its place.
+    """
+    given, right = Counter[str](), Counter[str]()
+    for each in lines:
+        for name in names_of(each):
+            given[name] += 1
+            right[name] += (
+                each.discovered if name == DISCOVERED else name in each.there.split(BETWEEN)
+            )
+    return {name: {"given": n, "right": right[name]} for name, n in sorted(given.items())}
+
+
+def _commits(lines: Sequence[Line]) -> list[dict[str, Any]]:
+    """Of each commit: arms, and how many were right."""
+    out = []
+    for commit in dict.fromkeys(each.commit for each in lines):
+        some = [each for each in lines if each.commit == commit]
+        clean = [each for each in some if each.there == _NONE]
+        out.append(
+            {
+                "commit": commit,
+                "arms": len(some),
+                "right": str(_share(some, lambda each: each.right)),
+                "false_alarms": str(_share(clean, names_of)),
+                "seconds": _median(each.seconds for each in some),
+            }
+        )
+    return out

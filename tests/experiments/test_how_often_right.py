@@ -1,0 +1,131 @@
+"""Test that lines of arms add up over studies, and that rates are counted from them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.right_names import chosen, trial_of
+from experiments.confusion.config import Confusion
+from experiments.confusion.line import Line, add, line_of, read
+from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR, Trial
+from experiments.how_often_right import __main__ as how_often_right
+from experiments.how_often_right.rates import rates
+from experiments.result_rows import failed_row
+from serpent_twin import __version__
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.arm import track_record
+
+LINE = Line(
+    version=__version__,
+    commit="0123456789ab",
+    source="bench",
+    seed=0,
+    sessions=2,
+    steps=600,
+    arm="clean-00-0",
+    kind=CLEAN,
+    there="none",
+    strength=float("nan"),
+    unit="",
+    called="nothing",
+    right=True,
+    discovered=False,
+    unexplained=False,
+    off=float("nan"),
+    held=0,
+    intervals=0,
+    calibrated_mm=0.5,
+    corrected_mm=0.5,
+    complete_mm=0.4,
+    seconds=120.0,
+)
+
+
+def heavy(strength, called="payload", number=0, **others):
+    known = {"off": 0.1, "held": 1, "intervals": 1} if called == "payload" else {}
+    there = {"arm": f"payload-{number:02d}", "kind": KNOWN, "there": "payload", "unit": "kg"}
+    right = called == "payload"
+    return replace(
+        LINE, strength=strength, called=called, right=right, **{**there, **known, **others}
+    )
+
+
+def test_lines_add_up_and_an_arm_traced_again_takes_its_place(tmp_path):
+    path = tmp_path / "rows.csv"
+    add(path, [LINE, heavy(0.1)])
+    later = replace(LINE, commit="ba9876543210", called="payload", right=False)
+    add(path, [heavy(0.1, called="nothing"), later])
+    found = read(path)
+    assert [each.called for each in found] == ["nothing", "nothing", "payload"]
+    assert np.isnan(found[0].strength) and replace(found[2], strength=0, off=0) == replace(
+        later, strength=0, off=0
+    )
+    with pytest.raises(
+        SerpentError, match=r"none.csv does not exist. experiments.confusion --rows"
+    ):
+        read(tmp_path / "none.csv")
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(SerpentError, match="holds no lines"):
+        read(tmp_path / "other.csv")
+
+
+def test_an_arm_whose_trace_failed_is_a_line_that_says_so():
+    trial = Trial("payload-03", KNOWN, (("payload", 0.5),), 3)
+    line = line_of(failed_row(trial, "it diverged."), trial, Confusion(Path("out"), "bench"))
+    assert (line.called, line.right, line.sessions, line.there) == ("failed", False, 3, "payload")
+    found = rates([line, LINE])["rates"]
+    assert (found["traces that failed"]["count"], found["traces that failed"]["of"]) == (1, 2)
+
+
+def test_rates_count_what_is_right():
+    weak = [heavy(0.01 * n, "nothing", n) for n in range(1, 6)]
+    strong = [heavy(0.1 * n, number=n) for n in range(1, 9)]
+    wrong = heavy(0.05, "gear_backlash", 20)
+    named = replace(LINE, called="base_tilt", right=False)
+    both = replace(strong[0], kind=PAIR, there="payload + base_tilt", arm="payload+base_tilt-00")
+    odd = replace(LINE, kind=OUTSIDE, there="knocked_marker", arm="knocked_marker-00")
+    laws = [replace(odd, called="discovered", discovered=good, right=good) for good in (1, 1, 0)]
+    found = rates([LINE, named, *weak, *strong, wrong, both, *laws])
+    count = {name: (each["count"], each["of"]) for name, each in found["rates"].items()}
+    assert count["false alarms"] == (1, 2)
+    assert count["a name that is not there"] == (1, 18)
+    assert count["true strength in its 95 % interval"] == (9, 9)
+    assert count["its law and place discovered"] == (2, 3)
+    (effect,) = found["effects"]
+    assert 0.05 < effect["limit"] < 0.2 and effect["sessions"] == 2
+    at = count["named at twice the detection limit"]
+    assert at[0] == at[1] == sum(each.strength >= 2 * effect["limit"] for each in strong)
+    assert found["names"]["payload"] == {"given": 9, "right": 9}
+    assert found["names"]["discovered"] == {"given": 3, "right": 2}
+    json.dumps(found, allow_nan=False)
+
+
+def test_the_page_and_what_reports_quote_are_of_one_version(tmp_path, monkeypatch, capsys):
+    rows, page = tmp_path / "rows.csv", tmp_path / "docs" / "how-often-right.md"
+    old = replace(LINE, version="0.0.1", called="payload", right=False, arm="clean-09-1")
+    add(rows, [LINE, old, *(heavy(0.1 * n, number=n) for n in range(1, 9))])
+    monkeypatch.setattr(track_record, "FILE", tmp_path / "track_record.json")
+    config = how_often_right.HowOftenRight(tmp_path / "out", rows, page=page, record=True)
+    how_often_right.main(config)
+    assert "false alarms: 0 of 1" in capsys.readouterr().out
+    text = page.read_text()
+    assert "| false alarms | at most 1 % | 0 of 1" in text and "how_often_right.png" in text
+    assert (page.parent / "figures" / "taken_for.png").stat().st_size > 5_000
+    track_record.track_record.cache_clear()
+    assert track_record.track_record()["payload"] == (8, 8)
+    track_record.track_record.cache_clear()
+    with pytest.raises(SerpentError, match=r"no arms of version 9; it has 0.0.1 and"):
+        how_often_right.main(replace(config, version="9"))
+
+
+def test_the_gate_takes_unlike_faults_and_finds_their_trials():
+    many = [replace(LINE, arm=f"clean-00-{n}") for n in range(2)]
+    many += [heavy(0.1, number=3), heavy(0.1, number=3, commit="ba9876543210", called="nothing")]
+    some = chosen(many, 2)
+    assert [each.there for each in some] == ["none", "payload"]
+    assert some[1].called == "nothing"
+    trial = trial_of(some[1])
+    assert (trial.id, trial.sessions, trial.kind) == ("payload-03", 2, KNOWN)
