@@ -3,11 +3,20 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import LOSS, READING, WINDING, Effect, parameter
-from serpent_twin.effects.law import ACTUATOR_COMMAND, READING_SHIFT, SHAPES, Law, parse
+from serpent_twin.effects.law import (
+    ACTUATOR_COMMAND,
+    JOINT_FRICTION,
+    READING_SHIFT,
+    SHAPES,
+    Law,
+    parse,
+)
+from serpent_twin.effects.links import let_hold
 
 _ANY = 1e9
 
@@ -65,6 +74,12 @@ class Discovered(Effect):
         """What it changes, and what it follows; a clock is no thing."""
         law = self.law
         return frozenset({law.place, law.where} if law.follows_a_thing else {law.place})
+
+    def edit(self, spec: mujoco.MjSpec) -> None:
+        """Let friction hold a joint that has none in the model."""
+        law = self.law
+        if law.handle == JOINT_FRICTION and not spec.joint(law.place).frictionloss:
+            let_hold(spec, law.place)
 
     def here(self, moment: Any) -> Any:
         """The whole moment: the law says where."""

@@ -39,9 +39,11 @@ READING_SHIFT = "reading_shift"
 """The one quantity that is changed after all time steps of a run"""
 ACTUATOR_COMMAND = "command"
 """The command of an actuator: laws may follow it, and may change it before the time steps"""
+JOINT_FRICTION = "joint_friction"
+"""Dry friction of a joint"""
 HANDLES: Mapping[str, Handle] = {
     "joint_torque": Handle("joint", "N m", words="a torque{size} at {place}"),
-    "joint_friction": Handle("joint", "N m", only_more=True, words="friction{size} at {place}"),
+    JOINT_FRICTION: Handle("joint", "N m", only_more=True, words="friction{size} at {place}"),
     "gear_friction": Handle(
         "actuator", "N m", only_more=True, words="gear friction{size} at {place}"
     ),

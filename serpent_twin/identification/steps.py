@@ -114,11 +114,13 @@ class Tracer:
     def _discovered(self, base: Fit, rounds: list[Round]) -> Fit:
         """Add laws at places that no catalogue lists, one by one, while something is left."""
         for _ in range(_MOST_DISCOVERED):
-            found = discover(self.case, self.training, base, self.on_progress)
+            before = self.errors(base.point)
+            little = self.trials.little(self.case, before)
+            found = discover(self.case, self.training, base, little, self.on_progress)
             if not found:
                 break
             self.case = self.case.composing(found)
-            names, before = [each.name for each in found], self.errors(base.point)
+            names = [each.name for each in found]
             which = zlib.crc32(" ".join(names).encode())  # another version may compose others
             stage = f"{len(rounds) + 1}_composed_{which:08x}"
             trials = self.trials.each(

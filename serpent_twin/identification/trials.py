@@ -128,8 +128,13 @@ class Trials:
 
     def _worth_a_fit(self, case: Case[Any], begun: Fit, before: Errors) -> float:
         """Share of the residual that a candidate must remove: more, where the effects found left little."""
-        little = before.marker < LITTLE * noise_alone(case, self.held_out)
-        return BESIDE_OTHERS if begun.point.effects and little else WORTH_A_FIT
+        if begun.point.effects and self.little(case, before):
+            return BESIDE_OTHERS
+        return WORTH_A_FIT
+
+    def little(self, case: Case[Any], left: Errors) -> bool:
+        """Whether held-out errors are hardly more than the measurement's noise."""
+        return left.marker < LITTLE * noise_alone(case, self.held_out)
 
     def pairs(
         self, case: Case[Any], base: Fit, before: Errors, scores: Mapping[str, Score], number: int

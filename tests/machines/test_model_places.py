@@ -60,6 +60,22 @@ def test_a_law_moves_a_model_as_the_effect_that_says_the_same(
     assert np.quantile(np.abs(one - two), 0.95) < near  # a start may adapt in another way
 
 
+def test_friction_acts_in_a_model_that_has_turned_constraints_off(tmp_path):
+    """As in the suites of dm_control: what a law adds must hold there, too."""
+    path = moving_models.machine(tmp_path)
+    (model,) = tmp_path.glob("*.xml")
+    off = '<mujoco><option><flag constraint="disable"/></option>'
+    model.write_text(model.read_text().replace("<mujoco>", off, 1))
+    moving_models.log(tmp_path / "logs" / "session_1.csv", 1)
+    rig = machines.find(str(path))
+    case = rig.open(sessions := read_logs(rig, (tmp_path / "logs",)))
+    opened = case, case.pieces(sessions)
+    one = shown(opened, "joint_friction of elbow: constant", *of(0.03))
+    two = shown(opened, effects={FRICTION: np.array([0.03, 0.0])})
+    assert np.abs(two).max() > 0.004
+    assert np.quantile(np.abs(one - two), 0.95) < 2e-4
+
+
 def test_a_shifted_reading_changes_that_column_alone(opened):
     _, pieces = opened
     change = shown(opened, "reading_shift of elbow: above time of session", *of(0.02, 3.0))

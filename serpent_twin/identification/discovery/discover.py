@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from serpent_twin.identification.discovery.candidates import candidate_of, distinct
-from serpent_twin.identification.discovery.screen import Composed, screened
+from serpent_twin.identification.discovery.screen import screened
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.least_squares import OnProgress
 from serpent_twin.machines.case import Case
@@ -13,27 +13,32 @@ from serpent_twin.machines.machine import Candidate
 _TRIED = 8
 """Composed candidates that are simulated"""
 _WORTH = 30.0
-"""Squared standard errors that the best of some 300,000 laws must be worth: 2 ln 300,000 is chance"""
+"""What the best of some 300,000 laws must be worth where little is left: 2 ln 300,000 is chance. Where much
+is left, held-out logs decide, which took no part in the search.
+"""
 _SHARE = 0.015
 """Of the residual's squares that it must remove: of an arm that lacks nothing, the best removes 0.005"""
 
 
 def discover(
-    case: Case[Any], training: Any, base: Fit, on_progress: OnProgress
+    case: Case[Any], training: Any, base: Fit, little: bool, on_progress: OnProgress
 ) -> Sequence[Candidate]:
-    """The best composed candidates on top of a fit; none where nothing is left, or nothing explains it."""
+    """The best composed candidates on top of a fit that leaves little or much; none where nothing is left, or
+    nothing explains it.
+    """
     some = case.take(training, base.used)
     places = case.places(base.point, some)
     if places is None:
         return ()
     on_progress("laws at all places")
-    found = [each for each in screened(case, some, base, places) if _worth_it(each)]
+    least = _WORTH if little else 0.0
+    found = [
+        each
+        for each in screened(case, some, base, places)
+        if each.worth > least and each.share > _SHARE
+    ]
     new = [
         candidate_of(each, places.readings, case.units_of_law(each.law))
         for each in distinct(found, _TRIED)
     ]
     return [each for each in new if each.name not in base.point.effects]
-
-
-def _worth_it(found: Composed) -> bool:
-    return found.worth > _WORTH and found.share > _SHARE
