@@ -171,9 +171,11 @@ class Law:
 
     @property
     def possible(self) -> bool:
-        """Whether what it changes may follow its reading: commands are changed before anything moves."""
-        known = self.reading == ACTUATOR_COMMAND or not self.follows_a_thing
-        return known or self.handle != ACTUATOR_COMMAND
+        """Whether what it changes may follow its reading: commands, which are changed before anything moves,
+        follow commands, and nothing else does.
+        """
+        of_commands = self.reading == ACTUATOR_COMMAND, self.handle == ACTUATOR_COMMAND
+        return not self.follows_a_thing or of_commands in ((True, True), (False, False))
 
     @property
     def follows_a_thing(self) -> bool:
