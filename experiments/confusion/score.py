@@ -152,9 +152,9 @@ def detection_limit(
     """Where a logistic curve over the logarithm of the strength reaches a rate, and this as text. Only a
     limit within the strengths tried is a number; with NaN, the text states what the trials show.
     """
-    low, high = quantity(strength.min(), unit), quantity(strength.max(), unit)
     if len(strength) < _FEWEST:
         return np.nan, f"too few trials ({len(strength)})"
+    low, high = quantity(strength.min(), unit), quantity(strength.max(), unit)
     if correct.all():
         return np.nan, f"below {low}, the weakest tried"
     if not correct.any():

@@ -4,15 +4,15 @@ import contextlib
 import shutil
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
-from experiments.confusion.arms import SOURCES, Length
+from experiments.confusion.arms import SOURCES, Length, Truth
 from experiments.confusion.config import Confusion
 from experiments.confusion.plan import Trial
 from experiments.result_rows import failed_row
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
+from serpent_twin.runs.provenance import git_commit
 
 
 def run_before(end: float, config: Confusion, trial: Trial) -> dict[str, Any] | None:
@@ -24,10 +24,15 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
     """Record an arm, trace it, and return what was injected and what was found."""
     folder = config.out / "trials" / trial.id
     folder.mkdir(parents=True, exist_ok=True)
+    truth: Truth = {}
     try:
-        truth, found, recorded = _record_and_trace(config, trial, folder)
+        began, length = time.perf_counter(), Length(trial.sessions, config.steps)
+        truth = SOURCES[config.source]().write(trial, folder / "logs", length, config.seed)
+        recorded = time.perf_counter() - began
+        with (folder / "trace.log").open("a") as said, _quiet(said):
+            found = trace(Trace((folder / "logs",), folder / "trace", seed=config.seed))
     except SerpentError as error:
-        return failed_row(trial, str(error))
+        return failed_row(trial, str(error)) | {"truth": truth, "git_commit": git_commit()}
     if not config.keep:
         shutil.rmtree(folder / "logs", ignore_errors=True)
         shutil.rmtree(folder / "trace" / "stages", ignore_errors=True)
@@ -46,18 +51,6 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         "git_commit": found["provenance"]["git_commit"],
         "recording_seconds": recorded,
     }
-
-
-def _record_and_trace(
-    config: Confusion, trial: Trial, folder: Path
-) -> tuple[dict[str, Any], dict[str, Any], float]:
-    """The truth, what diagnosis.json holds, and how long the recording took [s]."""
-    began, length = time.perf_counter(), Length(trial.sessions, config.steps)
-    truth = SOURCES[config.source]().write(trial, folder / "logs", length, config.seed)
-    recorded = time.perf_counter() - began
-    with (folder / "trace.log").open("a") as said, _quiet(said):
-        found = trace(Trace((folder / "logs",), folder / "trace", seed=config.seed))
-    return truth, found, recorded
 
 
 @contextlib.contextmanager

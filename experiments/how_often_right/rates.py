@@ -65,7 +65,7 @@ def rates(lines: Sequence[Line]) -> dict[str, Any]:
             for name, (share, aim) in found.items()
         },
         "effects": effects,
-        "trials": [_trial(each) for each in by[KNOWN]],
+        "trials": [_trial(each) for each in by[KNOWN] if np.isfinite(each.strength)],
         "called": _called(lines),
         "names": _track(lines),
         "commits": _commits(lines),
@@ -88,10 +88,8 @@ def _effects(lines: Sequence[Line]) -> list[dict[str, Any]]:
     out = []
     for name, sessions in sorted({(each.there, each.sessions) for each in lines}):
         some = [each for each in lines if (each.there, each.sessions) == (name, sessions)]
-        some.sort(key=lambda each: each.strength)
-        strength, right = (
-            np.array([getattr(each, of) for each in some]) for of in ("strength", "right")
-        )
+        known = sorted((x.strength, x.right) for x in some if np.isfinite(x.strength))
+        strength, right = np.array(known).reshape(-1, 2).T
         at, said = detection_limit(strength, right.astype(bool), some[0].unit, NAMED)
         held = Share(sum(each.held for each in some), sum(each.intervals for each in some))
         out.append(

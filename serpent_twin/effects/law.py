@@ -174,8 +174,8 @@ class Law:
         """Whether what it changes may follow its reading: commands, which are changed before anything moves,
         follow commands, and nothing else does.
         """
-        of_commands = self.reading == ACTUATOR_COMMAND, self.handle == ACTUATOR_COMMAND
-        return not self.follows_a_thing or of_commands in ((True, True), (False, False))
+        alike = (self.reading == ACTUATOR_COMMAND) == (self.handle == ACTUATOR_COMMAND)
+        return alike or not self.follows_a_thing
 
     @property
     def follows_a_thing(self) -> bool:

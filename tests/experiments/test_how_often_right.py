@@ -76,8 +76,10 @@ def test_an_arm_whose_trace_failed_is_a_line_that_says_so():
     trial = Trial("payload-03", KNOWN, (("payload", 0.5),), 3)
     line = line_of(failed_row(trial, "it diverged."), trial, Confusion(Path("out"), "bench"))
     assert (line.called, line.right, line.sessions, line.there) == ("failed", False, 3, "payload")
-    found = rates([line, LINE])["rates"]
-    assert (found["traces that failed"]["count"], found["traces that failed"]["of"]) == (1, 2)
+    found = rates([line, LINE])
+    failed = found["rates"]["traces that failed"]
+    assert (failed["count"], failed["of"]) == (1, 2)
+    assert found["effects"][0]["right"].startswith("0 of 1") and not found["trials"]
 
 
 def test_rates_count_what_is_right():
