@@ -16,13 +16,15 @@ from experiments.measured.named import judge
 from experiments.measured.page import effect_told, page, rejected, table
 from experiments.measured.regression import regressions
 from experiments.measured.split import Asked, asked, inner, judged_by
-from experiments.result_page import publish, store
+from experiments.result_page import publish, results_of, store
+from serpent_twin import stored
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.identification import Trace
 from serpent_twin.identification.run import trace_sessions
 from serpent_twin.machines.measured import Recording
 from serpent_twin.reporting.report import text_table, write
+from serpent_twin.runs.provenance import git_commit
 
 STAGES = ("nominal", "calibrated", "corrected")
 
@@ -43,7 +45,8 @@ class Measured(Checked):
     seed: Seed = 0
     """Of bootstrap and permutations."""
     page: Path | None = None
-    """Also write the results as a page, such as docs/results/measured-machines.md."""
+    """Also write the results as a page, such as docs/results/measured-machines.md; machines that are not
+    among the data stay there as an earlier run left them."""
 
 
 def main(config: Measured) -> None:  # noqa: D103 tyro would print it above the config's own
@@ -56,7 +59,15 @@ def main(config: Measured) -> None:  # noqa: D103 tyro would print it above the 
     print(text_table(table(found)))
     report = page(found)
     print(f"{write(report, config.out)}: {report.lead}")
-    publish(results, config.page)
+    publish(results | {"rigs": _beside_earlier(config, found)}, config.page)
+
+
+def _beside_earlier(config: Measured, found: dict[str, Any]) -> dict[str, Any]:
+    """The machines measured now, and on the page of the usual splits those that an earlier run left there."""
+    if not config.page or config.held_out or not results_of(config.page).exists():
+        return found
+    every = stored.read_json(results_of(config.page))["rigs"] | found
+    return {name: every[name] for name in BENCHMARKS if name in every}
 
 
 def _bench(config: Measured, name: str, runs: Asked) -> dict[str, Any]:
@@ -75,6 +86,7 @@ def _bench(config: Measured, name: str, runs: Asked) -> dict[str, Any]:
         "sketch": bench.sketch,
         "spread": [min(corrected), max(corrected)],
         "splits": scored,
+        "git_commit": git_commit(),
         "changed": changed(name, twin, unchanged, runs.changed, config.out, config.seed),
     }
 
