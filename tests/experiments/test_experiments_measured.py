@@ -1,6 +1,7 @@
 """Test the measured machines' experiment: its splits, scores and messages about missing files."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -141,6 +142,22 @@ def test_results_hold_every_rig_its_splits_and_their_spread(data, traced, tmp_pa
     assert [name for name, _, _ in traced] == ["xl330", "xl330", "jaw"]
     assert traced[0][1:] == (["kp100_a", "kp400_a"], ["kp200_a"])
     assert "gear friction" in (tmp_path / "out" / "report.md").read_text()
+
+
+def test_a_machine_measured_alone_leaves_the_others_on_the_page(
+    data, traced, tmp_path, monkeypatch
+):
+    page = tmp_path / "docs" / "measured-machines.md"
+    monkeypatch.setattr(measured, "git_commit", lambda: "before")
+    measured.main(measured.Measured(data, tmp_path / "out", page=page))
+    assert "traced by" not in page.read_text()
+    shutil.rmtree(data / "xl330")
+    monkeypatch.setattr(measured, "git_commit", lambda: "after")
+    measured.main(measured.Measured(data, tmp_path / "again", page=page))
+    text = page.read_text()
+    assert "xl330 traced by commit before, jaw traced by commit after" in text
+    assert "| xl330 | kp200_a |" in text
+    assert set(json.loads((tmp_path / "again" / "results.json").read_text())["rigs"]) == {"jaw"}
 
 
 def test_files_named_elsewhere_judge_the_rig_that_reads_them(data, traced, tmp_path, monkeypatch):
