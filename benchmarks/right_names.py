@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Annotated
 
 from benchmarks.rows import BenchmarkRows
+from experiments.confusion.arm_line import ArmLine, line_of, read
 from experiments.confusion.arms import SOURCES
 from experiments.confusion.config import Confusion
-from experiments.confusion.line import Line, line_of, read
 from experiments.confusion.plan import Trial, confusable, plan
 from experiments.confusion.trial import run_trial
 from experiments.result_page import PAGES
@@ -34,7 +34,7 @@ class RightNames(Checked):
     """JSON file for the rows."""
 
 
-def chosen(lines: Sequence[Line], count: int) -> list[Line]:
+def chosen(lines: Sequence[ArmLine], count: int) -> list[ArmLine]:
     """Arms in which each fault comes as often as any other; of each fault those of the fewest sessions
     first, and of an arm that was traced more than once the last line.
     """
@@ -47,7 +47,7 @@ def chosen(lines: Sequence[Line], count: int) -> list[Line]:
     return [each for _, each in sorted(ranked, key=lambda pair: pair[0])[:count]]
 
 
-def trial_of(line: Line) -> Trial:
+def trial_of(line: ArmLine) -> Trial:
     """The trial that a line is of."""
     source = SOURCES[line.source]()
     pairs = confusable(source.known, {n: CATALOGUE[n].confused_with for n in source.known})

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+from experiments.confusion.arm_line import add, line_of
 from experiments.confusion.arms import SOURCES
 from experiments.confusion.config import Confusion
-from experiments.confusion.line import add, line_of
 from experiments.confusion.page import page
 from experiments.confusion.plan import Trial, chosen, confusable, plan
 from experiments.confusion.score import called, quantity, right, scores

@@ -7,7 +7,7 @@ those of one version of the project, and writes the page, and what reports quote
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.confusion.line import read
+from experiments.confusion.arm_line import read
 from experiments.how_often_right.rates import rates
 from experiments.result_page import PAGES, publish, store
 from serpent_twin import __version__

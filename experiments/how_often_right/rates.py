@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.confusion.line import BETWEEN, FAILED, Line
+from experiments.confusion.arm_line import BETWEEN, FAILED, ArmLine
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE
 from experiments.confusion.score import NOTHING, UNEXPLAINED, Share, detection_limit
 from serpent_twin.identification.wording import DISCOVERED
@@ -16,19 +16,19 @@ NAMED = 0.90
 _NONE = "none"
 
 
-def names_of(line: Line) -> list[str]:
+def names_of(line: ArmLine) -> list[str]:
     """The names that a trace gave."""
     silent = (NOTHING, UNEXPLAINED, FAILED)
     return [] if line.called in silent else line.called.split(BETWEEN)
 
 
-def wrong(line: Line) -> bool:
+def wrong(line: ArmLine) -> bool:
     """Whether a trace gave a name of the catalogue that is not there."""
     there = line.there.split(BETWEEN)
     return any(name not in there and name != DISCOVERED for name in names_of(line))
 
 
-def rates(lines: Sequence[Line]) -> dict[str, Any]:
+def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
     """All figures, as results.json holds them."""
     by = {kind: [each for each in lines if each.kind == kind] for kind in (CLEAN, KNOWN, OUTSIDE)}
     faulty = [each for each in lines if each.kind != CLEAN]
@@ -73,7 +73,7 @@ def rates(lines: Sequence[Line]) -> dict[str, Any]:
     }
 
 
-def _share(lines: Sequence[Line], good: Callable[[Line], Any]) -> Share:
+def _share(lines: Sequence[ArmLine], good: Callable[[ArmLine], Any]) -> Share:
     return Share(sum(bool(good(each)) for each in lines), len(lines))
 
 
@@ -83,7 +83,7 @@ def _median(values: Iterable[float]) -> float | None:
     return float(np.median(there)) if there else None
 
 
-def _effects(lines: Sequence[Line]) -> list[dict[str, Any]]:
+def _effects(lines: Sequence[ArmLine]) -> list[dict[str, Any]]:
     """Of each effect of the catalogue, by the number of sessions: limit, how far strengths are off."""
     out = []
     for name, sessions in sorted({(each.there, each.sessions) for each in lines}):
@@ -106,12 +106,12 @@ def _effects(lines: Sequence[Line]) -> list[dict[str, Any]]:
     return out
 
 
-def _trial(line: Line) -> list[Any]:
+def _trial(line: ArmLine) -> list[Any]:
     """What a picture needs of an arm: effect, strength, unit, whether it was named right, sessions."""
     return [line.there, line.strength, line.unit, line.right, line.sessions]
 
 
-def _called(lines: Sequence[Line]) -> list[list[Any]]:
+def _called(lines: Sequence[ArmLine]) -> list[list[Any]]:
     """What was there, what was called, and how often, of arms with one fault or none."""
     single = Counter(
         (each.there, each.called if len(names_of(each)) < 2 else "several")
@@ -121,7 +121,7 @@ def _called(lines: Sequence[Line]) -> list[list[Any]]:
     return [[there, called, count] for (there, called), count in sorted(single.items())]
 
 
-def _track(lines: Sequence[Line]) -> dict[str, dict[str, int]]:
+def _track(lines: Sequence[ArmLine]) -> dict[str, dict[str, int]]:
     """Of each name that was given, how often, and how often it was there; a discovered law, whether it was
     the right one at its place.
     """
@@ -135,7 +135,7 @@ def _track(lines: Sequence[Line]) -> dict[str, dict[str, int]]:
     return {name: {"given": n, "right": right[name]} for name, n in sorted(given.items())}
 
 
-def _commits(lines: Sequence[Line]) -> list[dict[str, Any]]:
+def _commits(lines: Sequence[ArmLine]) -> list[dict[str, Any]]:
     """Of each commit: arms, and how many were right."""
     out = []
     for commit in dict.fromkeys(each.commit for each in lines):

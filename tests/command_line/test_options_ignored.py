@@ -58,6 +58,7 @@ IGNORED = {
             BODY | {"steps", "amplitude", "rigid", "epochs", "rate"},
         ),
     ],
+    "Confusion": [({}, set()), ({"cluster": "tcp://x"}, {"workers"})],
     "Doctor": [({}, set()), ({"live": True}, {"reads", "out"})],
     "Zero": [({}, set())],
     "DeviceOptions": [
@@ -79,8 +80,9 @@ IGNORED = {
     name: [({}, set())]
     for name in (
         "AnyModel", "AnyModelSpeed",
-        "Benchmarks", "Check", "CloseTheLoop", "CollectSpeed", "Confusion", "Demo", "EstimateSpeed", "Plan",
-        "FaultMatrix", "Fuzz", "Measured", "NextMotion", "ReadoutTable", "ResultPage", "SimToReal",
+        "Benchmarks", "Check", "CloseTheLoop", "CollectSpeed", "Demo", "EstimateSpeed", "Plan",
+        "FaultMatrix", "Fuzz", "HowOftenRight", "Measured", "NextMotion", "ReadoutTable", "ResultPage",
+        "RightNames", "SimToReal",
         "SweepSpeed", "TraceSpeed", "WholeTrace",
     )
 }  # fmt: skip

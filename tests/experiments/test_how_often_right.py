@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.right_names import chosen, trial_of
+from experiments.confusion.arm_line import ArmLine, add, line_of, read
 from experiments.confusion.config import Confusion
-from experiments.confusion.line import Line, add, line_of, read
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR, Trial
 from experiments.how_often_right import __main__ as how_often_right
 from experiments.how_often_right.rates import rates
@@ -18,7 +18,7 @@ from serpent_twin import __version__
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.arm import track_record
 
-LINE = Line(
+LINE = ArmLine(
     version=__version__,
     commit="0123456789ab",
     source="bench",

@@ -23,7 +23,7 @@ FAILED = "failed"
 
 
 @dataclass(frozen=True)
-class Line:
+class ArmLine:
     """One arm, what it had, and what the trace said."""
 
     version: str
@@ -73,7 +73,7 @@ class Line:
         return self.commit, self.source, self.seed, self.sessions, self.steps, self.arm
 
 
-def line_of(row: Row, trial: Trial, config: Confusion) -> Line:
+def line_of(row: Row, trial: Trial, config: Confusion) -> ArmLine:
     """The line of a trial's row of results.jsonl."""
     effects = row.get("truth", {}).get("effects", [])
     first = effects[0] if effects else {"strength": np.nan, "unit": ""}
@@ -81,7 +81,7 @@ def line_of(row: Row, trial: Trial, config: Confusion) -> Line:
     error = {} if failed else row["error_mm"]
     share = None if failed else coverage([row])["all"]
     named = [each["name"] for each in row.get("named", [])]
-    return Line(
+    return ArmLine(
         version=__version__,
         commit=row.get("git_commit", "unknown"),
         source=config.source,
@@ -107,27 +107,29 @@ def line_of(row: Row, trial: Trial, config: Confusion) -> Line:
     )
 
 
-def add(path: Path, lines: Sequence[Line]) -> None:
+def add(path: Path, lines: Sequence[ArmLine]) -> None:
     """Add lines to a file, or take the place of those of the same arm and commit."""
     there = {each.key: each for each in (read(path) if path.exists() else [])}
     there |= {each.key: each for each in lines}
-    columns = {of.name: [getattr(each, of.name) for each in there.values()] for of in fields(Line)}
+    columns = {
+        of.name: [getattr(each, of.name) for each in there.values()] for of in fields(ArmLine)
+    }
     table, sink = pa.table(columns), pa.BufferOutputStream()
     csv.write_csv(table, sink)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, sink.getvalue().to_pybytes().decode())
 
 
-def read(path: Path) -> list[Line]:
+def read(path: Path) -> list[ArmLine]:
     """All lines of a file."""
     if not path.exists():
         raise SerpentError(f"{path} does not exist. experiments.confusion --rows {path} makes it.")
-    types = {of.name: _ARROW[of.type] for of in fields(Line)}
+    types = {of.name: _ARROW[of.type] for of in fields(ArmLine)}
     how = csv.ConvertOptions(column_types=types, strings_can_be_null=False)
     try:
         table = csv.read_csv(path, convert_options=how)
         lines = table.to_pylist()
-        return [Line(**{n: np.nan if v is None else v for n, v in x.items()}) for x in lines]
+        return [ArmLine(**{n: np.nan if v is None else v for n, v in x.items()}) for x in lines]
     except (pa.ArrowInvalid, TypeError) as error:
         raise SerpentError(
             f"{path} holds no lines of experiments.confusion: {error}. Take the file of the repository."
