@@ -9,14 +9,13 @@ from typing import Annotated
 
 from benchmarks.rows import BenchmarkRows
 from experiments.confusion.arm_line import ArmLine, line_of, read
-from experiments.confusion.arms import SOURCES
+from experiments.confusion.arms import planned
 from experiments.confusion.config import Confusion
-from experiments.confusion.plan import Trial, confusable, plan
+from experiments.confusion.plan import Trial
 from experiments.confusion.trial import run_trial
 from experiments.result_page import PAGES
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
-from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.stored import within
 
 _LIMIT = 900.0  # [s] on two cores
@@ -49,10 +48,7 @@ def chosen(lines: Sequence[ArmLine], count: int) -> list[ArmLine]:
 
 def trial_of(line: ArmLine) -> Trial:
     """The trial that a line is of."""
-    source = SOURCES[line.source]()
-    pairs = confusable(source.known, {n: CATALOGUE[n].confused_with for n in source.known})
-    rounds = 1 + int(line.arm.split("-")[1])
-    every = plan(source.known, source.outside, pairs, rounds, line.seed)
+    every = planned(line.source, 1 + int(line.arm.split("-")[1]), line.seed)
     return replace(next(t for t in every if t.id == line.arm), sessions=line.sessions)
 
 

@@ -12,17 +12,16 @@ from functools import partial
 from typing import Any
 
 from experiments.confusion.arm_line import add, line_of
-from experiments.confusion.arms import SOURCES
+from experiments.confusion.arms import planned
 from experiments.confusion.config import Confusion
 from experiments.confusion.page import page
-from experiments.confusion.plan import Trial, chosen, confusable, plan
+from experiments.confusion.plan import Trial, chosen
 from experiments.confusion.score import called, quantity, right, scores
 from experiments.confusion.trial import run_before
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.arm.catalogue import CATALOGUE
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import write
 from serpent_twin.runs.run_lock import claimed
@@ -47,9 +46,7 @@ def main(config: Confusion) -> None:  # noqa: D103 tyro would print it above the
 
 
 def _trials(config: Confusion) -> list[Trial]:
-    source = SOURCES[config.source]()
-    pairs = confusable(source.known, {n: CATALOGUE[n].confused_with for n in source.known})
-    every = plan(source.known, source.outside, pairs, config.rounds, config.seed, config.sessions)
+    every = planned(config.source, config.rounds, config.seed, config.sessions)
     words = {n for t in every for n, _ in t.effects} | {t.kind for t in every}
     if unknown := sorted(set(config.only) - words):
         raise SerpentError(

@@ -54,7 +54,7 @@ class ArmLine:
     """Whether a fault outside the catalogue was composed: the right law at its place"""
     unexplained: bool
     off: float
-    """How far the first effect's strength was from the truth, of the truth [1]"""
+    """How far the first rightly named strength was from the truth, of the truth [1]"""
     held: int
     """Strengths that lay in their 95 % interval"""
     intervals: int

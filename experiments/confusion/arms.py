@@ -1,6 +1,7 @@
 """Write the logs of arms with known faults, by the twin or by the independent arm."""
 
 import shutil
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -10,7 +11,7 @@ import numpy as np
 import bench_arm
 from experiments.confusion.expected import of_bench, of_twin
 from experiments.confusion.outside import OUTSIDE, place
-from experiments.confusion.plan import Trial
+from experiments.confusion.plan import SESSIONS, Trial, confusable, plan
 from serpent_twin.arm.control import random_targets
 from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.geometry import ARM
@@ -235,3 +236,12 @@ SOURCES: dict[str, type[TwinSource] | type[BenchSource]] = {
     "twin": TwinSource,
     "bench": BenchSource,
 }
+
+
+def planned(
+    source: str, rounds: int, seed: int, sessions: Sequence[int] = (SESSIONS,)
+) -> list[Trial]:
+    """The trials of a study with a source's effects, in their order."""
+    of = SOURCES[source]()
+    pairs = confusable(of.known, {name: CATALOGUE[name].confused_with for name in of.known})
+    return plan(of.known, of.outside, pairs, rounds, seed, sessions)

@@ -1,6 +1,6 @@
 """Write the report of the confusion experiment."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from experiments.confusion.score import (
     share,
     within,
 )
+from serpent_twin.arrays import Array
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.plot_style import COLOURS, INK, label_logarithmic, tidy
 from serpent_twin.reporting.report import Figure, Report, Section, Table
@@ -84,16 +85,26 @@ def _lead(rows: Sequence[Row]) -> str:
 
 def _picture(rows: Sequence[Row]) -> Figure:
     there, columns, counts = matrix(rows)
+    verdicts = {(row["name"], called(row)): right(row) for row in rows if row["kind"] != PAIR}
+
+    def colour(i: int, j: int) -> str:
+        return RIGHT if verdicts[there[i], columns[j]] else WRONG
+
+    drawing = counts_drawing(there, columns, counts, colour)
+    return Figure("confusion", drawing, "Number of arms; green is right, red is wrong.")
+
+
+def counts_drawing(
+    there: Sequence[str], columns: Sequence[str], counts: Array, colour: Callable[[int, int], str]
+) -> Drawing:
+    """What was called (columns) of what was there (rows), each count in a colour."""
     drawing = Drawing(figsize=(2.6 + 0.5 * len(columns), 1.8 + 0.36 * len(there)))
     axes = drawing.add_subplot()
     parts = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     axes.imshow(parts, cmap="Greys", vmin=0, vmax=4, aspect="auto")
-    verdicts = {(row["name"], called(row)): right(row) for row in rows if row["kind"] != PAIR}
     for i, j in zip(*np.nonzero(counts), strict=True):
-        colour = RIGHT if verdicts[there[i], columns[j]] else WRONG
-        axes.text(
-            j, i, f"{counts[i, j]:.0f}", ha="center", va="center", color=colour, weight="bold"
-        )
+        told = f"{counts[i, j]:.0f}"
+        axes.text(j, i, told, ha="center", va="center", color=colour(i, j), weight="bold")
     axes.set_xticks(
         range(len(columns)), [c.replace("_", " ") for c in columns], rotation=45, ha="right"
     )
@@ -101,7 +112,7 @@ def _picture(rows: Sequence[Row]) -> Figure:
     axes.set(xlabel="called", ylabel="there")
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
-    return Figure("confusion", drawing, "Number of arms; green is right, red is wrong.")
+    return drawing
 
 
 def _counts(rows: Sequence[Row]) -> Table:

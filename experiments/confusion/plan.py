@@ -13,6 +13,8 @@ import numpy as np
 
 CLEAN, KNOWN, PAIR, OUTSIDE = "clean", "known", "pair", "outside"
 CLEAN_A_ROUND = 2
+SESSIONS = 4
+"""Of an arm, where nothing else is said"""
 LEVELS = {KNOWN: (0.1, 2.5), PAIR: (0.7, 2.0), OUTSIDE: (0.5, 2.5)}
 """Strengths of each kind, in typical strengths, drawn evenly in their logarithm: of one effect alone, from
 far below to above what is noticed
@@ -28,7 +30,7 @@ class Trial:
     """clean, known, pair or outside"""
     effects: tuple[tuple[str, float], ...] = ()
     """Names, and strengths in typical strengths"""
-    sessions: int = 4
+    sessions: int = SESSIONS
     """Of the arm; the last one judges"""
 
     @property
@@ -47,7 +49,7 @@ def plan(
     pairs: Sequence[tuple[str, str]],
     rounds: int,
     seed: int,
-    sessions: Sequence[int] = (4,),
+    sessions: Sequence[int] = (SESSIONS,),
 ) -> list[Trial]:
     """All trials in the order in which they are to be run. Numbers of sessions go through a round in turn,
     and each effect through the numbers from round to round.

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from experiments.confusion.page import RIGHT, WRONG
+from experiments.confusion.page import RIGHT, WRONG, counts_drawing
 from experiments.confusion.score import quantity
 from experiments.result_page import PageContent
 from serpent_twin.numerals import counted
-from serpent_twin.reporting.plot_style import label_logarithmic, tidy
+from serpent_twin.reporting.plot_style import INK, label_logarithmic, tidy
 from serpent_twin.reporting.report import Figure, Section, Table
 
 _TEXT = """Every arm is another one of `bench_arm`, whose cable law, integration and servo model
@@ -99,21 +99,10 @@ def _matrix(results: Mapping[str, Any]) -> Figure:
     called = sorted(
         {said for _, said, _ in results["called"]}, key=lambda name: (name not in there, name)
     )
-    drawing = Drawing(figsize=(2.6 + 0.5 * len(called), 1.8 + 0.36 * len(there)))
-    axes = drawing.add_subplot()
     counts = np.zeros((len(there), len(called)))
     for a, b, count in results["called"]:
         counts[there.index(a), called.index(b)] = count
-    parts = counts / counts.sum(axis=1, keepdims=True)
-    axes.imshow(parts, cmap="Greys", vmin=0, vmax=4, aspect="auto")
-    for i, j in zip(*np.nonzero(counts), strict=True):
-        axes.text(j, i, f"{counts[i, j]:.0f}", ha="center", va="center")
-    spaced = [[name.replace("_", " ") for name in names] for names in (called, there)]
-    axes.set_xticks(range(len(called)), spaced[0], rotation=45, ha="right")
-    axes.set_yticks(range(len(there)), spaced[1])
-    axes.set(xlabel="called", ylabel="there")
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
+    drawing = counts_drawing(there, called, counts, lambda *_: INK)
     return Figure("taken_for", drawing, "Numbers of arms with one fault or none.")
 
 

@@ -19,7 +19,7 @@ from serpent_twin.sim.stepper import side_by_side
 _FELL_BACK = 0.2
 """Share of poses that are far from those known, above which new ones replace them"""
 _FIRST = 2.0
-"""Times the square root of their number, of poses that are found first: those that are told most unlike"""
+"""Times the square root of the number of poses: how many are found first, those whose commands differ most"""
 _WAY = np.linspace(0.0, 1.0, 9)[1:].tolist()
 """Parts of the way from row to row, where friction does not let a model come to rest at once"""
 
@@ -85,12 +85,12 @@ class _Resting:
             self.rest.settle(giving)
             self._prescribed.tighten(at)
         elif giving is None:
-            giving = self._around(_unlike(told))
+            giving = self._around(_nearest_of_few(told))
         return self.rest.settle(giving)
 
     def _around(self, first: NDArray[np.intp]) -> GivingWay:
-        """Place all runs where the first that are told most alike rest; how these give way. `first` holds for
-        each run which that is, (n,).
+        """Place each run in the pose of the nearest run that is found first; returns how those give way.
+        `first` holds for each run the number of the nearest, (n,).
         """
         several = np.unique(first)
         self.rest.settle(runs=several)
@@ -98,9 +98,9 @@ class _Resting:
         return self.rest.giving_way(several).of(first)
 
 
-def _unlike(told: Array) -> NDArray[np.intp]:
-    """Of each of n runs, that one of the few most unlike in what they are told, (n, nu), which is most like
-    it, (n,): each of these is the farthest from those before it.
+def _nearest_of_few(told: Array) -> NDArray[np.intp]:
+    """The number of the nearest of a few runs, for each of n runs, (n,), by their commands (n, nu). Each of
+    the few is the farthest from those before it.
     """
     first = np.zeros(len(told), int)
     apart = ((told - told[0]) ** 2).sum(axis=1)
