@@ -35,6 +35,8 @@ class Handle:
         return self.words.format(place=place, size=f" of {size}" if size else "")
 
 
+SENSOR = "sensor"
+"""The kind of place of laws that change what is read alone"""
 READING_SHIFT = "reading_shift"
 """The one quantity that is changed after all time steps of a run"""
 ACTUATOR_COMMAND = "command"
@@ -59,9 +61,9 @@ HANDLES: Mapping[str, Handle] = {
     "slack": Handle("tendon", "m", words="a length{size} that {place} has more"),
     "force": Handle("body", "N", 3, words="a force{size} in the base frame on {place}"),
     "force_in_body": Handle("body", "N", 3, words="a force{size} in the frame of {place} on it"),
-    "marker_shift": Handle("sensor", "m", 3, words="a shift{size} of {place} in its link's frame"),
-    "load_shift": Handle("sensor", "1", words="a change{size} of what {place} reads"),
-    READING_SHIFT: Handle("sensor", "rad", words="a shift{size} of what is read of {place}"),
+    "marker_shift": Handle(SENSOR, "m", 3, words="a shift{size} of {place} in its link's frame"),
+    "load_shift": Handle(SENSOR, "1", words="a change{size} of what {place} reads"),
+    READING_SHIFT: Handle(SENSOR, "rad", words="a shift{size} of what is read of {place}"),
     "camera_shift": Handle("frame", "m", 3, words="a shift{size} of all that the cameras see"),
     "acceleration": Handle("frame", "m/s²", 3, words="an acceleration{size} of the {place}"),
 }

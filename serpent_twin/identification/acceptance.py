@@ -163,7 +163,7 @@ def best_trial(trials: dict[str, CandidateTrial], candidates: Mapping[str, Candi
     those that held-out logs do not tell from it, the one with the fewest parameters.
     """
     good = {
-        name: trial.gain.relative
+        name: trial.gain.whole
         for name, trial in trials.items()
         if trial.gain and not why_not(name, trial, candidates[name])
     }

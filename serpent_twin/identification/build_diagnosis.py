@@ -1,10 +1,13 @@
 """Build the diagnosis from the rounds of a trace."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from serpent_twin.effects import place_of
+from serpent_twin.effects.law import parse
 from serpent_twin.identification.acceptance import Round, Selection, doubtful, seen, why_not
 from serpent_twin.identification.bars import Bars, bars
 from serpent_twin.identification.diagnosis import (
@@ -28,7 +31,7 @@ from serpent_twin.identification.score_test import at_bound, strengths
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.identification.unexplained import unexplained
-from serpent_twin.identification.wording import spaced
+from serpent_twin.identification.wording import DISCOVERED, spaced
 from serpent_twin.machines.case import Case as AnyCase
 from serpent_twin.machines.machine import Quantity
 from serpent_twin.residual import analyse
@@ -58,6 +61,7 @@ def build_diagnosis(
     load = {name: each.load for name, each in held.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
     rest = unexplained(found["corrected"], error, load, bar.bar)
+    shapes = _shapes(case, final)
     named = _named(tracer, selection, held["calibrated"], held["corrected"])
     nearest = named if rest.is_ and _stands_in(error, bar) else ()
     return Diagnosis(
@@ -82,9 +86,26 @@ def build_diagnosis(
         load=compared["corrected"].load,
         identifiability=tracer.identifiability,
         whiteness=whiteness(compared["corrected"]),
-        places={name: each.place for name, each in case.candidates.items()},
+        places={name: each.place for name, each in case.candidates.items()}
+        | {name: place for several in shapes.values() for name, place in several.items()},
         curves=_curves(case, tracer.training, final),
+        shapes={name: tuple(several) for name, several in shapes.items()},
     )
+
+
+def _shapes(case: Case, final: Fit) -> dict[str, dict[str, Any]]:
+    """The composed effects with other shapes of their laws that logs do not tell from them: their names and
+    where they are, by the effect's name.
+    """
+    out: dict[str, dict[str, Any]] = {}
+    for name in final.point.effects:
+        if (candidate := case.candidates[name]).composed:
+            law = parse(place_of(name))
+            out[name] = {
+                f"{DISCOVERED}@{replace(law, shape=shape)}": {**candidate.place, "law": shape}
+                for shape in candidate.shapes
+            }
+    return out
 
 
 def _curves(case: Case, training: Any, final: Fit) -> dict[str, FreeCurve]:

@@ -118,6 +118,8 @@ class Diagnosis:
     """The entry that says where a candidate acts, by its name: empty for one that acts everywhere"""
     curves: Mapping[str, FreeCurve] = field(default_factory=dict)
     """Composed laws beside free curves, by the effect's name"""
+    shapes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Of each composed effect: the same with other shapes of its law, which logs do not tell from it"""
 
     def numbers(self, seconds: float, simulated: float) -> dict[str, Any]:
         """diagnosis.json."""
@@ -129,9 +131,9 @@ class Diagnosis:
             entry = placed(each.numbers(mm, self.load))
             if entry["name"] == each.name:
                 return entry
-            alike = [one for one in self.rivals.get(each.name, ()) if not one.told_apart]
             tested = self.curves[each.name].numbers() if each.name in self.curves else {}
-            return entry | tested | {"equivalent": [placed({"name": one.name}) for one in alike]}
+            alike = [placed({"name": name}) for name in self._alike(each.name)]
+            return entry | tested | {"equivalent": alike}
 
         mm, loads = self.marker.key, f"{self.load.field}_error_{self.load.key}"
         return {
@@ -252,9 +254,14 @@ class Diagnosis:
         )
         return f"Not as built: {'; '.join(map(str, self.moved[:_LISTED]))}{more}.{may}"
 
+    def _alike(self, name: str) -> list[str]:
+        """What these logs do not tell from an effect."""
+        rivals = [each.name for each in self.rivals.get(name, ()) if not each.told_apart]
+        return [*rivals, *self.shapes.get(name, ())]
+
     def _told(self, effect: Named) -> str:
         """An effect with its strength, and the rivals that these logs do not tell from it."""
-        alike = [each.name for each in self.rivals.get(effect.name, ()) if not each.told_apart]
+        alike = self._alike(effect.name)
         values = ", ".join(f"{name} {each}" for name, each in effect.parameters.items())
         told = f"{effect.name} ({values})"
         if law_of(effect.name) == DISCOVERED:

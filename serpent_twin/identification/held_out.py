@@ -1,6 +1,7 @@
 """Compare the errors of two twins on logs that nothing was fitted to."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import chdtrc, stdtr
@@ -25,6 +26,16 @@ class Errors:
     """Mean marker distance; NaN without markers"""
     load_by_block: Array
     """Root mean square of the moving motors' loads; NaN without loads"""
+    of_markers: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    """The same of each marker, (S, B, M)"""
+    of_loads: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    """And of each load, (S, B, N)"""
+
+    def at(self, markers: Sequence[int], loads: Sequence[int]) -> "Errors":
+        """Those of some markers and loads alone."""
+        marker, load = self.of_markers[..., list(markers)], self.of_loads[..., list(loads)]
+        mean, square = (_means(np.moveaxis(each, -1, 1)) for each in (marker, load**2))
+        return Errors(mean, np.sqrt(square), marker, load)
 
     @property
     def marker_by_segment(self) -> Array:
@@ -53,10 +64,10 @@ def _mean(values: Array) -> float:
 
 
 def _means(values: Array) -> Array:
-    """Means of rows over what is known, NaN where nothing is, (S,)."""
+    """Means of rows, (S, T, …), over what is known, NaN where nothing is, (S, …)."""
     known = np.isfinite(values)
     total, count = np.where(known, values, 0.0).sum(axis=1), known.sum(axis=1)
-    return np.divide(total, count, out=np.full(len(values), np.nan), where=count > 0)
+    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
 
 
 def blocks(values: Array) -> Array:
@@ -71,7 +82,15 @@ def errors(comparison: Comparison) -> Errors:
     moving = True if told else is_moving(comparison, MOVING)
     load = np.where(moving, comparison.load.scale * comparison.load_residual, np.nan)
     distance = comparison.marker.scale * comparison.distance
-    return Errors(blocks(distance), np.sqrt(blocks(load**2)))
+    return Errors(
+        blocks(distance), np.sqrt(blocks(load**2)), _each(distance), np.sqrt(_each(load**2))
+    )
+
+
+def _each(values: Array) -> Array:
+    """Means of rows (S, T, K) over what is known of each block, (S, B, K)."""
+    parts = np.array_split(values, min(BLOCKS, values.shape[1]), axis=1)
+    return np.stack([_means(part) for part in parts], axis=1)
 
 
 @dataclass(frozen=True)
@@ -88,6 +107,13 @@ class Gain:
     """Of the load error"""
     probability_of_chance: float
     """That the mean gain is not above zero, see `chance` and `together`"""
+    everywhere: float = float("nan")
+    """Mean relative gain in all that is measured, where the others are of one sensor [1]"""
+
+    @property
+    def whole(self) -> float:
+        """Mean relative gain in all that is measured [1], by which candidates are compared."""
+        return self.relative if np.isnan(self.everywhere) else self.everywhere
 
     @property
     def relative(self) -> float:

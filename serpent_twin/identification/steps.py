@@ -28,10 +28,10 @@ from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.discovery import discover
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
-from serpent_twin.identification.held_out import Errors, gain, gave_up
+from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.least_squares import OnProgress, fit
-from serpent_twin.identification.trials import Trials
+from serpent_twin.identification.trials import Trials, gained
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
@@ -141,7 +141,8 @@ class Tracer:
             score = {name: replace(each.score, unstable=True) for name, each in trials.items()}
             lost = {name: CandidateTrial(score[name], None, None, after.marker) for name in names}
             return replace(done, trials={**done.trials, **lost}, accepted=())
-        better = gain(done.errors, after, trials[names[0]].selected)
+        first = trials[names[0]]
+        better = gained(self.case, first.score, done.errors, after, first.selected)
         again = {
             name: replace(each, fit=polished, gain=better, error=after.marker)
             for name, each in trials.items()
@@ -282,7 +283,8 @@ class Tracer:
             without, beside = self.errors(less.point), self.errors(final.point)
             if gave_up(beside, without):
                 continue
-            lost = gain(without, beside)
+            score = next(r.trials[name].score for r in rounds if name in r.accepted)
+            lost = gained(self.case, score, without, beside)
             if weakness(lost):
                 self.on_progress(f"{spaced(name)} is not worth it beside the others")
                 final = less

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from serpent_twin.effects.law import SENSOR
 from serpent_twin.identification.acceptance import CandidateTrial, PairTrial, Round, weakness_of_fit
 from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
-from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
+from serpent_twin.identification.held_out import Errors, Gain, errors, gain, gave_up
 from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.left_out import chance_of_selection
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
@@ -26,7 +27,7 @@ from serpent_twin.identification.score_test import (
 )
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.machine import Candidate, ParameterVector
 from serpent_twin.numerals import counted
 
 _NEAR = 0.3
@@ -67,13 +68,12 @@ class Trials:
     ) -> dict[str, CandidateTrial]:
         """Score tests of candidates on top of a fit, and full fits of the selected ones, judged against the
         base. One that is not below the cost `beat` after its first derivative is fitted no further. With a
-        share `beside` of what the best removes, others must remove that much, and no fit goes on.
+        share `beside` of what the best removes, others must remove that much, and no fit goes on; beside the
+        `most` best, the best of those that change something else is fitted, too.
         """
         found = self.placed(stage, case, begun, self.scores(stage, case, begun, names))
         trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
-        least = self._worth_a_fit(case, begun, before)
-        least = max(least, beside * max((each.share for each in found.values()), default=0.0))
-        chosen = worth_fitting(list(found.values()), case.candidates, least)[:most]
+        chosen = self._chosen(case, begun, before, found, most, beside)
         best = begun.cost
         for name in chosen:
             number, begins = stage.split("_")[:2]
@@ -97,6 +97,24 @@ class Trials:
                 further = self._further(case, fitted, f"fit_{stage}_{name}_further")
                 trials[name] = self._judged(case, found[name], base, further, before, len(chosen))
         return trials
+
+    def _chosen(
+        self,
+        case: Case[Any],
+        begun: Fit,
+        before: Errors,
+        found: Mapping[str, Score],
+        most: int | None,
+        beside: float,
+    ) -> list[str]:
+        """The candidates to be fitted, as in `each`; a law at a sensor is small in all that is measured."""
+        known, least = case.candidates, self._worth_a_fit(case, begun, before)
+        if not beside:
+            return worth_fitting(list(found.values()), known, least)[:most]
+        several = [s for n, s in found.items() if _at_sensor(known[n]) or s.share > least]
+        near = beside * max((each.share for each in several), default=0.0)
+        worth = worth_fitting(several, known, near, len(several))
+        return [*worth[:most], *_others(case, worth, most)]
 
     def _stable(self, stage: str, make: Callable[[], Fit]) -> Fit | None:
         """A fit by its name; None where no simulation is stable in which it could begin."""
@@ -201,7 +219,7 @@ class Trials:
         if gave_up(before, after):
             return CandidateTrial(replace(score, unstable=True), None, None, before.marker)
         selected = chance_of_selection(case, base, fitted, self.training.session, among)
-        better = gain(before, after, selected)
+        better = gained(case, score, before, after, selected)
         return CandidateTrial(score, fitted, better, after.marker, selected, after)
 
     def scores(
@@ -226,6 +244,36 @@ class Trials:
 
         better = self.notes.scores(f"places_{stage}", test)
         return {**found, **{each.name: each for each in better}}
+
+
+def gained(
+    case: Case[Any], score: Score, before: Errors, after: Errors, selected: float | None = None
+) -> Gain:
+    """What a candidate gains: of a law at a sensor, in what that sensor shows, since all others say nothing
+    of it.
+    """
+    if not _at_sensor(case.candidates[score.name]):
+        return gain(before, after, selected)
+    shows = np.abs(score.change.reshape(-1, case.channels)).max(axis=0) > 0
+    measures = [each.measure for each in case.machine.outputs]
+    pose = [n for n, each in enumerate(measures) if each == measures[0]]
+    markers = sorted({n // measures[0].dimension for n in pose if shows[n]})
+    loads = [n - len(pose) for n in np.flatnonzero(shows) if n >= len(pose)]
+    alone = gain(before.at(markers, loads), after.at(markers, loads), selected)
+    return replace(alone, everywhere=gain(before, after).relative)
+
+
+def _at_sensor(candidate: Candidate) -> bool:
+    return bool(candidate.composed) and candidate.place_kind == SENSOR
+
+
+def _others(case: Case[Any], worth: Sequence[str], most: int | None) -> list[str]:
+    """The best beyond the first few that changes something else than these do: which is right, a force in the
+    base's frame or in its link's, only fits can tell.
+    """
+    changes = {name: case.candidates[name].composed.get("changes") for name in worth}
+    first = {changes[name] for name in worth[:most]}
+    return [name for name in worth[most:] if changes[name] not in first][:1] if most else []
 
 
 def _less(scores: Mapping[str, Score], name: str, other: str, base: Fit) -> bool:

@@ -32,6 +32,7 @@ class Made:
         self.readings = {
             ("joint_angle", "joint1"): angle,
             ("motor_angle", "motor1"): np.cumsum(rng.normal(0, 0.3, (S, T)), axis=1),
+            ("motor_angle", "motor2"): 0.4 * np.sin(0.2 * time) + 0.04 * np.sin(3 * time),
             ("time", "session"): time,
             ("runtime", "machine"): time,
         }
@@ -109,6 +110,29 @@ def test_a_law_that_made_a_residual_is_found_first(law):
     assert best.gain == pytest.approx(-whole * np.log(1 - best.share), rel=1e-6)
 
 
+def test_a_wave_is_measured_by_what_free_parameters_leave_of_it():
+    """Beside a free mean, the sine and the cosine of a part of a turn are alike, and are solved together."""
+    wave = "joint_torque of joint1: periodic motor_angle of motor2"
+    made = Made(Discovered(1.0, at=wave, first=3.0, second=-0.4), noise=0.05)
+    made.fit.jacobian[0] = made.responses[0].change[0].reshape(S, -1)
+    best = made.found()[0]
+    assert str(best.law) == wave
+    assert (best.first, best.second) == pytest.approx((3.0, -0.4), abs=0.02)
+    assert best.size == pytest.approx([1.0], rel=0.01)
+
+
+def test_shapes_that_differ_beyond_the_readings_are_alike():
+    """A window that ends where the logs do is a step to them; one that ends amid them is not."""
+    step = Discovered(0.5, at="joint_torque of joint1: above joint_angle of joint1", first=0.2)
+    window = Discovered(
+        0.5, at="joint_torque of joint1: within joint_angle of joint1", first=-0.3, second=0.6
+    )
+    assert "within" in Made(step).found()[0].alike
+    found = Made(window).found()[0]
+    assert found.law == window.law
+    assert "above" not in found.alike and "under" not in found.alike
+
+
 def test_noise_alone_is_worth_nothing():
     """The best of all laws removes no more than chance makes of so many."""
     most = [Made(Discovered(0.0, at="force of link3: constant"), n).found()[:1] for n in range(5)]
@@ -128,7 +152,7 @@ def test_a_law_is_not_of_the_first_rows_alone(shape):
     x = np.tile(0.02 * np.arange(500.0), (4, 1))
     law = Law("force", "tip", shape, "runtime", "machine")
     tried = around(law, 0.1, 0.2, {("runtime", "machine"): x})
-    held = [np.mean(SHAPES[shape].form(x, way.first, way.second)) for way in tried]
+    held = [np.mean(SHAPES[way.shape].form(x, way.first, way.second)) for way in tried]
     assert min(held) > 0.009 and max(held) < 0.991
     if shape != "above":
         assert min(held) < 0.03

@@ -61,6 +61,7 @@ def candidate_of(
             "law": law.shape,
             "depends_on": [law.depends_on] if law.reading else [],
         },
+        shapes=found.alike,
     )
 
 

@@ -90,22 +90,29 @@ def _parameters(reading: str, x: Array) -> Iterator[tuple[str, float, float]]:
 def around(
     law: Law, first: float, second: float, readings: Mapping[tuple[str, str], Array]
 ) -> list[Way]:
-    """Ways like one with thresholds, between its neighbours of the first search."""
+    """Ways like one with thresholds, between its neighbours of the first search; of steps and windows, also
+    those that differ from it by where they end.
+    """
     names = SHAPES[law.shape].parameters
     if not names or law.shape == "periodic":
         return []
     x = readings[law.reading, law.where]
     levels = np.quantile(x, np.linspace(_HELD, 1 - _HELD, 2 * _LEVELS + 1))
-    ends = [first, first + second] if len(names) > 1 else [first]
-    finer = [_between(levels, end) for end in ends]
-    if len(names) == 1:
-        return [Way(law.shape, law.reading, law.where, a, 0.0) for a in finer[0]]
+    if law.shape in _RAMPS:
+        finer = _between(levels, first)
+        return [Way(law.shape, law.reading, law.where, a, 0.0) for a in finer]
+    begins = law.shape != "under"
+    ends = law.shape != "above"
+    low = _between(levels, first) if begins else levels.tolist()
+    high = _between(levels, first + second) if ends else levels.tolist()
+    out = [Way("above", law.reading, law.where, a, 0.0) for a in low if begins]
+    out += [Way("under", law.reading, law.where, b, 0.0) for b in high if ends]
     ordered = np.sort(x, axis=None)
     least = _HELD * ordered.size
-    return [
-        Way(law.shape, law.reading, law.where, a, b - a)
-        for a in finer[0]
-        for b in finer[1]
+    return out + [
+        Way("within", law.reading, law.where, a, b - a)
+        for a in low
+        for b in high
         if np.diff(np.searchsorted(ordered, (a, b)))[0] > least
     ]
 

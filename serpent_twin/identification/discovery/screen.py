@@ -6,8 +6,8 @@ with F the ways in which a change may follow readings, h the residual's product 
 D that of the Jacobian, the pull is F h and the Gram matrix F² |R|² − w (F D) M⁻¹ (F D)ᵀ.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from serpent_twin.identification.discovery.followed import (
 )
 from serpent_twin.identification.discovery.sums import (
     ResidualRows,
+    Sums,
     between,
     beyond,
     by_row,
@@ -42,6 +43,8 @@ _PER_PARAMETER = 8.0
 _TIMES = (("time", "session"), ("runtime", "machine"))
 _MOST = 0.99
 """Share of the residual's squares that a law is taken to remove at most"""
+_APART = 9.0
+"""Squared standard errors by which one shape must gain more than another, to be told from it"""
 _FLAT = 1e-4
 """Of a change's squares, what the free parameters leave at least"""
 
@@ -59,6 +62,14 @@ class Composed:
     """Twice the logarithm of the likelihood ratio, where the noise is what would be left [1]"""
     share: float
     """Of the residual's squares [1]"""
+    shapes: Mapping[str, float] = field(default_factory=dict)
+    """The gain of the best law of each shape that changes the same and follows the same [1]"""
+
+    @property
+    def alike(self) -> tuple[str, ...]:
+        """Other shapes that the residual does not tell from its own."""
+        others = {name: gain for name, gain in self.shapes.items() if name != self.law.shape}
+        return tuple(name for name, gain in others.items() if gain > self.gain - _APART)
 
     @property
     def worth(self) -> float:
@@ -143,25 +154,25 @@ class Search:
     def _among(self, response: Response, several: Sequence[Way], F: Array) -> list[Composed]:
         """The best laws at a place, among some ways whose changes are F, (W, N)."""
         found, inverse = sums(self.rows, response, F), self.inverse.astype(np.float32)
-        absorbed = np.empty_like(found.raw)
-        for a, b in np.ndindex(absorbed.shape[1:]):
-            absorbed[:, a, b] = (found.taken[a] @ inverse * found.taken[b]).sum(axis=1)
-        gram = found.raw - self.weight * absorbed
-        return self._best(response, several, found.pulls, gram, found.raw)
+        gram, beside = found.raw.copy(), found.beside
+        for a, b in np.ndindex(gram.shape[1:]):
+            known = found.taken[a] @ inverse
+            gram[:, a, b] -= self.weight * (known * found.taken[b]).sum(axis=1)
+            beside[:, a, b] -= self.weight * (known[:-1] * found.taken[b][1:]).sum(axis=1)
+        return self._best(response, several, replace(found, beside=beside), gram)
 
     def _best(
         self,
         response: Response,
         tried: Sequence[Way],
-        pulls: Array,
+        found: Sums,
         grams: Array,
-        raw: Array,
     ) -> list[Composed]:
-        size, gain = _solved(pulls, grams, raw)
+        size, gain = _solved(found.pulls, grams, found.raw)
         handle = HANDLES[response.handle]
         if handle.only_more:
             gain = np.where(size[:, 0] > 0, gain, 0.0)
-        pairs = _of_one_phase(tried, pulls, grams, raw)
+        pairs = _of_one_phase(tried, found, grams)
         several = [*tried, *(each for each, *_ in pairs)]
         size = np.concatenate([size, *(s[None] for _, s, _ in pairs)])
         gain = np.concatenate([gain, [g for *_, g in pairs]])
@@ -179,8 +190,8 @@ class Search:
             if gain[n] <= cost[n]:
                 break
             law = _law(response, way)
-            found = Composed(law, size[n], way.first, way.second, float(gain[n]), float(share[n]))
-            kept.append(found)
+            best = Composed(law, size[n], way.first, way.second, float(gain[n]), float(share[n]))
+            kept.append(replace(best, shapes=_shapes(several, gain, way)))
             if len(kept) == _EACH:
                 break
         return kept
@@ -194,8 +205,19 @@ def _best_of(found: Sequence[Composed]) -> list[Composed]:
     """The best of those that follow the same reading."""
     best: dict[tuple[str, str], Composed] = {}
     for each in sorted(found, key=lambda each: -each.worth):
-        best.setdefault((each.law.reading, each.law.where), each)
+        one = best.setdefault((each.law.reading, each.law.where), each)
+        shapes = {name: max(gain, one.shapes.get(name, 0.0)) for name, gain in each.shapes.items()}
+        best[each.law.reading, each.law.where] = replace(one, shapes={**one.shapes, **shapes})
     return list(best.values())
+
+
+def _shapes(several: Sequence[Way], gain: Array, like: Way) -> dict[str, float]:
+    """The best gain of each shape that follows the same reading."""
+    out: dict[str, float] = {}
+    for way, each in zip(several, gain, strict=True):
+        if (way.reading, way.where) == (like.reading, like.where):
+            out[way.shape] = max(float(each), out.get(way.shape, 0.0))
+    return out
 
 
 def _solved(pulls: Array, grams: Array, raw: Array) -> tuple[Array, Array]:
@@ -212,20 +234,24 @@ def _solved(pulls: Array, grams: Array, raw: Array) -> tuple[Array, Array]:
 
 
 def _of_one_phase(
-    several: Sequence[Way], pulls: Array, grams: Array, raw: Array
+    several: Sequence[Way], found: Sums, grams: Array
 ) -> list[tuple[Way, Array, float]]:
-    """Periodic laws with the best phase, from their sines and cosines, taken as orthogonal to each other."""
-    out = []
+    """Periodic laws with the best phase, from their sines and cosines; of a vector, that of its strongest
+    component.
+    """
+    out, d = [], grams.shape[1]
     for n, each in enumerate(several):
         if each.shape != "periodic" or each.second:
             continue
-        both = slice(n, n + 2)
-        size, gain = _solved(pulls[both], grams[both], raw[both])
-        parts = np.sqrt(np.maximum(gain, 0.0))
-        if not parts.any():
+        across = found.beside[n]
+        gram = np.block([[grams[n], across], [across.T, grams[n + 1]]])
+        raw, pull = found.raw[n : n + 2], found.pulls[n : n + 2].ravel()
+        size, gain = _solved(pull[None], gram[None], raw.sum(axis=0)[None])
+        if gain[0] <= 0:
             continue
-        u, s, v = np.linalg.svd(size)  # (2, d): phases by components
-        phase = float(np.arctan2(u[1, 0], u[0, 0]))
-        share = float(s[0] ** 2 / (s**2).sum())
-        out.append((replace(each, second=phase), s[0] * v[0], share * float(gain.sum())))
+        u, _, v = np.linalg.svd(size.reshape(2, d))  # phases by components
+        phase, along = float(np.arctan2(u[1, 0], u[0, 0])), np.outer(u[:, 0], v[0]).ravel()
+        length = -float(along @ pull) / float(along @ gram @ along)
+        share = length**2 * float(along @ gram @ along)
+        out.append((replace(each, second=phase), length * v[0], share))
     return out

@@ -63,6 +63,8 @@ class Sums:
     """Products with the residual, (W, d)"""
     raw: Array
     """Products of components with each other, (W, d, d)"""
+    beside: Array
+    """Products of components with those of the next way, (W - 1, d, d)"""
     taken: Array
     """Products with the derivatives by the free parameters, (d, W, M)"""
 
@@ -72,16 +74,23 @@ def sums(rows: ResidualRows, response: Response, F: Array) -> Sums:
     if not isinstance(response, LaggedResponse):
         return _in_their_row(rows, rows.weighed(response.change), F)
     d, W, M = len(response.enters), len(F), len(rows.slopes)
-    pulls, raw, taken = np.empty((W, d)), np.empty((W, d, d)), np.empty((d, W, M))
+    pulls, taken = np.empty((W, d)), np.empty((d, W, M))
+    raw, beside = np.empty((W, d, d)), np.empty((W - 1, d, d))
+    last: list[Array] = [np.empty((0, rows.left.size), np.float32)] * d
     left = rows.left.ravel().astype(np.float32)
     slopes = rows.slopes.reshape(M, -1).astype(np.float32)
     for which, each in _changes(rows, response, F):
         pulls[which] = np.stack([y @ left for y in each], axis=1)
+        those = slice(which.start - len(last[0]), which.start + len(each[0]) - 1)
         for a, b in np.ndindex(d, d):
             raw[which, a, b] = np.einsum("wn,wn->w", each[a], each[b])
+            before = np.concatenate([last[a], each[a][:-1]])
+            next_ = each[b] if len(last[b]) else each[b][1:]
+            beside[those, a, b] = np.einsum("wn,wn->w", before, next_)
         for a in range(d):
             taken[a, which] = each[a] @ slopes.T
-    return Sums(pulls, raw, taken)
+        last = [one[-1:] for one in each]
+    return Sums(pulls, raw, beside, taken)
 
 
 def between(rows: ResidualRows, response: Response, F: Array) -> tuple[Array, Array, Array]:
@@ -113,11 +122,12 @@ def _in_their_row(rows: ResidualRows, R: Array, F: Array) -> Sums:
     """Of what shows in its row alone: with the way's squares and products, row by row."""
     h = np.einsum("dnc,nc->dn", R, rows.left).astype(np.float32)
     D = np.einsum("dnc,mnc->dnm", R, rows.slopes, optimize=True).astype(np.float32)
-    d = len(R)
-    raw = np.empty((len(F), d, d))
+    d, W = len(R), len(F)
+    raw, beside = np.empty((W, d, d)), np.empty((W - 1, d, d))
     for a, b in np.ndindex(d, d):
-        raw[:, a, b] = F**2 @ (R[a] * R[b]).sum(axis=1).astype(np.float32)
-    return Sums((F @ h.T).astype(float), raw, np.array([F @ each for each in D]))
+        both = (R[a] * R[b]).sum(axis=1).astype(np.float32)
+        raw[:, a, b], beside[:, a, b] = F**2 @ both, (F[:-1] * F[1:]) @ both
+    return Sums((F @ h.T).astype(float), raw, beside, np.array([F @ each for each in D]))
 
 
 def _changes(

@@ -45,13 +45,15 @@ class ArmPlaces:
 
     @cached_property
     def readings(self) -> Mapping[tuple[str, str], Array]:
-        """What laws may follow, (S, T), by the reading and its place."""
-        q = self.did.joint_angle
+        """What laws may follow, (S, T), by the reading and its place: of joints and links as they were
+        measured, since what acts beyond an angle does so at the arm's, and not at that of a twin without it.
+        """
+        q = self.pieces.joint_angle
         time = self.pieces.motors.time
         horn = _RADII * (self.did.tension[..., 0::2] - self.did.tension[..., 1::2])
         several = {
             "joint_angle": q,
-            "joint_velocity": self._joint_velocity,
+            "joint_velocity": self._speed(q),
             "motor_angle": self.pieces.motors.angle,
             "motor_velocity": self.pieces.motors.velocity,
             "horn_torque": horn,
@@ -64,9 +66,11 @@ class ArmPlaces:
             for name, values in several.items()
             for k, where in enumerate(NAMES[READINGS[name][0]])
         }
+        lost = np.isnan(self.pieces.marker)
+        marker = np.where(lost, np.asarray(self.did.marker), self.pieces.marker)
         for axis, name in enumerate(POSITIONS):
             for k in _OBSTACLES:
-                found[name, NAMES["body"][k]] = np.asarray(self.did.marker)[..., k, axis]
+                found[name, NAMES["body"][k]] = marker[..., k, axis]
         return found
 
     @property
@@ -79,10 +83,9 @@ class ArmPlaces:
         """None: cables hold the joints, so that a start's error is soon gone."""
         return
 
-    @cached_property
-    def _joint_velocity(self) -> Array:
+    def _speed(self, joint_angle: Array) -> Array:
         time = self.pieces.motors.time[..., None]
-        return np.gradient(self.did.joint_angle, axis=1) / np.gradient(time, axis=1)
+        return np.gradient(joint_angle, axis=1) / np.gradient(time, axis=1)
 
     @cached_property
     def _strand(self) -> Array:
@@ -128,7 +131,7 @@ class ArmPlaces:
         return np.eye(3 * N_JOINTS + N_MOTORS)[3 * N_JOINTS :, None, None, :]
 
     def _of_joints(self) -> Iterator[PlaceResponse]:
-        resists = -np.tanh(self._joint_velocity / (STANDING / 3))
+        resists = -np.tanh(self._speed(self.did.joint_angle) / (STANDING / 3))
         for i, name in enumerate(NAMES["joint"]):
             change = self._by_torques[i]
             yield PlaceResponse("joint_torque", name, change[None])
