@@ -4,11 +4,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
 
 GIVES_WAY = 0.2  # s, in which a part that slips does so
+CORD = 0.05  # m, length of a cord that does not pull yet
+REACH = (0.3, 0.1, 0.1)  # m, from the arm's middle to where a cord may end, along each axis
+_MIDDLE = 0.25  # m, of the straight arm, from its base
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,7 @@ class Accident:
     phase: float = 0.0
     """[rad]"""
     instant: float = 0.0
-    """Running time at which something gives way [s]"""
+    """Running time at which something gives way, or has died [s]"""
 
     @property
     def vector(self) -> Array:
@@ -58,6 +62,10 @@ ACCIDENTS: Mapping[str, tuple[float, str]] = {
     "knocked_marker": (4e-3, "a marker that sits elsewhere on its link from an instant on [m]"),
     "moved_cameras": (3e-3, "cameras whose frame has moved from an instant on [m]"),
     "fading_load": (0.25, "a load sensor that shows a share less [1]"),
+    "dying_load": (0.6, "a load sensor that shows less and less, a share less in the end [1]"),
+    "elastic_cord": (1.5, "a cord that pulls a link to a fixed point [N/m]"),
+    "turned_link": (0.02, "a link that has turned, with all beyond, from an instant on [rad]"),
+    "turned_cameras": (0.008, "cameras that have turned from an instant on [rad]"),
 }
 """A strength of each that an arm of this size shows clearly, and what it is"""
 
@@ -76,6 +84,10 @@ def draw(kind: str, strength: float, rng: np.random.Generator, seconds: float) -
         "knocked_marker": rng.integers(1, N_JOINTS + 1),
         "moved_cameras": 1,
         "fading_load": rng.integers(1, N_JOINTS + 1),
+        "dying_load": rng.integers(1, N_JOINTS + 1),
+        "elastic_cord": rng.integers(5, N_JOINTS + 1),
+        "turned_link": rng.integers(2, N_JOINTS + 1),
+        "turned_cameras": 1,
     }[kind]
     return Accident(
         kind,
@@ -86,7 +98,7 @@ def draw(kind: str, strength: float, rng: np.random.Generator, seconds: float) -
         width=float(rng.uniform(0.15, 0.25)),
         rate=float(rng.integers(1, 5)) if kind == "encoder_wave" else float(rng.uniform(0.1, 0.9)),
         phase=float(rng.uniform(-np.pi, np.pi)),
-        instant=float(rng.uniform(0.2, 0.55)) * seconds,
+        instant=seconds if kind == "dying_load" else float(rng.uniform(0.2, 0.55)) * seconds,
     )
 
 
@@ -138,6 +150,14 @@ def swinging(each: Accident, clock: float) -> Array:
     return each.vector * np.sin(2 * np.pi * each.rate * clock + each.phase)
 
 
+def cord(each: Accident, at: Array) -> Array:
+    """The pull of a cord on a link whose centre of mass is somewhere [m] [N], (3,)."""
+    end = np.array([_MIDDLE, 0.0, 0.0]) + np.array(REACH) * each.direction
+    reach = end - at
+    length = float(np.linalg.norm(reach))
+    return each.strength * max(length - CORD, 0.0) * reach / max(length, 1e-9)
+
+
 def encoder(several: Several, angle: Array) -> Array:
     """What encoders show of angles (R, 10) [rad]."""
     out = angle.copy()
@@ -147,17 +167,29 @@ def encoder(several: Several, angle: Array) -> Array:
     return out
 
 
-def loads(several: Several, load: Array) -> Array:
-    """What load sensors show of loads (R, 10)."""
+def loads(several: Several, load: Array, clock: Array) -> Array:
+    """What load sensors show of loads (R, 10) at running times (R,) [s]."""
     out = load.copy()
+    for n, each in of_kind(several, "dying_load"):
+        out[n, each.part - 1] *= 1 - each.strength * min(clock[n] / max(each.instant, 1e-9), 1.0)
     for n, each in of_kind(several, "fading_load"):
         out[n, each.part - 1] *= 1 - each.strength
     return out
 
 
-def shifts(several: Several, clock: Array, rotation: Array) -> Array:
-    """By which cameras see markers elsewhere [m], (R, 9, 3), with the links' rotations (R, 9, 3, 3)."""
+def shifts(several: Several, clock: Array, marker: Array, origin: Array, rotation: Array) -> Array:
+    """By which cameras see markers (R, 9, 3) elsewhere [m], (R, 9, 3), with the links' origins (R, 9, 3) and
+    rotations (R, 9, 3, 3).
+    """
     out = np.zeros((len(several), N_JOINTS, 3))
+    for n, each in of_kind(several, "turned_link"):
+        at = each.part - 1
+        about = rotation[n, at] @ (each.since(clock[n]) * each.vector)
+        reach = marker[n, at:] - origin[n, at]
+        out[n, at:] = Rotation.from_rotvec(about).apply(reach) - reach
+    for n, each in of_kind(several, "turned_cameras"):
+        turn = Rotation.from_rotvec(each.since(clock[n]) * each.vector)
+        out[n] = turn.apply(marker[n]) - marker[n]
     for n, each in of_kind(several, "knocked_marker"):
         at = each.part - 1
         out[n, at] = each.since(clock[n]) * (rotation[n, at] @ each.vector)

@@ -184,17 +184,27 @@ class ArmBatch:
             for row, each in accidents.of_kind(self.accidents, "swinging_push"):
                 force = accidents.swinging(each, self.clock[row])
                 torque[row] += self._of_force(pose, row, each.part, force)
+            for row, each in accidents.of_kind(self.accidents, "elastic_cord"):
+                force = accidents.cord(each, pose.com[row, self._body(each.part)])
+                torque[row] += self._of_force(pose, row, each.part, force)
         return torque
+
+    def _body(self, link: int) -> int:
+        """The chain's first body of a link."""
+        return int(np.flatnonzero(self.chain.carrier >= self.joint[link - 1])[0])
 
     def _of_force(self, pose: Pose, row: int, link: int, force: Array) -> Array:
         """Hinge torques of a force on one link's centre of mass [N m], (H,)."""
-        body = np.flatnonzero(self.chain.carrier >= self.joint[link - 1])[0]
+        body = self._body(link)
         moved = np.cross(pose.axis[row], pose.com[row, body] - pose.origin[row]) @ force
         return moved * (np.arange(len(moved)) <= self.chain.carrier[body])
 
-    def rotations(self, q: Array) -> Array:
-        """Of the links in the base frame, (R, 9, 3, 3), at hinge angles q (R, H)."""
-        return self.chain.pose(q).rotation[:, self.joint]
+    def frames(self, q: Array) -> tuple[Array, Array]:
+        """Origins, (R, 9, 3), and rotations, (R, 9, 3, 3), of the links in the base frame, at hinge angles q
+        (R, H).
+        """
+        pose = self.chain.pose(q)
+        return pose.origin[:, self.joint], pose.rotation[:, self.joint]
 
 
 def _gravity(e: Effects) -> Array:

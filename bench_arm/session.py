@@ -133,13 +133,14 @@ def _read(machine: ArmBatch, path: _Period, seen: Sequence[_Sensors], t: int) ->
     marker = machine.markers(hinges)
     several = machine.accidents
     if any(several):
-        marker += accidents.shifts(several, machine.clock, machine.rotations(hinges))
+        marker += accidents.shifts(several, machine.clock, marker, *machine.frames(hinges))
     marker = marker + np.stack([s.marker[t] for s in seen])
     marker[np.stack([s.lost[t] for s in seen])] = np.nan
     motors = _delayed(path.motors, [s.effects.motor_latency for s in seen])
     angle, speed, load = motors.swapaxes(0, 1)
     if any(several):
-        angle, load = accidents.encoder(several, angle), accidents.loads(several, load)
+        angle = accidents.encoder(several, angle)
+        load = accidents.loads(several, load, machine.clock)
     load = load + np.stack([s.load[t] for s in seen])
     return {
         "motor_position": COUNT * np.rint(angle / COUNT),

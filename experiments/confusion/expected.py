@@ -21,9 +21,15 @@ def _answer(
 
 
 def _force(link: int, laws: Sequence[str], on: Sequence[str]) -> list[Answer]:
+    return _near(("force", "force_in_body"), link, laws, on)
+
+
+def _near(
+    changes: Sequence[str], link: int, laws: Sequence[str], on: Sequence[str]
+) -> list[Answer]:
     """A force on a link; on the one beside it, logs of this length hardly differ."""
     near = [f"link{n}" for n in (link, link - 1, link + 1) if 1 <= n <= N_JOINTS]
-    return [_answer(("force", "force_in_body"), near, laws, on)]
+    return [_answer(changes, near, laws, on)]
 
 
 def of_accident(happened: Accident) -> list[Answer]:
@@ -45,8 +51,13 @@ def of_accident(happened: Accident) -> list[Answer]:
         "knocked_marker": [_answer(("marker_shift",), (f"marker{part}",), _THRESHOLDS, clock)],
         "moved_cameras": [_answer(("camera_shift",), ("base",), _THRESHOLDS, clock)],
         "fading_load": [
-            _answer(("load_shift",), (f"{motor}_load",), ("linear",), (f"horn torque of {motor}",))
+            _answer(("load_shift",), (f"{motor}_load",), ("linear",), (f"horn torque of {motor}",)),
+            _answer(("load_scale",), (f"{motor}_load",), ("constant",), ()),
         ],
+        "dying_load": [_answer(("load_scale",), (f"{motor}_load",), ("linear",), clock)],
+        "elastic_cord": _near(("spring",), part, ("constant",), ()),
+        "turned_link": [_answer(("link_turn",), (f"link{part}",), _THRESHOLDS, clock)],
+        "turned_cameras": [_answer(("camera_turn",), ("base",), _THRESHOLDS, clock)],
     }
     return several[happened.kind]
 
@@ -100,5 +111,10 @@ def _matches(entry: Mapping[str, Any], answer: Answer) -> bool:
         entry.get("changes") in answer["changes"]
         and entry.get("place", {}).get("name") in answer["places"]
         and entry.get("law") in answer["laws"]
-        and bool({*entry.get("depends_on", [])} & {*answer["on"]})
+        and _follows(entry.get("depends_on", []), answer["on"])
     )
+
+
+def _follows(found: Sequence[str], right: Sequence[str]) -> bool:
+    """Whether a law follows one of what is right; a constant follows nothing."""
+    return bool({*found} & {*right}) if right else not found

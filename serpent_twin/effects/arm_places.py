@@ -15,6 +15,7 @@ from serpent_twin.effects.law import (
     POSITIONS,
     READING_SHIFT,
     READINGS,
+    SPRING,
     Law,
 )
 from serpent_twin.errors import SerpentError
@@ -46,7 +47,7 @@ def names_of(handle: str) -> tuple[str, ...]:
     if handle in _OF_MODELS:
         there = listed([each for each in HANDLES if each not in _OF_MODELS])
         raise SerpentError(f"no law changes {handle} here; there are: {there}.")
-    sensors = {"marker_shift": MARKERS, "load_shift": LOADS}
+    sensors = {"marker_shift": MARKERS, "load_shift": LOADS, "load_scale": LOADS}
     return sensors[handle] if handle in sensors else NAMES[HANDLES[handle].kind]
 
 
@@ -70,11 +71,11 @@ def reading_of(moment: Any, law: Law) -> Array:
 
 
 def change(moment: Any, law: Law, sizes: Sequence[Array | float]) -> None:
-    """Change what a law changes, by sizes (n, 1) of one component or three."""
+    """Change what a law changes, by sizes (n, 1) of each of its components."""
     at = column(names_of(law.handle), law.place)
-    if law.handle in ("force", "force_in_body", "acceleration"):
+    if law.handle in ("force", "force_in_body", SPRING, "acceleration"):
         moment.joint_torque = moment.joint_torque + _torque(moment.joint_angle, law, at, sizes)
-    elif law.handle in ("marker_shift", "camera_shift"):
+    elif law.handle in ("marker_shift", "camera_shift", "link_turn", "camera_turn"):
         moment.marker_shift = moment.marker_shift + _shift(moment.joint_angle, law, at, sizes)
     elif law.handle == "joint_friction":
         more = np.zeros_like(moment.joint_friction)
@@ -99,7 +100,7 @@ def _shape(moment: Any, law: Law) -> tuple[int, int]:
 
 
 def _vector(sizes: Sequence[Array | float], n: int) -> Array:
-    """Three components, (n, 3)."""
+    """Several components, (n, d)."""
     return np.concatenate([np.broadcast_to(np.asarray(each), (n, 1)) for each in sizes], axis=1)
 
 
@@ -112,7 +113,10 @@ def _torque(q: Array, law: Law, at: int, sizes: Sequence[Array | float]) -> Arra
     if law.handle == "force_in_body":
         vector = np.einsum("nxy,ny->nx", rotation[:, at], vector)
     moved = slice(at + 1)  # the joints before the link
-    reach = (origin[:, at] + rotation[:, at] @ _COM[at])[:, None] - origin[:, moved]
+    com = origin[:, at] + rotation[:, at] @ _COM[at]
+    if law.handle == SPRING:
+        vector = vector[:, :3] - vector[:, 3:] * com
+    reach = com[:, None] - origin[:, moved]
     axis = (rotation[:, moved] @ JOINT_AXES[moved, :, None])[..., 0]
     out = np.zeros_like(q)
     out[:, moved] = _triple(axis, reach, vector[:, None])
@@ -132,8 +136,16 @@ def _shift(q: Array, law: Law, at: int, sizes: Sequence[Array | float]) -> Array
     vector = _vector(sizes, len(q))
     if law.handle == "camera_shift":
         return np.repeat(vector[:, None], N_JOINTS, axis=1)
+    origin, rotation = link_frames(q)
     out = np.zeros((len(q), N_JOINTS, 3))
-    out[:, at] = np.einsum("nxy,ny->nx", link_frames(q)[1][:, at], vector)
+    if law.handle == "marker_shift":
+        out[:, at] = np.einsum("nxy,ny->nx", rotation[:, at], vector)
+        return out
+    marker = origin + (rotation @ ARM.markers_in_links[:, :, None])[..., 0]
+    if law.handle == "camera_turn":
+        return np.cross(vector[:, None], marker)
+    turn = np.einsum("nxy,ny->nx", rotation[:, at], vector)
+    out[:, at:] = np.cross(turn[:, None], marker[:, at:] - origin[:, at, None])
     return out
 
 

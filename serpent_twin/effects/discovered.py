@@ -1,5 +1,6 @@
 """Add a law at a place that no other effect describes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -10,9 +11,11 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import LOSS, READING, WINDING, Effect, parameter
 from serpent_twin.effects.law import (
     ACTUATOR_COMMAND,
+    HANDLES,
     JOINT_FRICTION,
     READING_SHIFT,
     SHAPES,
+    SPRING,
     Law,
     parse,
 )
@@ -25,7 +28,8 @@ _ANY = 1e9
 class Discovered(Effect):
     """A change at a place of the model that follows a reading, by the law that its place states.
 
-    The change is size · f(x; first, second), with f one of `law.SHAPES`; a vector has three sizes. Beyond the
+    The change is size · f(x; first, second), with f one of `law.SHAPES`; a vector has three sizes, a spring a
+    stiffness besides. Beyond the
     readings of the logs in which it was found, it stays as it is at their ends.
     Source: those logs.
     """
@@ -36,6 +40,8 @@ class Discovered(Effect):
     """Of a vector's y"""
     size_z: float = parameter("1", low=-_ANY, high=_ANY, typical=1.0)
     """Of a vector's z"""
+    stiffness: float = parameter("1", low=-_ANY, high=_ANY, typical=1.0)
+    """Of a spring [N/m]; its vector is the force where its body is at the base's origin"""
     first: float = parameter("1", low=-_ANY, high=_ANY, typical=0.0, fitted=False)
     """First parameter of the law"""
     second: float = parameter("1", low=-_ANY, high=_ANY, typical=0.0, fitted=False)
@@ -61,7 +67,9 @@ class Discovered(Effect):
 
     @property
     def strength(self) -> float:
-        """The length of the vector of sizes."""
+        """The length of the vector of sizes; of a spring, its stiffness."""
+        if self.law.handle == SPRING:
+            return abs(self.stiffness)
         return float(np.linalg.norm([self.size, self.size_y, self.size_z]))
 
     @property
@@ -91,5 +99,6 @@ class Discovered(Effect):
         bounded = np.asarray(self.most) > np.asarray(self.least)
         x = np.where(bounded, np.clip(x, self.least, np.maximum(self.least, self.most)), x)
         change = SHAPES[self.law.shape].form(x, self.first, self.second)
-        sizes: tuple[Array | float, ...] = (self.size, self.size_y, self.size_z)
+        sizes: Sequence[Array | float] = (self.size, self.size_y, self.size_z, self.stiffness)
+        sizes = sizes[: HANDLES[self.law.handle].components]
         moment.change(self.law, [size * change for size in sizes])

@@ -24,9 +24,9 @@ class Handle:
     """Of place: joint, actuator, tendon, body, sensor or frame"""
     unit: str
     components: int = 1
-    """1, or 3 for a vector"""
+    """1, 3 for a vector, or 4 for a spring: the force at the base's origin [N], and the stiffness [N/m]"""
     only_more: bool = False
-    """Whether it may be raised only, as friction"""
+    """Whether it, or the stiffness of a spring, may be raised only, as friction"""
     words: str = ""
     """What is changed, with {size} and {place}"""
 
@@ -37,6 +37,8 @@ class Handle:
 
 SENSOR = "sensor"
 """The kind of place of laws that change what is read alone"""
+SPRING = "spring"
+"""A force on a body that pulls it to a point of the base's frame, growing with the distance"""
 READING_SHIFT = "reading_shift"
 """The one quantity that is changed after all time steps of a run"""
 ACTUATOR_COMMAND = "command"
@@ -61,10 +63,20 @@ HANDLES: Mapping[str, Handle] = {
     "slack": Handle("tendon", "m", words="a length{size} that {place} has more"),
     "force": Handle("body", "N", 3, words="a force{size} in the base frame on {place}"),
     "force_in_body": Handle("body", "N", 3, words="a force{size} in the frame of {place} on it"),
+    SPRING: Handle(
+        "body", "N", 4, only_more=True, words="a spring{size} that pulls {place} to a point"
+    ),
+    "link_turn": Handle(
+        "body", "rad", 3, words="a turn{size} of {place} and all beyond, in its frame"
+    ),
     "marker_shift": Handle(SENSOR, "m", 3, words="a shift{size} of {place} in its link's frame"),
     "load_shift": Handle(SENSOR, "1", words="a change{size} of what {place} reads"),
+    "load_scale": Handle(
+        SENSOR, "1", words="a change of what {place} reads by a share{size} of it"
+    ),
     READING_SHIFT: Handle(SENSOR, "rad", words="a shift{size} of what is read of {place}"),
     "camera_shift": Handle("frame", "m", 3, words="a shift{size} of all that the cameras see"),
+    "camera_turn": Handle("frame", "rad", 3, words="a turn{size} of all that the cameras see"),
     "acceleration": Handle("frame", "m/s²", 3, words="an acceleration{size} of the {place}"),
 }
 """What laws change, by the name of the moment's quantity"""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from serpent_twin.effects import law_of, place_of
-from serpent_twin.effects.law import HANDLES, SHAPES, parse
+from serpent_twin.effects.law import HANDLES, SHAPES, SPRING, parse
 from serpent_twin.identification.estimates import ParameterEstimate
 
 DISCOVERED = "discovered"
@@ -39,7 +39,16 @@ def with_numbers(name: str, parameters: Mapping[str, ParameterEstimate]) -> str:
         first = _swings(first)
     sizes = [each for key, each in parameters.items() if key.startswith("size")]
     what = handle.told(law.place, _size(sizes))
+    if law.handle == SPRING:
+        what = _spring(law.place, sizes, parameters["stiffness"])
     return f"{what}, {shape.words.format(x=x, first=first, second=second)}"
+
+
+def _spring(place: str, forces: Sequence[ParameterEstimate], stiffness: ParameterEstimate) -> str:
+    """A spring with the point to which it pulls."""
+    at = (force.value / max(stiffness.value, 1e-30) for force in forces)
+    point = ", ".join(f"{each:.2f}" for each in at).replace("-", "−")
+    return f"a spring of {stiffness} that pulls {place} to ({point}) m in the base frame"
 
 
 def _size(sizes: Sequence[ParameterEstimate]) -> str:

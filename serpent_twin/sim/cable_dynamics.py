@@ -58,6 +58,8 @@ class CableDynamics(Stepper[Moment]):
         """Where the last moment had the cameras see the markers besides [m], or (n, 9, 3)"""
         self.load_shift: Array | float = 0.0
         """By how much it had the loads misread, as a share of the stall torque, or (n, 10)"""
+        self.load_scale: Array | float = 0.0
+        """And as a share of the loads themselves, or (n, 10)"""
 
     def moment(
         self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array = 0.0
@@ -87,6 +89,7 @@ class CableDynamics(Stepper[Moment]):
             reading_age=0.0,
             marker_shift=0.0,
             load_shift=0.0,
+            load_scale=0.0,
             winch_ratio=self.winch_ratio,
             prior_runtime=self.prior_runtime,
         )
@@ -103,6 +106,7 @@ class CableDynamics(Stepper[Moment]):
             self._applied[:, self._motor_v] = moment.motor_torque
         self.reading_age = np.broadcast_to(moment.reading_age, (len(self.reading_age), 1))[:, 0]
         self.marker_shift, self.load_shift = moment.marker_shift, moment.load_shift
+        self.load_scale = moment.load_scale
 
     def step(
         self,
@@ -154,6 +158,10 @@ class CableDynamics(Stepper[Moment]):
         taken = self.winch_reach * wound
         self._rest[:, 0::2, 1] = slack[:, 0::2] - taken
         self._rest[:, 1::2, 1] = slack[:, 1::2] + taken
+
+    def misread(self, torque: Array) -> Array:
+        """What the motors report of torques [N m], (…, 10), as the last moment had it."""
+        return torque * (1.0 + self.load_scale) + self.load_shift * self.arm.servo.stall_torque
 
     def horn_torque(self, moment: Moment) -> Array:
         """Torque of cables and effects on each motor's horn, without gearbox friction [N m], (n, 10)."""

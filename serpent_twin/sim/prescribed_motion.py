@@ -200,7 +200,7 @@ class DrivenArms:
             marker += self.reading_age[:, None, None] * self._marker_velocity
         return Response(
             marker=marker,
-            load=(self._cables.horn_torque(moment) + loss) / self._stall + moment.load_shift,
+            load=self._cables.misread(self._cables.horn_torque(moment) + loss) / self._stall,
             joint_angle=self._qpos[:, self._joint_q],
             jaw_angle=self._qpos[:, self._jaw[0]].copy(),
             tension=moment.tension,

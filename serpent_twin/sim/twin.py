@@ -104,8 +104,7 @@ class Twin:
         """Angles [rad], velocities [rad/s] and torques [N m] of the motors as they report them, which may be
         old, (nsim, 3, 10).
         """
-        misread = self.mechanism.load_shift * self.arm.servo.stall_torque
-        torque = self.motor_torque + misread
+        torque = self.mechanism.misread(self.motor_torque)
         now = np.stack([self.motor_angle, self.motor_velocity, torque], axis=1)
         return self._readings.before(self._ran, now, self.mechanism.reading_age)
 
@@ -188,8 +187,8 @@ class Twin:
             time, angle, velocity = self._instant()
             self.mechanism.step(time, angle, velocity, self.model.opt.timestep)
             torque[:, k] = self._force
-            misread = self.mechanism.load_shift * self.arm.servo.stall_torque
-            reading = np.stack([angle, velocity, torque[:, k] + misread], axis=1)
+            told = self.mechanism.misread(torque[:, k])
+            reading = np.stack([angle, velocity, told], axis=1)
             began = self._ran + k * self.model.opt.timestep
             self._readings.keep(began, reading, self.mechanism.reading_age)
         return torque

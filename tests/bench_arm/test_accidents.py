@@ -5,11 +5,17 @@ import pytest
 from bench_by_hand import machine
 
 from bench_arm import NONE, TYPICAL, BenchArm, Effects, SessionSpec, inject, simulate
-from bench_arm.accidents import ACCIDENTS, Accident, draw, loads, shifts, strand_slack
+from bench_arm.accidents import ACCIDENTS, CORD, Accident, cord, draw, loads, shifts, strand_slack
 from bench_arm.session import RATE, SETTLE
 
 SILENT = BenchArm(load_noise=0.0, marker_noise=0.0, marker_loss=0.0)
 STEPS = 24
+STRAIGHT = (
+    np.tile(0.06 * np.arange(1.0, 10)[:, None] * [1, 0, 0], (2, 1, 1)),
+    np.tile(0.06 * np.arange(0.5, 9)[:, None] * [1, 0, 0], (2, 1, 1)),
+    np.tile(np.eye(3), (2, 9, 1, 1)),
+)
+"""Markers, origins and rotations of the links of two straight arms"""
 
 
 def log(*accidents):
@@ -33,7 +39,7 @@ def test_its_strength_and_part_are_drawn_into_the_truth(kind):
     effects = inject(kind, 2 * TYPICAL[kind], np.random.default_rng(4), seconds=100.0)
     (happened,) = effects.accidents
     assert effects.strength(kind) == happened.strength == 2 * TYPICAL[kind]
-    assert 20 <= happened.instant <= 55
+    assert 20 <= happened.instant <= (100 if kind == "dying_load" else 55)
     assert np.linalg.norm(happened.direction) == pytest.approx(1.0)
 
 
@@ -48,15 +54,40 @@ def test_a_knocked_marker_alone_moves_with_its_link(plain):
 
 def test_moved_cameras_see_all_markers_moved_alike():
     happened = (Accident("moved_cameras", 3e-3, direction=(0.0, 0.0, 1.0), instant=5.0),)
-    turned = np.tile(np.eye(3), (2, 9, 1, 1))
-    seen = shifts([happened, ()], np.array([9.0, 9.0]), turned)
+    seen = shifts([happened, ()], np.array([9.0, 9.0]), *STRAIGHT)
     assert seen[0] == pytest.approx(np.tile([0, 0, 3e-3], (9, 1)))
     assert not seen[1].any()
 
 
-def test_a_fading_sensor_shows_a_share_less():
-    load = np.full((1, 10), 0.2)
-    assert loads([(Accident("fading_load", 0.25, 4),)], load)[0, 3] == pytest.approx(0.15)
+def test_what_turns_moves_markers_about_its_own_origin():
+    """Cameras about the base, a link with all beyond about its joint, and no other."""
+    clock = np.array([9.0, 9.0])
+    upward = (0.0, 0.0, 1.0)
+    cameras = (Accident("turned_cameras", 0.1, 1, upward, instant=5.0),)
+    link = (Accident("turned_link", 0.1, 4, upward, instant=5.0),)
+    marker, origin, _ = STRAIGHT
+    seen = marker + shifts([cameras, link], clock, *STRAIGHT)
+    turned = np.array([np.cos(0.1), np.sin(0.1), 0.0])
+    assert seen[0] == pytest.approx(marker[0, :, :1] * turned)
+    assert seen[1, :3] == pytest.approx(marker[1, :3])
+    assert seen[1, 3:] - origin[1, 3] == pytest.approx(
+        (marker - origin[:, 3:4])[1, 3:, :1] * turned
+    )
+
+
+def test_a_cord_pulls_to_its_end_by_its_stretch_and_never_pushes():
+    each = Accident("elastic_cord", 2.0, direction=(0.0, 0.0, 1.0))
+    end = np.array([0.25, 0.0, 0.1])
+    assert cord(each, end - [0.2, 0.0, 0.0]) == pytest.approx([2.0 * (0.2 - CORD), 0.0, 0.0])
+    assert not cord(each, end - [0.0, 0.5 * CORD, 0.0]).any()
+
+
+def test_a_fading_sensor_shows_a_share_less_and_a_dying_one_ever_less():
+    load, clock = np.full((1, 10), 0.2), np.array([30.0])
+    assert loads([(Accident("fading_load", 0.25, 4),)], load, clock)[0, 3] == pytest.approx(0.15)
+    dying = (Accident("dying_load", 0.6, 4, instant=60.0),)
+    assert loads([dying], load, clock)[0, 3] == pytest.approx(0.14)
+    assert loads([dying], load, 4 * clock)[0, 3] == pytest.approx(0.08)
 
 
 def test_a_strand_gives_way_within_a_moment_at_its_instant():

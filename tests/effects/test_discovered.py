@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from moments import moment
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
-from serpent_twin.arm.geometry import ARM, link_frames
+from serpent_twin.arm.geometry import ARM, link_frames, markers
 from serpent_twin.effects import KNOWN
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import HANDLES, SHAPES, Law, parse
@@ -101,6 +102,36 @@ def test_a_force_works_as_much_as_its_point_moves(own):
     assert_allclose(after.joint_torque[0], slopes, atol=1e-8)
 
 
+def test_a_spring_pulls_as_its_energy_falls():
+    """K |p - x|² / 2, with the force k p where x is the base's origin."""
+    k, point = 3.0, np.array([0.2, -0.1, 0.3])
+    sizes = dict(zip(("size", "size_y", "size_z"), k * point, strict=True))
+    before, after = acted("spring of link6: constant", 1, stiffness=k, **sizes)
+    q = before.joint_angle[0]
+
+    def energy(q):
+        origin, rotation = link_frames(q)
+        return k / 2 * np.sum((point - origin[5] - rotation[5] @ COM[5]) ** 2)
+
+    slopes = [-(energy(q + h) - energy(q - h)) / 2e-6 for h in 1e-6 * np.eye(9)]
+    assert_allclose(after.joint_torque[0], slopes, atol=1e-8)
+
+
+def test_what_has_turned_moves_the_markers_of_its_link_and_beyond():
+    turn = 1e-4 * np.array([1.0, -2.0, 0.5])
+    sizes = dict(zip(("size", "size_y", "size_z"), turn, strict=True))
+    before, link = acted("link_turn of link4: constant", 1, **sizes)
+    cameras = acted("camera_turn of base: constant", 1, **sizes)[1]
+    origin, rotation = (each[0] for each in link_frames(before.joint_angle))
+    marker = markers(before.joint_angle)[0]
+    about = Rotation.from_rotvec(rotation[3] @ turn)
+    reach = marker[3:] - origin[3]
+    assert not link.marker_shift[0, :3].any()
+    assert_allclose(link.marker_shift[0, 3:], about.apply(reach) - reach, atol=3e-8)
+    all_ = Rotation.from_rotvec(turn).apply(marker) - marker
+    assert_allclose(cameras.marker_shift[0], all_, atol=3e-8)
+
+
 def test_an_accelerated_base_is_gravity_the_other_way():
     before, after = acted("acceleration of base: constant", 1, size=-9.81)
     q = before.joint_angle[0]
@@ -136,6 +167,8 @@ def test_sensors_that_err_change_what_is_read_and_nothing_else():
     load = replayed(Discovered(0.02, at="load_shift of motor3_load: constant"))
     assert_allclose(load.load[:, 2], plain.load[:, 2] + 0.02, atol=1e-12)
     assert_allclose(load.marker, plain.marker)
+    less = replayed(Discovered(-0.3, at="load_scale of motor3_load: constant"))
+    assert_allclose(less.load, plain.load * np.where(np.arange(10) == 2, 0.7, 1.0), atol=1e-12)
     moved = replayed(
         Discovered(1e-3, 2e-3, at="camera_shift of base: above time of session", first=5.0)
     )
@@ -152,12 +185,14 @@ def test_sensors_that_err_change_what_is_read_and_nothing_else():
 
 def test_a_simulated_arm_reports_what_a_law_makes_of_its_sensors():
     law = Discovered(0.05, at="load_shift of motor3_load: constant")
+    scale = Discovered(-0.5, at="load_scale of motor4_load: constant")
     shift = Discovered(1e-3, at="camera_shift of base: constant")
-    plain, other = (Twin(TwinModel(effects=each)) for each in ((), (law, shift)))
+    plain, other = (Twin(TwinModel(effects=each)) for each in ((), (law, scale, shift)))
     for twin in (plain, other):
         twin.advance(0.3, 0.25)
-    torque = (other.reported - plain.reported)[0, 2] / ARM.servo.stall_torque
-    assert_allclose(torque, 0.05 * (np.arange(10) == 2), atol=1e-9)
+    told, plainly = (each.reported[0, 2] / ARM.servo.stall_torque for each in (other, plain))
+    torque = plainly * np.where(np.arange(10) == 3, 0.5, 1.0) + 0.05 * (np.arange(10) == 2)
+    assert_allclose(told, torque, atol=1e-9)
     assert_allclose(other.markers - plain.markers, np.tile([1e-3, 0, 0], (1, 9, 1)), atol=1e-9)
 
 

@@ -17,6 +17,7 @@ from serpent_twin.machines.machine import ParameterVector, effect_at
 from serpent_twin.machines.places import PlaceResponse
 from serpent_twin.machines.rig import read_logs
 
+SIZE_NAMES = ("size", "size_y", "size_z", "stiffness")
 S, T, C, M = 6, 160, 5, 4
 
 
@@ -162,7 +163,7 @@ def test_a_candidate_of_a_law_starts_where_it_was_found():
     made = Made(LAWS[0])
     best = made.found()[0]
     candidate = candidate_of(best, made.readings, best.law.units())
-    assert list(candidate.ranges)[:4] == ["size", "size_y", "size_z", "threshold"]
+    assert list(candidate.ranges)[:5] == [*SIZE_NAMES, "threshold"]
     effect = effect_at(candidate.name, candidate.variants[0])
     assert (effect.size, effect.first) == (best.size[0], best.first)
     x = made.readings["joint_angle", "joint1"]
@@ -191,6 +192,9 @@ PLACED = {  # along y; least cosine to what a simulation makes of it: slack dela
     "marker_shift of marker4: constant": 0.999,
     "camera_shift of base: constant": 0.999,
     "load_shift of motor2_load: constant": 0.999,
+    "load_scale of motor2_load: constant": 0.999,
+    "link_turn of link4: constant": 0.999,
+    "camera_turn of base: constant": 0.999,
 }
 SIZES = {
     "force": 0.2,
@@ -216,7 +220,7 @@ def test_the_arms_places_show_what_a_simulation_shows():
     for at, least in PLACED.items():
         law = Discovered(at=at).law
         component, size = HANDLES[law.handle].components // 2, SIZES.get(law.handle, 0.02)
-        values = np.zeros(7)
+        values = np.zeros(8)
         values[component] = size
         change = arm.respond([point.having(f"discovered@{at}", values)], pieces)[0] - before
         told = size * shown[law.handle, law.place][component]

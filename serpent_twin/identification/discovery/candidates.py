@@ -20,8 +20,8 @@ _SHARE = 0.2
 """Finite differences of a size to itself"""
 _STEPS = 60.0
 """Finite differences of a threshold to the range of its reading"""
-_SIZES = ("size", "size_y", "size_z")
-_ALONG = ("size_x", "size_y", "size_z")
+_SIZES = ("size", "size_y", "size_z", "stiffness")
+_ALONG = ("size_x", "size_y", "size_z", "stiffness")
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,9 @@ def candidate_of(
 
 
 def remade(case: Case[Any], name: str, values: Array) -> Candidate:
-    """The candidate of a law that was fitted to a case before, from its parameters, (7,)."""
+    """The candidate of a law that was fitted to a case before, from its parameters, (8,)."""
     law = parse(place_of(name))
-    size, (first, second, least, most) = values[: HANDLES[law.handle].components], values[3:7]
+    size, (first, second, least, most) = values[: HANDLES[law.handle].components], values[4:8]
     ends = (least, most) if most > least else (min(0.0, first), abs(first) + abs(second) + 1.0)
     fitted = Composed(law, size, float(first), float(second), 0.0, 0.0)
     readings = {(law.reading, law.where): np.array(ends)}
@@ -76,17 +76,19 @@ def remade(case: Case[Any], name: str, values: Array) -> Candidate:
 
 
 def _sizes(found: Composed, units: Mapping[str, str]) -> dict[str, Range]:
-    law, unit = found.law, units["size"]
-    typical = float(np.linalg.norm(found.size)) or 1.0
-    low = 0.0 if HANDLES[law.handle].only_more else -_WIDE * typical
-    components = len(found.size)
-    names = _ALONG if components > 1 else _SIZES
-    return {
-        name: Range(unit, low, _WIDE * typical, typical, fitted=True, step=_SHARE * typical)
-        if n < components
-        else Range(unit, 0.0, 0.0, 0.0, fitted=False)
-        for n, name in enumerate(names)
-    }
+    """Of a vector, all components have the range of its length; of a spring, its stiffness has its own."""
+    handle, components = HANDLES[found.law.handle], len(found.size)
+    out = {}
+    for n, name in enumerate(_ALONG if components > 1 else _SIZES):
+        if n >= components:
+            out[name] = Range(units["size"], 0.0, 0.0, 0.0, fitted=False)
+            continue
+        of_spring = n == _SIZES.index("stiffness")
+        typical = float(np.linalg.norm(found.size[n:] if of_spring else found.size[:3])) or 1.0
+        low = 0.0 if handle.only_more and n == components - 1 else -_WIDE * typical
+        unit, step = f"{units['size']}/m" if of_spring else units["size"], _SHARE * typical
+        out[name] = Range(unit, low, _WIDE * typical, typical, fitted=True, step=step)
+    return out
 
 
 def _forms(found: Composed, ends: _Reading, units: Mapping[str, str]) -> dict[str, Range]:

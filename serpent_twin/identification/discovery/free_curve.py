@@ -65,9 +65,9 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     places = case.places(fit.point, some)
     if not law.reading or places is None:
         return None
-    first, second = values[3:5]
-    size = values[:3]
+    first, second = values[4:6]
     components = HANDLES[law.handle].components
+    size = values[:components]
     length = float(np.linalg.norm(size)) if components > 1 else float(size[0])
     along = size / (length or 1.0)
     response = next(r for r in places.responses if (r.handle, r.place) == (law.handle, law.place))
@@ -78,7 +78,7 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     knots = np.linspace(*ends, _KNOTS + phase)[:_KNOTS] if phase else _spread(x)
     search = Search(case, some, fit, places)
     off, error, gain = search.together(
-        response.along(along[:components]),
+        response.along(along),
         _hats(seen, knots, 2 * np.pi if phase else None),
     )
     fine = np.linspace(*ends, _FINE)

@@ -171,7 +171,7 @@ class Search:
         size, gain = _solved(found.pulls, grams, found.raw)
         handle = HANDLES[response.handle]
         if handle.only_more:
-            gain = np.where(size[:, 0] > 0, gain, 0.0)
+            gain = np.where(size[:, -1] > 0, gain, 0.0)
         pairs = _of_one_phase(tried, found, grams)
         several = [*tried, *(each for each, *_ in pairs)]
         size = np.concatenate([size, *(s[None] for _, s, _ in pairs)])

@@ -14,7 +14,7 @@ import numpy as np
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
 from serpent_twin.arrays import Array
 from serpent_twin.effects.arm_places import JOINT_AXES, LINK_MASS, LOADS, MARKERS, NAMES, levers
-from serpent_twin.effects.law import POSITIONS, READINGS
+from serpent_twin.effects.law import POSITIONS, READINGS, SPRING
 from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.places import PlaceResponse
 from serpent_twin.sim import response
@@ -157,28 +157,42 @@ class ArmPlaces:
 
     def _of_bodies(self) -> Iterator[PlaceResponse]:
         lever = levers(self.did.joint_angle)
-        rotation = link_frames(self.did.joint_angle)[1]
+        origin, rotation = link_frames(self.did.joint_angle)
+        middle = origin + rotation[..., 0] * (np.array(ARM.link_length) / 2)[:, None]
         for n, name in enumerate(NAMES["body"]):
             world = np.einsum("stjx,jstc->xstc", lever[..., n, :, :], self._by_torques)
             yield PlaceResponse("force", name, world)
             own = np.einsum("stxy,xstc->ystc", rotation[..., n, :, :], world)
             yield PlaceResponse("force_in_body", name, own)
+            slack = -np.einsum("stx,xstc->stc", middle[..., n, :], world)
+            yield PlaceResponse(SPRING, name, np.concatenate([world, slack[None]]))
         inertia = -np.einsum("l,stljx,jstc->xstc", LINK_MASS, lever, self._by_torques)
         yield PlaceResponse("acceleration", NAMES["frame"][0], inertia)
 
     def _of_sensors(self) -> Iterator[PlaceResponse]:
-        rotation = link_frames(self.did.joint_angle)[1]
-        every = np.zeros((3, *self.pieces.measured.shape))
+        origin, rotation = link_frames(self.did.joint_angle)
+        marker = np.asarray(self.did.marker)
+        every, turned = np.zeros((2, 3, *self.pieces.measured.shape))
         for n, name in enumerate(MARKERS):
             change = np.zeros_like(every)
             change[..., 3 * n : 3 * n + 3] = np.moveaxis(rotation[..., n, :, :], -1, 0)
             yield PlaceResponse("marker_shift", name, change)
             for axis in range(3):
                 every[axis, ..., 3 * n + axis] = 1.0
+                turned[axis, ..., 3 * n : 3 * n + 3] = np.cross(np.eye(3)[axis], marker[..., n, :])
         yield PlaceResponse("camera_shift", NAMES["frame"][0], every)
+        yield PlaceResponse("camera_turn", NAMES["frame"][0], turned)
+        for n, name in enumerate(NAMES["body"]):
+            change = np.zeros_like(every)
+            for axis in range(3):
+                about, reach = rotation[..., n, None, :, axis], marker - origin[..., n, None, :]
+                shift = np.cross(about, reach)[..., n:, :]
+                change[axis, ..., 3 * n : 3 * N_JOINTS] = shift.reshape(*shift.shape[:2], -1)
+            yield PlaceResponse("link_turn", name, change)
         for j, name in enumerate(LOADS):
             load = np.broadcast_to(self._by_loads[j], self.pieces.measured.shape)
             yield PlaceResponse("load_shift", name, load[None])
+            yield PlaceResponse("load_scale", name, (self.did.load[..., j, None] * load)[None])
 
 
 def _gravity_stiffness(q: Array) -> Array:
