@@ -39,6 +39,8 @@ LITTLE = 3.0
 _RIVALS = 2  # that were not fitted in their round, and are then
 _APART = 9.0
 """Squared standard errors by which one composed law must remove more than another, to be told from it"""
+_OTHER = 0.6
+"""Of what the best composed law removes, what the best of those that change something else must"""
 
 
 @dataclass(frozen=True)
@@ -107,14 +109,19 @@ class Trials:
         most: int | None,
         beside: float,
     ) -> list[str]:
-        """The candidates to be fitted, as in `each`; a law at a sensor is small in all that is measured."""
+        """The candidates to be fitted, as in `each`. A law at a sensor is small in all that is measured.
+        Which is right, a force in the base's frame or in its link's, only fits can tell.
+        """
         known, least = case.candidates, self._worth_a_fit(case, begun, before)
         if not beside:
             return worth_fitting(list(found.values()), known, least)[:most]
         several = [s for n, s in found.items() if _at_sensor(known[n]) or s.share > least]
-        near = beside * max((each.share for each in several), default=0.0)
-        worth = worth_fitting(several, known, near, len(several))
-        return [*worth[:most], *_others(case, worth, most)]
+        best = max((each.share for each in several), default=0.0)
+        worth = worth_fitting(several, known, _OTHER * best, len(several))
+        first = [name for name in worth if found[name].share > beside * best][:most]
+        changes = {name: known[name].composed.get("changes") for name in worth}
+        others = [n for n in worth if changes[n] not in {changes[name] for name in first}]
+        return [*first, *others[:1]]
 
     def _stable(self, stage: str, make: Callable[[], Fit]) -> Fit | None:
         """A fit by its name; None where no simulation is stable in which it could begin."""
@@ -265,15 +272,6 @@ def gained(
 
 def _at_sensor(candidate: Candidate) -> bool:
     return bool(candidate.composed) and candidate.place_kind == SENSOR
-
-
-def _others(case: Case[Any], worth: Sequence[str], most: int | None) -> list[str]:
-    """The best beyond the first few that changes something else than these do: which is right, a force in the
-    base's frame or in its link's, only fits can tell.
-    """
-    changes = {name: case.candidates[name].composed.get("changes") for name in worth}
-    first = {changes[name] for name in worth[:most]}
-    return [name for name in worth[most:] if changes[name] not in first][:1] if most else []
 
 
 def _less(scores: Mapping[str, Score], name: str, other: str, base: Fit) -> bool:

@@ -120,7 +120,7 @@ class Session:
         if "prior_runtime_s" in self.metadata:
             return float(self.metadata["prior_runtime_s"])
         number = int(self.metadata.get("session", 1))
-        return (number - 1) * float(self.time[-1] - self.time[0])
+        return (number - 1) * (float(self.time[-1] - self.time[0]) + 1 / self.rate_hz)
 
 
 def rate_of(metadata: Mapping[str, Any], where: str) -> float:

@@ -20,6 +20,8 @@ _SHARE = 0.2
 """Finite differences of a size to itself"""
 _STEPS = 60.0
 """Finite differences of a threshold to the range of its reading"""
+_NEARLY = 0.95
+"""Of what a law removes that follows something, what a constant in its place must"""
 _SIZES = ("size", "size_y", "size_z", "stiffness")
 _ALONG = ("size_x", "size_y", "size_z", "stiffness")
 
@@ -124,13 +126,26 @@ def _room(name: str, value: float, ends: _Reading) -> tuple[float, float, float]
     return value, value, 0.0
 
 
+def _simplest(found: Sequence[Composed]) -> list[Composed]:
+    """Those without laws that follow something, where a constant in their place removes nearly as much: what
+    is left of that may be the error of a first order.
+    """
+    constant = {(one.law.handle, one.law.place): one.gain for one in found if not one.law.reading}
+    return [
+        each
+        for each in found
+        if not each.law.reading
+        or each.gain * _NEARLY > constant.get((each.law.handle, each.law.place), 0.0)
+    ]
+
+
 def distinct(found: Sequence[Composed], most: int) -> list[Composed]:
     """The best few, each of another quantity at another place: half of them, if there are so many, changes of
     what has the reading that they follow.
     """
     best: dict[tuple[str, str], Composed] = {}
     own: dict[tuple[str, str], Composed] = {}
-    for each in found:
+    for each in _simplest(found):
         for several in (best, own) if each.law.of_itself else (best,):
             several.setdefault((each.law.handle, each.law.place), each)
     chosen = list(own.values())[: most // 2]

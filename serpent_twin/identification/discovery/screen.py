@@ -192,9 +192,7 @@ class Search:
             law = _law(response, way)
             best = Composed(law, size[n], way.first, way.second, float(gain[n]), float(share[n]))
             kept.append(replace(best, shapes=_shapes(several, gain, way)))
-            if len(kept) == _EACH:
-                break
-        return kept
+        return [*kept[:_EACH], *(each for each in kept[_EACH:] if not each.law.reading)]
 
 
 def _law(response: Response, way: Way) -> Law:

@@ -131,7 +131,7 @@ class ArmPlaces:
         return np.eye(3 * N_JOINTS + N_MOTORS)[3 * N_JOINTS :, None, None, :]
 
     def _of_joints(self) -> Iterator[PlaceResponse]:
-        resists = -np.tanh(self._speed(self.did.joint_angle) / (STANDING / 3))
+        resists = -np.tanh(self._speed(self.pieces.joint_angle) / (STANDING / 3))
         for i, name in enumerate(NAMES["joint"]):
             change = self._by_torques[i]
             yield PlaceResponse("joint_torque", name, change[None])
