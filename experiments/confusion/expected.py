@@ -5,59 +5,78 @@ from typing import Any
 
 from bench_arm.accidents import Accident
 from serpent_twin.arm import mjcf
-from serpent_twin.arm.geometry import N_JOINTS
+from serpent_twin.arm.geometry import ARM, N_JOINTS
 
 Answer = dict[str, Any]
-"""Part of an entry of diagnosis.json: changes, place, laws and depends_on, each as lists of what is right"""
+"""Part of an entry of diagnosis.json: changes, place, laws and depends_on, each as lists of what is right;
+and the size of the law, None where a fault has none
+"""
 
 _THRESHOLDS = ("above", "under", "within")
 _RAMPS = ("beyond", "below", "within", "above")
 
 
 def _answer(
-    changes: Sequence[str], places: Sequence[str], laws: Sequence[str], on: Sequence[str]
+    changes: Sequence[str],
+    places: Sequence[str],
+    laws: Sequence[str],
+    on: Sequence[str],
+    size: float | None = None,
 ) -> Answer:
-    return {"changes": list(changes), "places": list(places), "laws": list(laws), "on": list(on)}
+    sorts = (changes, places, laws, on)
+    names = ("changes", "places", "laws", "on")
+    return {**dict(zip(names, map(list, sorts), strict=True)), "size": size}
 
 
-def _force(link: int, laws: Sequence[str], on: Sequence[str]) -> list[Answer]:
-    return _near(("force", "force_in_body"), link, laws, on)
+def _force(link: int, laws: Sequence[str], on: Sequence[str], size: float) -> list[Answer]:
+    return _near(("force", "force_in_body"), link, laws, on, size)
 
 
 def _near(
-    changes: Sequence[str], link: int, laws: Sequence[str], on: Sequence[str]
+    changes: Sequence[str],
+    link: int,
+    laws: Sequence[str],
+    on: Sequence[str],
+    size: float | None = None,
 ) -> list[Answer]:
     """A force on a link; on the one beside it, logs of this length hardly differ."""
     near = [f"link{n}" for n in (link, link - 1, link + 1) if 1 <= n <= N_JOINTS]
-    return [_answer(changes, near, laws, on)]
+    return [_answer(changes, near, laws, on, size)]
 
 
 def of_accident(happened: Accident) -> list[Answer]:
     """The laws that are right for an accident of a bench arm."""
-    part, clock = happened.part, ("time", "runtime")
-    motor, joint = f"motor{part}", f"joint{part}"
+    part, clock, size = happened.part, ("time", "runtime"), happened.strength
+    motor, joint, load = f"motor{part}", f"joint{part}", f"motor{part}_load"
+    own, steps = (f"motor angle of {motor}",), _THRESHOLDS
     strand = mjcf.STRANDS[2 * (part % N_JOINTS) + part // N_JOINTS]
     several: Mapping[str, list[Answer]] = {
-        "swinging_push": _force(part, ("periodic",), clock),
-        "soft_stop": [_answer(("joint_torque",), (joint,), _RAMPS, (f"joint angle of {joint}",))],
-        "loose_strand": [_answer(("slack",), (strand,), _THRESHOLDS, clock)],
-        "slipped_winch": [_answer(("winch_angle",), (motor,), _THRESHOLDS, clock)],
-        "encoder_wave": [
-            _answer(("winch_angle",), (motor,), ("periodic",), (f"motor angle of {motor}",))
+        "swinging_push": _force(part, ("periodic",), clock, size),
+        "soft_stop": [
+            _answer(("joint_torque",), (joint,), _RAMPS, (f"joint angle of {joint}",), size)
         ],
-        "rubbing_cable": [
-            _answer(("gear_friction",), (motor,), _THRESHOLDS, (f"motor angle of {motor}",))
-        ],
-        "knocked_marker": [_answer(("marker_shift",), (f"marker{part}",), _THRESHOLDS, clock)],
-        "moved_cameras": [_answer(("camera_shift",), ("base",), _THRESHOLDS, clock)],
+        "loose_strand": [_answer(("slack",), (strand,), steps, clock, size)],
+        "slipped_winch": [_answer(("winch_angle",), (motor,), steps, clock, size)],
+        "encoder_wave": [_answer(("winch_angle",), (motor,), ("periodic",), own, size)],
+        "rubbing_cable": [_answer(("gear_friction",), (motor,), steps, own, size)],
+        "knocked_marker": [_answer(("marker_shift",), (f"marker{part}",), steps, clock, size)],
+        "moved_cameras": [_answer(("camera_shift",), ("base",), steps, clock, size)],
         "fading_load": [
-            _answer(("load_shift",), (f"{motor}_load",), ("linear",), (f"horn torque of {motor}",)),
-            _answer(("load_scale",), (f"{motor}_load",), ("constant",), ()),
+            _answer(
+                ("load_shift",),
+                (load,),
+                ("linear",),
+                (f"horn torque of {motor}",),
+                size / ARM.servo.stall_torque,
+            ),
+            _answer(("load_scale",), (load,), ("constant",), (), size),
         ],
-        "dying_load": [_answer(("load_scale",), (f"{motor}_load",), ("linear",), clock)],
+        "dying_load": [
+            _answer(("load_scale",), (load,), ("linear",), clock, size / happened.instant)
+        ],
         "elastic_cord": _near(("spring",), part, ("constant",), ()),
-        "turned_link": [_answer(("link_turn",), (f"link{part}",), _THRESHOLDS, clock)],
-        "turned_cameras": [_answer(("camera_turn",), ("base",), _THRESHOLDS, clock)],
+        "turned_link": [_answer(("link_turn",), (f"link{part}",), steps, clock, size)],
+        "turned_cameras": [_answer(("camera_turn",), ("base",), steps, clock, size)],
     }
     return several[happened.kind]
 
@@ -69,17 +88,21 @@ def of_bench(name: str, effects: Any) -> list[Answer]:
             return of_accident(each)
     if name == "outside_force":
         return _force(
-            effects.force_link, ("above",), (f"joint angle of joint{effects.force_joint}",)
+            effects.force_link,
+            ("above",),
+            (f"joint angle of joint{effects.force_joint}",),
+            effects.outside_force,
         )
     if name == "sticking_joint":
         joint = f"joint{effects.stick_joint}"
         return [_answer(("joint_friction",), (joint,), ("within",), (f"joint angle of {joint}",))]
     if name == "load_ripple":
-        motor = f"motor{effects.ripple_motor}"
+        motor, wave = f"motor{effects.ripple_motor}", effects.load_ripple
         on = (f"motor angle of {motor}",)
+        torque = wave * ARM.servo.stall_torque
         return [
-            _answer(("load_shift",), (f"{motor}_load",), ("periodic",), on),
-            _answer(("motor_torque",), (motor,), ("periodic",), on),
+            _answer(("load_shift",), (f"{motor}_load",), ("periodic",), on, wave),
+            _answer(("motor_torque",), (motor,), ("periodic",), on, torque),
         ]
     return []
 
@@ -88,13 +111,22 @@ def of_twin(name: str, at: Mapping[str, float]) -> list[Answer]:
     """The laws that are right for a fault of a twin that the catalogue lacks."""
     joint, motor = (f"{kind}{at.get(kind, 0):.0f}" for kind in ("joint", "motor"))
     on_joint, on_motor = (f"joint angle of {joint}",), (f"motor angle of {motor}",)
+    size = next(iter(at.values()), 0.0)  # the strength comes first
     several: Mapping[str, list[Answer]] = {
-        "outside_force": _force(int(at.get("link", 0)), ("above",), on_joint),
+        "outside_force": _force(int(at.get("link", 0)), ("above",), on_joint, size),
         "sticking_joint": [_answer(("joint_friction",), (joint,), ("within",), on_joint)],
-        "periodic_push": [_answer(("joint_torque",), (joint,), ("periodic",), ("time", "runtime"))],
+        "periodic_push": [
+            _answer(("joint_torque",), (joint,), ("periodic",), ("time", "runtime"), size)
+        ],
         "load_ripple": [
-            _answer(("motor_torque",), (motor,), ("periodic",), on_motor),
-            _answer(("load_shift",), (f"{motor}_load",), ("periodic",), on_motor),
+            _answer(("motor_torque",), (motor,), ("periodic",), on_motor, size),
+            _answer(
+                ("load_shift",),
+                (f"{motor}_load",),
+                ("periodic",),
+                on_motor,
+                size / ARM.servo.stall_torque,
+            ),
         ],
     }
     return several.get(name, [])
@@ -104,6 +136,11 @@ def matches(entry: Mapping[str, Any], answers: Sequence[Answer]) -> bool:
     """Whether a discovered effect, or one of those that it is said to be equivalent to, is right."""
     several = [entry, *entry.get("equivalent", [])]
     return any(_matches(each, answer) for each in several for answer in answers)
+
+
+def size_of(entry: Mapping[str, Any], answers: Sequence[Answer]) -> float | None:
+    """The size that a discovered law should have; None where it is not right, or the fault has no size."""
+    return next((each["size"] for each in answers if _matches(entry, each)), None)
 
 
 def _matches(entry: Mapping[str, Any], answer: Answer) -> bool:

@@ -182,7 +182,7 @@ def _logistic(x: Array, correct: Array) -> tuple[float, float]:
 
 def coverage(rows: Sequence[Row]) -> dict[str, Share]:
     """How often the true strength lies within the 95 % interval, of every effect that is named rightly,
-    alone or in a pair; `all` over all effects.
+    alone or in a pair, and of every law that is discovered rightly; `all` over all effects.
     """
     inside: dict[str, list[bool]] = {}
     for row in rows:
@@ -194,6 +194,9 @@ def coverage(rows: Sequence[Row]) -> dict[str, Share]:
                     inside.setdefault(effect["name"], []).append(
                         found["low"] <= true <= found["high"]
                     )
+        if sized := _sized(row):
+            size, half, true = sized
+            inside.setdefault(row["name"], []).append(abs(size - true) <= half)
     shares = {name: Share(sum(hits), len(hits)) for name, hits in sorted(inside.items())}
     everything = [hit for hits in inside.values() for hit in hits]
     return shares | {"all": Share(sum(everything), len(everything))}
@@ -210,8 +213,25 @@ def off(row: Row) -> float:
     return next(iter(_offs(row)), float("nan"))
 
 
+def _sized(row: Row) -> tuple[float, float, float] | None:
+    """The size of a law that is discovered rightly, half its 95 % interval, and its true size."""
+    if row["kind"] != OUTSIDE or not discovered(row):
+        return None
+    (entry,), answers = row["named"], row["truth"]["effects"][0]["answers"]
+    if not (true := expected.size_of(entry, answers)):
+        return None
+    sizes = [v for name, v in entry["parameters"].items() if name.startswith("size")]
+    value = np.array([each["value"] for each in sizes])
+    half = np.array([(each["high"] - each["low"]) / 2 for each in sizes])
+    length = float(np.linalg.norm(value))
+    return length, float(np.linalg.norm(value / max(length, 1e-30) * half)), float(true)
+
+
 def _offs(row: Row) -> list[float]:
-    """How far each rightly named strength is from the truth, of the truth."""
+    """How far each rightly named strength, or size of a discovered law, is from the truth, of the truth."""
+    if sized := _sized(row):
+        size, _, true = sized
+        return [abs(size - true) / true]
     named, out = {effect["name"]: effect["parameters"] for effect in row["named"]}, []
     for effect in row["truth"]["effects"]:
         if (found := named.get(effect["name"])) and effect["strong"]:

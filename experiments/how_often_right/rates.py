@@ -13,6 +13,8 @@ from serpent_twin.identification.wording import DISCOVERED
 
 NAMED = 0.90
 """Rate at which an effect is named from its detection limit on"""
+NEAR, LEFT = 0.15, 1.3
+"""How far the size of a discovered law may be off, and what it may leave, of what a complete twin would"""
 _NONE = "none"
 
 
@@ -55,6 +57,17 @@ def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
             "",
         ),
         "its law and place discovered": (_share(by[OUTSIDE], lambda x: x.discovered), "80 %"),
+        "a discovered law's size within 15 %": (
+            _share([x for x in by[OUTSIDE] if np.isfinite(x.off)], lambda x: x.off <= NEAR),
+            "",
+        ),
+        "error after it at most 1.3 times that of a complete twin": (
+            _share(
+                [x for x in by[OUTSIDE] if x.discovered],
+                lambda x: x.corrected_mm <= LEFT * x.complete_mm,
+            ),
+            "",
+        ),
         "traces that failed": (_share(lines, lambda x: x.called == FAILED), "none"),
     }
     return {
@@ -66,6 +79,7 @@ def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
         },
         "effects": effects,
         "trials": [_trial(each) for each in by[KNOWN] if np.isfinite(each.strength)],
+        "outside": _outside(by[OUTSIDE]),
         "called": _called(lines),
         "names": _track(lines),
         "commits": _commits(lines),
@@ -101,6 +115,25 @@ def _effects(lines: Sequence[ArmLine]) -> list[dict[str, Any]]:
                 "right": str(_share(some, lambda each: each.right)),
                 "median_off": _median(each.off for each in some),
                 "held": str(held),
+            }
+        )
+    return out
+
+
+def _outside(lines: Sequence[ArmLine]) -> list[dict[str, Any]]:
+    """Of each fault outside the catalogue: how often it was discovered, and what was then left."""
+    out = []
+    for name in sorted({each.there for each in lines}):
+        some = [each for each in lines if each.there == name]
+        found = [each for each in some if each.discovered]
+        out.append(
+            {
+                "fault": name,
+                "discovered": _share(some, lambda each: each.discovered).numbers(),
+                "unexplained": sum(each.called == UNEXPLAINED for each in some),
+                "median_off": _median(each.off for each in found),
+                "before": _median(each.calibrated_mm / each.complete_mm for each in found),
+                "after": _median(each.corrected_mm / each.complete_mm for each in found),
             }
         )
     return out

@@ -21,6 +21,9 @@ brackets, 95 % intervals."""
 _LIMITS = """The limit is the strength from which on a logistic curve over the arms has 90 % named
 right: this effect and no other. It is a number only where it lies within the strengths tried. Sessions
 include the one that judged."""
+_COMPOSED = """Discovered is a fault whose law, and its place, was composed, or is among those that the report
+calls equivalent, and nothing else. What was left before and after is in errors of a complete twin; it and how
+far the law's size was off are medians over the arms on which it was discovered."""
 _COLUMNS = 4
 _MARKS = ("o", "s", "^", "D", "v")
 
@@ -32,6 +35,8 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         sections.append(
             Section("From which strength on", _LIMITS, (_dots(results), _effects(results)))
         )
+    if results["outside"]:
+        sections.append(Section("What no catalogue lists", _COMPOSED, (_outside(results),)))
     sections.append(Section("What was there, and what was called", "", (_matrix(results),)))
     sections.append(Section("By commit", "", (_commits(results),)))
     data = f"{counted(results['arms'], 'arm')} of `bench_arm`, version {results['versions_of_lines'][0]}"
@@ -60,6 +65,25 @@ def _effects(results: Mapping[str, Any]) -> Table:
         "off, median",
         "in its interval",
     )
+    return Table(head, tuple(lines))
+
+
+def _outside(results: Mapping[str, Any]) -> Table:
+    def number(value: float | None, form: str) -> str:
+        return "" if value is None else format(value, form)
+
+    lines = [
+        (
+            each["fault"].replace("_", " "),
+            f"{each['discovered']['count']} of {each['discovered']['of']}",
+            str(each["unexplained"]),
+            number(each["median_off"], ".0%"),
+            number(each["before"], ".2f"),
+            number(each["after"], ".2f"),
+        )
+        for each in results["outside"]
+    ]
+    head = ("fault", "discovered", "called unexplained", "size off", "left before", "left after")
     return Table(head, tuple(lines))
 
 

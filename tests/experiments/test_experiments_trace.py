@@ -112,20 +112,22 @@ def test_each_fault_of_the_independent_arm_has_a_law_that_is_right(name):
     effects_of = bench_arm.inject(name, bench_arm.TYPICAL[name], rng)
     for answer in confusion_expected.of_bench(name, effects_of):
         for place in answer["places"]:
-            kind, _, where = answer["on"][0].partition(" of ")
+            kind, _, where = next(iter(answer["on"]), "").partition(" of ")
             reading = kind.replace(" ", "_")
-            where = where or {"time": "session", "runtime": "machine"}[reading]
+            where = where or {"time": "session", "runtime": "machine", "": ""}[reading]
             law = Law(answer["changes"][0], place, answer["laws"][0], reading, where)
             assert parse(str(law)) == law
             entry = {
                 "changes": law.handle,
                 "place": {"kind": "any", "name": place},
                 "law": law.shape,
-                "depends_on": [law.depends_on],
+                "depends_on": [law.depends_on] if reading else [],
             }
             assert confusion_expected.matches(entry, [answer])
-            assert not confusion_expected.matches(entry | {"law": "constant"}, [answer])
-            other = entry | {"law": "constant", "equivalent": [entry]}
+            assert confusion_expected.size_of(entry, [answer]) == answer["size"]
+            wrong = entry | {"law": "cubic"}
+            assert not confusion_expected.matches(wrong, [answer])
+            other = wrong | {"equivalent": [entry]}
             assert confusion_expected.matches(other, [answer])
 
 
