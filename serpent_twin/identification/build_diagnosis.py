@@ -1,13 +1,10 @@
 """Build the diagnosis from the rounds of a trace."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from serpent_twin.effects import place_of
-from serpent_twin.effects.law import parse
 from serpent_twin.identification.acceptance import Round, Selection, doubtful, seen, why_not
 from serpent_twin.identification.bars import Bars, bars
 from serpent_twin.identification.diagnosis import (
@@ -20,7 +17,7 @@ from serpent_twin.identification.diagnosis import (
     Named,
     Tried,
 )
-from serpent_twin.identification.discovery import FreeCurve, free_curve
+from serpent_twin.identification.discovery import FreeCurve, free_curve, steps_alike
 from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
 from serpent_twin.identification.fitted import NORMAL_95, Fit
 from serpent_twin.identification.free_parameters import unstable
@@ -61,7 +58,7 @@ def build_diagnosis(
     load = {name: each.load for name, each in held.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
     rest = unexplained(found["corrected"], error, load, bar.bar)
-    shapes = _shapes(case, final)
+    shapes = _shapes(case, tracer.training, final)
     named = _named(tracer, selection, held["calibrated"], held["corrected"])
     nearest = named if rest.is_ and _stands_in(error, bar) else ()
     return Diagnosis(
@@ -93,19 +90,18 @@ def build_diagnosis(
     )
 
 
-def _shapes(case: Case, final: Fit) -> dict[str, dict[str, Any]]:
+def _shapes(case: Case, training: Any, final: Fit) -> dict[str, dict[str, Any]]:
     """The composed effects with other shapes of their laws that logs do not tell from them: their names and
     where they are, by the effect's name.
     """
-    out: dict[str, dict[str, Any]] = {}
-    for name in final.point.effects:
-        if (candidate := case.candidates[name]).composed:
-            law = parse(place_of(name))
-            out[name] = {
-                f"{DISCOVERED}@{replace(law, shape=shape)}": {**candidate.place, "law": shape}
-                for shape in candidate.shapes
-            }
-    return out
+    composed = [name for name in final.point.effects if case.candidates[name].composed]
+    return {
+        name: {
+            f"{DISCOVERED}@{law}": {**case.candidates[name].place, "law": law.shape}
+            for law in steps_alike(case, training, final, name)
+        }
+        for name in composed
+    }
 
 
 def _curves(case: Case, training: Any, final: Fit) -> dict[str, FreeCurve]:

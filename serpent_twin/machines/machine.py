@@ -106,8 +106,8 @@ class Candidate:
     """Whether its variants are tried as they are, and not each of their strengths alone"""
     composed: Mapping[str, Any] = field(default_factory=dict)
     """Entries of JSON that say which law it is; empty for an effect that has a name"""
-    shapes: tuple[str, ...] = ()
-    """Other shapes of its law that logs did not tell from it, to first order"""
+    alike: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """The numbers of other shapes of its law that logs did not tell from it, to first order"""
 
     @property
     def at(self) -> str:

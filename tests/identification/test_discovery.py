@@ -8,7 +8,8 @@ from paths import DATA
 
 from serpent_twin import machines
 from serpent_twin.effects.discovered import Discovered
-from serpent_twin.effects.law import HANDLES, SHAPES, Law
+from serpent_twin.effects.law import HANDLES, SHAPES, Law, parse
+from serpent_twin.identification.discovery import steps_alike
 from serpent_twin.identification.discovery.candidates import candidate_of
 from serpent_twin.identification.discovery.followed import around
 from serpent_twin.identification.discovery.screen import screened
@@ -120,6 +121,33 @@ def test_a_wave_is_measured_by_what_free_parameters_leave_of_it():
     assert str(best.law) == wave
     assert (best.first, best.second) == pytest.approx((3.0, -0.4), abs=0.02)
     assert best.size == pytest.approx([1.0], rel=0.01)
+
+
+@pytest.mark.parametrize(("end", "told"), [(0.9, []), (2.9, ["within"])])
+def test_simulations_tell_a_step_from_a_window_that_ends_amid_the_rows(end, told):
+    """Rows at 0 … 3 show a torque from 0.5 on; the window that was found ends amid them, or hardly before."""
+    step = "joint_torque of joint1: above joint_angle of joint1"
+    x = np.linspace(0.0, 3.0, 3001)
+
+    def residual(points, some):
+        out = np.array([np.ones(x.size)] * len(points)) * (x > 0.5)
+        for row, point in zip(out, points, strict=True):
+            for name, values in point.effects.items():
+                law = parse(name.split("@")[1])
+                row -= values[0] * SHAPES[law.shape].form(x, *values[4:6])
+        return out[:, None]
+
+    window = {"within": (0.52, end - 0.52)}
+    known = SimpleNamespace(composed={"law": "above"}, alike=window)
+    case = SimpleNamespace(
+        take=lambda pieces, used: pieces,
+        residual=residual,
+        candidates={f"discovered@{step}": known},
+    )
+    values = np.array([1.0, 0, 0, 0, 0.5, 0.0, 0.0, 3.0])
+    point = ParameterVector(np.zeros(1)).having(f"discovered@{step}", values)
+    fit = SimpleNamespace(point=point, used=(0,), variance_inflation=4.0)
+    assert [law.shape for law in steps_alike(case, None, fit, f"discovered@{step}")] == told
 
 
 def test_shapes_that_differ_beyond_the_readings_are_alike():

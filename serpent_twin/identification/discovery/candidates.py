@@ -63,7 +63,7 @@ def candidate_of(
             "law": law.shape,
             "depends_on": [law.depends_on] if law.reading else [],
         },
-        shapes=found.alike,
+        alike=found.alike,
     )
 
 

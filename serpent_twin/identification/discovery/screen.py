@@ -45,6 +45,9 @@ _MOST = 0.99
 """Share of the residual's squares that a law is taken to remove at most"""
 _APART = 9.0
 """Squared standard errors by which one shape must gain more than another, to be told from it"""
+_NEARLY = 0.9
+"""And of what it gains: first order is no better"""
+_STEPS = ("above", "under", "within")
 _FLAT = 1e-4
 """Of a change's squares, what the free parameters leave at least"""
 
@@ -62,14 +65,14 @@ class Composed:
     """Twice the logarithm of the likelihood ratio, where the noise is what would be left [1]"""
     share: float
     """Of the residual's squares [1]"""
-    shapes: Mapping[str, float] = field(default_factory=dict)
-    """The gain of the best law of each shape that changes the same and follows the same [1]"""
+    steps: Mapping[str, "Composed"] = field(default_factory=dict)
+    """Of a step or window: the best of each other such shape that changes and follows the same"""
 
     @property
-    def alike(self) -> tuple[str, ...]:
-        """Other shapes that the residual does not tell from its own."""
-        others = {name: gain for name, gain in self.shapes.items() if name != self.law.shape}
-        return tuple(name for name, gain in others.items() if gain > self.gain - _APART)
+    def alike(self) -> dict[str, tuple[float, float]]:
+        """The numbers of those that first order does not tell from it, by their shape."""
+        least = min(self.gain - _APART, _NEARLY * self.gain)
+        return {n: (one.first, one.second) for n, one in self.steps.items() if one.gain > least}
 
     @property
     def worth(self) -> float:
@@ -190,8 +193,18 @@ class Search:
             if gain[n] <= cost[n]:
                 break
             law = _law(response, way)
-            best = Composed(law, size[n], way.first, way.second, float(gain[n]), float(share[n]))
-            kept.append(replace(best, shapes=_shapes(several, gain, way)))
+            kept.append(
+                Composed(law, size[n], way.first, way.second, float(gain[n]), float(share[n]))
+            )
+            if way.shape in _STEPS:
+                same = [k for k, one in enumerate(several) if _follow_alike(one, way)]
+                steps = {}
+                for k in sorted(same, key=lambda k: gain[k]):
+                    one, of = several[k], _law(response, several[k])
+                    numbers = (one.first, one.second, float(gain[k]), float(share[k]))
+                    steps[one.shape] = Composed(of, size[k], *numbers)
+                steps.pop(way.shape)
+                kept[-1] = replace(kept[-1], steps=steps)
         return [*kept[:_EACH], *(each for each in kept[_EACH:] if not each.law.reading)]
 
 
@@ -204,18 +217,16 @@ def _best_of(found: Sequence[Composed]) -> list[Composed]:
     best: dict[tuple[str, str], Composed] = {}
     for each in sorted(found, key=lambda each: -each.worth):
         one = best.setdefault((each.law.reading, each.law.where), each)
-        shapes = {name: max(gain, one.shapes.get(name, 0.0)) for name, gain in each.shapes.items()}
-        best[each.law.reading, each.law.where] = replace(one, shapes={**one.shapes, **shapes})
+        if one is not each and one.law.shape in _STEPS:
+            both = sorted((*one.steps.values(), *each.steps.values(), each), key=lambda x: x.gain)
+            steps = {x.law.shape: x for x in both if x.law.shape in {*_STEPS} - {one.law.shape}}
+            best[each.law.reading, each.law.where] = replace(one, steps=steps)
     return list(best.values())
 
 
-def _shapes(several: Sequence[Way], gain: Array, like: Way) -> dict[str, float]:
-    """The best gain of each shape that follows the same reading."""
-    out: dict[str, float] = {}
-    for way, each in zip(several, gain, strict=True):
-        if (way.reading, way.where) == (like.reading, like.where):
-            out[way.shape] = max(float(each), out.get(way.shape, 0.0))
-    return out
+def _follow_alike(one: Way, other: Way) -> bool:
+    """Whether both are steps or windows of the same reading."""
+    return one.shape in _STEPS and (one.reading, one.where) == (other.reading, other.where)
 
 
 def _solved(pulls: Array, grams: Array, raw: Array) -> tuple[Array, Array]:
