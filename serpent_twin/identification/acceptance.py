@@ -174,7 +174,7 @@ def best_trial(trials: dict[str, CandidateTrial], candidates: Mapping[str, Candi
         best,
         *(name for name in good if name != best and _as_good(trials[name], trials[best])),
     ]
-    return min(alike, key=lambda name: (_fitted(candidates[name]), -good[name]))
+    return min(alike, key=lambda name: (parameters(candidates[name]), -good[name]))
 
 
 def promising(trials: Mapping[str, CandidateTrial]) -> str:
@@ -198,7 +198,7 @@ def _as_good(one: CandidateTrial, best: CandidateTrial) -> bool:
     return gain(one.errors, best.errors).probability_of_chance > APART
 
 
-def _fitted(candidate: Candidate) -> int:
+def parameters(candidate: Candidate) -> int:
     """How many parameters of a candidate logs identify, one of several places included."""
     return sum(allowed.fitted for allowed in candidate.ranges.values()) + bool(candidate.at)
 

@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.effects.law import SENSOR
-from serpent_twin.identification.acceptance import CandidateTrial, PairTrial, Round, weakness_of_fit
+from serpent_twin.identification.acceptance import (
+    CandidateTrial,
+    PairTrial,
+    Round,
+    parameters,
+    weakness_of_fit,
+)
 from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.fitted import Fit
@@ -39,6 +45,8 @@ LITTLE = 3.0
 _RIVALS = 2  # that were not fitted in their round, and are then
 _APART = 9.0
 """Squared standard errors by which one composed law must remove more than another, to be told from it"""
+_ALIKE = 0.95
+"""Of what the best composed law removes, what a simpler one must to be fitted before it"""
 _OTHER = 0.6
 """Of what the best composed law removes, what the best of those that change something else must"""
 
@@ -110,7 +118,8 @@ class Trials:
         beside: float,
     ) -> list[str]:
         """The candidates to be fitted, as in `each`. A law at a sensor is small in all that is measured.
-        Which is right, a force in the base's frame or in its link's, only fits can tell.
+        Which is right, a force in the base's frame or in its link's, only fits can tell. Of those that remove
+        as much as the best, the simplest come first.
         """
         known, least = case.candidates, self._worth_a_fit(case, begun, before)
         if not beside:
@@ -118,6 +127,9 @@ class Trials:
         several = [s for n, s in found.items() if _at_sensor(known[n]) or s.share > least]
         best = max((each.share for each in several), default=0.0)
         worth = worth_fitting(several, known, _OTHER * best, len(several))
+        worth.sort(
+            key=lambda n: parameters(known[n]) if found[n].share > _ALIKE * best else np.inf
+        )  # stable: others stay in the order of what they remove
         first = [name for name in worth if found[name].share > beside * best][:most]
         changes = {name: known[name].composed.get("changes") for name in worth}
         others = [n for n in worth if changes[n] not in {changes[name] for name in first}]
