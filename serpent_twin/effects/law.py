@@ -35,8 +35,6 @@ class Handle:
         return self.words.format(place=place, size=f" of {size}" if size else "")
 
 
-SENSOR = "sensor"
-"""The kind of place of laws that change what is read alone"""
 SPRING = "spring"
 """A force on a body that pulls it to a point of the base's frame, growing with the distance"""
 READING_SHIFT = "reading_shift"
@@ -69,12 +67,12 @@ HANDLES: Mapping[str, Handle] = {
     "link_turn": Handle(
         "body", "rad", 3, words="a turn{size} of {place} and all beyond, in its frame"
     ),
-    "marker_shift": Handle(SENSOR, "m", 3, words="a shift{size} of {place} in its link's frame"),
-    "load_shift": Handle(SENSOR, "1", words="a change{size} of what {place} reads"),
+    "marker_shift": Handle("sensor", "m", 3, words="a shift{size} of {place} in its link's frame"),
+    "load_shift": Handle("sensor", "1", words="a change{size} of what {place} reads"),
     "load_scale": Handle(
-        SENSOR, "1", words="a change of what {place} reads by a share{size} of it"
+        "sensor", "1", words="a change of what {place} reads by a share{size} of it"
     ),
-    READING_SHIFT: Handle(SENSOR, "rad", words="a shift{size} of what is read of {place}"),
+    READING_SHIFT: Handle("sensor", "rad", words="a shift{size} of what is read of {place}"),
     "camera_shift": Handle("frame", "m", 3, words="a shift{size} of all that the cameras see"),
     "camera_turn": Handle("frame", "rad", 3, words="a turn{size} of all that the cameras see"),
     "acceleration": Handle("frame", "m/s²", 3, words="an acceleration{size} of the {place}"),

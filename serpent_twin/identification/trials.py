@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from serpent_twin.effects.law import SENSOR
 from serpent_twin.identification.acceptance import (
     CandidateTrial,
     PairTrial,
@@ -33,7 +33,8 @@ from serpent_twin.identification.score_test import (
 )
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import Candidate, ParameterVector
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.places import FEW
 from serpent_twin.numerals import counted
 
 _NEAR = 0.3
@@ -117,14 +118,14 @@ class Trials:
         most: int | None,
         beside: float,
     ) -> list[str]:
-        """The candidates to be fitted, as in `each`. A law at a sensor is small in all that is measured.
-        Which is right, a force in the base's frame or in its link's, only fits can tell. Of those that remove
-        as much as the best, the simplest come first.
+        """The candidates to be fitted, as in `each`. What shows in one sensor is small in all that is
+        measured. Which is right, a force in the base's frame or in its link's, only fits can tell. Of those
+        that remove as much as the best, the simplest come first.
         """
         known, least = case.candidates, self._worth_a_fit(case, begun, before)
         if not beside:
             return worth_fitting(list(found.values()), known, least)[:most]
-        several = [s for n, s in found.items() if _at_sensor(known[n]) or s.share > least]
+        several = [s for s in found.values() if _in_one_sensor(case, s) or s.share > least]
         best = max((each.share for each in several), default=0.0)
         worth = worth_fitting(several, known, _OTHER * best, len(several))
         worth.sort(
@@ -268,12 +269,12 @@ class Trials:
 def gained(
     case: Case[Any], score: Score, before: Errors, after: Errors, selected: float | None = None
 ) -> Gain:
-    """What a candidate gains: of a law at a sensor, in what that sensor shows, since all others say nothing
-    of it.
+    """What a candidate gains: of a law that shows in one sensor alone, in what that sensor reads, since all
+    others say nothing of it.
     """
-    if not _at_sensor(case.candidates[score.name]):
+    if not _in_one_sensor(case, score):
         return gain(before, after, selected)
-    shows = np.abs(score.change.reshape(-1, case.channels)).max(axis=0) > 0
+    shows = _shows(case, score)
     measures = [each.measure for each in case.machine.outputs]
     pose = [n for n, each in enumerate(measures) if each == measures[0]]
     markers = sorted({n // measures[0].dimension for n in pose if shows[n]})
@@ -282,8 +283,15 @@ def gained(
     return replace(alone, everywhere=gain(before, after).relative)
 
 
-def _at_sensor(candidate: Candidate) -> bool:
-    return bool(candidate.composed) and candidate.place_kind == SENSOR
+def _in_one_sensor(case: Case[Any], score: Score) -> bool:
+    """Whether a candidate is a composed law that shows in one sensor alone."""
+    composed = case.candidates[score.name].composed
+    return bool(composed) and 0 < _shows(case, score).sum() <= min(FEW, case.channels - 1)
+
+
+def _shows(case: Case[Any], score: Score) -> NDArray[np.bool_]:
+    """Which channels a candidate changes, (C,)."""
+    return np.abs(score.change.reshape(-1, case.channels)).max(axis=0, initial=0.0) > 0
 
 
 def _less(scores: Mapping[str, Score], name: str, other: str, base: Fit) -> bool:

@@ -20,6 +20,11 @@ class PlaceResponse:
     change: Array
     """Of the prediction per unit, of each component, (d, S, T, C)"""
 
+    @property
+    def channels(self) -> int:
+        """How many channels it changes."""
+        return int((self.change != 0).any(axis=(0, 1, 2)).sum())
+
     def along(self, direction: Array) -> "PlaceResponse":
         """That of a vector along a direction, (d,), as one component."""
         return replace(self, change=np.tensordot(direction, self.change, 1)[None])
@@ -96,6 +101,12 @@ class LaggedResponse:
     own: Array
     """And of the prediction in the row itself, (d, S, T, C)"""
 
+    @property
+    def channels(self) -> int:
+        """How many channels it changes; all, if it changes what goes on."""
+        own = (self.own != 0).any(axis=(0, 1, 2))
+        return own.size if self.enters.any() else int(own.sum())
+
     def along(self, direction: Array) -> "LaggedResponse":
         """That of a vector along a direction, (d,), as one component."""
         enters, own = (np.tensordot(direction, each, 1)[None] for each in (self.enters, self.own))
@@ -118,6 +129,8 @@ class LaggedResponse:
 
 
 Response = PlaceResponse | LaggedResponse
+FEW = 3
+"""Channels of one sensor at most: what a law changes there alone, is judged by it alone"""
 
 
 class Places(Protocol):

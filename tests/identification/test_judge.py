@@ -190,19 +190,18 @@ def test_a_law_at_a_sensor_is_judged_by_that_sensor():
     assert before.of_markers.mean(axis=-1) == pytest.approx(before.marker_by_block)
     change = np.zeros((S, T, 3 * M + N))
     change[..., 12:15] = 1.0
-    score = replace(scored("law", RNG.standard_normal(4)), change=change.ravel())
-    law = {"name": "discovered", "place": {"kind": "sensor", "name": "marker5"}}
-    at_sensor = replace(candidate("law"), composed=law, place_kind="sensor")
+    score = scored("law", RNG.standard_normal(4))
+    law = replace(candidate("law"), composed={"name": "discovered"})
     outputs = [SimpleNamespace(measure=m) for m in (*[MARKERS] * 3 * M, *[LOADS] * N)]
     machine = SimpleNamespace(outputs=outputs)
     own, elsewhere = (
         gained(
-            SimpleNamespace(channels=3 * M + N, machine=machine, candidates={"law": each}),
-            score,
+            SimpleNamespace(channels=3 * M + N, machine=machine, candidates={"law": law}),
+            replace(score, change=each.ravel()),
             before,
             after,
         )
-        for each in (at_sensor, replace(at_sensor, place_kind="body"))
+        for each in (change, np.ones_like(change))
     )
     assert own.relative == pytest.approx(0.33)
     assert own.whole == pytest.approx(elsewhere.relative) and elsewhere.relative < 0.03

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-from serpent_twin.effects.law import HANDLES, SENSOR
 from serpent_twin.identification.discovery.candidates import candidate_of, distinct
 from serpent_twin.identification.discovery.screen import Composed, screened
 from serpent_twin.identification.fitted import Fit
@@ -20,8 +19,8 @@ is left, held-out logs decide, which took no part in the search.
 _SHARE = 0.015
 """Of the residual's squares that it must remove: of an arm that lacks nothing, the best removes 0.009"""
 _SENSOR = 0.004, 60.0
-"""The same of a law at a sensor, which shows in that alone, and what it must be worth: of an arm that lacks
-nothing, the best removes 0.002 and is worth 10
+"""The same of a law that shows in one sensor alone, and what it must be worth: of an arm that lacks nothing,
+the best removes 0.002 and is worth 10
 """
 
 
@@ -40,7 +39,7 @@ def discover(
     found = [
         each
         for each in screened(case, some, base, places)
-        if (each.worth > least and each.share > _SHARE) or _of_sensor(each)
+        if (each.worth > least and each.share > _SHARE) or _in_one_sensor(each)
     ]
     new = [
         candidate_of(each, places.readings, case.units_of_law(each.law))
@@ -49,8 +48,7 @@ def discover(
     return [each for each in new if each.name not in base.point.effects]
 
 
-def _of_sensor(found: Composed) -> bool:
-    """Whether a law at a sensor is worth a trial."""
+def _in_one_sensor(found: Composed) -> bool:
+    """Whether a law shows in one sensor alone, and is worth a trial."""
     share, worth = _SENSOR
-    at_sensor = HANDLES[found.law.handle].kind == SENSOR
-    return at_sensor and found.share > share and found.worth > worth
+    return found.alone and found.share > share and found.worth > worth

@@ -34,7 +34,7 @@ from serpent_twin.identification.discovery.sums import (
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.information import Information
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.places import Places, Response
+from serpent_twin.machines.places import FEW, Places, Response
 
 _EACH = 4
 """Laws that are kept at each place"""
@@ -65,6 +65,8 @@ class Composed:
     """Twice the logarithm of the likelihood ratio, where the noise is what would be left [1]"""
     share: float
     """Of the residual's squares [1]"""
+    alone: bool = False
+    """Whether it shows in one sensor alone"""
     steps: Mapping[str, "Composed"] = field(default_factory=dict)
     """Of a step or window: the best of each other such shape that changes and follows the same"""
 
@@ -103,7 +105,7 @@ class Search:
         known = replace(known, slopes=slopes.reshape(len(slopes), -1))
         self.readings = places.readings
         self.ways, self.F = ways(self.readings)
-        self.weight = known.weight
+        self.weight, self.channels = known.weight, case.channels
         residual = beyond(free, fit.residual.astype(float).reshape(scale.shape)).ravel()
         pull = known.weight * (known.slopes @ residual) + known.prior * known.lean
         self.total = float(residual @ residual)
@@ -194,7 +196,15 @@ class Search:
                 break
             law = _law(response, way)
             kept.append(
-                Composed(law, size[n], way.first, way.second, float(gain[n]), float(share[n]))
+                Composed(
+                    law,
+                    size[n],
+                    way.first,
+                    way.second,
+                    float(gain[n]),
+                    float(share[n]),
+                    response.channels <= min(FEW, self.channels - 1),
+                )
             )
             if way.shape in _STEPS:
                 same = [k for k, one in enumerate(several) if _follow_alike(one, way)]
