@@ -278,7 +278,7 @@ def gained(
     measures = [each.measure for each in case.machine.outputs]
     pose = [n for n, each in enumerate(measures) if each == measures[0]]
     markers = sorted({n // measures[0].dimension for n in pose if shows[n]})
-    loads = [n - len(pose) for n in np.flatnonzero(shows) if n >= len(pose)]
+    loads = [n for n, shown in enumerate(shows[len(pose) :]) if shown]
     alone = gain(before.at(markers, loads), after.at(markers, loads), selected)
     return replace(alone, everywhere=gain(before, after).relative)
 

@@ -141,9 +141,9 @@ class Search:
         finer = [
             way for each in kept for way in around(each.law, each.first, each.second, self.readings)
         ]
-        if not finer:
-            return kept
-        return _best_of([*kept, *self._among(response, finer, rows_of(finer, self.readings))])
+        if finer:
+            kept = _best_of([*kept, *self._among(response, finer, rows_of(finer, self.readings))])
+        return [_from_then_on(each) for each in kept]
 
     def together(self, response: Response, F: Array) -> tuple[Array, Array, float]:
         """Sizes of several changes at once, (W,), of a place with one component, their standard errors, and
@@ -232,6 +232,18 @@ def _best_of(found: Sequence[Composed]) -> list[Composed]:
             steps = {x.law.shape: x for x in both if x.law.shape in {*_STEPS} - {one.law.shape}}
             best[each.law.reading, each.law.where] = replace(one, steps=steps)
     return list(best.values())
+
+
+def _from_then_on(found: Composed) -> Composed:
+    """A law that holds until an instant as one that holds from then on, if that gains nearly as much: what
+    was built is what there was first.
+    """
+    later = found.steps.get("above")
+    if found.law.shape != "under" or found.law.follows_a_thing or later is None:
+        return found
+    others = {name: each for name, each in found.steps.items() if name != "above"}
+    swapped = replace(later, steps={**others, "under": replace(found, steps={})})
+    return swapped if later.gain > _NEARLY * found.gain else found
 
 
 def _follow_alike(one: Way, other: Way) -> bool:
