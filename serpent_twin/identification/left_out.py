@@ -17,23 +17,36 @@ from serpent_twin.machines.case import Case
 
 
 def chance_of_selection(
-    case: Case[Any], before: Fit, after: Fit, session: Sequence[str], among: int
+    case: Case[Any],
+    before: Fit,
+    after: Fit,
+    session: Sequence[str],
+    among: int,
+    channels: Array | None = None,
 ) -> float:
     """Probability that `after`, the best of so many, predicts sessions that were left out no better than
     `before`: of one paired test times their number (Bonferroni). Both used the same segments; `session` names
-    the sessions of all. Each block is judged by its own size, as a few segments may hold most of the squares.
+    the sessions of all. Each block is judged by its own size, as a few segments may hold most of the squares;
+    with `channels`, a mask (C,), by these alone.
     """
     without, beside = (
-        np.sqrt(left_out(case, fit, session, after.noise)) for fit in (before, after)
+        np.sqrt(left_out(case, fit, session, after.noise, channels)) for fit in (before, after)
     )
     with np.errstate(invalid="ignore"):
         share = 2 * (without - beside) / (without + beside)
     return min(1.0, among * chance(share))
 
 
-def left_out(case: Case[Any], found: Fit, session: Sequence[str], noise: Array) -> Array:
+def left_out(
+    case: Case[Any],
+    found: Fit,
+    session: Sequence[str],
+    noise: Array,
+    channels: Array | None = None,
+) -> Array:
     """Mean squares of the residual over a noise, (C,), in each block of the segments that a fit used, (S, B),
-    predicted without their session; without their segment, if there is one session only.
+    predicted without their session; without their segment, if there is one session only. With `channels`, a
+    mask (C,), of these.
     """
     of = [session[k] for k in found.used]
     groups = of if len(set(of)) > 1 else list(range(len(of)))
@@ -47,4 +60,5 @@ def left_out(case: Case[Any], found: Fit, session: Sequence[str], noise: Array) 
         step = -np.linalg.lstsq(matrix, pull[others].sum(axis=0) + known.prior * known.lean)[0]
         for s in np.flatnonzero(~others):
             residual[s] = found.residual[s] + step @ slopes[:, s]
-    return blocks((residual.reshape(len(of), -1, case.channels) * found.noise / noise) ** 2)
+    weighed = residual.reshape(len(of), -1, case.channels) * found.noise / noise
+    return blocks(weighed[..., slice(None) if channels is None else channels] ** 2)

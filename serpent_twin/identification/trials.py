@@ -238,7 +238,8 @@ class Trials:
         after = self.errors(case, fitted.point)
         if gave_up(before, after):
             return CandidateTrial(replace(score, unstable=True), None, None, before.marker)
-        selected = chance_of_selection(case, base, fitted, self.training.session, among)
+        shows = _shows(case, score) if _in_one_sensor(case, score) else None
+        selected = chance_of_selection(case, base, fitted, self.training.session, among, shows)
         better = gained(case, score, before, after, selected)
         return CandidateTrial(score, fitted, better, after.marker, selected, after)
 
