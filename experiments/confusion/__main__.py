@@ -38,10 +38,12 @@ def main(config: Confusion) -> None:  # noqa: D103 tyro would print it above the
     with claimed(config.out, SETTINGS, settings):
         results = Results(config.out / "results.jsonl")
         work = partial(run_before, time.time() + 60 * (config.budget_minutes or 1e9), config)
-        results.complete(trials, work, _line, config.workers, scheduler=config.cluster)
-        if config.rows:
-            done = ((results.rows.get(trial.id), trial) for trial in trials)
-            add(config.rows, [line_of(row, trial, config) for row, trial in done if row])
+        try:
+            results.complete(trials, work, _line, config.workers, scheduler=config.cluster)
+        finally:  # a study that is interrupted keeps its lines
+            if config.rows:
+                done = ((results.rows.get(trial.id), trial) for trial in trials)
+                add(config.rows, [line_of(row, trial, config) for row, trial in done if row])
         _publish(config, trials, results, settings)
 
 
