@@ -68,7 +68,7 @@ class Discovered(Effect):
     @property
     def strength(self) -> float:
         """The length of the vector of sizes; of a spring, its stiffness."""
-        if self.law.handle == SPRING:
+        if self.at and self.law.handle == SPRING:
             return abs(self.stiffness)
         return float(np.linalg.norm([self.size, self.size_y, self.size_z]))
 

@@ -38,8 +38,8 @@ def shown(opened, at="", *values, effects=()):
 
 
 def of(size, first=0.0, second=0.0):
-    """A law's seven numbers."""
-    return size, 0.0, 0.0, first, second, 0.0, 0.0
+    """A law's eight numbers."""
+    return size, 0.0, 0.0, 0.0, first, second, 0.0, 0.0
 
 
 @pytest.mark.parametrize(
