@@ -29,8 +29,7 @@ class Discovered(Effect):
     """A change at a place of the model that follows a reading, by the law that its place states.
 
     The change is size · f(x; first, second), with f one of `law.SHAPES`; a vector has three sizes, a spring a
-    stiffness besides. Beyond the
-    readings of the logs in which it was found, it stays as it is at their ends.
+    stiffness besides. Beyond the readings of the logs in which it was found, it stays as it is at their ends.
     Source: those logs.
     """
 

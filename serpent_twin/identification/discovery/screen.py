@@ -187,35 +187,36 @@ class Search:
         if handle.only_more:  # friction that follows a swing would be negative at times
             gain = np.where([each.shape == "periodic" for each in several], 0.0, gain)
         cost = np.array([_PER_PARAMETER * each.parameters for each in several])
-        order, kept = np.argsort(cost - gain), []
-        for n in order:
+        kept: list[Composed] = []
+        alone = response.channels <= min(FEW, self.channels - 1)
+        for n in np.argsort(cost - gain):
             way = several[n]
-            if any((way.reading, way.where) == (k.law.reading, k.law.where) for k in kept):
-                continue
             if gain[n] <= cost[n]:
                 break
-            law = _law(response, way)
+            if len(kept) >= _EACH and way.reading:  # a constant is kept beside them
+                continue
+            if any((way.reading, way.where) == (k.law.reading, k.law.where) for k in kept):
+                continue
+            law, numbers = _law(response, way), (float(gain[n]), float(share[n]))
+            best = Composed(law, size[n], way.first, way.second, *numbers, alone)
             kept.append(
-                Composed(
-                    law,
-                    size[n],
-                    way.first,
-                    way.second,
-                    float(gain[n]),
-                    float(share[n]),
-                    response.channels <= min(FEW, self.channels - 1),
-                )
+                replace(best, steps=_other_steps(response, way, several, size, gain, share))
             )
-            if way.shape in _STEPS:
-                same = [k for k, one in enumerate(several) if _follow_alike(one, way)]
-                steps = {}
-                for k in sorted(same, key=lambda k: gain[k]):
-                    one, of = several[k], _law(response, several[k])
-                    numbers = (one.first, one.second, float(gain[k]), float(share[k]))
-                    steps[one.shape] = Composed(of, size[k], *numbers)
-                steps.pop(way.shape)
-                kept[-1] = replace(kept[-1], steps=steps)
-        return [*kept[:_EACH], *(each for each in kept[_EACH:] if not each.law.reading)]
+        return kept
+
+
+def _other_steps(
+    response: Response, like: Way, several: Sequence[Way], size: Array, gain: Array, share: Array
+) -> dict[str, Composed]:
+    """Of a step or window: the best of each other such shape that follows the same."""
+    if like.shape not in _STEPS:
+        return {}
+    same = [k for k, one in enumerate(several) if _follow_alike(one, like)]
+    out = {}
+    for k in sorted(same, key=lambda k: gain[k]):
+        way, numbers = several[k], (float(gain[k]), float(share[k]))
+        out[way.shape] = Composed(_law(response, way), size[k], way.first, way.second, *numbers)
+    return {shape: each for shape, each in out.items() if shape != like.shape}
 
 
 def _law(response: Response, way: Way) -> Law:
