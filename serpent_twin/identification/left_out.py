@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import Fit
@@ -22,7 +23,7 @@ def chance_of_selection(
     after: Fit,
     session: Sequence[str],
     among: int,
-    channels: Array | None = None,
+    channels: NDArray[np.bool_] | None = None,
 ) -> float:
     """Probability that `after`, the best of so many, predicts sessions that were left out no better than
     `before`: of one paired test times their number (Bonferroni). Both used the same segments; `session` names
@@ -42,7 +43,7 @@ def left_out(
     found: Fit,
     session: Sequence[str],
     noise: Array,
-    channels: Array | None = None,
+    channels: NDArray[np.bool_] | None = None,
 ) -> Array:
     """Mean squares of the residual over a noise, (C,), in each block of the segments that a fit used, (S, B),
     predicted without their session; without their segment, if there is one session only. With `channels`, a
