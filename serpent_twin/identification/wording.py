@@ -45,9 +45,12 @@ def with_numbers(name: str, parameters: Mapping[str, ParameterEstimate]) -> str:
 
 
 def _spring(place: str, forces: Sequence[ParameterEstimate], stiffness: ParameterEstimate) -> str:
-    """A spring with the point to which it pulls."""
-    at = (force.value / max(stiffness.value, 1e-30) for force in forces)
-    point = ", ".join(f"{each:.2f}" for each in at).replace("-", "−")
+    """A spring with the point to which it pulls, and half the 95 % intervals of that point's coordinates."""
+    k, off = max(stiffness.value, 1e-30), (stiffness.high - stiffness.low) / 2
+    point = ", ".join(
+        f"{f.value / k:.3f} ± {np.hypot((f.high - f.low) / 2, f.value / k * off) / k:.3f}"
+        for f in forces
+    ).replace("-", "−")
     return f"a spring of {stiffness} that pulls {place} to ({point}) m in the base frame"
 
 

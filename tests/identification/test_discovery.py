@@ -13,6 +13,7 @@ from serpent_twin.identification.discovery import steps_alike
 from serpent_twin.identification.discovery.candidates import candidate_of
 from serpent_twin.identification.discovery.followed import around
 from serpent_twin.identification.discovery.screen import screened
+from serpent_twin.identification.estimates import ParameterEstimate
 from serpent_twin.identification.wording import spaced, with_numbers
 from serpent_twin.machines.machine import ParameterVector, effect_at
 from serpent_twin.machines.places import PlaceResponse
@@ -207,6 +208,14 @@ def test_a_law_in_words():
         spaced(name) == "a torque at joint1, while the joint angle of joint3 is above a threshold"
     )
     assert with_numbers("payload", {}) == "payload ()"
+    forces = {
+        f"size_{axis}": ParameterEstimate(v, v - 0.1, v + 0.1, "N")
+        for axis, v in (("x", 1.0), ("y", -2.0), ("z", 0.0))
+    }
+    spring = {**forces, "stiffness": ParameterEstimate(10.0, 9.0, 11.0, "N/m")}
+    told = with_numbers("discovered@spring of link7: constant", spring)
+    assert told.startswith("a spring of 10 N/m [9 … 11] that pulls link7 to")
+    assert "(0.100 ± 0.014, −0.200 ± 0.022, 0.000 ± 0.010) m" in told
 
 
 PLACED = {  # along y; least cosine to what a simulation makes of it: slack delays what moves
