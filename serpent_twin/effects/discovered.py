@@ -39,7 +39,7 @@ class Discovered(Effect):
     """Of a vector's y"""
     size_z: float = parameter("1", low=-_ANY, high=_ANY, typical=1.0)
     """Of a vector's z"""
-    stiffness: float = parameter("1", low=-_ANY, high=_ANY, typical=1.0)
+    stiffness: float = parameter("1", low=-_ANY, high=_ANY, typical=1.0, before=0.0)
     """Of a spring [N/m]; its vector is the force where its body is at the base's origin"""
     first: float = parameter("1", low=-_ANY, high=_ANY, typical=0.0, fitted=False)
     """First parameter of the law"""
