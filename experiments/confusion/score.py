@@ -11,6 +11,7 @@ from scipy.stats import binomtest
 from experiments.confusion import expected
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR
 from serpent_twin.arrays import Array
+from serpent_twin.identification.estimates import ParameterEstimate, length_of
 
 Row = Mapping[str, Any]
 """One line of results.jsonl"""
@@ -195,8 +196,8 @@ def coverage(rows: Sequence[Row]) -> dict[str, Share]:
                         found["low"] <= true <= found["high"]
                     )
         if sized := _sized(row):
-            size, half, true = sized
-            inside.setdefault(row["name"], []).append(abs(size - true) <= half)
+            size, true = sized
+            inside.setdefault(row["name"], []).append(size.low <= true <= size.high)
     shares = {name: Share(sum(hits), len(hits)) for name, hits in sorted(inside.items())}
     everything = [hit for hits in inside.values() for hit in hits]
     return shares | {"all": Share(sum(everything), len(everything))}
@@ -213,25 +214,22 @@ def off(row: Row) -> float:
     return next(iter(_offs(row)), float("nan"))
 
 
-def _sized(row: Row) -> tuple[float, float, float] | None:
-    """The size of a law that is discovered rightly, half its 95 % interval, and its true size."""
+def _sized(row: Row) -> tuple[ParameterEstimate, float] | None:
+    """The size of a law that is discovered rightly, of a vector its length, and its true size."""
     if row["kind"] != OUTSIDE or not discovered(row):
         return None
     (entry,), answers = row["named"], row["truth"]["effects"][0]["answers"]
     if not (true := expected.size_of(entry, answers)):
         return None
     sizes = [v for name, v in entry["parameters"].items() if name.startswith("size")]
-    value = np.array([each["value"] for each in sizes])
-    half = np.array([(each["high"] - each["low"]) / 2 for each in sizes])
-    length = float(np.linalg.norm(value))
-    return length, float(np.linalg.norm(value / max(length, 1e-30) * half)), float(true)
+    return length_of([ParameterEstimate(**each) for each in sizes]), float(true)
 
 
 def _offs(row: Row) -> list[float]:
     """How far each rightly named strength, or size of a discovered law, is from the truth, of the truth."""
     if sized := _sized(row):
-        size, _, true = sized
-        return [abs(size - true) / true]
+        size, true = sized
+        return [abs(size.value - true) / true]
     named, out = {effect["name"]: effect["parameters"] for effect in row["named"]}, []
     for effect in row["truth"]["effects"]:
         if (found := named.get(effect["name"])) and effect["strong"]:

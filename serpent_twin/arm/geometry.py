@@ -177,5 +177,9 @@ def link_frames(q: ArrayLike, arm: Arm = ARM) -> tuple[Array, Array]:
 
 def markers(q: ArrayLike, arm: Arm = ARM) -> Array:
     """Marker positions in the base frame [m], (..., 9, 3), for joint angles q [rad], (..., 9)."""
-    origin, rotation = link_frames(q, arm)
+    return markers_on(*link_frames(q, arm), arm)
+
+
+def markers_on(origin: Array, rotation: Array, arm: Arm = ARM) -> Array:
+    """Marker positions in the base frame [m], (..., 9, 3), on links that are where `link_frames` says."""
     return origin + (rotation @ arm.markers_in_links[:, :, None])[..., 0]

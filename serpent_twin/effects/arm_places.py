@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arm import mjcf
-from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_axis, link_frames
+from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_axis, link_frames, markers_on
 from serpent_twin.arrays import Array
 from serpent_twin.effects.law import (
     ACTUATOR_COMMAND,
@@ -141,7 +141,7 @@ def _shift(q: Array, law: Law, at: int, sizes: Sequence[Array | float]) -> Array
     if law.handle == "marker_shift":
         out[:, at] = np.einsum("nxy,ny->nx", rotation[:, at], vector)
         return out
-    marker = origin + (rotation @ ARM.markers_in_links[:, :, None])[..., 0]
+    marker = markers_on(origin, rotation)
     if law.handle == "camera_turn":
         return np.cross(vector[:, None], marker)
     turn = np.einsum("nxy,ny->nx", rotation[:, at], vector)
@@ -149,12 +149,17 @@ def _shift(q: Array, law: Law, at: int, sizes: Sequence[Array | float]) -> Array
     return out
 
 
+def centres_of_mass(origin: Array, rotation: Array) -> Array:
+    """Of links that are where `link_frames` says, in the base frame [m], (..., 9, 3)."""
+    return origin + (rotation @ _COM[..., None])[..., 0]
+
+
 def levers(q: Array) -> Array:
     """Motion of each link's centre of mass by each joint [m], (..., 9 links, 9 joints, 3), at joint angles q
     [rad], (..., 9).
     """
     origin, rotation = link_frames(q)
-    com = origin + (rotation @ _COM[..., None])[..., 0]
+    com = centres_of_mass(origin, rotation)
     axis = (rotation @ JOINT_AXES[..., None])[..., 0]
     reach = com[..., :, None, :] - origin[..., None, :, :]
     moved = np.cross(axis[..., None, :, :], reach)

@@ -91,8 +91,8 @@ def build_diagnosis(
 
 
 def _shapes(case: Case, training: Any, final: Fit) -> dict[str, dict[str, Any]]:
-    """The composed effects with other shapes of their laws that logs do not tell from them: their names and
-    where they are, by the effect's name.
+    """For each composed effect, by its name: the same effect with each other shape of its law that fits the
+    logs as well, as a name and the entries that say where it is.
     """
     composed = [name for name in final.point.effects if case.candidates[name].composed]
     return {

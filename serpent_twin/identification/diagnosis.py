@@ -119,7 +119,7 @@ class Diagnosis:
     curves: Mapping[str, FreeCurve] = field(default_factory=dict)
     """Composed laws beside free curves, by the effect's name"""
     shapes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Of each composed effect: the same with other shapes of its law, which logs do not tell from it"""
+    """Of each composed effect: the same effect with each other shape of its law that fits the logs as well"""
 
     def numbers(self, seconds: float, simulated: float) -> dict[str, Any]:
         """diagnosis.json."""
@@ -255,7 +255,7 @@ class Diagnosis:
         return f"Not as built: {'; '.join(map(str, self.moved[:_LISTED]))}{more}.{may}"
 
     def _alike(self, name: str) -> list[str]:
-        """What these logs do not tell from an effect."""
+        """The effects that these logs cannot distinguish from one."""
         rivals = [each.name for each in self.rivals.get(name, ()) if not each.told_apart]
         return [*rivals, *self.shapes.get(name, ())]
 

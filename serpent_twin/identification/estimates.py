@@ -1,8 +1,11 @@
 """Hold what was estimated of an effect or of the model, with intervals and units."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
+
+import numpy as np
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,17 @@ class ParameterEstimate:
         unit = "" if self.unit == "1" else f" {self.unit}"
         ends = f"[{self.low:.3g} … {self.high:.3g}]" if self.fitted else "[given]"
         return f"{self.value:.3g}{unit} {ends}".replace("-", "−")
+
+
+def length_of(components: Sequence[ParameterEstimate]) -> ParameterEstimate:
+    """The length of a vector, with the interval that its components have along it."""
+    values = np.array([each.value for each in components])
+    length = float(np.linalg.norm(values))
+    along = values / max(length, 1e-30)
+    half = np.hypot.reduce(
+        [a * (e.high - e.low) / 2 for a, e in zip(along, components, strict=True)]
+    )
+    return ParameterEstimate(length, length - float(half), length + float(half), components[0].unit)
 
 
 @dataclass(frozen=True)

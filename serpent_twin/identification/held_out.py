@@ -72,8 +72,7 @@ def _means(values: Array) -> Array:
 
 def blocks(values: Array) -> Array:
     """Means of rows (S, T, …) over what is known of each block, (S, B)."""
-    parts = np.array_split(values, min(BLOCKS, values.shape[1]), axis=1)
-    return np.stack([_means(part.reshape(len(part), -1)) for part in parts], axis=1)
+    return np.stack([_means(part.reshape(len(part), -1)) for part in _parts(values)], axis=1)
 
 
 def errors(comparison: Comparison) -> Errors:
@@ -89,8 +88,12 @@ def errors(comparison: Comparison) -> Errors:
 
 def _each(values: Array) -> Array:
     """Means of rows (S, T, K) over what is known of each block, (S, B, K)."""
-    parts = np.array_split(values, min(BLOCKS, values.shape[1]), axis=1)
-    return np.stack([_means(part) for part in parts], axis=1)
+    return np.stack([_means(part) for part in _parts(values)], axis=1)
+
+
+def _parts(values: Array) -> list[Array]:
+    """Rows (S, T, …) in blocks."""
+    return np.array_split(values, min(BLOCKS, values.shape[1]), axis=1)
 
 
 @dataclass(frozen=True)

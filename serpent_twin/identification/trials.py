@@ -16,6 +16,7 @@ from serpent_twin.identification.acceptance import (
 )
 from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.discovery.screen import APART
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
 from serpent_twin.identification.held_out import Errors, Gain, errors, gain, gave_up
@@ -34,7 +35,7 @@ from serpent_twin.identification.score_test import (
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.places import FEW
+from serpent_twin.machines.places import in_one_sensor
 from serpent_twin.numerals import counted
 
 _NEAR = 0.3
@@ -44,8 +45,6 @@ _MORE, _ROUNDS = 3, 2
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
 _RIVALS = 2  # that were not fitted in their round, and are then
-_APART = 9.0
-"""Squared standard errors by which one composed law must remove more than another, to be told from it"""
 _ALIKE = 0.95
 """Of what the best composed law removes, what a simpler one must to be fitted before it"""
 _OTHER = 0.6
@@ -125,7 +124,7 @@ class Trials:
         known, least = case.candidates, self._worth_a_fit(case, begun, before)
         if not beside:
             return worth_fitting(list(found.values()), known, least)[:most]
-        several = [s for s in found.values() if _in_one_sensor(case, s) or s.share > least]
+        several = [s for s in found.values() if s.share > least or _sensor(case, s) is not None]
         best = max((each.share for each in several), default=0.0)
         worth = worth_fitting(several, known, _OTHER * best, len(several))
         worth.sort(
@@ -238,8 +237,8 @@ class Trials:
         after = self.errors(case, fitted.point)
         if gave_up(before, after):
             return CandidateTrial(replace(score, unstable=True), None, None, before.marker)
-        shows = _shows(case, score) if _in_one_sensor(case, score) else None
-        selected = chance_of_selection(case, base, fitted, self.training.session, among, shows)
+        sensor, sessions = _sensor(case, score), self.training.session
+        selected = chance_of_selection(case, base, fitted, sessions, among, sensor)
         better = gained(case, score, before, after, selected)
         return CandidateTrial(score, fitted, better, after.marker, selected, after)
 
@@ -273,29 +272,25 @@ def gained(
     """What a candidate gains: of a law that shows in one sensor alone, in what that sensor reads, since all
     others say nothing of it.
     """
-    if not _in_one_sensor(case, score):
+    if (sensor := _sensor(case, score)) is None:
         return gain(before, after, selected)
-    shows = _shows(case, score)
     measures = [each.measure for each in case.machine.outputs]
     pose = [n for n, each in enumerate(measures) if each == measures[0]]
-    markers = sorted({n // measures[0].dimension for n in pose if shows[n]})
-    loads = [n for n, shown in enumerate(shows[len(pose) :]) if shown]
+    markers = sorted({n // measures[0].dimension for n in pose if sensor[n]})
+    loads = [n for n, shown in enumerate(sensor[len(pose) :]) if shown]
     alone = gain(before.at(markers, loads), after.at(markers, loads), selected)
     return replace(alone, everywhere=gain(before, after).relative)
 
 
-def _in_one_sensor(case: Case[Any], score: Score) -> bool:
-    """Whether a candidate is a composed law that shows in one sensor alone."""
-    composed = case.candidates[score.name].composed
-    return bool(composed) and 0 < _shows(case, score).sum() <= min(FEW, case.channels - 1)
-
-
-def _shows(case: Case[Any], score: Score) -> NDArray[np.bool_]:
-    """Which channels a candidate changes, (C,)."""
-    return np.abs(score.change.reshape(-1, case.channels)).max(axis=0, initial=0.0) > 0
+def _sensor(case: Case[Any], score: Score) -> NDArray[np.bool_] | None:
+    """The channels of the one sensor in which a composed law shows, as a mask (C,); None for others."""
+    if not case.candidates[score.name].composed:
+        return None
+    changed = (score.change.reshape(-1, case.channels) != 0).any(axis=0)
+    return changed if in_one_sensor(int(changed.sum()), case.channels) else None
 
 
 def _less(scores: Mapping[str, Score], name: str, other: str, base: Fit) -> bool:
     """Whether a composed law removes clearly less than another, to first order."""
     squares = float((base.residual.astype(float) ** 2).sum()) / base.variance_inflation
-    return (scores[name].share - scores[other].share) * squares > _APART
+    return (scores[name].share - scores[other].share) * squares > APART

@@ -7,7 +7,7 @@ import numpy as np
 
 from serpent_twin.effects import law_of, place_of
 from serpent_twin.effects.law import HANDLES, SHAPES, SPRING, parse
-from serpent_twin.identification.estimates import ParameterEstimate
+from serpent_twin.identification.estimates import ParameterEstimate, length_of
 
 DISCOVERED = "discovered"
 """The name of an effect that was composed"""
@@ -58,13 +58,8 @@ def _size(sizes: Sequence[ParameterEstimate]) -> str:
     """A size; of a vector, its length and its direction."""
     if len(sizes) == 1:
         return str(sizes[0])
-    values = np.array([each.value for each in sizes])
-    length = float(np.linalg.norm(values))
-    along = values / max(length, 1e-30)
-    half = float(
-        np.hypot.reduce([a * (e.high - e.low) / 2 for a, e in zip(along, sizes, strict=True)])
-    )
-    whole = ParameterEstimate(length, length - half, length + half, sizes[0].unit)
+    whole = length_of(sizes)
+    along = (each.value / max(whole.value, 1e-30) for each in sizes)
     direction = ", ".join(f"{each:.2f}" for each in along).replace("-", "−")
     return f"{whole} along ({direction})"
 

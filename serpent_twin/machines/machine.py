@@ -107,7 +107,7 @@ class Candidate:
     composed: Mapping[str, Any] = field(default_factory=dict)
     """Entries of JSON that say which law it is; empty for an effect that has a name"""
     alike: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """The numbers of other shapes of its law that logs did not tell from it, to first order"""
+    """Other shapes of its law that fit the logs as well to first order, with their numbers"""
 
     @property
     def at(self) -> str:

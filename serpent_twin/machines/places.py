@@ -129,8 +129,13 @@ class LaggedResponse:
 
 
 Response = PlaceResponse | LaggedResponse
-FEW = 3
-"""Channels of one sensor at most: what a law changes there alone, is judged by it alone"""
+_SENSOR = 3
+"""Channels of one sensor at most: those of a marker"""
+
+
+def in_one_sensor(changed: int, channels: int) -> bool:
+    """Whether what changes so many of all channels shows in one sensor alone."""
+    return 0 < changed <= min(_SENSOR, channels - 1)
 
 
 class Places(Protocol):

@@ -19,7 +19,7 @@ from serpent_twin.identification.acceptance import (
 from serpent_twin.identification.bars import BEYOND, Bars
 from serpent_twin.identification.build_diagnosis import _stands_in
 from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.held_out import Errors, errors, gain
+from serpent_twin.identification.held_out import Errors, gain
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.moved import _expected, moved
@@ -31,11 +31,10 @@ from serpent_twin.identification.score_test import (
     full_fit,
     scores,
 )
-from serpent_twin.identification.trials import Trials, gained
+from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.machine import Candidate, Quantity
-from serpent_twin.residual import MARKERS, Comparison
-from serpent_twin.residual.measure import LOADS
+from serpent_twin.residual import MARKERS
 from serpent_twin.residual.noise import expected_distance
 
 RNG = np.random.default_rng(5)
@@ -170,42 +169,6 @@ def fitted(name: str, arm, base, better: float, noise: float) -> CandidateTrial:
     after = Errors(each, np.full((7, 5), np.nan))
     before = Errors(np.ones((7, 5)), np.full((7, 5), np.nan))
     return CandidateTrial(found, made, gain(before, after), 1 - better, 1.0, after)
-
-
-def test_a_law_at_a_sensor_is_judged_by_that_sensor():
-    """A third of what one marker of nine shows is a small gain of them all; of a law elsewhere, all count."""
-    S, T, M, N = 5, 40, 9, 2
-    rng = np.random.default_rng(3)
-    true = rng.standard_normal((S, T, M, 3))
-    off = rng.standard_normal((S, T, M, 3))
-    better = off.copy()
-    better[:, :, 4] *= 0.67
-    known = {"time": np.tile(np.arange(T), (S, 1)), "marker_measured": true}
-    loads = {f"load_{of}": rng.standard_normal((S, T, N)) for of in ("measured", "predicted")}
-    before, after = (
-        errors(Comparison(("s",) * S, marker_predicted=true - e, **known, **loads))
-        for e in (off, better)
-    )
-    assert before.of_markers.shape == (S, 5, M) and before.of_loads.shape == (S, 5, N)
-    assert before.of_markers.mean(axis=-1) == pytest.approx(before.marker_by_block)
-    change = np.zeros((S, T, 3 * M + N))
-    change[..., 12:15] = 1.0
-    score = scored("law", RNG.standard_normal(4))
-    law = replace(candidate("law"), composed={"name": "discovered"})
-    outputs = [SimpleNamespace(measure=m) for m in (*[MARKERS] * 3 * M, *[LOADS] * N)]
-    machine = SimpleNamespace(outputs=outputs)
-    own, elsewhere = (
-        gained(
-            SimpleNamespace(channels=3 * M + N, machine=machine, candidates={"law": law}),
-            replace(score, change=each.ravel()),
-            before,
-            after,
-        )
-        for each in (change, np.ones_like(change))
-    )
-    assert own.relative == pytest.approx(0.33)
-    assert own.whole == pytest.approx(elsewhere.relative) and elsewhere.relative < 0.03
-    assert elsewhere.whole == elsewhere.relative
 
 
 def test_of_candidates_that_nothing_tells_apart_the_simplest_is_taken():

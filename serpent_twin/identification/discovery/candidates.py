@@ -24,6 +24,8 @@ _NEARLY = 0.95
 """Of what a law removes that follows something, what a constant in its place must"""
 _SIZES = ("size", "size_y", "size_z", "stiffness")
 _ALONG = ("size_x", "size_y", "size_z", "stiffness")
+FORM = len(_SIZES)
+"""Where the numbers of a law's form begin among its parameters, after its sizes"""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def candidate_of(
 def remade(case: Case[Any], name: str, values: Array) -> Candidate:
     """The candidate of a law that was fitted to a case before, from its parameters, (8,)."""
     law = parse(place_of(name))
-    size, (first, second, least, most) = values[: HANDLES[law.handle].components], values[4:8]
+    size, (first, second, least, most) = values[: HANDLES[law.handle].components], values[FORM:]
     ends = (least, most) if most > least else (min(0.0, first), abs(first) + abs(second) + 1.0)
     fitted = Composed(law, size, float(first), float(second), 0.0, 0.0)
     readings = {(law.reading, law.where): np.array(ends)}

@@ -9,6 +9,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects import place_of
 from serpent_twin.effects.law import HANDLES, SHAPES, Law, parse
+from serpent_twin.identification.discovery.candidates import FORM
 from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
@@ -65,7 +66,7 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     places = case.places(fit.point, some)
     if not law.reading or places is None:
         return None
-    first, second = values[4:6]
+    first, second = values[FORM : FORM + 2]
     components = HANDLES[law.handle].components
     size = values[:components]
     length = float(np.linalg.norm(size)) if components > 1 else float(size[0])

@@ -34,7 +34,7 @@ from serpent_twin.identification.discovery.sums import (
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.information import Information
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.places import FEW, Places, Response
+from serpent_twin.machines.places import Places, Response, in_one_sensor
 
 _EACH = 4
 """Laws that are kept at each place"""
@@ -43,10 +43,10 @@ _PER_PARAMETER = 8.0
 _TIMES = (("time", "session"), ("runtime", "machine"))
 _MOST = 0.99
 """Share of the residual's squares that a law is taken to remove at most"""
-_APART = 9.0
-"""Squared standard errors by which one shape must gain more than another, to be told from it"""
+APART = 9.0
+"""Two laws are distinguished if one removes more than the other by this many squared standard errors"""
 _NEARLY = 0.9
-"""And of what it gains: first order is no better"""
+"""And, to first order, if the other removes less than this share: first order is no more exact"""
 _STEPS = ("above", "under", "within")
 _FLAT = 1e-4
 """Of a change's squares, what the free parameters leave at least"""
@@ -72,8 +72,8 @@ class Composed:
 
     @property
     def alike(self) -> dict[str, tuple[float, float]]:
-        """The numbers of those that first order does not tell from it, by their shape."""
-        least = min(self.gain - _APART, _NEARLY * self.gain)
+        """The numbers of those that first order cannot distinguish from it, by their shape."""
+        least = min(self.gain - APART, _NEARLY * self.gain)
         return {n: (one.first, one.second) for n, one in self.steps.items() if one.gain > least}
 
     @property
@@ -188,7 +188,7 @@ class Search:
             gain = np.where([each.shape == "periodic" for each in several], 0.0, gain)
         cost = np.array([_PER_PARAMETER * each.parameters for each in several])
         kept: list[Composed] = []
-        alone = response.channels <= min(FEW, self.channels - 1)
+        alone = in_one_sensor(response.channels, self.channels)
         for n in np.argsort(cost - gain):
             way = several[n]
             if gain[n] <= cost[n]:
@@ -284,6 +284,5 @@ def _of_one_phase(
         u, _, v = np.linalg.svd(size.reshape(2, d))  # phases by components
         phase, along = float(np.arctan2(u[1, 0], u[0, 0])), np.outer(u[:, 0], v[0]).ravel()
         length = -float(along @ pull) / float(along @ gram @ along)
-        share = length**2 * float(along @ gram @ along)
-        out.append((replace(each, second=phase), length * v[0], share))
+        out.append((replace(each, second=phase), length * v[0], -length * float(along @ pull)))
     return out

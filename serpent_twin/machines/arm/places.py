@@ -13,7 +13,15 @@ import numpy as np
 
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
 from serpent_twin.arrays import Array
-from serpent_twin.effects.arm_places import JOINT_AXES, LINK_MASS, LOADS, MARKERS, NAMES, levers
+from serpent_twin.effects.arm_places import (
+    JOINT_AXES,
+    LINK_MASS,
+    LOADS,
+    MARKERS,
+    NAMES,
+    centres_of_mass,
+    levers,
+)
 from serpent_twin.effects.law import POSITIONS, READINGS, SPRING
 from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.places import PlaceResponse
@@ -88,6 +96,11 @@ class ArmPlaces:
         return np.gradient(joint_angle, axis=1) / np.gradient(time, axis=1)
 
     @cached_property
+    def _frames(self) -> tuple[Array, Array]:
+        """Where the links are, as `link_frames` says."""
+        return link_frames(self.did.joint_angle)
+
+    @cached_property
     def _strand(self) -> Array:
         """Stiffness of each strand that pulls [N/m], (S, T, 20)."""
         own = self.twin.parameters.strand_stiffness * np.exp(self.twin.tolerances.strand_stiffness)
@@ -111,7 +124,7 @@ class ArmPlaces:
     @cached_property
     def _by_joints(self) -> Array:
         """Change of the prediction by each joint's angle, (9, S, T, 37)."""
-        origin, rotation = link_frames(self.did.joint_angle)
+        origin, rotation = self._frames
         axis = (rotation @ JOINT_AXES[..., None])[..., 0]
         marker = np.asarray(self.did.marker)
         reach = marker[..., None, :, :] - origin[..., :, None, :]
@@ -157,8 +170,8 @@ class ArmPlaces:
 
     def _of_bodies(self) -> Iterator[PlaceResponse]:
         lever = levers(self.did.joint_angle)
-        origin, rotation = link_frames(self.did.joint_angle)
-        middle = origin + rotation[..., 0] * (np.array(ARM.link_length) / 2)[:, None]
+        origin, rotation = self._frames
+        middle = centres_of_mass(origin, rotation)
         for n, name in enumerate(NAMES["body"]):
             world = np.einsum("stjx,jstc->xstc", lever[..., n, :, :], self._by_torques)
             yield PlaceResponse("force", name, world)
@@ -170,7 +183,7 @@ class ArmPlaces:
         yield PlaceResponse("acceleration", NAMES["frame"][0], inertia)
 
     def _of_sensors(self) -> Iterator[PlaceResponse]:
-        origin, rotation = link_frames(self.did.joint_angle)
+        origin, rotation = self._frames
         marker = np.asarray(self.did.marker)
         every, turned = np.zeros((2, 3, *self.pieces.measured.shape))
         for n, name in enumerate(MARKERS):

@@ -1,0 +1,53 @@
+"""Test that what shows in one sensor alone is judged by that sensor."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from serpent_twin.effects import Range
+from serpent_twin.identification.held_out import errors
+from serpent_twin.identification.score_test import Score
+from serpent_twin.identification.trials import gained
+from serpent_twin.machines.machine import Candidate
+from serpent_twin.residual import MARKERS, Comparison
+from serpent_twin.residual.measure import LOADS
+
+
+def test_a_law_at_a_sensor_is_judged_by_that_sensor():
+    """A third of what one marker of nine shows is a small gain of them all; of a law elsewhere, all count."""
+    S, T, M, N = 5, 40, 9, 2
+    rng = np.random.default_rng(3)
+    true = rng.standard_normal((S, T, M, 3))
+    off = rng.standard_normal((S, T, M, 3))
+    better = off.copy()
+    better[:, :, 4] *= 0.67
+    known = {"time": np.tile(np.arange(T), (S, 1)), "marker_measured": true}
+    loads = {f"load_{of}": rng.standard_normal((S, T, N)) for of in ("measured", "predicted")}
+    before, after = (
+        errors(Comparison(("s",) * S, marker_predicted=true - e, **known, **loads))
+        for e in (off, better)
+    )
+    assert before.of_markers.shape == (S, 5, M) and before.of_loads.shape == (S, 5, N)
+    assert before.of_markers.mean(axis=-1) == pytest.approx(before.marker_by_block)
+    change = np.zeros((S, T, 3 * M + N))
+    change[..., 12:15] = 1.0
+    none, one = np.zeros(0, np.float32), np.ones(1)
+    score = Score("law", 0.0, 1.0, one, False, none, none, one)
+    size = {"size": Range("1", -10.0, 10.0, 1.0)}
+    law = Candidate("law", size, (one,), composed={"name": "discovered"})
+    outputs = [SimpleNamespace(measure=m) for m in (*[MARKERS] * 3 * M, *[LOADS] * N)]
+    machine = SimpleNamespace(outputs=outputs)
+    own, elsewhere = (
+        gained(
+            SimpleNamespace(channels=3 * M + N, machine=machine, candidates={"law": law}),
+            replace(score, change=each.ravel()),
+            before,
+            after,
+        )
+        for each in (change, np.ones_like(change))
+    )
+    assert own.relative == pytest.approx(0.33)
+    assert own.whole == pytest.approx(elsewhere.relative) and elsewhere.relative < 0.03
+    assert elsewhere.whole == elsewhere.relative
