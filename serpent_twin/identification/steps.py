@@ -7,7 +7,7 @@ repeat with it included. (5) An error above that of a twin that lacks nothing is
 """
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,19 +20,18 @@ from serpent_twin.identification.acceptance import (
     best_trial,
     better_trial,
     promising,
-    weakness,
     weakness_of_fit,
 )
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.detection import identifiability, opening_fit
-from serpent_twin.identification.discovery import discover
+from serpent_twin.identification.discovery import discover, elsewhere
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.least_squares import OnProgress, fit
+from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.trials import Trials, gained
-from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
@@ -90,7 +89,7 @@ class Tracer:
             base = better
         if self.composing:
             base = self._discovered(base, rounds)
-        final = self._sharpened(self._without_proxies(base, rounds))
+        final = self._sharpened(without_proxies(self.trials, self.case, base, rounds))
         self.final = final.point
         rivals = {n: self.trials.rivals(self.case, n, rounds) for n in final.point.effects}
         return Selection(self.case, calibrated, final, tuple(rounds), rivals)
@@ -127,11 +126,38 @@ class Tracer:
                 names, self.case, base, base, before, stage, _COMPOSED, beside=_NEAR
             )
             best = best_trial(trials, self.case.candidates)
+            if best:
+                trials |= self._elsewhere(trials, best, base, before, stage)
+                best = best_trial(trials, self.case.candidates)
             rounds.append(Round(base, before, trials, (best,) if best else ()))
             if (better := self._stands(rounds)) is None:
                 break
             base = better
         return base
+
+    def _elsewhere(
+        self,
+        trials: Mapping[str, CandidateTrial],
+        best: str,
+        base: Fit,
+        before: Errors,
+        stage: str,
+    ) -> dict[str, CandidateTrial]:
+        """Trials of the best composed law on other bodies."""
+        found = trials[best].fit
+        assert found is not None
+        others = {
+            each.name: each
+            for each in elsewhere(self.case.candidates[best], found)
+            if each.name not in trials or trials[each.name].fit is None
+        }
+        if not others:
+            return {}
+        self.case = self.case.composing(list(others.values()))
+        stage, most = f"{stage}_elsewhere", _COMPOSED
+        return self.trials.each(
+            list(others), self.case, base, base, before, stage, most, found.cost, beside=_NEAR
+        )
 
     def _judged_again(self, done: Round, polished: Fit) -> Round:
         """A round after its accepted candidates were fitted again, which may reverse the acceptance."""
@@ -259,33 +285,3 @@ class Tracer:
         for name in pair.pair.names:
             trials[name] = replace(pair.trial, score=trials[name].score)
         return Round(base, before, trials, pair.pair.names, tried)
-
-    def _without_proxies(self, final: Fit, rounds: Sequence[Round]) -> Fit:
-        """Drop effects that were accepted early and gain nothing beside those accepted later."""
-        names = list(final.point.effects)
-        for name in names[:-1]:
-            rest = {n: v for n, v in final.point.effects.items() if n != name}
-            point = ParameterVector(final.point.declared, rest)
-            free = free_parameters(self.case, list(rest))
-            less = self.notes.fit(
-                f"without_{len(rounds)}_{name}",
-                lambda p=point, m=free, f=final: fit(
-                    self.case,
-                    self.training,
-                    p,
-                    m,
-                    3,
-                    self.case.segments[0],
-                    self.on_progress,
-                    known=f,
-                ),
-            )
-            without, beside = self.errors(less.point), self.errors(final.point)
-            if gave_up(beside, without):
-                continue
-            score = next(r.trials[name].score for r in rounds if name in r.accepted)
-            lost = gained(self.case, score, without, beside)
-            if weakness(lost):
-                self.on_progress(f"{spaced(name)} is not worth it beside the others")
-                final = less
-        return final

@@ -9,7 +9,7 @@ from paths import DATA
 from serpent_twin import machines
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import HANDLES, SHAPES, Law, parse
-from serpent_twin.identification.discovery import steps_alike
+from serpent_twin.identification.discovery import elsewhere, steps_alike
 from serpent_twin.identification.discovery.candidates import candidate_of
 from serpent_twin.identification.discovery.followed import around
 from serpent_twin.identification.discovery.screen import screened
@@ -200,6 +200,35 @@ def test_a_candidate_of_a_law_starts_where_it_was_found():
     assert candidate.place["name"] == "discovered"
     assert candidate.place["place"] == {"kind": "joint", "name": "joint1"}
     assert candidate.place["depends_on"] == ["joint angle of joint1"]
+
+
+def test_a_law_on_a_body_is_tried_on_others_with_its_fitted_numbers():
+    law = Discovered(0.2, -0.1, 0.3, at="force of link3: above joint_angle of joint1", first=0.2)
+    made = Made(law)
+    best = next(each for each in made.found() if each.law == law.law)
+    links = ["link2", "link3", "link4"]
+    candidate = candidate_of(best, made.readings, best.law.units(), links)
+    assert candidate.places == ("link2", "link4")
+    fitted = np.array([0.25, -0.1, 0.3, 0.0, 0.21, 0.0, -1.0, 1.0])
+    fit = SimpleNamespace(point=ParameterVector(np.zeros(M)).having(candidate.name, fitted))
+    others = elsewhere(candidate, fit)
+    at = "force of {}: above joint_angle of joint1"
+    assert [each.name for each in others] == [
+        f"discovered@{at.format(link)}" for link in ("link2", "link4")
+    ]
+    assert all((each.variants[0] == fitted).all() for each in others)
+    assert others[1].place["place"] == {"kind": "body", "name": "link4"}
+    assert sorted(others[1].places) == ["link2", "link3"]
+
+
+def test_a_law_at_a_joint_is_tried_nowhere_else():
+    made = Made(LAWS[0])
+    best = made.found()[0]
+    candidate = candidate_of(best, made.readings, best.law.units(), ["joint1", "joint2"])
+    fit = SimpleNamespace(
+        point=ParameterVector(np.zeros(M)).having(candidate.name, candidate.variants[0])
+    )
+    assert not elsewhere(candidate, fit)
 
 
 def test_a_law_in_words():

@@ -41,9 +41,12 @@ class _Reading:
 
 
 def candidate_of(
-    found: Composed, readings: Mapping[tuple[str, str], Array], units: Mapping[str, str]
+    found: Composed,
+    readings: Mapping[tuple[str, str], Array],
+    units: Mapping[str, str],
+    places: Sequence[str] = (),
 ) -> Candidate:
-    """The candidate of a composed law, whose numbers are in some units."""
+    """The candidate of a composed law, with the units of its numbers and other places where it could be."""
     law = found.law
     x = readings[law.reading, law.where] if law.reading else np.zeros(1)
     ends = _Reading(float(x.min()), float(x.max()))
@@ -66,6 +69,7 @@ def candidate_of(
             "depends_on": [law.depends_on] if law.reading else [],
         },
         alike=found.alike,
+        places=tuple(place for place in places if place != law.place),
     )
 
 

@@ -41,8 +41,14 @@ def discover(
         for each in screened(case, some, base, places)
         if (each.worth > least and each.share > _SHARE) or _in_one_sensor(each)
     ]
+    at = [(each.handle, each.place) for each in places.responses]
     new = [
-        candidate_of(each, places.readings, case.units_of_law(each.law))
+        candidate_of(
+            each,
+            places.readings,
+            case.units_of_law(each.law),
+            [place for handle, place in at if handle == each.law.handle],
+        )
         for each in distinct(found, _TRIED)
     ]
     return [each for each in new if each.name not in base.point.effects]

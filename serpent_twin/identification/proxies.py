@@ -1,0 +1,47 @@
+"""Drop effects that stood for others."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from serpent_twin.identification.acceptance import Round, weakness
+from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.held_out import gave_up
+from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.trials import Trials, gained
+from serpent_twin.identification.wording import spaced
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
+
+_DERIVATIVES = 3
+
+
+def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequence[Round]) -> Fit:
+    """A fit without effects that were accepted early and gain nothing beside those accepted later."""
+    names = list(final.point.effects)
+    for name in names[:-1]:
+        rest = {n: v for n, v in final.point.effects.items() if n != name}
+        point = ParameterVector(final.point.declared, rest)
+        free = free_parameters(case, list(rest))
+        less = trials.notes.fit(
+            f"without_{len(rounds)}_{name}",
+            lambda p=point, m=free, f=final: fit(
+                case,
+                trials.training,
+                p,
+                m,
+                _DERIVATIVES,
+                case.segments[0],
+                trials.on_progress,
+                known=f,
+            ),
+        )
+        without, beside = trials.errors(case, less.point), trials.errors(case, final.point)
+        if gave_up(beside, without):
+            continue
+        score = next(r.trials[name].score for r in rounds if name in r.accepted)
+        lost = gained(case, score, without, beside)
+        if weakness(lost):
+            trials.on_progress(f"{spaced(name)} is not worth it beside the others")
+            final = less
+    return final
