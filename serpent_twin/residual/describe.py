@@ -160,4 +160,11 @@ def _unknown(findings: Findings) -> str:
         return f"Most of it is a constant offset{where} ({constant[most]:.2f} {unit}): look at {marker.zero}."
     above = findings.above_noise
     what = f"The {above:.2f} {unit} above the noise follow" if np.isfinite(above) else "It follows"
-    return f"{what} nothing that was looked at: no angle, motion, force, time or place."
+    nothing = f"{what} nothing that was looked at: no angle, motion, force, time or place."
+    if (burst := findings.burst) is None:
+        return nothing
+    return (
+        f"{nothing} {100 * burst.share:.0f} % lie in {100 * burst.of_time:.0f} % of the time, most between "
+        f"{burst.begin:.0f} s and {burst.end:.0f} s of {burst.session}: look at what happens there, and "
+        "whether other logs have it, too."
+    )

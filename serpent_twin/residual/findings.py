@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from serpent_twin.residual.burst import Burst, burst
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.dependence import Dependence, depends_on
 from serpent_twin.residual.drift import Drift, Jump, drift, jump
@@ -71,6 +72,8 @@ class Findings:
     """On what it depends, the greatest share first"""
     where: list[Where]
     """Where each dependence shows"""
+    burst: Burst | None = None
+    """The short time in which nearly all of the markers' error lies"""
 
     @property
     def above_noise(self) -> float:
@@ -129,6 +132,7 @@ def analyse(comparison: Comparison, rng: np.random.Generator, permutations: int 
         load_change=_load_change(comparison, rng, permutations),
         depends_on=depends,
         where=[where(comparison, d, found) for d in depends],
+        burst=burst(comparison),
     )
 
 
