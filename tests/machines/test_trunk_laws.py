@@ -7,7 +7,7 @@ import pytest
 from trunk_runs import answer, log, made, moving, shape
 
 from serpent_twin.effects.discovered import Discovered
-from serpent_twin.effects.law import Law, parse
+from serpent_twin.effects.law import HANDLES, Law, parse
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.discovery import discover
 from serpent_twin.identification.free_parameters import free_parameters
@@ -17,10 +17,8 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import cut
 from serpent_twin.machines.measured.twin_file import read_twin
 from serpent_twin.machines.trunk import MACHINE, Trunk
-from serpent_twin.machines.trunk.motion import CHANGED, TrunkMoment
+from serpent_twin.machines.trunk.motion import CHANGED, PLACES, TrunkMoment
 from serpent_twin.machines.trunk.shape import GOALS, SEEN
-
-NAMES = tuple(f"motor{m}" for m in range(1, 7))
 
 
 def numbers(*size, first=0.0):
@@ -41,7 +39,8 @@ def one(rows=3):
         for n in ("motor_velocity", "cable_torque", "stood", "goal", "motor_angle", "winch_angle")
     }
     dt, time = np.full((rows, 1), 0.01), np.full((rows, 1), 70.0)
-    return TrunkMoment(dt=dt, time=time, disk=rng.normal(size=(rows, 9)), **six)
+    disk, shift = rng.normal(size=(rows, 9)), np.zeros((rows, 9))
+    return TrunkMoment(dt=dt, time=time, disk=disk, marker_shift=shift, **six)
 
 
 def test_what_laws_follow_is_what_the_moment_holds():
@@ -90,6 +89,14 @@ def test_a_turned_winch_is_another_goal_that_the_servo_does_not_show():
     np.testing.assert_allclose(told[1], changed[1], atol=1e-3)  # between rows, not all is linear
 
 
+def test_a_shifted_marker_is_one_that_sits_elsewhere_on_its_disk():
+    goal, shift = moving(4), [0.004, -0.006, 0.008]
+    sits = np.array([0.002, 0.003, -0.001] * 3) + np.r_[np.zeros(3), shift, np.zeros(3)]
+    elsewhere = answer(Trunk(shape(disk=sits)), log(goal))[0]
+    law = {"discovered@marker_shift of marker2: constant": [*shift, *[0.0] * 5]}
+    np.testing.assert_allclose(answer(Trunk(shape()), log(goal), **law)[0], elsewhere, atol=1e-12)
+
+
 def test_the_clock_is_the_sessions_in_every_window():
     """What turns a winch from 13 s on does so in the rows from then on, whichever window holds them."""
     machine, run = Trunk(shape(), every=1, window=(4.0, 2.0)), log(np.zeros((2400, 6)))
@@ -115,6 +122,7 @@ def test_the_clock_is_the_sessions_in_every_window():
         ("winch_angle", "motor_angle of motor4"),
         ("winch_angle", "horn_torque of motor2"),
         ("command", "command of motor4"),
+        ("marker_shift", "motor_angle of motor4"),
     ],
 )
 def test_to_first_order_a_response_is_what_a_small_change_shows(handle, reading):
@@ -122,13 +130,16 @@ def test_to_first_order_a_response_is_what_a_small_change_shows(handle, reading)
     runs, start = runs_of(machine, run), ParameterVector(np.zeros(len(machine.declared)))
     places = machine.responses_at_places(start, runs)
     found = {(each.handle, each.place): each.change[0] for each in places.responses}
-    assert set(found) == {(handle, name) for handle in CHANGED for name in NAMES}
+    place = PLACES[HANDLES[handle].kind][1]
+    assert set(found) == {
+        (handle, name) for handle in CHANGED for name in PLACES[HANDLES[handle].kind]
+    }
     usual, there = machine.respond(
-        [start, start.having(f"discovered@{handle} of motor2: linear {reading}", np.array(numbers(0.02)))],
+        [start, start.having(f"discovered@{handle} of {place}: linear {reading}", np.array(numbers(0.02)))],
         runs,
     )  # fmt: skip
     follows = 0.02 * places.readings[tuple(reading.split(" of "))]
-    expected = follows[..., None] * found[handle, "motor2"]
+    expected = follows[..., None] * found[handle, place]
     settled = slice(10, None)
     apart = np.linalg.norm((there - usual - expected)[:, settled])
     assert apart < 0.1 * np.linalg.norm(expected[:, settled])

@@ -37,7 +37,7 @@ from serpent_twin.machines.measured import (
 )
 from serpent_twin.machines.trunk import body
 from serpent_twin.machines.trunk.motion import Trunks
-from serpent_twin.machines.trunk.places import TrunkPlaces, at_motors
+from serpent_twin.machines.trunk.places import TrunkPlaces, at_places
 from serpent_twin.machines.trunk.shape import (  # fmt: skip
     ANGLES,
     DISKS,
@@ -157,8 +157,8 @@ class Trunk(RunMachine):
         return self._simulate(points, pieces)[..., : len(self.outputs)]
 
     def responses_at_places(self, point: ParameterVector, pieces: Runs) -> TrunkPlaces:
-        """What changes at the motors would show."""
-        return at_motors(self._simulate, point, pieces)
+        """What changes at the motors and markers would show."""
+        return at_places(self._simulate, point, pieces)
 
     def units_of_law(self, law: Law) -> dict[str, str]:
         """The units of a law's size and of its form's parameters: commands are goals [rad]."""

@@ -10,7 +10,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Instant
 from serpent_twin.effects.arm_places import column
-from serpent_twin.effects.law import ACTUATOR_COMMAND, POSITIONS, READINGS, Law
+from serpent_twin.effects.law import ACTUATOR_COMMAND, HANDLES, POSITIONS, READINGS, Law
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.trunk.body import TIME_STEP
 from serpent_twin.machines.trunk.shape import DISKS, ENDS_AT, MOTORS, Shape
@@ -21,9 +21,10 @@ from serpent_twin.sim.stepper import Stepper, set_timestep, side_by_side
 PLACES = {
     "actuator": tuple(f"motor{m}" for m in MOTORS),
     "body": tuple(f"disk{k}" for k in DISKS),
+    "sensor": tuple(f"marker{k}" for k in DISKS),
 }
 """Names of the places of each kind at which laws read and change"""
-CHANGED = ("winch_angle", ACTUATOR_COMMAND)
+CHANGED = ("winch_angle", ACTUATOR_COMMAND, "marker_shift")
 """What laws change"""
 FOLLOWED = ("motor_angle", "motor_velocity", "horn_torque", ACTUATOR_COMMAND)
 """What laws follow of a motor, besides positions of disks and the time"""
@@ -56,6 +57,8 @@ class TrunkMoment(Instant):
     """Where they stand [rad]"""
     winch_angle: Array
     """What winds the cables [rad]"""
+    marker_shift: Array
+    """By which disks' markers are elsewhere, in the disks' frames [m], (n, 9)"""
 
     def tell(self, goal: Array) -> None:
         """Give the servos another goal [rad], reached at once unless a later effect makes them yield."""
@@ -85,14 +88,17 @@ class TrunkMoment(Instant):
         return getattr(self, names.get(law.reading, law.reading))[:, at : at + 1]
 
     def change(self, law: Law, sizes: Sequence[Array | float]) -> None:
-        """Turn a winch by a size (n, 1) [rad]; with another command, its servo turns as well."""
+        """Turn a winch by a size (n, 1) [rad], with another command its servo as well, or shift a marker by
+        three [m].
+        """
         if law.handle not in CHANGED:
             raise SerpentError(f"no law changes {law.handle} here; there are: {listed(CHANGED)}.")
-        at = column(PLACES["actuator"], law.place)
-        turned = ("winch_angle", "motor_angle") if law.handle == ACTUATOR_COMMAND else CHANGED[:1]
-        for name in turned:
+        at, d = column(PLACES[HANDLES[law.handle].kind], law.place), len(sizes)
+        by = np.concatenate([np.broadcast_to(size, self.time.shape) for size in sizes], axis=1)
+        told = law.handle == ACTUATOR_COMMAND
+        for name in ("winch_angle", "motor_angle") if told else (law.handle,):
             changed = getattr(self, name).copy()
-            changed[:, at : at + 1] += sizes[0]
+            changed[:, d * at : d * (at + 1)] += by
             setattr(self, name, changed)
 
 
@@ -114,6 +120,8 @@ class Trunks(Stepper[TrunkMoment]):
         self._stiffness = self.batch.expand("tendon_stiffness")
         self._bend = self.batch.expand("tendon_stiffnesspoly")
         self._sensors = self.batch.bind("sensordata")
+        self._turns = self.batch.bind("site_xmat")
+        self._markers = [models[0].site(name).id for name in PLACES["sensor"]]
         self._wound = np.array([s["wound"][np.array(ENDS_AT) - 1] for s in shapes])
         self._zero = np.array([s["zero"] for s in shapes])
 
@@ -142,9 +150,15 @@ class Trunks(Stepper[TrunkMoment]):
                 self.batch.step()
                 stood = moment.motor_angle
                 if k == 0:  # a step reads its sensors before it moves
-                    seen = (self._sensors, stood, moment.cable_torque, moment.goal)
+                    disk = self._sensors + self._turned(moment.marker_shift)
+                    seen = (disk, stood, moment.cable_torque, moment.goal)
                     out[:, t] = np.concatenate(seen, axis=1)
         return out
+
+    def _turned(self, shift: Array) -> Array:
+        """Shifts (n, 9) in the disks' frames as the cameras see them, (n, 9)."""
+        turns = self._turns.reshape(len(shift), -1, 3, 3)[:, self._markers]
+        return (turns @ shift.reshape(-1, 3, 3, 1)).reshape(shift.shape)
 
     def _moment(
         self, goal: Array, velocity: Array, time: Array, dt: Array, stood: Array
@@ -162,6 +176,7 @@ class Trunks(Stepper[TrunkMoment]):
             goal=goal,
             motor_angle=goal.copy(),
             winch_angle=goal.copy(),
+            marker_shift=np.zeros((len(goal), 9)),
         )
 
     def apply(self, moment: TrunkMoment) -> None:
