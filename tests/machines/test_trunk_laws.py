@@ -43,6 +43,15 @@ def one(rows=3):
     return TrunkMoment(dt=dt, time=time, disk=disk, marker_shift=shift, **six)
 
 
+def calibrated(machine, run):
+    """The case of a log, its runs, and the fit of the declared parameters, by which channels are weighed."""
+    case = Case(machine, np.array([each.noise for each in machine.outputs]))
+    runs, start = case.pieces([run]), ParameterVector(np.zeros(len(case.declared)))
+    case = case.reweighted(start, runs)
+    base = fit(case, runs, start, free_parameters(case, ()), 2, 3)
+    return case.weighed_by(base.residual, case.take(runs, base.used)), runs, base
+
+
 def test_what_laws_follow_is_what_the_moment_holds():
     moment = one()
     for text, expected in (
@@ -163,11 +172,7 @@ def test_a_winch_that_turns_further_beyond_an_angle_is_found_at_its_motor(tmp_pa
     further[:, 1] = 0.25 * np.maximum(goal[:, 1] - 0.3, 0.0)
     plain, wound = made(machine, goal), made(machine, goal + further)
     run = replace(plain, columns=plain.columns | {name: wound.columns[name] for name in SEEN})
-    case = Case(machine, np.array([each.noise for each in machine.outputs]))
-    runs, start = case.pieces([run]), ParameterVector(np.zeros(len(case.declared)))
-    case = case.reweighted(start, runs)
-    base = fit(case, runs, start, free_parameters(case, ()), 2, 3)
-    case = case.weighed_by(base.residual, case.take(runs, base.used))
+    case, runs, base = calibrated(machine, run)
     best, *_ = discover(case, runs, base, False, lambda _: None)
     law = parse(best.at)
     assert law == Law("winch_angle", "motor2", "beyond", "motor_angle", "motor2")
@@ -183,6 +188,12 @@ def test_a_winch_that_turns_further_beyond_an_angle_is_found_at_its_motor(tmp_pa
     assert isinstance(stored, Discovered)
     assert stored.law == law
     assert MACHINE.changed(tmp_path / "twin.json").open([run]).machine.fixed == (stored,)
+
+
+def test_of_a_trunk_that_lacks_nothing_nothing_is_composed():
+    machine = Trunk(shape())
+    case, runs, base = calibrated(machine, made(machine, moving(34)))
+    assert not discover(case, runs, base, True, lambda _: None)
 
 
 def test_units_are_those_of_angles():

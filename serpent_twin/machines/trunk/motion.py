@@ -156,7 +156,9 @@ class Trunks(Stepper[TrunkMoment]):
         return out
 
     def _turned(self, shift: Array) -> Array:
-        """Shifts (n, 9) in the disks' frames as the cameras see them, (n, 9)."""
+        """Shifts (n, 9) of markers in the disks' frames, in that of the logs [m], (n, 9): they show at once,
+        also where cameras are late.
+        """
         turns = self._turns.reshape(len(shift), -1, 3, 3)[:, self._markers]
         return (turns @ shift.reshape(-1, 3, 3, 1)).reshape(shift.shape)
 
