@@ -36,7 +36,7 @@ from serpent_twin.machines.measured import (
     read_twin,
 )
 from serpent_twin.machines.trunk import body
-from serpent_twin.machines.trunk.motion import Trunks
+from serpent_twin.machines.trunk.motion import SIMULATED, Trunks
 from serpent_twin.machines.trunk.places import TrunkPlaces, at_places
 from serpent_twin.machines.trunk.shape import (  # fmt: skip
     ANGLES,
@@ -167,7 +167,7 @@ class Trunk(RunMachine):
 
     def _simulate(self, points: Sequence[ParameterVector], pieces: Runs) -> Array:
         """Disks, servos, the cables' torques and the goals that reach servos, (D, S, T, 27)."""
-        out = np.full((len(points), *pieces.time.shape, 27), np.nan)
+        out = np.full((len(points), *pieces.time.shape, SIMULATED), np.nan)
         shapes, models, several, built = [], [], [], []
         for n, point in enumerate(points):
             there = effects_at(point)

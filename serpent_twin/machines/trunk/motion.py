@@ -28,6 +28,8 @@ CHANGED = ("winch_angle", ACTUATOR_COMMAND, "marker_shift")
 """What laws change"""
 FOLLOWED = ("motor_angle", "motor_velocity", "horn_torque", ACTUATOR_COMMAND)
 """What laws follow of a motor, besides positions of disks and the time"""
+SIMULATED = 27
+"""Numbers of a row: of three disks x, y and z; of six servos their angles, the cables' torques, the goals"""
 
 
 @dataclass
@@ -127,7 +129,7 @@ class Trunks(Stepper[TrunkMoment]):
 
     def run(self, goal: Array, time: Array, period: Array) -> Array:
         """Where disks and servos are in each row, the cables' torque on the horns, and the goals that reach
-        the servos, (n, T, 9 + 3 · 6), for goals (n, T, 6) [rad] in rows at times (n, T) since the session
+        the servos, (n, T, 27), for goals (n, T, 6) [rad] in rows at times (n, T) since the session
         began, periods (n,) apart [s].
         """
         n, T = goal.shape[:2]
@@ -135,7 +137,7 @@ class Trunks(Stepper[TrunkMoment]):
         dt = (period / steps)[:, None]
         set_timestep(self.batch, dt)
         ahead = np.diff(goal, axis=1, append=goal[:, -1:])
-        out = np.empty((n, T, 27))
+        out = np.empty((n, T, SIMULATED))
         rate, stood = ahead / (steps * dt[:, None]), goal[:, 0]
         moment = self._moment(goal[:, 0], rate[:, 0], time[:, :1], dt, stood)
         self.begin(moment)
