@@ -13,6 +13,7 @@ from measured_logs import jaw, pendulum, write_log
 from experiments.measured import __main__ as measured
 from experiments.measured import changed as measured_changed
 from experiments.measured import metric as measured_metric
+from experiments.measured import page as measured_page
 from experiments.measured import regression as measured_regression
 from experiments.measured import split as measured_split
 from experiments.measured.benchmark import BENCHMARKS
@@ -225,6 +226,19 @@ def test_a_regression_finds_a_linear_law():
 
     off = measured_regression.regressions("jaw", [run(), run()], [run()], measured_metric.RMSE)
     assert max(off.values()) < 0.1
+
+
+def test_an_effect_is_named_with_its_place_or_its_law():
+    at, number = {"place": {"kind": "actuator", "name": "motor3"}}, {"low": 1.0, "high": 3.0}
+    told = {"parameters": {"size": {"value": 2.0, "unit": "rad", **number}}}
+    law = {"changes": "winch_angle", "law": "above", "depends_on": ["time"]}
+    assert measured_page.effect_told({"name": "gear_backlash", **at, **told}).startswith(
+        "gear backlash@motor3"
+    )
+    assert measured_page.effect_told({"name": "discovered", **at, **law, **told}) == (
+        "a turn of the winch of motor3 that its encoder does not show, while the time is above a "
+        "threshold (size 2 [1 … 3] rad)"
+    )
 
 
 def test_the_tips_error_is_the_last_markers_distance():

@@ -124,7 +124,7 @@ class Search:
         products, squares = np.zeros((2, len(responses), widest, len(self.rows.left)))
         for n, (product, square) in enumerate(found):
             products[n, : len(product)], squares[n, : len(square)] = product, square
-        for name in _TIMES:
+        for name in (each for each in _TIMES if each in self.readings):
             peaks = swings(self.readings[name], products, squares)
             for several, rates in zip(out, peaks, strict=True):
                 several += [each for rate in rates for each in swinging(name, rate)]

@@ -16,6 +16,7 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Range
+from serpent_twin.effects.law import ACTUATOR_COMMAND, Law
 from serpent_twin.effects.strands import ALIKE
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import (
@@ -35,7 +36,8 @@ from serpent_twin.machines.measured import (
     read_twin,
 )
 from serpent_twin.machines.trunk import body
-from serpent_twin.machines.trunk.motion import Trunks
+from serpent_twin.machines.trunk.motion import SIMULATED, Trunks
+from serpent_twin.machines.trunk.places import TrunkPlaces, at_places
 from serpent_twin.machines.trunk.shape import (  # fmt: skip
     ANGLES,
     DISKS,
@@ -152,7 +154,20 @@ class Trunk(RunMachine):
         self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
     ) -> Array:
         """Disks and servos, (D, S, T, 15); not finite for a trunk that cannot be built."""
-        out = np.full((len(points), *pieces.time.shape, len(self.outputs)), np.nan)
+        return self._simulate(points, pieces)[..., : len(self.outputs)]
+
+    def responses_at_places(self, point: ParameterVector, pieces: Runs) -> TrunkPlaces:
+        """What changes at the motors and markers would show."""
+        return at_places(self._simulate, point, pieces)
+
+    def units_of_law(self, law: Law) -> dict[str, str]:
+        """The units of a law's size and of its form's parameters: commands are goals [rad]."""
+        size, of = ("rad" if each == ACTUATOR_COMMAND else "" for each in (law.handle, law.reading))
+        return law.units(size, of)
+
+    def _simulate(self, points: Sequence[ParameterVector], pieces: Runs) -> Array:
+        """Disks, servos, the cables' torques and the goals that reach servos, (D, S, T, 27)."""
+        out = np.full((len(points), *pieces.time.shape, SIMULATED), np.nan)
         shapes, models, several, built = [], [], [], []
         for n, point in enumerate(points):
             there = effects_at(point)
@@ -167,7 +182,8 @@ class Trunk(RunMachine):
         if built:
             trunks, D = Trunks(models, shapes, several, threads()), len(built)
             goal = np.tile(np.stack([pieces.column[name] for name in GOALS], axis=-1), (D, 1, 1))
-            found = np.concatenate(trunks.run(goal, np.tile(pieces.period, D)), axis=-1)
+            time, period = np.tile(pieces.time, (D, 1)), np.tile(pieces.period, D)
+            found = trunks.run(goal, time, period)
             out[built] = found.reshape(D, *pieces.time.shape, -1)
         return out
 
