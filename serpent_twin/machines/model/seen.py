@@ -24,9 +24,10 @@ class Seen:
         self, machine: Described, frame: Mapping[str, Any], twins: Sequence[Mapping[str, float]]
     ) -> None:
         self._about, self._frame, self._twins = machine.about, frame, twins
-        forces = any(_is_force(machine.model, *each.of) for each in self._about.measured)
+        self.of_forces = any(_is_force(machine.model, *each.of) for each in self._about.measured)
+        """Whether anything that is measured depends on the forces that act"""
         stages = mujoco.mjtStage
-        self.stage = int(stages.mjSTAGE_ACC if forces else stages.mjSTAGE_VEL)
+        self.stage = int(stages.mjSTAGE_ACC if self.of_forces else stages.mjSTAGE_VEL)
         """What MuJoCo must compute of a row before it is read"""
 
     def bind(self, batch: Batch) -> None:

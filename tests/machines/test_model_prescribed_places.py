@@ -1,0 +1,94 @@
+"""Composed laws beside prescribed motion: to first order beside simulation, and found in a log."""
+
+import numpy as np
+import pytest
+import swinging_models
+
+from serpent_twin.effects.law import SHAPES, parse
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.model import open_machine
+
+SENSOR = """
+[[measured]]
+sensor = "held"
+columns = ["mx", "my", "mz"]
+unit = "N m"
+noise = 0.01
+"""
+
+
+def numbers(size, first=0.0, second=0.0):
+    """A law's eight numbers."""
+    return np.array([size, 0.0, 0.0, 0.0, first, second, 0.0, 0.0])
+
+
+def sensing(folder):
+    """A two-link arm whose shoulder's motion is prescribed, with a torque sensor between it and the wall."""
+    path = swinging_models.machine(folder)
+    model = path.with_name("arm.xml")
+    upper = '<joint name="shoulder"'
+    sensor = '<sensor><torque name="held" site="seat"/></sensor></mujoco>'
+    text = model.read_text().replace(upper, f'<site name="seat"/>{upper}', 1)
+    model.write_text(text.replace("</mujoco>", sensor))
+    path.write_text(path.read_text().replace("0.0005", "0.002") + SENSOR)
+    log = swinging_models.log(folder / "log.csv", 1, noise=0.0)
+    table = np.genfromtxt(log, delimiter=",", names=True)
+    elsewhere = np.outer(table["angle"], np.ones(3))  # is not looked at
+    rows = np.c_[table["t"], table["encoder"], table["angle"], elsewhere]
+    np.savetxt(log, rows, "%.8f", ",", header="t,encoder,angle,mx,my,mz", comments="")
+    return path, log
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory):
+    """Its case and segments, and what changes at its places show."""
+    path, log = sensing(tmp_path_factory.mktemp("arm"))
+    rig = open_machine(path)
+    case = rig.open(sessions := rig.read(log))
+    pieces = case.pieces(sessions)
+    return case, pieces, case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+
+
+LAWS = {
+    ("joint_torque of elbow: constant", 0): 0.999,
+    ("joint_torque of elbow: above joint_angle of shoulder", 0): 0.99,
+    ("joint_torque of elbow: linear joint_velocity of shoulder", 0): 0.99,
+    ("joint_torque of elbow: constant", 2): 0.99,
+    ("joint_friction of elbow: constant", 0): 0.99,
+    ("force of lower: constant", 0): 0.999,
+    ("force of lower: beyond position_z of lower", 2): 0.99,
+    ("force of upper: constant", 2): 0.999,
+    ("reading_shift of elbow: linear joint_angle of shoulder", 0): 0.99,
+}
+
+
+@pytest.mark.parametrize(("at", "channel", "least"), [(*of, least) for of, least in LAWS.items()])
+def test_a_change_shows_as_places_say_to_first_order(opened, at, channel, least):
+    """In the elbow's angle, and in the torque that moves the shoulder."""
+    case, pieces, places = opened
+    law, nominal = parse(at), ParameterVector(np.zeros(len(case.declared)))
+    responses = {(each.handle, each.place): each for each in places.responses}
+    x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
+    first = float(np.median(x))
+    follows = SHAPES[law.shape].form(x, first, 0.0)
+    unit = next(iter(responses[law.handle, law.place].of(follows[None])))[0, ..., channel]
+    size = 2e-3 / np.sqrt(np.mean(unit**2))
+    changed = ParameterVector(nominal.declared, {f"discovered@{at}": numbers(size, first)})
+    with_it, plain = (case.machine.respond([each], pieces)[0] for each in (changed, nominal))
+    found, told = (with_it - plain)[..., channel], size * unit
+    print(at, channel, (found*told).sum()/np.linalg.norm(found)/np.linalg.norm(told), np.linalg.norm(told)/ np.linalg.norm(found))
+    assert np.sum(found * told) > least * np.linalg.norm(found) * np.linalg.norm(told)
+    assert np.linalg.norm(told) == pytest.approx(np.linalg.norm(found), rel=0.1)
+
+
+def test_what_a_prescribed_joint_takes_up_is_no_place(opened):
+    """A torque there shows in nothing that MuJoCo measures."""
+    case, pieces, places = opened
+    assert not [each for each in places.responses if each.place == "shoulder"]
+    assert ("joint_angle", "shoulder") in places.readings
+    nominal = np.zeros(len(case.declared))
+    law = {"discovered@joint_torque of shoulder: constant": numbers(0.1)}
+    with_it, plain = (
+        case.machine.respond([ParameterVector(nominal, each)], pieces) for each in (law, {})
+    )
+    assert np.abs(with_it - plain).max() < 1e-4
