@@ -5,9 +5,11 @@ import pytest
 import swinging_models
 
 from serpent_twin.effects.law import SHAPES, parse
+from serpent_twin.identification.run import Trace, trace
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 
+PUSH, FROM, WIDE = 0.08, 1.2, 0.5  # [N m], [rad]
 SENSOR = """
 [[measured]]
 sensor = "held"
@@ -76,7 +78,6 @@ def test_a_change_shows_as_places_say_to_first_order(opened, at, channel, least)
     changed = ParameterVector(nominal.declared, {f"discovered@{at}": numbers(size, first)})
     with_it, plain = (case.machine.respond([each], pieces)[0] for each in (changed, nominal))
     found, told = (with_it - plain)[..., channel], size * unit
-    print(at, channel, (found*told).sum()/np.linalg.norm(found)/np.linalg.norm(told), np.linalg.norm(told)/ np.linalg.norm(found))
     assert np.sum(found * told) > least * np.linalg.norm(found) * np.linalg.norm(told)
     assert np.linalg.norm(told) == pytest.approx(np.linalg.norm(found), rel=0.1)
 
@@ -92,3 +93,27 @@ def test_what_a_prescribed_joint_takes_up_is_no_place(opened):
         case.machine.respond([ParameterVector(nominal, each)], pieces) for each in (law, {})
     )
     assert np.abs(with_it - plain).max() < 1e-4
+
+
+def test_a_torque_within_a_window_of_the_free_joint_s_angle_is_composed_there(tmp_path):
+    """Of logs that equations make which know nothing of MuJoCo."""
+    path, noise = swinging_models.machine(tmp_path / "arm"), 4e-3
+    text = path.read_text().replace("noise = 0.0005", f"noise = {noise}")
+    path.write_text(f'candidates = ["gravity"]\n{text}')
+
+    def push(q):
+        return PUSH if FROM < q < FROM + WIDE else 0.0
+
+    for n in range(3):
+        swinging_models.log(tmp_path / "logs" / f"motion_{n}.csv", n, noise=noise, push=push)
+    found = trace(Trace((tmp_path / "logs",), tmp_path / "trace", machine=path))
+    (law,) = found["effects"]
+    assert law["place"] == {"kind": "joint", "name": "elbow"}
+    assert (law["changes"], law["law"]) == ("joint_torque", "within")
+    assert law["depends_on"] == ["joint angle of elbow"]
+    size, begins, wide = (law["parameters"][name] for name in ("size", "from", "width"))
+    assert size["value"] == pytest.approx(PUSH, rel=0.1)
+    assert size["low"] < PUSH < size["high"]
+    assert begins["value"] == pytest.approx(FROM, abs=0.03)
+    assert wide["value"] == pytest.approx(WIDE, abs=0.05)
+    assert not found["unexplained"]["is"]

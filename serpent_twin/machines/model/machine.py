@@ -28,7 +28,13 @@ from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.earlier import acting
 from serpent_twin.machines.model.known import Factor, by_known_numbers
 from serpent_twin.machines.model.limits import LoggedLimits
-from serpent_twin.machines.model.motion import STEPS, DrivenMotion, DrivenRuns, StartGains, start_gain
+from serpent_twin.machines.model.motion import (
+    STEPS,
+    DrivenMotion,
+    DrivenRuns,
+    StartGains,
+    start_gain,
+)
 from serpent_twin.machines.model.numbers import change_number
 from serpent_twin.machines.model.places import ModelPlaces, only_single, units_of_law
 from serpent_twin.machines.model.pose_places import PosePlaces, commands_at_rest

@@ -139,8 +139,8 @@ class ModelPlaces:
         return [(name, n) for n in range(model.njnt) if (name := model.joint(n).name)]
 
     def _of_joints(self) -> Iterator[Response]:
-        """Of those whose motion is not prescribed: what prescribes it takes up any torque there, and no sensor
-        of MuJoCo shows how much.
+        """Of those whose motion is not prescribed: a prescribed one takes up any torque, which no sensor of
+        MuJoCo shows.
         """
         prescribed = {each.joint for each in self.machine.prescribed}
         for name, dof in self._joints:

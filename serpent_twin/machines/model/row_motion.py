@@ -28,8 +28,8 @@ _STATE = ("qpos", "qvel", "act")
 class ForcedRows:
     """How small changes of states, and small forces and changed commands during rows, go on.
 
-    Prescribed motion is followed, whatever changes. The angle and rate of a prescribed joint are no states: to
-    change them changes nothing.
+    Prescribed motion is followed, whatever changes. The angle and rate of a prescribed joint are no states:
+    nothing follows from their changes.
     """
 
     motion: RowMotion
