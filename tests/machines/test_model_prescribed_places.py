@@ -65,10 +65,11 @@ LAWS = {
 }
 
 
-def shown(case, pieces, places, at):
+def shown(opened, at):
     """What a twin with a law shows beyond the nominal one, (S, T, C), and what places say of that; it begins
     in the middle of its reading and changes channels by 2 mm, mrad or mN m, rms.
     """
+    case, pieces, places = opened
     law, nominal = parse(at), np.zeros(len(case.declared))
     responses = {(each.handle, each.place): each for each in places.responses}
     x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
@@ -93,13 +94,11 @@ def agree(found, told, least):
 @pytest.mark.parametrize(("at", "channel", "least"), [(*of, least) for of, least in LAWS.items()])
 def test_a_change_shows_as_places_say_to_first_order(opened, at, channel, least):
     """In the elbow's angle, and in the torque that moves the shoulder."""
-    agree(*(each[..., channel] for each in shown(*opened, at)), least)
+    found, told = shown(opened, at)
+    agree(found[..., channel], told[..., channel], least)
 
 
-@pytest.mark.parametrize(
-    "at",
-    ["joint_torque of elbow: constant", "force of lower: constant"],
-)
+@pytest.mark.parametrize("at", ["joint_torque of elbow: constant", "force of lower: constant"])
 def test_a_change_shows_to_first_order_where_a_tendon_is_prescribed(tmp_path, at):
     """It holds neither joint alone, and passes by both."""
     path, time = cabled(tmp_path, "motion"), np.arange(0.0, 3.0, 0.02)
@@ -110,7 +109,7 @@ def test_a_change_shows_to_first_order_where_a_tendon_is_prescribed(tmp_path, at
     case = rig.open(sessions)
     pieces = case.pieces(sessions)
     places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
-    agree(*shown(case, pieces, places, at), 0.99)
+    agree(*shown((case, pieces, places), at), 0.99)
 
 
 def test_what_a_prescribed_joint_takes_up_is_no_place(opened):

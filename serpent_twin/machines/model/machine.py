@@ -42,9 +42,8 @@ from serpent_twin.machines.model.poses import Rests, settled
 from serpent_twin.machines.model.prescribed import known_motion, prescribe
 from serpent_twin.machines.model.proposing import proposed
 from serpent_twin.machines.model.readings import reread
-from serpent_twin.machines.model.seen import Seen, address, beginning
+from serpent_twin.machines.model.seen import Seen, beginning, joint_angles
 from serpent_twin.machines.model.segments import ROWS, segments
-from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.machines.model.starts import start, start_columns, started_again
 from serpent_twin.machines.model.state_effects import acting_on_state, refuse_motion, together
 from serpent_twin.machines.model.switches import separate, switched_off
@@ -216,11 +215,9 @@ class ModelMachine(RunMachine):
     def _moved(self, points: Sequence[ParameterVector], pieces: Runs) -> Array:
         """What twins of one structure show in motion, side by side, (D, S, T, C)."""
         sensed = self._sensed(points, pieces, self.places)
-        motion, own = self._motion(points, pieces), self.described.model
+        motion = self._motion(points, pieces)
         seen, pose = motion.moved()
-        joints = [own.joint(int(n)).name for n in single_joints(own)]
-        at = {name: address(motion.driven.models[0], name) for name in joints if name}
-        found = sensed(seen, angles={name: pose[..., n] for name, n in at.items()})
+        found = sensed(seen, angles=joint_angles(motion.driven.models[0], pose))
         return found.reshape(len(points), len(pieces), *found.shape[1:])
 
     def _motion(self, points: Sequence[ParameterVector], pieces: Runs) -> DrivenMotion:

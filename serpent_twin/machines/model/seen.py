@@ -12,6 +12,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.coordinates import CAMERAS, zeros_of
 from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.residual import FORCE, TORQUE
 
 
@@ -105,6 +106,12 @@ def beginning(model: mujoco.MjModel, machine: Described) -> Array:
 def address(model: mujoco.MjModel, joint: str) -> int:
     """Of a hinge or slide in qpos."""
     return int(model.joint(joint).qposadr[0])
+
+
+def joint_angles(model: mujoco.MjModel, pose: Array) -> dict[str, Array]:
+    """Of the hinges and slides that have names, (...), in poses, (..., nq)."""
+    joints = [model.joint(int(n)).name for n in single_joints(model)]
+    return {name: pose[..., address(model, name)] for name in joints if name}
 
 
 def segments_of(pieces: Runs) -> list[tuple[str, float, int]]:
