@@ -115,7 +115,7 @@ class _Changed:
         if len(bodies):
             pushed = np.tile(push, (runs, 1)).reshape(-1, len(bodies), 3)
             self._batch.bind("xfrc_applied")[:, bodies, :3] = pushed
-        off = self._repeated(driven.off)
+        off = np.repeat(driven.off, self._k, axis=0)
         self._switches = Switches(self._batch, off) if off.any() else None
         self._parts = driven.told.shape[1] // driven.rows
         known = driven.known
