@@ -184,8 +184,10 @@ class Law:
     @property
     def possible(self) -> bool:
         """Whether what it changes may follow its reading: commands, which are changed before anything moves,
-        follow commands, and nothing else does.
+        follow commands, and nothing else does; readings, which are changed after that, follow joints.
         """
+        if self.handle == READING_SHIFT and self.reading in POSITIONS:
+            return False
         alike = (self.reading == ACTUATOR_COMMAND) == (self.handle == ACTUATOR_COMMAND)
         return alike or not self.follows_a_thing
 

@@ -131,6 +131,8 @@ def test_places_are_told_by_name_and_unit(opened):
     handles = {each.handle for each in places.responses}
     assert handles == {"joint_torque", "joint_friction", "force", "command", "reading_shift"}
     assert ("joint_velocity", "elbow") in places.readings
+    forces = [each for each in places.responses if each.handle in ("joint_torque", "force")]
+    assert not any(each.own.any() for each in forces)  # angles do not show forces at once
     units = case.units_of_law(parse("joint_torque of elbow: linear joint_angle of elbow"))
     assert units["size"] == "N m per rad"
 

@@ -3,11 +3,13 @@
 import json
 from dataclasses import replace
 
+import cabled_models
 import mujoco
 import numpy as np
 import posed_models
 import pytest
 import swinging_models
+from cabled_models import cabled, lines, span
 from posed_models import LENGTHS, MASSES, SPRINGS
 from scipy.optimize import minimize
 from swinging_models import RATE, SECONDS
@@ -16,49 +18,6 @@ from serpent_twin.identification.run import Trace, trace
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.model.machine import ModelMachine
-
-CABLED = """<mujoco>
-  <option timestep="0.004" integrator="{integrator}"/>
-  <worldbody>
-    <site name="wall" pos="0.05 0 1.05"/>
-    <body name="upper" pos="0 0 1">
-      <joint name="shoulder" axis="0 1 0" damping="0.05" stiffness="1.5"/>
-      <geom type="sphere" size="0.01" mass="0.4" pos="0.3 0 0" contype="0" conaffinity="0"/>
-      <body name="lower" pos="0.3 0 0">
-        <joint name="elbow" axis="0 1 0" damping="0.03" stiffness="0.8"/>
-        <geom type="sphere" size="0.01" mass="0.25" pos="0.25 0 0" contype="0" conaffinity="0"/>
-        <site name="end" pos="0.05 0 0.04"/>
-        <site name="tip" pos="0.25 0 0"/>
-      </body>
-    </body>
-  </worldbody>
-  <tendon><spatial name="cable"><site site="wall"/><site site="end"/></spatial></tendon>
-  <sensor><tendonpos name="length" tendon="cable"/></sensor>
-</mujoco>
-"""
-CABLED_TOML = """schema_version = 1
-model = "arm.xml"
-rows = "{rows}"
-time = {{ column = "t", unit = "s" }}
-
-[[drive]]
-tendon = "cable"
-column = "wound"
-unit = "mm"
-
-[[measured]]
-site = "tip"
-columns = ["x", "y", "z"]
-unit = "mm"
-cameras = false
-noise = 0.1
-
-[[measured]]
-sensor = "length"
-columns = ["long"]
-unit = "mm"
-noise = 0.01
-"""
 
 
 def opened(path, log, steps=0):
@@ -160,29 +119,6 @@ def test_corners_and_noise_of_an_encoder_do_not_ring(tmp_path):
     assert np.sqrt(np.nanmean(off**2)) < 1.3 * 5e-4  # rad: the noise of the elbow's angle
 
 
-def cabled(folder, rows, integrator="implicitfast"):
-    (folder / "arm.xml").write_text(CABLED.format(integrator=integrator))
-    (folder / "machine.toml").write_text(CABLED_TOML.format(rows=rows))
-    return folder / "machine.toml"
-
-
-def lines(path, rows):
-    text = "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows)
-    path.write_text(f"t,wound,x,y,z,long\n{text}\n")
-    return path
-
-
-def span(angles):
-    """Length of the cable [m], for angles of both joints [rad]."""
-    first, second = angles[0], angles[0] + angles[1]
-
-    def turned(x, z, by):
-        return np.array([x * np.cos(by) + z * np.sin(by), z * np.cos(by) - x * np.sin(by)])
-
-    end = turned(LENGTHS[0], 0.0, first) + turned(0.05, 0.04, second)
-    return float(np.linalg.norm(end - [0.05, 0.05]))
-
-
 @pytest.mark.parametrize("corners", [False, True])
 @pytest.mark.parametrize("integrator", ["RK4", "implicitfast"])
 def test_a_tendon_keeps_its_length_in_motion(tmp_path, corners, integrator):
@@ -265,7 +201,7 @@ def test_a_column_may_count_from_the_keyframe(tmp_path):
     model.write_text(model.read_text().replace("</mujoco>", bent))
     path.write_text(
         'keyframe = "bent"\n'
-        + CABLED_TOML.format(rows="poses").replace(
+        + cabled_models.TOML.format(rows="poses").replace(
             'unit = "mm"', 'unit = "mm"\noffset = "keyframe"', 1
         )
         + '\n[[drive]]\njoint = "elbow"\ncolumn = "turned"\nunit = "deg"\noffset = "keyframe"\n'

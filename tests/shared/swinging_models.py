@@ -74,8 +74,10 @@ def turning(rng: np.random.Generator, sharp: float = 0.0):
     return even if sharp else smooth
 
 
-def swing(time, told, spring=0.0, start=(1.3, 0.0)):
-    """Angles of the elbow [rad], (T,), which the shoulder's motion and weight swing."""
+def swing(time, told, spring=0.0, start=(1.3, 0.0), push=None):
+    """Angles of the elbow [rad], (T,), which the shoulder's motion and weight swing, and a torque [N m] that
+    follows its angle.
+    """
     m2, (a, b) = MASSES[1], LENGTHS
 
     def rates(t, state):
@@ -86,6 +88,7 @@ def swing(time, told, spring=0.0, start=(1.3, 0.0)):
         beside = inertia + m2 * a * b * c
         weight = 9.81 * m2 * b * np.cos(q1 + q)  # about +y, angles turn downwards
         moment = weight - m2 * a * b * s * v1**2 - spring * q - DAMPING * v
+        moment += push(q) if push else 0.0
         return [v, (moment - beside * a1) / inertia]
 
     found = solve_ivp(
@@ -94,11 +97,11 @@ def swing(time, told, spring=0.0, start=(1.3, 0.0)):
     return found.y[0]
 
 
-def log(path: Path, seed: int, spring=0.0, sharp=0.0, noise=5e-4) -> Path:
+def log(path: Path, seed: int, spring=0.0, sharp=0.0, noise=5e-4, push=None) -> Path:
     """Write a motion as CSV, with noise of both angles [rad]."""
     rng = np.random.default_rng(seed)
     told, time = turning(rng, sharp), np.arange(0.0, SECONDS, 1 / RATE)
-    seen = np.array([[told(t)[0] for t in time], swing(time, told, spring)]).T
+    seen = np.array([[told(t)[0] for t in time], swing(time, told, spring, push=push)]).T
     rows = np.c_[time, seen + noise * rng.standard_normal(seen.shape) * [0.2, 1.0]]
     path.parent.mkdir(parents=True, exist_ok=True)
     text = "\n".join(",".join(f"{v:.8f}" for v in row) for row in rows)

@@ -42,18 +42,10 @@ from serpent_twin.machines.model.poses import Rests, settled
 from serpent_twin.machines.model.prescribed import known_motion, prescribe
 from serpent_twin.machines.model.proposing import proposed
 from serpent_twin.machines.model.readings import reread
-from serpent_twin.machines.model.seen import Seen, beginning
+from serpent_twin.machines.model.seen import Seen, beginning, joint_angles
 from serpent_twin.machines.model.segments import ROWS, segments
-from serpent_twin.machines.model.starts import (
-    start,
-    start_columns,
-    started_again,
-)
-from serpent_twin.machines.model.state_effects import (
-    acting_on_state,
-    refuse_motion,
-    together,
-)
+from serpent_twin.machines.model.starts import start, start_columns, started_again
+from serpent_twin.machines.model.state_effects import acting_on_state, refuse_motion, together
 from serpent_twin.machines.model.switches import separate, switched_off
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
@@ -223,7 +215,9 @@ class ModelMachine(RunMachine):
     def _moved(self, points: Sequence[ParameterVector], pieces: Runs) -> Array:
         """What twins of one structure show in motion, side by side, (D, S, T, C)."""
         sensed = self._sensed(points, pieces, self.places)
-        found = sensed(self._motion(points, pieces).moved())
+        motion = self._motion(points, pieces)
+        seen, pose = motion.moved()
+        found = sensed(seen, angles=joint_angles(motion.driven.models[0], pose))
         return found.reshape(len(points), len(pieces), *found.shape[1:])
 
     def _motion(self, points: Sequence[ParameterVector], pieces: Runs) -> DrivenMotion:
@@ -250,8 +244,8 @@ class ModelMachine(RunMachine):
 
     def _sensed(
         self, points: Sequence[ParameterVector], pieces: Runs, names: Sequence[str]
-    ) -> Callable[[Array], Array]:
-        """What sensors of named things make of the twins' runs."""
+    ) -> Callable[..., Array]:
+        """What sensors of named things make of the twins' runs, as `reread`."""
         per_run = [there for there in map(effects_at, points) for _ in range(len(pieces))]
         period, clocks = np.tile(pieces.period, len(points)), clocks_of(pieces)
         return partial(reread, per_run, names, period=period, clocks=clocks.repeated(len(points)))
@@ -259,11 +253,11 @@ class ModelMachine(RunMachine):
     def responses_at_places(
         self, point: ParameterVector, pieces: Runs
     ) -> ModelPlaces | PosePlaces | None:
-        """What changes at the model's places would show; None of prescribed motion."""
+        """What changes at the model's places would show; None where it has joints of other kinds, or many."""
         machine = self.described
         if machine.about.rows == POSES:
             return commands_at_rest(machine, self.respond, point, pieces)
-        if machine.prescribed or not only_single(machine.model):
+        if not only_single(machine.model):
             return None
         with quietly(), np.errstate(all="ignore"):
             motion = self._motion([point], pieces)

@@ -10,11 +10,7 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Runs
-from serpent_twin.machines.model.prescribed import (
-    KnownMotion,
-    PrescribedSteps,
-    Prescription,
-)
+from serpent_twin.machines.model.prescribed import KnownMotion, PrescribedSteps, Prescription
 from serpent_twin.machines.model.seen import Seen, address, segments_of
 from serpent_twin.machines.model.starts import LEAD, SegmentStart
 from serpent_twin.machines.model.state_effects import Acting
@@ -53,11 +49,15 @@ class DrivenMotion:
     acting: Acting | None = None
     """Effects on the state in each time step"""
 
-    def moved(self) -> Array:
-        """What is seen of the runs in each row, (n, T, C)."""
+    def moved(self) -> tuple[Array, Array]:
+        """What is seen of the runs in each row, (n, T, C), and their poses, (n, T, nq)."""
         runs = self._begun()
-        seen = self.seen.read(runs.batch)
-        return np.stack([seen, *runs.rows(self.driven.rows - 1)], axis=1)
+        pose, seen = runs.batch.bind("qpos"), self.seen.read(runs.batch)
+        several, poses = [seen], [pose.copy()]
+        for seen in runs.rows(self.driven.rows - 1):
+            several.append(seen)
+            poses.append(pose.copy())
+        return np.stack(several, axis=1), np.stack(poses, axis=1)
 
     def states(self) -> "RowStates":
         """The states in which the runs are seen."""

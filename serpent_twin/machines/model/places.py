@@ -24,7 +24,7 @@ from serpent_twin.machines.model.motion import DrivenMotion, RowStates
 from serpent_twin.machines.model.row_motion import ForcedRows, forced_rows
 from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.springs import single_joints
-from serpent_twin.machines.model.starts import LEAD, measured_joints
+from serpent_twin.machines.model.starts import LEAD
 from serpent_twin.machines.model.things import joint_type, lengths
 from serpent_twin.machines.places import LaggedResponse, Response, RowMotion
 
@@ -50,6 +50,8 @@ def units_of_law(machine: Described, law: Law) -> dict[str, str]:
     size = _SLIDES.get(size, size) if _slides(machine.model, law.place) else size
     of = _SLIDES.get(of, of) if _slides(machine.model, law.where) else of
     size = told[law.place] if law.handle == ACTUATOR_COMMAND else size
+    if law.handle == READING_SHIFT:
+        size = {each.of[1]: each.measure.base for each in machine.about.measured}[law.place]
     return law.units(size, told[law.where] if law.reading == ACTUATOR_COMMAND else of)
 
 
@@ -93,10 +95,8 @@ class ModelPlaces:
         pieces: Runs,
     ) -> "ModelPlaces":
         """Those of a motion of one twin."""
-        states = motion.states()
-        forced = forced_rows(
-            motion.driven, states, motion.seen, commands(machine, pieces).std(axis=(0, 1))
-        )
+        states, varies = motion.states(), commands(machine, pieces).std(axis=(0, 1))
+        forced = forced_rows(motion.driven, states, motion.seen, varies, _bodies(machine.model))
         if motion.gain is not None:
             adapts = _adapts(machine.model, measured, motion, forced.motion)
             forced = replace(forced, motion=replace(forced.motion, adapts=adapts))
@@ -139,29 +139,34 @@ class ModelPlaces:
         return [(name, n) for n in range(model.njnt) if (name := model.joint(n).name)]
 
     def _of_joints(self) -> Iterator[Response]:
+        """Of those whose motion is not prescribed: a prescribed one takes up any torque, which no sensor of
+        MuJoCo shows.
+        """
+        prescribed = {each.joint for each in self.machine.prescribed}
         for name, dof in self._joints:
-            push, rate = self.forced.by_force[dof], self.states.rate[..., dof]
+            if name in prescribed:
+                continue
+            rate = self.states.rate[..., dof]
+            push, own = self.forced.by_force[dof], self.forced.force_shows[dof]
             full = max(_SLOW * float(np.sqrt(np.nanmean(rate**2))), 1e-9)
-            rubs = -np.tanh(np.nan_to_num(rate) / full)[..., None] * push
-            yield self._lagged("joint_torque", name, push[None])
-            yield self._lagged("joint_friction", name, rubs[None])
+            rubs = -np.tanh(np.nan_to_num(rate) / full)[..., None]
+            yield self._lagged("joint_torque", name, push[None], own[None])
+            yield self._lagged("joint_friction", name, (rubs * push)[None], (rubs * own)[None])
 
-    def _lagged(self, handle: str, name: str, push: Array, own: Array | None = None) -> Response:
-        if own is None:
-            own = np.zeros((len(push), *self.pieces.measured.shape))
+    def _lagged(self, handle: str, name: str, push: Array, own: Array) -> Response:
         return LaggedResponse(handle, name, self.forced.motion, push, own)
 
     def _of_bodies(self) -> Iterator[Response]:
-        for n, lever in zip(self._bodies, self._along[0], strict=True):
-            push = np.einsum("stxv,vstd->xstd", lever, self.forced.by_force)
-            yield self._lagged("force", self.machine.model.body(n).name, push)
+        none = np.zeros((3, *self.pieces.measured.shape))
+        for k, n in enumerate(self._bodies):
+            push = np.einsum("stxv,vstd->xstd", self._along[0][k], self.forced.by_force)
+            shows = self.forced.push_shows
+            own = none if shows is None else shows[k]
+            yield self._lagged("force", self.machine.model.body(n).name, push, own)
 
-    @cached_property
+    @property
     def _bodies(self) -> list[int]:
-        """Bodies with joints and names, if there are few."""
-        model = self.machine.model
-        found = [n for n in range(1, model.nbody) if model.body_dofnum[n] and model.body(n).name]
-        return found if len(found) <= _MOST else []
+        return _bodies(self.machine.model)
 
     @cached_property
     def _along(self) -> tuple[Array, Array]:
@@ -190,10 +195,16 @@ class ModelPlaces:
 
     def _of_readings(self) -> Iterator[Response]:
         for k, name in enumerate(self.measured):
-            if name in measured_joints(self.machine) and self.measured.count(name) == 1:
+            if self.measured.count(name) == 1:
                 change = np.zeros((1, *self.pieces.measured.shape))
                 change[..., k] = 1.0
                 yield self._lagged(READING_SHIFT, name, 0.0 * self.forced.by_force[:1], change)
+
+
+def _bodies(model: mujoco.MjModel) -> list[int]:
+    """Bodies with joints and names, if there are few."""
+    found = [n for n in range(1, model.nbody) if model.body_dofnum[n] and model.body(n).name]
+    return found if len(found) <= _MOST else []
 
 
 def _adapts(
@@ -207,6 +218,8 @@ def _adapts(
     for j, joint in enumerate(joints):
         dof = address(model, joint)
         for k, other in enumerate(joints):
+            if other not in measured:  # prescribed, which no start changes
+                continue
             column = list(measured).index(other)
             out[:, dof, :, column] = -gain[:, j, 0, k]
             out[:, model.nq + dof, :, column] = -gain[:, j, 1, k]

@@ -1,6 +1,6 @@
 """Let effects change what was read of a run, after it is simulated."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -20,13 +20,15 @@ def reread(
     found: Array,
     period: Array,
     clocks: Clocks,
+    angles: Mapping[str, Array] | None = None,
 ) -> Array:
     """What sensors make of readings, (n, T, C), each column of a named thing, in n runs with their effects,
-    times between rows [s], (n,), and when they begin.
+    times between rows [s], (n,), when they begin, and the angles of joints, (n, T); without these, the
+    readings are of joints.
     """
     several = [each for each in effects.stacked(there) if each.of_readings]
     several = [each for each in several if not each.at or each.things & {*names}]
-    moment = ReadRuns(names, period[:, None], clocks, found)
+    moment = ReadRuns(names, period[:, None], clocks, angles or {}, found)
     effects.act(several, moment, effects.begin(several, moment))
     return moment.reading
 
@@ -35,7 +37,7 @@ def reread(
 class ReadRuns(Instant):
     """All rows of n runs."""
 
-    given: ClassVar[frozenset[str]] = frozenset({"names", "dt", "clocks"})
+    given: ClassVar[frozenset[str]] = frozenset({"names", "dt", "clocks", "angles"})
 
     names: Sequence[str]
     """What each column is of, (C,)"""
@@ -43,6 +45,8 @@ class ReadRuns(Instant):
     """Between rows [s], (n, 1)"""
     clocks: Clocks
     """When the runs begin"""
+    angles: Mapping[str, Array]
+    """Of joints, or lengths [rad or m], (n, T), by name"""
     reading: Array
     """(n, T, C)"""
 
@@ -53,7 +57,9 @@ class ReadRuns(Instant):
             return clock
         if law.reading not in ("joint_angle", "joint_velocity"):
             raise SerpentError(f"no reading here follows the {law.depends_on}.")
-        angle = self.reading[..., self._column(law.where)]
+        angle = self.angles.get(law.where)
+        if angle is None:
+            angle = self.reading[..., self._column(law.where)]
         return angle if law.reading == "joint_angle" else np.gradient(angle, axis=1) / self.dt
 
     def change(self, law: Law, sizes: Sequence[Array | float]) -> None:

@@ -12,6 +12,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.coordinates import CAMERAS, zeros_of
 from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.residual import FORCE, TORQUE
 
 
@@ -24,9 +25,10 @@ class Seen:
         self, machine: Described, frame: Mapping[str, Any], twins: Sequence[Mapping[str, float]]
     ) -> None:
         self._about, self._frame, self._twins = machine.about, frame, twins
-        forces = any(_is_force(machine.model, *each.of) for each in self._about.measured)
+        self.of_forces = any(_is_force(machine.model, *each.of) for each in self._about.measured)
+        """Whether anything that is measured depends on the forces that act"""
         stages = mujoco.mjtStage
-        self.stage = int(stages.mjSTAGE_ACC if forces else stages.mjSTAGE_VEL)
+        self.stage = int(stages.mjSTAGE_ACC if self.of_forces else stages.mjSTAGE_VEL)
         """What MuJoCo must compute of a row before it is read"""
 
     def bind(self, batch: Batch) -> None:
@@ -104,6 +106,12 @@ def beginning(model: mujoco.MjModel, machine: Described) -> Array:
 def address(model: mujoco.MjModel, joint: str) -> int:
     """Of a hinge or slide in qpos."""
     return int(model.joint(joint).qposadr[0])
+
+
+def joint_angles(model: mujoco.MjModel, pose: Array) -> dict[str, Array]:
+    """Of the hinges and slides that have names, (...), in poses, (..., nq)."""
+    joints = [model.joint(int(n)).name for n in single_joints(model)]
+    return {name: pose[..., address(model, name)] for name in joints if name}
 
 
 def segments_of(pieces: Runs) -> list[tuple[str, float, int]]:

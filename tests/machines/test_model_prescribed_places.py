@@ -1,0 +1,150 @@
+"""Composed laws beside prescribed motion: to first order beside simulation, and found in a log."""
+
+import numpy as np
+import pytest
+import swinging_models
+from cabled_models import cabled, lines, span
+
+from serpent_twin.effects.law import SHAPES, parse
+from serpent_twin.identification.run import Trace, trace
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.model import open_machine
+
+PUSH, FROM, WIDE = 0.08, 1.2, 0.5  # [N m], [rad]
+SENSOR = """
+[[measured]]
+sensor = "held"
+columns = ["mx", "my", "mz"]
+unit = "N m"
+noise = 0.01
+"""
+
+
+def numbers(size, first=0.0, second=0.0):
+    """A law's eight numbers."""
+    return np.array([size, 0.0, 0.0, 0.0, first, second, 0.0, 0.0])
+
+
+def sensing(folder):
+    """A two-link arm whose shoulder's motion is prescribed, with a torque sensor between it and the wall."""
+    path = swinging_models.machine(folder)
+    model = path.with_name("arm.xml")
+    upper = '<joint name="shoulder"'
+    sensor = '<sensor><torque name="held" site="seat"/></sensor></mujoco>'
+    text = model.read_text().replace(upper, f'<site name="seat"/>{upper}', 1)
+    model.write_text(text.replace("</mujoco>", sensor))
+    path.write_text(path.read_text().replace("0.0005", "0.002") + SENSOR)
+    log = swinging_models.log(folder / "log.csv", 1, noise=0.0)
+    table = np.genfromtxt(log, delimiter=",", names=True)
+    elsewhere = np.outer(table["angle"], np.ones(3))  # is not looked at
+    rows = np.c_[table["t"], table["encoder"], table["angle"], elsewhere]
+    np.savetxt(log, rows, "%.8f", ",", header="t,encoder,angle,mx,my,mz", comments="")
+    return path, log
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory):
+    """Its case and segments, and what changes at its places show."""
+    path, log = sensing(tmp_path_factory.mktemp("arm"))
+    rig = open_machine(path)
+    case = rig.open(sessions := rig.read(log))
+    pieces = case.pieces(sessions)
+    return case, pieces, case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+
+
+LAWS = {
+    ("joint_torque of elbow: constant", 0): 0.999,
+    ("joint_torque of elbow: above joint_angle of shoulder", 0): 0.99,
+    ("joint_torque of elbow: linear joint_velocity of shoulder", 0): 0.99,
+    ("joint_torque of elbow: constant", 2): 0.99,
+    ("joint_friction of elbow: constant", 0): 0.99,
+    ("force of lower: constant", 0): 0.999,
+    ("force of lower: beyond position_z of lower", 2): 0.99,
+    ("force of upper: constant", 2): 0.999,
+    ("reading_shift of elbow: linear joint_angle of shoulder", 0): 0.99,
+}
+
+
+def shown(opened, at):
+    """What a twin with a law shows beyond the nominal one, (S, T, C), and what places say of that; it begins
+    in the middle of its reading and changes channels by 2 mm, mrad or mN m, rms.
+    """
+    case, pieces, places = opened
+    law, nominal = parse(at), np.zeros(len(case.declared))
+    responses = {(each.handle, each.place): each for each in places.responses}
+    x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
+    first = float(np.median(x))
+    follows = SHAPES[law.shape].form(x, first, 0.0)
+    unit = next(iter(responses[law.handle, law.place].of(follows[None])))[0]
+    size = 2e-3 / np.sqrt(np.mean(unit**2))
+    with_it, plain = (
+        case.machine.respond([ParameterVector(nominal, each)], pieces)[0]
+        for each in ({f"discovered@{at}": numbers(size, first)}, {})
+    )
+    return with_it - plain, size * unit
+
+
+def agree(found, told, least):
+    """Whether changes have nearly one direction, and nearly one size."""
+    sizes = np.linalg.norm(found), np.linalg.norm(told)
+    assert np.sum(found * told) > least * np.prod(sizes)
+    assert sizes[1] == pytest.approx(sizes[0], rel=0.1)
+
+
+@pytest.mark.parametrize(("at", "channel", "least"), [(*of, least) for of, least in LAWS.items()])
+def test_a_change_shows_as_places_say_to_first_order(opened, at, channel, least):
+    """In the elbow's angle, and in the torque that moves the shoulder."""
+    found, told = shown(opened, at)
+    agree(found[..., channel], told[..., channel], least)
+
+
+@pytest.mark.parametrize("at", ["joint_torque of elbow: constant", "force of lower: constant"])
+def test_a_change_shows_to_first_order_where_a_tendon_is_prescribed(tmp_path, at):
+    """It holds neither joint alone, and passes by both."""
+    path, time = cabled(tmp_path, "motion"), np.arange(0.0, 3.0, 0.02)
+    long = 1e3 * span([0.0, 0.0]) + 30 * np.sin(3 * time)
+    elsewhere = np.outer(long, np.ones(3))  # is not looked at
+    rig = open_machine(path)
+    sessions = rig.read(lines(tmp_path / "log.csv", np.c_[time, long, elsewhere, long]))
+    case = rig.open(sessions)
+    pieces = case.pieces(sessions)
+    places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+    agree(*shown((case, pieces, places), at), 0.99)
+
+
+def test_what_a_prescribed_joint_takes_up_is_no_place(opened):
+    """A torque there shows in nothing that MuJoCo measures."""
+    case, pieces, places = opened
+    assert not [each for each in places.responses if each.place == "shoulder"]
+    assert ("joint_angle", "shoulder") in places.readings
+    nominal = np.zeros(len(case.declared))
+    law = {"discovered@joint_torque of shoulder: constant": numbers(0.1)}
+    with_it, plain = (
+        case.machine.respond([ParameterVector(nominal, each)], pieces) for each in (law, {})
+    )
+    assert np.abs(with_it - plain).max() < 1e-4
+
+
+@pytest.mark.slow
+def test_a_torque_within_a_window_of_the_free_joint_s_angle_is_composed_there(tmp_path):
+    """Of logs that equations make which know nothing of MuJoCo."""
+    path, noise = swinging_models.machine(tmp_path / "arm"), 2e-3
+    text = path.read_text().replace("noise = 0.0005", f"noise = {noise}")
+    path.write_text(f'candidates = ["gravity"]\n{text}')
+
+    def push(q):
+        return PUSH if FROM < q < FROM + WIDE else 0.0
+
+    for n in range(3):
+        swinging_models.log(tmp_path / "logs" / f"motion_{n}.csv", n, noise=noise, push=push)
+    found = trace(Trace((tmp_path / "logs",), tmp_path / "trace", machine=path))
+    (law,) = found["effects"]
+    assert law["place"] == {"kind": "joint", "name": "elbow"}
+    assert (law["changes"], law["law"]) == ("joint_torque", "within")
+    assert law["depends_on"] == ["joint angle of elbow"]
+    size, begins, wide = (law["parameters"][name] for name in ("size", "from", "width"))
+    assert size["value"] == pytest.approx(PUSH, rel=0.1)
+    assert size["low"] < PUSH < size["high"]
+    assert begins["value"] == pytest.approx(FROM, abs=0.03)
+    assert wide["value"] == pytest.approx(WIDE, abs=0.05)
+    assert not found["unexplained"]["is"]
