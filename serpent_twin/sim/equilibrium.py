@@ -1,6 +1,7 @@
 """Find the poses in which runs of a model rest."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -12,6 +13,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.sim.actuators import Actuators
 from serpent_twin.sim.dry_friction import DryFriction
 
+_POSITIONS = int(mujoco.mjtStage.mjSTAGE_POS)
 _DIFFERENCE = 1e-6
 """Of a coordinate, for the stiffness [rad or m]"""
 _FINE = 1e-6
@@ -50,6 +52,13 @@ class GivingWay:
         return GivingWay(self.inverse[which], self.pulls[which], self.arms[which])
 
 
+class ActsAtRest(Protocol):
+    """What acts on runs besides, by the poses in which they are."""
+
+    def start(self) -> None:
+        """Write the forces and springs of the batch's present poses."""
+
+
 class Equilibrium:
     """The poses in which the runs of a batch rest, of hinges and slides under constant controls.
 
@@ -62,6 +71,8 @@ class Equilibrium:
 
     friction: DryFriction | None = None
     """What holds the runs besides"""
+    acting: ActsAtRest | None = None
+    """What acts on the runs besides, in each pose on their way"""
 
     def __init__(self, batch: Batch) -> None:
         require_settling(batch.model)
@@ -87,15 +98,22 @@ class Equilibrium:
             left = self._by_chords(near, left)
         self.continued = len(left)
         settled = self._by_continuation(left) if self.friction is None else self._again(left)
-        self._batch.forward()
+        self.forward()
         return settled
+
+    def forward(self, runs: NDArray[np.intp] | None = None) -> None:
+        """Compute what follows from the present poses of all runs, or of some."""
+        if self.acting:
+            self._batch.forward(ids=runs, stage=_POSITIONS)
+            self.acting.start()
+        self._batch.forward(ids=runs)
 
     def giving_way(self, runs: NDArray[np.intp] | None = None) -> GivingWay:
         """How each run, or some, give way in their present poses, friction left out; zeros of the others."""
         which = np.arange(len(self._pose)) if runs is None else runs
         inverse = np.zeros((len(self._pose), *[self._pose.shape[1]] * 2))
         inverse[which] = np.linalg.inv(self._stiffness(which)[1])
-        self._batch.forward(ids=which)
+        self.forward(which)
         pulls = np.zeros((len(self._pose), len(self._actuators.stiffness)))
         pulls[which] = self._actuators.pull(which)
         arms = np.zeros((*pulls.shape, self._pose.shape[1]))
@@ -139,7 +157,7 @@ class Equilibrium:
         """A step by how runs give way near by, corrected by Woodbury's identity for actuators that have come
         to a limit or left it, (m, nv).
         """
-        inverse, force = near.inverse[runs], self._left_over(runs)
+        inverse, force = near.inverse[runs], self.left_over(runs)
         more = self._actuators.pull(runs) - near.pulls[runs]
         if more.any():
             slope = self._actuators.stiffness * more
@@ -180,17 +198,17 @@ class Equilibrium:
     def _stiffness(self, runs: NDArray[np.intp]) -> tuple[Array, Array]:
         """The forces left in the present pose, (m, nv), and their change with it, (m, nv, nv)."""
         pose = self._pose[runs]
-        force = self._left_over(runs)
+        force = self.left_over(runs)
         stiffness = np.empty((*force.shape, force.shape[1]))
         for k in range(force.shape[1]):
             self._pose[runs, k] = pose[:, k] + _DIFFERENCE
-            stiffness[..., k] = (force - self._left_over(runs)) / _DIFFERENCE
+            stiffness[..., k] = (force - self.left_over(runs)) / _DIFFERENCE
             self._pose[runs, k] = pose[:, k]
         return force, stiffness
 
-    def _left_over(self, runs: NDArray[np.intp]) -> Array:
+    def left_over(self, runs: NDArray[np.intp]) -> Array:
         """The forces that would set runs in motion [N or N m], (m, nv)."""
-        self._batch.forward(ids=runs)
+        self.forward(runs)
         smooth, constraint = self._forces
         return smooth[runs] + constraint[runs]
 
