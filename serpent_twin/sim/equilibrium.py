@@ -26,6 +26,10 @@ _AGAIN = 3
 """Times that a stiffness is found anew where friction holds"""
 _MOST = 80
 """Steps with a stiffness of their own"""
+_TURNED, _HALVINGS = 0.1, 14
+"""Of the force along a step at its beginning, which one that has turned round exceeds; times that the step to
+there is halved: of a step of 0.2 rad, to less than a hundredth of a threshold's width
+"""
 _CAUTIOUS = 0.5
 """Ratio of the first step to a Newton step, where the stiffness is that of the coordinate alone"""
 _SLOWER, _FASTER, _SETTLED = 0.2, 10.0, 1e3
@@ -98,6 +102,8 @@ class Equilibrium:
             left = self._by_chords(near, left)
         self.continued = len(left)
         settled = self._by_continuation(left) if self.friction is None else self._again(left)
+        if self.acting and self.friction is None:
+            settled[self._by_bisection(np.flatnonzero(~settled))] = True
         self.forward()
         return settled
 
@@ -194,6 +200,44 @@ class Equilibrium:
             pace, before, creeps = pace[moving], size[moving], creeps[moving]
         settled[left] = False
         return settled
+
+    def _by_bisection(self, left: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Take Newton steps that end where the force along them changes its sign; returns the runs that rest.
+        A force that sets in at a threshold may hold a pose on it: other steps jump across.
+        """
+        rest: list[NDArray[np.intp]] = []
+        for _ in range(_MOST):
+            if not len(left):
+                break
+            force, stiffness = self._stiffness(left)
+            step = (np.linalg.pinv(stiffness) @ force[..., None])[..., 0]
+            own = np.maximum(np.abs(np.einsum("nii->ni", stiffness)), 1e-300)
+            down = np.einsum("ni,ni->n", step, force)[:, None] > 0
+            step = np.where(down, step, _CAUTIOUS * force / own)  # else it leads to a summit
+            size = np.maximum(np.abs(step).max(axis=1), 1e-300)
+            step *= np.minimum(1.0, _REACH / size)[:, None]
+            self._pose[left] += step * self._before_turning(left, step, force)[:, None]
+            rest.append(left[size < _FINE])
+            left = left[size >= _FINE]
+        return np.concatenate([*rest, left[:0]])
+
+    def _before_turning(self, runs: NDArray[np.intp], step: Array, force: Array) -> Array:
+        """The part of each step, (m,), after which the force along it is about to turn round; 1 where it does
+        not.
+        """
+        start = self._pose[runs].copy()
+        least = -_TURNED * np.einsum("ni,ni->n", step, force)
+        low, high = np.zeros(len(runs)), np.ones(len(runs))
+        part = high.copy()
+        for _ in range(_HALVINGS):
+            self._pose[runs] = start + step * part[:, None]
+            beyond = np.einsum("ni,ni->n", step, self.left_over(runs)) < least
+            high, low = np.where(beyond, part, high), np.where(beyond, low, part)
+            part = (low + high) / 2
+            if (low == 1.0).all():
+                break
+        self._pose[runs] = start
+        return np.where(low == 1.0, 1.0, part)
 
     def _stiffness(self, runs: NDArray[np.intp]) -> tuple[Array, Array]:
         """The forces left in the present pose, (m, nv), and their change with it, (m, nv, nv)."""
