@@ -125,7 +125,9 @@ def stepped(told, size):
 
     q = root(held, [*off[:2], 0.5], tol=1e-12).x
     assert 0.0 < q[2] < 1.0
-    return [hanging_models.shown(np.array([q[0], q[1], BELOW]))], 2e-4  # within 1 mrad of the threshold
+    return [
+        hanging_models.shown(np.array([q[0], q[1], BELOW]))
+    ], 2e-4  # within 1 mrad of the threshold
 
 
 @pytest.mark.parametrize(("size", "most"), [(0.15, 1), (0.02, 1), (-0.15, 2)])
@@ -201,6 +203,42 @@ def test_a_law_holds_where_dry_friction_does(arm):
     assert one == pytest.approx(two, abs=1e-5)
 
 
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory):
+    """An arm whose shoulder is turned to known angles, and whose elbow's angle is measured."""
+    folder = tmp_path_factory.mktemp("turned")
+    path = posed_models.machine(folder)
+    elbow = '[[measured]]\njoint = "elbow"\ncolumns = ["angle"]\nunit = "deg"\nnoise = 0.1\n'
+    text = path.read_text().replace('actuator = "at_shoulder"', 'joint = "shoulder"') + elbow
+    path.write_text(text)
+    log = posed_models.log(folder / "logs" / "poses.csv", 1)
+    head, *rows = log.read_text().splitlines()
+    log.write_text("\n".join([f"{head},angle", *(f"{row},{n % 7}" for n, row in enumerate(rows))]))
+    return opened(path, folder / "logs")
+
+
+def test_places_of_a_model_with_prescribed_motion(turned):
+    case, pieces = turned
+    places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+    there = {(r.handle, r.place): r for r in places.responses}
+    assert {*there} == {
+        ("joint_torque", "elbow"), ("force", "lower"), ("command", "at_elbow"), ("reading_shift", "elbow")
+    }  # fmt: skip
+    for at, size in (("joint_torque of elbow", 1e-3), ("reading_shift of elbow", 1e-3)):
+        found = (shown(turned, f"{at}: constant", size, 0, 0, 0, 0, 0) - shown(turned)) / size
+        handle, place = at.split(" of ")
+        assert np.abs(found).max() > 0.1
+        assert found == pytest.approx(there[handle, place].change[0], abs=1e-3)
+
+
+def test_a_reading_shifts_from_an_instant_on(turned):
+    _, pieces = turned
+    found = shown(turned, "reading_shift of elbow: above time of session", 0.02, 0, 0, 0, 10.5, 0)
+    true = np.zeros(found.shape)
+    true[..., 3] = 0.02 * (pieces.time - pieces.time.min() > 10.5)
+    assert found - shown(turned) == pytest.approx(true, abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("at", "says"),
     [
@@ -231,4 +269,21 @@ def test_a_stop_is_composed_at_its_joint(tmp_path):
     assert size["low"] < -STOP < size["high"]
     assert threshold["value"] == pytest.approx(BELOW, abs=0.02)
     assert size["unit"] == "N m per rad"
+    assert found["error_mm"]["corrected"] < 0.4  # 0.32 mm is the mean length of its noise
+
+
+def test_a_force_is_composed_on_a_body_that_moves_in_a_plane(tmp_path):
+    path = hanging_models.machine(tmp_path / "chain")
+    path.write_text('candidates = ["gravity"]\n' + path.read_text())
+    for n in range(3):
+        hanging_models.log(tmp_path / "logs" / f"poses_{n}.csv", n, pushed)
+    found = trace(Trace((tmp_path / "logs",), tmp_path / "trace", machine=path))
+    (law,) = found["effects"]
+    assert law["place"] == {"kind": "body", "name": "link_3"}
+    assert (law["changes"], law["law"]) == ("force", "beyond")
+    assert law["depends_on"] == ["position x of link_3"]
+    size, threshold = (law["parameters"][name] for name in ("size_x", "threshold"))
+    assert size["value"] == pytest.approx(-8.0, rel=0.1)
+    assert size["low"] < -8.0 < size["high"]
+    assert threshold["value"] == pytest.approx(0.03, abs=0.003)
     assert found["error_mm"]["corrected"] < 0.4  # 0.32 mm is the mean length of its noise
