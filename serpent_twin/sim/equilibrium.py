@@ -101,9 +101,14 @@ class Equilibrium:
         if near is not None:
             left = self._by_chords(near, left)
         self.continued = len(left)
+        jumps = self.acting is not None and self.friction is None
+        if jumps and near is not None:
+            left = self._by_bisection(left)
         settled = self._by_continuation(left) if self.friction is None else self._again(left)
-        if self.acting and self.friction is None:
-            settled[self._by_bisection(np.flatnonzero(~settled))] = True
+        if jumps and near is None:
+            unsettled = self._by_bisection(np.flatnonzero(~settled))
+            settled[:] = True
+            settled[unsettled] = False
         self.forward()
         return settled
 
@@ -202,11 +207,10 @@ class Equilibrium:
         return settled
 
     def _by_bisection(self, left: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Take Newton steps that end where the force along them changes its sign; returns the runs that rest.
-        A force that sets in at a threshold may hold a pose on it: other steps jump across.
+        """Take Newton steps that end where the force along them changes its sign; returns the runs that do
+        not rest. A force that sets in at a threshold may hold a pose on it: other steps jump across.
         """
-        rest: list[NDArray[np.intp]] = []
-        for _ in range(_MOST):
+        for _ in range(_CHORDS):
             if not len(left):
                 break
             force, stiffness = self._stiffness(left)
@@ -217,9 +221,8 @@ class Equilibrium:
             size = np.maximum(np.abs(step).max(axis=1), 1e-300)
             step *= np.minimum(1.0, _REACH / size)[:, None]
             self._pose[left] += step * self._before_turning(left, step, force)[:, None]
-            rest.append(left[size < _FINE])
             left = left[size >= _FINE]
-        return np.concatenate([*rest, left[:0]])
+        return left
 
     def _before_turning(self, runs: NDArray[np.intp], step: Array, force: Array) -> Array:
         """The part of each step, (m,), after which the force along it is about to turn round; 1 where it does

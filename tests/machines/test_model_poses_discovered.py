@@ -112,7 +112,7 @@ def test_a_cable_slips_at_an_instant(chain):
 
 
 def stepped(told, size):
-    """What the chain may show, (k, 6), and how exactly [m], with a torque on its third joint below an angle."""
+    """What the chain may show, (k, 6), and how exactly [m], with a torque on joint 3 below an angle."""
     step = np.array([0.0, 0.0, size])
     off, on = hanging_models.rest(told), hanging_models.rest(told, lambda q: step)
     there = [q for q, is_so in ((off, off[2] > BELOW), (on, on[2] < BELOW)) if is_so]
@@ -132,7 +132,7 @@ def stepped(told, size):
 
 @pytest.mark.parametrize(("size", "most"), [(0.15, 1), (0.02, 1), (-0.15, 2)])
 def test_a_step_is_settled_on_either_side_or_on_it(chain, size, most):
-    """A torque that pushes a joint back beyond a threshold holds poses on it; one that pushes it on has two."""
+    """A torque that pushes back beyond a threshold holds poses on it; one that pushes on has two."""
     _, pieces = chain
     law = "joint_torque of joint_3: under joint_angle of joint_3"
     found = shown(chain, law, size, 0, 0, 0, BELOW, 0).reshape(-1, 6)

@@ -89,7 +89,7 @@ def left_over(q: np.ndarray, told: np.ndarray) -> np.ndarray:
 
 
 def rest(told: np.ndarray, law: Law | None = None) -> np.ndarray:
-    """Joint angles at rest [rad], (3,), told lengths of the cables [m], (2,); a law sets in little by little."""
+    """Joint angles at rest [rad], (3,), told lengths of the cables [m], (2,); a law sets in bit by bit."""
     law, q = law or (lambda q: 0.0 * q), np.zeros(3)
     for part in np.linspace(0.0, 1.0, 5):
         q = root(lambda x, part=part: left_over(x, told) + part * law(x), q, tol=1e-12).x
