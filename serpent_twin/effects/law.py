@@ -145,6 +145,7 @@ SHAPES: Mapping[str, LawShape] = {
 
 POSITIONS = ("position_x", "position_y", "position_z")
 """Readings along axes of the base frame, of a model the world's"""
+_OF_JOINTS = ("joint_angle", "joint_velocity")
 CLOCKS = ("session", "machine")
 """Kinds of what time is of"""
 READINGS: Mapping[str, tuple[str, str]] = {
@@ -186,8 +187,8 @@ class Law:
         """Whether what it changes may follow its reading: commands, which are changed before anything moves,
         follow commands, and nothing else does; readings, which are changed after that, follow joints.
         """
-        if self.handle == READING_SHIFT and self.reading in POSITIONS:
-            return False
+        if self.handle == READING_SHIFT and self.follows_a_thing:
+            return self.reading in _OF_JOINTS
         alike = (self.reading == ACTUATOR_COMMAND) == (self.handle == ACTUATOR_COMMAND)
         return alike or not self.follows_a_thing
 

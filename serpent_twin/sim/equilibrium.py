@@ -1,6 +1,7 @@
 """Find the poses in which runs of a model rest."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -12,6 +13,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.sim.actuators import Actuators
 from serpent_twin.sim.dry_friction import DryFriction
 
+_POSITIONS = int(mujoco.mjtStage.mjSTAGE_POS)
 _DIFFERENCE = 1e-6
 """Of a coordinate, for the stiffness [rad or m]"""
 _FINE = 1e-6
@@ -24,6 +26,10 @@ _AGAIN = 3
 """Times that a stiffness is found anew where friction holds"""
 _MOST = 80
 """Steps with a stiffness of their own"""
+_TURNED, _HALVINGS = 0.1, 14
+"""Of the force along a step at its beginning, which one that has turned round exceeds; times that the step to
+there is halved: of a step of 0.2 rad, to less than a hundredth of a threshold's width
+"""
 _CAUTIOUS = 0.5
 """Ratio of the first step to a Newton step, where the stiffness is that of the coordinate alone"""
 _SLOWER, _FASTER, _SETTLED = 0.2, 10.0, 1e3
@@ -50,6 +56,13 @@ class GivingWay:
         return GivingWay(self.inverse[which], self.pulls[which], self.arms[which])
 
 
+class ActsAtRest(Protocol):
+    """What acts on runs besides, by the poses in which they are."""
+
+    def start(self) -> None:
+        """Write the forces and springs of the batch's present poses."""
+
+
 class Equilibrium:
     """The poses in which the runs of a batch rest, of hinges and slides under constant controls.
 
@@ -62,6 +75,8 @@ class Equilibrium:
 
     friction: DryFriction | None = None
     """What holds the runs besides"""
+    acting: ActsAtRest | None = None
+    """What acts on the runs besides, in each pose on their way"""
 
     def __init__(self, batch: Batch) -> None:
         require_settling(batch.model)
@@ -86,16 +101,30 @@ class Equilibrium:
         if near is not None:
             left = self._by_chords(near, left)
         self.continued = len(left)
+        jumps = self.acting is not None and self.friction is None
+        if jumps and near is not None:
+            left = self._by_bisection(left)
         settled = self._by_continuation(left) if self.friction is None else self._again(left)
-        self._batch.forward()
+        if jumps and near is None:
+            unsettled = self._by_bisection(np.flatnonzero(~settled))
+            settled[:] = True
+            settled[unsettled] = False
+        self.forward()
         return settled
+
+    def forward(self, runs: NDArray[np.intp] | None = None) -> None:
+        """Compute what follows from the present poses of all runs, or of some."""
+        if self.acting:
+            self._batch.forward(ids=runs, stage=_POSITIONS)
+            self.acting.start()
+        self._batch.forward(ids=runs)
 
     def giving_way(self, runs: NDArray[np.intp] | None = None) -> GivingWay:
         """How each run, or some, give way in their present poses, friction left out; zeros of the others."""
         which = np.arange(len(self._pose)) if runs is None else runs
         inverse = np.zeros((len(self._pose), *[self._pose.shape[1]] * 2))
         inverse[which] = np.linalg.inv(self._stiffness(which)[1])
-        self._batch.forward(ids=which)
+        self.forward(which)
         pulls = np.zeros((len(self._pose), len(self._actuators.stiffness)))
         pulls[which] = self._actuators.pull(which)
         arms = np.zeros((*pulls.shape, self._pose.shape[1]))
@@ -139,7 +168,7 @@ class Equilibrium:
         """A step by how runs give way near by, corrected by Woodbury's identity for actuators that have come
         to a limit or left it, (m, nv).
         """
-        inverse, force = near.inverse[runs], self._left_over(runs)
+        inverse, force = near.inverse[runs], self.left_over(runs)
         more = self._actuators.pull(runs) - near.pulls[runs]
         if more.any():
             slope = self._actuators.stiffness * more
@@ -177,20 +206,56 @@ class Equilibrium:
         settled[left] = False
         return settled
 
+    def _by_bisection(self, left: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Take Newton steps that end where the force along them changes its sign; returns the runs that do
+        not rest. A force that sets in at a threshold may hold a pose on it: other steps jump across.
+        """
+        for _ in range(_CHORDS):
+            if not len(left):
+                break
+            force, stiffness = self._stiffness(left)
+            step = (np.linalg.pinv(stiffness) @ force[..., None])[..., 0]
+            own = np.maximum(np.abs(np.einsum("nii->ni", stiffness)), 1e-300)
+            down = np.einsum("ni,ni->n", step, force)[:, None] > 0
+            step = np.where(down, step, _CAUTIOUS * force / own)  # else it leads to a summit
+            size = np.maximum(np.abs(step).max(axis=1), 1e-300)
+            step *= np.minimum(1.0, _REACH / size)[:, None]
+            self._pose[left] += step * self._before_turning(left, step, force)[:, None]
+            left = left[size >= _FINE]
+        return left
+
+    def _before_turning(self, runs: NDArray[np.intp], step: Array, force: Array) -> Array:
+        """The part of each step, (m,), after which the force along it is about to turn round; 1 where it does
+        not.
+        """
+        start = self._pose[runs].copy()
+        least = -_TURNED * np.einsum("ni,ni->n", step, force)
+        low, high = np.zeros(len(runs)), np.ones(len(runs))
+        part = high.copy()
+        for _ in range(_HALVINGS):
+            self._pose[runs] = start + step * part[:, None]
+            beyond = np.einsum("ni,ni->n", step, self.left_over(runs)) < least
+            high, low = np.where(beyond, part, high), np.where(beyond, low, part)
+            part = (low + high) / 2
+            if (low == 1.0).all():
+                break
+        self._pose[runs] = start
+        return np.where(low == 1.0, 1.0, part)
+
     def _stiffness(self, runs: NDArray[np.intp]) -> tuple[Array, Array]:
         """The forces left in the present pose, (m, nv), and their change with it, (m, nv, nv)."""
         pose = self._pose[runs]
-        force = self._left_over(runs)
+        force = self.left_over(runs)
         stiffness = np.empty((*force.shape, force.shape[1]))
         for k in range(force.shape[1]):
             self._pose[runs, k] = pose[:, k] + _DIFFERENCE
-            stiffness[..., k] = (force - self._left_over(runs)) / _DIFFERENCE
+            stiffness[..., k] = (force - self.left_over(runs)) / _DIFFERENCE
             self._pose[runs, k] = pose[:, k]
         return force, stiffness
 
-    def _left_over(self, runs: NDArray[np.intp]) -> Array:
+    def left_over(self, runs: NDArray[np.intp]) -> Array:
         """The forces that would set runs in motion [N or N m], (m, nv)."""
-        self._batch.forward(ids=runs)
+        self.forward(runs)
         smooth, constraint = self._forces
         return smooth[runs] + constraint[runs]
 

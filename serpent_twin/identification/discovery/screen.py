@@ -254,10 +254,12 @@ def _follow_alike(one: Way, other: Way) -> bool:
 
 def _solved(pulls: Array, grams: Array, raw: Array) -> tuple[Array, Array]:
     """Sizes, (W, d), and by how much each reduces the residual's squares, (W,); none where hardly anything
-    is left of the change.
+    is left of the change. A component that shows nothing, as across a machine that moves in a plane, is zero.
     """
     d = pulls.shape[1]
     scale = np.maximum(np.einsum("wdd->w", raw) / d, 1e-30)
+    shows = np.einsum("wdd->wd", grams) != 0
+    grams = grams + np.where(shows, 0.0, scale[:, None])[..., None] * np.eye(d)
     low = np.linalg.eigvalsh(grams)[:, 0]
     usable = low > _FLAT * scale
     safe = np.where(usable[:, None, None], grams, np.eye(d))

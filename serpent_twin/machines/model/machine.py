@@ -21,6 +21,7 @@ from serpent_twin.machines.machine import (
     effects_at,
 )
 from serpent_twin.machines.measured import Recording, RunMachine, Runs, cut
+from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.clocks import clocks_of
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
@@ -37,15 +38,15 @@ from serpent_twin.machines.model.motion import (
 )
 from serpent_twin.machines.model.numbers import change_number
 from serpent_twin.machines.model.places import ModelPlaces, only_single, units_of_law
-from serpent_twin.machines.model.pose_places import PosePlaces, commands_at_rest
-from serpent_twin.machines.model.poses import Rests, settled
+from serpent_twin.machines.model.pose_places import PosePlaces, places_at_rest
+from serpent_twin.machines.model.poses import Rests
 from serpent_twin.machines.model.prescribed import known_motion, prescribe
 from serpent_twin.machines.model.proposing import proposed
 from serpent_twin.machines.model.readings import reread
 from serpent_twin.machines.model.seen import Seen, beginning, joint_angles
 from serpent_twin.machines.model.segments import ROWS, segments
 from serpent_twin.machines.model.starts import start, start_columns, started_again
-from serpent_twin.machines.model.state_effects import acting_on_state, refuse_motion, together
+from serpent_twin.machines.model.state_effects import acting_on_state, together
 from serpent_twin.machines.model.switches import separate, switched_off
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
@@ -189,7 +190,7 @@ class ModelMachine(RunMachine):
         """What twins show in each row, (D, S, T, C); not finite where a twin does not come to rest."""
         with quietly(), np.errstate(all="ignore"):  # what is unstable is said by who asks
             if self.described.about.rows == POSES:
-                return np.array([self._settled(point, pieces) for point in points])
+                return np.array([self._at_rest(point).shown(pieces) for point in points])
             several = acting_on_state(effects_at(points[0]), self.described.model)
             at_once = len(points) if several or self.described.prescribed else 1
             return np.concatenate(
@@ -199,18 +200,11 @@ class ModelMachine(RunMachine):
                 ]
             )
 
-    def _settled(self, point: ParameterVector, pieces: Runs) -> Array:
-        """What a twin shows at rest, (S, T, C)."""
-        machine, there = self.described, effects_at(point)
-        refuse_motion(there, machine.model)
-        x = by_coordinate(self.declared, point.declared)
-        out = np.empty((*pieces.time.shape, len(self.outputs)))
-        for known, which in by_known_numbers(machine, pieces).items():
-            some, model = pieces.take(which), self._compiled(point.declared, there, known)
-            told, seen = controls(machine, there, x, some), Seen(machine, self.frame, [x])
-            begin, motion = beginning(model, machine), known_motion(machine, x, some)
-            out[which] = settled(model, told, begin, seen, self.rests, some, motion)
-        return out
+    def _at_rest(self, point: ParameterVector) -> TwinAtRest:
+        """A twin whose rows are poses at rest."""
+        x, there = by_coordinate(self.declared, point.declared), effects_at(point)
+        compiled = partial(self._compiled, point.declared, there)
+        return TwinAtRest(self.described, self.frame, self.places, self.rests, there, x, compiled)
 
     def _moved(self, points: Sequence[ParameterVector], pieces: Runs) -> Array:
         """What twins of one structure show in motion, side by side, (D, S, T, C)."""
@@ -253,10 +247,13 @@ class ModelMachine(RunMachine):
     def responses_at_places(
         self, point: ParameterVector, pieces: Runs
     ) -> ModelPlaces | PosePlaces | None:
-        """What changes at the model's places would show; None where it has joints of other kinds, or many."""
+        """What changes at the model's places would show; of motion, None where it has joints of other kinds,
+        or many.
+        """
         machine = self.described
         if machine.about.rows == POSES:
-            return commands_at_rest(machine, self.respond, point, pieces)
+            with quietly(), np.errstate(all="ignore"):
+                return places_at_rest(self._at_rest(point), self.respond, point, pieces)
         if not only_single(machine.model):
             return None
         with quietly(), np.errstate(all="ignore"):

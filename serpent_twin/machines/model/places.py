@@ -28,7 +28,7 @@ from serpent_twin.machines.model.starts import LEAD
 from serpent_twin.machines.model.things import joint_type, lengths
 from serpent_twin.machines.places import LaggedResponse, Response, RowMotion
 
-_MOST = 12
+MOST = 12
 """Joints or bodies of a model at which laws are sought"""
 _SLOW = 0.05
 """Speed at which dry friction has its full size, of the joint's own rms: it changes its sign softly"""
@@ -40,7 +40,7 @@ SI = {"mm": "m", "°": "rad", "1": "1"}
 
 def only_single(model: mujoco.MjModel) -> bool:
     """Whether all joints are hinges or slides, and few enough."""
-    return model.njnt == model.nq == len(single_joints(model)) <= _MOST
+    return model.njnt == model.nq == len(single_joints(model)) <= MOST
 
 
 def units_of_law(machine: Described, law: Law) -> dict[str, str]:
@@ -204,7 +204,7 @@ class ModelPlaces:
 def _bodies(model: mujoco.MjModel) -> list[int]:
     """Bodies with joints and names, if there are few."""
     found = [n for n in range(1, model.nbody) if model.body_dofnum[n] and model.body(n).name]
-    return found if len(found) <= _MOST else []
+    return found if len(found) <= MOST else []
 
 
 def _adapts(

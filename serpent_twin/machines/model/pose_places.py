@@ -1,62 +1,184 @@
-"""Say what changes of a model's commands do to the poses in which it rests."""
+"""Say what changes at a model's places do to the poses in which it rests."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
+import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import ranges
 from serpent_twin.effects.discovered import Discovered
-from serpent_twin.effects.law import ACTUATOR_COMMAND, Law
+from serpent_twin.effects.law import (
+    ACTUATOR_COMMAND,
+    HANDLES,
+    POSITIONS,
+    READING_SHIFT,
+    Law,
+)
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Runs
+from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.description import Described
-from serpent_twin.machines.model.places import clocks_and_commands
+from serpent_twin.machines.model.places import MOST, clocks_and_commands
+from serpent_twin.machines.model.pose_changes import PoseChanges
+from serpent_twin.machines.model.things import lengths
 from serpent_twin.machines.places import PlaceResponse
 
+T = TypeVar("T")
 _SHARE = 0.1
 """Of a command's scatter in the logs, by which it is changed: dry friction takes up less"""
 _STILL = 1e-9
 """Scatter [rad, m or 1] below which a command is the same in all rows"""
+_ROUNDING = 1e-6
+"""Of the largest response to one quantity, below which a place shows nothing: what differences leave"""
 
 
 @dataclass(frozen=True)
 class PosePlaces:
-    """What S segments of T poses show of changed commands."""
+    """What S segments of T poses show of changes at a model's places."""
 
     readings: Mapping[tuple[str, str], Array]
     """What laws may follow, (S, T), by the reading and its place"""
     responses: Sequence[PlaceResponse]
-    """Of each command that changes"""
+    """Of each place that shows in what is measured"""
     starts: Array | None = None
     """Poses have no states in which they begin"""
 
 
-def commands_at_rest(
+def places_at_rest(
+    twin: TwinAtRest,
+    respond: Callable[[Sequence[ParameterVector], Runs], Array],
+    point: ParameterVector,
+    pieces: Runs,
+) -> PosePlaces:
+    """Those of a twin. What dry friction takes up of a torque, a force or a slack is left out."""
+    machine, measured, shape = twin.machine, twin.measured, pieces.time.shape
+    laws, followed = _laws(machine), _followed(machine.model)
+    readings = {each: np.zeros(shape) for each in followed}
+    changes = [np.zeros((HANDLES[law.handle].components, *shape, len(measured))) for law in laws]
+    names = {name for _, name in followed} | {law.place for law in laws}
+    for which, posed in twin.parts(pieces) if names else ():
+        part = PoseChanges(posed, twin.rests, frozenset(names))
+        for each in followed:
+            readings[each][which] = part.reading(*each)
+        for law, change in zip(laws, changes, strict=True):
+            change[:, which] = part.change(law)
+    found = [
+        PlaceResponse(law.handle, law.place, change)
+        for law, change in zip(laws, changes, strict=True)
+    ]
+    commands = _of_commands(machine, respond, point, pieces)
+    return PosePlaces(
+        clocks_and_commands(machine, pieces) | readings,
+        [*_shown(found), *commands, *_of_readings(twin, shape)],
+    )
+
+
+def _laws(machine: Described) -> list[Law]:
+    """A constant change at each place where one is sought: nothing that acts on what is prescribed shows."""
+    model, held = machine.model, {each.of for each in machine.prescribed}
+    joints = [name for name in _joints(model) if ("joint", name) not in held]
+    tendons = [name for name in _tendons(model) if ("tendon", name) not in held]
+    bodies = [n for n in _bodies(model) if _moves(model, n, held)]
+    return [
+        *(Law("joint_torque", name) for name in joints),
+        *(Law("force", model.body(n).name) for n in _few(bodies)),
+        *(Law("slack", name) for name in tendons),
+    ]
+
+
+def _followed(model: mujoco.MjModel) -> list[tuple[str, str]]:
+    """The readings of poses, and of which place each is."""
+    bodies = _bodies(model)
+    ends = [model.body(n).name for n in bodies if n not in model.body_parentid[bodies]]
+    return [
+        *(("joint_angle", name) for name in _joints(model)),
+        *((axis, name) for name in _few(ends) for axis in POSITIONS),
+        *(("tension", name) for name in _tendons(model)),
+    ]
+
+
+def _joints(model: mujoco.MjModel) -> list[str]:
+    return _few([name for n in range(model.njnt) if (name := model.joint(n).name)])
+
+
+def _tendons(model: mujoco.MjModel) -> list[str]:
+    """Those that have a spring, or drives that set their length [m]."""
+    names = [name for n in range(model.ntendon) if (name := model.tendon(n).name)]
+    pull = {model.tendon(n).name for n in np.flatnonzero(model.tendon_stiffness)}
+    on_tendon = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    servos = np.flatnonzero(on_tendon & (model.actuator_biasprm[:, 1] != 0))
+    pull |= {model.tendon(int(n)).name for n in model.actuator_trnid[servos, 0]}
+    return _few([name for name in names if name in pull and "m" in lengths(model, "tendon", name)])
+
+
+def _bodies(model: mujoco.MjModel) -> list[int]:
+    """Those with joints and names."""
+    return [n for n in range(1, model.nbody) if model.body_dofnum[n] and model.body(n).name]
+
+
+def _moves(model: mujoco.MjModel, body: int, held: Collection[tuple[str, str]]) -> bool:
+    """Whether a body has a joint, or is on one that has, which is not prescribed."""
+    while body:
+        first = int(model.body_jntadr[body])
+        joints = range(first, first + int(model.body_jntnum[body]))
+        if any(("joint", model.joint(n).name) not in held for n in joints):
+            return True
+        body = int(model.body_parentid[body])
+    return False
+
+
+def _few(several: Sequence[T]) -> list[T]:
+    """At most so many as laws are sought at, at even steps and the last included: in a long chain, what acts
+    on neighbours moves it nearly alike.
+    """
+    if len(several) <= MOST:
+        return [*several]
+    return [several[n] for n in np.linspace(0, len(several) - 1, MOST).round().astype(int)]
+
+
+def _shown(found: Sequence[PlaceResponse]) -> Iterator[PlaceResponse]:
+    """Those that show in what is measured, without what differences leave of others."""
+    for each in found:
+        most = max(np.abs(one.change).max() for one in found if one.handle == each.handle)
+        change = np.where(np.abs(each.change) > _ROUNDING * most, each.change, 0.0)
+        if change.any():
+            yield replace(each, change=change)
+
+
+def _of_readings(twin: TwinAtRest, shape: tuple[int, ...]) -> Iterator[PlaceResponse]:
+    """Shifts of the measured angles."""
+    joints = [each.joint for each in twin.machine.about.measured if each.joint]
+    for k, name in enumerate(twin.measured):
+        if name in joints and twin.measured.count(name) == 1:
+            change = np.zeros((1, *shape, len(twin.measured)))
+            change[..., k] = 1.0
+            yield PlaceResponse(READING_SHIFT, name, change)
+
+
+def _of_commands(
     machine: Described,
     respond: Callable[[Sequence[ParameterVector], Runs], Array],
     point: ParameterVector,
     pieces: Runs,
-) -> PosePlaces | None:
-    """By differences: the twin is settled again for each actuator, with its command changed a little. None
-    where no command changes in the log.
-    """
-    readings, laws, steps = clocks_and_commands(machine, pieces), [], []
+) -> list[PlaceResponse]:
+    """By differences: the twin is settled again for each actuator, with its command changed a little."""
+    laws, steps = [], []
     others = np.zeros(len(ranges(Discovered)) - 1)
-    for (reading, name), x in readings.items():
+    for (reading, name), x in clocks_and_commands(machine, pieces).items():
         if reading == ACTUATOR_COMMAND and np.std(x) > _STILL:
             laws.append(Law(ACTUATOR_COMMAND, name))
             steps.append(_SHARE * float(np.std(x)))
     if not laws:
-        return None
+        return []
     changed = [
         point.having(f"discovered@{law}", np.array([step, *others]))
         for law, step in zip(laws, steps, strict=True)
     ]
     usual, *found = respond([point, *changed], pieces)
-    responses = [
+    return [
         PlaceResponse(ACTUATOR_COMMAND, law.place, np.nan_to_num((there - usual)[None] / step))
         for law, there, step in zip(laws, found, steps, strict=True)
     ]
-    return PosePlaces(readings, responses)

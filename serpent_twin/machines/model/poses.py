@@ -1,16 +1,21 @@
 """Settle a model in every row of a log, and keep the poses found for the next twin."""
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
+from serpent_twin.effects import Effect
 from serpent_twin.machines.measured import Runs
+from serpent_twin.machines.model.clocks import Clocks, clocks_of, session_time
 from serpent_twin.machines.model.prescribed import KnownMotion, Prescription
 from serpent_twin.machines.model.seen import Seen, segments_of
+from serpent_twin.machines.model.state_effects import Acting
+from serpent_twin.machines.model.state_laws import StateLaws
 from serpent_twin.runs.processes import threads
 from serpent_twin.sim.dry_friction import DryFriction, rubs
 from serpent_twin.sim.equilibrium import Equilibrium, GivingWay
@@ -24,33 +29,69 @@ _WAY = np.linspace(0.0, 1.0, 9)[1:].tolist()
 """Parts of the way from row to row, where friction does not let a model come to rest at once"""
 
 
-def settled(
-    model: mujoco.MjModel,
-    told: Array,
-    begin: Array,
-    seen: Seen,
-    known: "Rests",
-    pieces: Runs,
-    motion: KnownMotion | None,
-) -> Array:
-    """What is seen of the poses in which a model rests, (S, T, C), told (S, T, nu); NaN where it does not
-    come to rest. The search begins with the poses of another twin that are known, or with one pose, (nq,).
-    Where `motion` is prescribed, it holds.
-    """
-    S, T = told.shape[:2]
-    runs = _Resting(model, S * T, seen, motion)
-    near, giving = known.of(model, pieces)
-    runs.pose[...] = begin if near is None else near
-    came = runs.settle(giving, told.reshape(S * T, -1), motion and motion.at.reshape(S * T, -1))
-    if (giving is None or runs.rest.continued > _FELL_BACK * S * T) and came.all():
-        giving = runs.rest.giving_way()
-        known.keep(pieces, runs.pose.copy(), giving)
-    if rubs(model):
-        free = _Free(runs.pose, giving or runs.rest.giving_way(), came)
-        return _held(_Resting(model, S, seen, motion), told, motion and motion.at, free)
-    found = seen.read(runs.batch)
-    found[~came] = np.nan
-    return found.reshape(S, T, -1)
+@dataclass(frozen=True)
+class PosedRuns:
+    """A model in S segments of T rows, each of which is a pose at rest."""
+
+    model: mujoco.MjModel
+    told: Array
+    """What its actuators are told, (S, T, nu)"""
+    begin: Array
+    """A pose from which a search may begin, (nq,)"""
+    seen: Seen
+    pieces: Runs
+    motion: KnownMotion | None
+    """Of what is prescribed, which holds"""
+    laws: Sequence[Effect]
+    """That follow the pose or a clock"""
+
+    @cached_property
+    def time(self) -> Array:
+        """Since the sessions began [s], (S, T)."""
+        return session_time(self.pieces)
+
+    @property
+    def at(self) -> Array | None:
+        """Where what is prescribed is, (S, T, P)."""
+        return self.motion and self.motion.at
+
+    def settled(self, known: "Rests") -> "Settled":
+        """Where it rests. The search begins with known poses of another twin, if there are any."""
+        S, T = self.told.shape[:2]
+        runs = RestingRuns(self, S * T)
+        near, giving = known.of(self.model, self.pieces)
+        runs.pose[...] = self.begin if near is None else near
+        told, time = self.told.reshape(S * T, -1), self.time.ravel()
+        came = runs.settle(giving, told, self.flat_at, time)
+        if (giving is None or runs.rest.continued > _FELL_BACK * S * T) and came.all():
+            giving = runs.rest.giving_way()
+            known.keep(self.pieces, runs.pose.copy(), giving)
+        if rubs(self.model):
+            free = _Free(runs.pose, giving or runs.rest.giving_way(), came)
+            return _held(RestingRuns(self, S), self, free)
+        found = self.seen.read(runs.batch)
+        found[~came] = np.nan
+        return Settled(found.reshape(S, T, -1), runs.pose.copy())
+
+    @property
+    def flat_at(self) -> Array | None:
+        """The same of all rows one after the other, (S T, P)."""
+        return None if self.at is None else self.at.reshape(self.time.size, -1)
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What S segments of T rows show at rest."""
+
+    shown: Array
+    """What is seen, (S, T, C); NaN where the model does not come to rest"""
+    pose: Array
+    """(S T, nq)"""
+
+    @property
+    def came(self) -> NDArray[np.intp]:
+        """The rows, one segment after the other, in which it rests."""
+        return np.flatnonzero(np.isfinite(self.shown).all(axis=-1).ravel())
 
 
 @dataclass(frozen=True)
@@ -65,21 +106,34 @@ class _Free:
     """(S T,)"""
 
 
-class _Resting:
-    """Runs of a model that come to rest, n of them."""
+class RestingRuns:
+    """Runs of a model that come to rest: n of them, as many of each segment. `beside` names places at which
+    more may act than laws do.
+    """
 
-    def __init__(
-        self, model: mujoco.MjModel, n: int, seen: Seen, motion: KnownMotion | None
-    ) -> None:
-        self.batch = side_by_side([model] * n, threads())
-        self.rest, self.seen = Equilibrium(self.batch), seen
-        seen.bind(self.batch)
-        self.pose = self.batch.bind("qpos")
+    def __init__(self, posed: PosedRuns, n: int, beside: frozenset[str] = frozenset()) -> None:
+        self.batch = side_by_side([posed.model] * n, threads())
+        self.rest, self.seen = Equilibrium(self.batch), posed.seen
+        self.seen.bind(self.batch)
+        self.pose, self._time = self.batch.bind("qpos"), self.batch.bind("time")
+        motion = posed.motion
         self._prescribed = Prescription(motion.machine, self.batch) if motion else None
+        self.laws: StateLaws | None = None
+        if posed.laws or beside:
+            prior = clocks_of(posed.pieces).prior_runtime
+            clocks = Clocks(np.zeros(n), prior.repeat(n // len(prior)))
+            acting = Acting([posed.laws] * n, clocks)
+            self.laws = StateLaws(self.batch, acting, np.zeros(n), half=False, beside=beside)
+            self.laws.begin()
+            self.rest.acting = self.laws
 
-    def settle(self, giving: GivingWay | None, told: Array, at: Array | None) -> NDArray[np.bool_]:
-        """Let all come to rest that are told (n, nu), what is prescribed at (n, P); which did, (n,)."""
-        self.batch.bind("ctrl")[:, : told.shape[1]] = told  # the others are of effects
+    def settle(
+        self, giving: GivingWay | None, told: Array, at: Array | None, time: Array
+    ) -> NDArray[np.bool_]:
+        """Let all come to rest that are told (n, nu), what is prescribed at (n, P), at a time since the
+        session began [s], (n,); which did, (n,).
+        """
+        self._tell(told, time)
         if self._prescribed and at is not None:
             self._prescribed.rest(at)
             self.rest.settle(giving)
@@ -87,6 +141,17 @@ class _Resting:
         elif giving is None:
             giving = self._around(_nearest_of_few(told))
         return self.rest.settle(giving)
+
+    def place(self, pose: Array, told: Array, at: Array | None, time: Array) -> None:
+        """Put all in poses (n, nq) in which they rest, told the same."""
+        self._tell(told, time)
+        if self._prescribed and at is not None:
+            self._prescribed.hold(at)
+        self.pose[...] = pose
+
+    def _tell(self, told: Array, time: Array) -> None:
+        self.batch.bind("ctrl")[:, : told.shape[1]] = told  # the others are of effects
+        self._time[...] = time
 
     def _around(self, first: NDArray[np.intp]) -> GivingWay:
         """Place each run in the pose of the nearest run that is found first; returns how those give way.
@@ -112,18 +177,17 @@ def _nearest_of_few(told: Array) -> NDArray[np.intp]:
     return first
 
 
-def _held(runs: _Resting, told: Array, at: Array | None, free: _Free) -> Array:
-    """What is seen of a model that dry friction holds on its way from row to row, (S, T, C), but not in the
-    first row: told (S, T, nu), what is prescribed at (S, T, P).
-    """
-    T, pose = told.shape[1], runs.pose
-    friction = runs.rest.friction = DryFriction(runs.batch)
-    out = []
+def _held(runs: RestingRuns, posed: PosedRuns, free: _Free) -> Settled:
+    """The same of a model that dry friction holds on its way from row to row, but not in the first row."""
+    told, at, time, pose = posed.told, posed.at, posed.time, runs.pose
+    T, friction = told.shape[1], DryFriction(runs.batch)
+    runs.rest.friction = friction
+    out, poses = [], []
     for t in range(T):
         last, before = max(t - 1, 0), pose.copy()
         near = free.giving.of(slice(t, None, T))
         pose[...] = free.pose[t::T] + (pose - free.pose[last::T] if t else 0.0)
-        came = runs.settle(near, told[:, t], None if at is None else at[:, t])
+        came = runs.settle(near, told[:, t], None if at is None else at[:, t], time[:, t])
         far = np.flatnonzero(~came)
         pose[far] = before[far]
         there = came
@@ -131,12 +195,14 @@ def _held(runs: _Resting, told: Array, at: Array | None, free: _Free) -> Array:
             share = np.where(there, 1.0, part)[:, None]
             way = told[:, last] + share * (told[:, t] - told[:, last])
             to = None if at is None else at[:, last] + share * (at[:, t] - at[:, last])
-            came = runs.settle(near, way, to)
+            when = time[:, last] + share[:, 0] * (time[:, t] - time[:, last])
+            came = runs.settle(near, way, to, when)
             friction.hold(far)
         friction.hold()
         out.append(runs.seen.read(runs.batch))
         out[-1][~(came & free.found[t::T])] = np.nan
-    return np.stack(out, axis=1)
+        poses.append(pose.copy())
+    return Settled(np.stack(out, axis=1), np.stack(poses, axis=1).reshape(-1, pose.shape[1]))
 
 
 class Rests:

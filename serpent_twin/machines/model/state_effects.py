@@ -9,12 +9,23 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect, name_of
+from serpent_twin.effects.discovered import Discovered
+from serpent_twin.effects.law import POSITIONS, READING_SHIFT
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import Clocks
 from serpent_twin.machines.model.numbers import is_dc_motor
 from serpent_twin.machines.model.springs import single_joints
+from serpent_twin.numerals import listed
 
 _TORQUE = "drive_torque"
+_TIMES = ("time", "runtime")
+_FOLLOWED_AT_REST = {
+    **dict.fromkeys(
+        ("joint_torque", "force", "slack"), ("joint_angle", "tension", *POSITIONS, *_TIMES)
+    ),
+    READING_SHIFT: ("joint_angle", *_TIMES),
+}
+"""What laws change of a model at rest, and what they may follow, besides those of commands"""
 
 
 def acting_on_state(there: Sequence[Effect], model: mujoco.MjModel) -> list[Effect]:
@@ -22,13 +33,29 @@ def acting_on_state(there: Sequence[Effect], model: mujoco.MjModel) -> list[Effe
     return [each for each in there if acts_on_state(each, model) and not each.absent]
 
 
-def refuse_motion(there: Sequence[Effect], model: mujoco.MjModel) -> None:
-    """Refuse effects that act in time steps, of which poses have none."""
-    if several := acting_on_state(there, model):
-        raise SerpentError(
-            f"the effect {name_of(several[0])} acts in motion, and the rows of this log are poses at rest. "
-            "Leave it out of this twin."
-        )
+def acting_at_rest(there: Sequence[Effect], model: mujoco.MjModel) -> list[Effect]:
+    """The laws that act on a model at rest; raises a `SerpentError` of an effect that acts in time steps, or
+    on readings that are late, of which poses have none.
+    """
+    several = acting_on_state(there, model)
+    for each in [*several, *(each for each in there if each.of_readings and not each.absent)]:
+        if not isinstance(each, Discovered):
+            raise SerpentError(
+                f"the effect {name_of(each)} acts in motion, and the rows of this log are poses at rest. "
+                "Leave it out of this twin."
+            )
+        followed = _FOLLOWED_AT_REST.get(each.law.handle, ())
+        if not followed:
+            raise SerpentError(
+                f"the law {str(each.law)!r} acts in motion, and the rows of this log are poses at rest, of "
+                f"which laws change {listed(_FOLLOWED_AT_REST)}. Leave it out of this twin."
+            )
+        if each.law.reading not in ("", *followed):
+            raise SerpentError(
+                f"the rows of this log are poses at rest, in which {each.law.handle} follows no "
+                f"{each.law.depends_on}; there are: {listed(followed)}. Leave it out of this twin."
+            )
+    return several
 
 
 def acts_on_state(effect: Effect, model: mujoco.MjModel) -> bool:

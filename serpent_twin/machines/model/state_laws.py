@@ -32,16 +32,23 @@ class StateLaws:
     """Effects that act on the runs of a batch before each time step, at the places that they name.
 
     `half` says whether rates are half a time step older than poses: those of now are then extrapolated from
-    the last two.
+    the last two. `beside` names places at which more may be changed than the effects do.
     """
 
-    def __init__(self, batch: Batch, acting: Acting, step: Array, half: bool) -> None:
+    def __init__(
+        self,
+        batch: Batch,
+        acting: Acting,
+        step: Array,
+        half: bool,
+        beside: frozenset[str] = frozenset(),
+    ) -> None:
         model = batch.model
         self._batch, self._acting, self._half, self._dt = batch, acting, half, step[:, None]
         self._several = effects.stacked(acting.several)
         self._first: list[Any] | None = None
         self._names, springs = _places(
-            model, {name for each in self._several for name in each.things}
+            model, {name for each in self._several for name in each.things} | beside
         )
         self._springs = [Spring(batch, kind, name) for kind, name in springs]
         stiffness = [each.stiffness for each in self._springs]
@@ -81,8 +88,12 @@ class StateLaws:
 
     def start(self) -> None:
         """Change what acts at a run's first instant, where rates are of now and no time passes."""
+        self.write(self.first())
+
+    def first(self) -> StateMoment:
+        """A run's first instant, or that of a pose at rest, with the changes of the effects."""
         self._rate, self._motion = self._qvel.copy(), self._motions()
-        self._act(0.0 * self._dt, self._rate, self._motion)
+        return self._changed(0.0 * self._dt, self._rate, self._motion)
 
     def lag(self) -> None:
         """Take the batch's rates as those of half a time step before the first."""
@@ -94,18 +105,18 @@ class StateLaws:
         ahead = 0.5 if self._half else 0.0
         now = rate + ahead * (rate - self._rate), motion + ahead * (motion - self._motion)
         self._rate, self._motion = rate, motion
-        self._act(self._dt, *now)
+        self.write(self._changed(self._dt, *now))
 
     def _motions(self) -> Array:
         """Of the bodies, as MuJoCo has them, (n, B, 6)."""
         return self._moves[:, self._bodies]
 
-    def _act(self, dt: Array, rate: Array, motion: Array) -> None:
+    def _changed(self, dt: Array, rate: Array, motion: Array) -> StateMoment:
         moment = self._moment(
             dt, self._acting.clocks.begun[:, None] + self._clock[:, None], rate, motion
         )
         effects.act(self._several, moment, self._memory)
-        self._apply(moment)
+        return moment
 
     def _remembered(self) -> list[Any]:
         """The memories of all runs where they begin, from what was measured before."""
@@ -168,7 +179,7 @@ class StateLaws:
             wrench=np.zeros((n, len(self._bodies), 6)),
         )
 
-    def _apply(self, moment: StateMoment) -> None:
+    def write(self, moment: StateMoment) -> None:
         """Write into the batch what the effects have made of an instant."""
         for each, rubs in zip(
             self._friction, (moment.gear_friction, moment.tendon_friction), strict=True

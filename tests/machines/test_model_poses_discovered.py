@@ -1,0 +1,289 @@
+"""Laws at joints, bodies and tendons of a model at rest, beside statics that know nothing of MuJoCo."""
+
+import hanging_models
+import numpy as np
+import posed_models
+import pytest
+from hanging_models import lever, pulls
+from scipy.optimize import root
+
+from serpent_twin import machines
+from serpent_twin.effects.law import HANDLES, SHAPES, parse
+from serpent_twin.errors import SerpentError
+from serpent_twin.identification import Trace, trace
+from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.rig import read_logs
+
+STOP, BELOW = 1.5, -0.2  # [N m/rad] against the third joint beyond an angle [rad]
+
+
+def opened(path, logs):
+    """A machine's case and its segments."""
+    rig = machines.find(str(path))
+    case = rig.open(sessions := read_logs(rig, (logs,)))
+    return case, case.pieces(sessions)
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory):
+    """A hanging chain's case and its segments."""
+    folder = tmp_path_factory.mktemp("chain")
+    path = hanging_models.machine(folder)
+    hanging_models.log(folder / "logs" / "poses.csv", 1)
+    return opened(path, folder / "logs")
+
+
+@pytest.fixture(scope="module")
+def places(chain):
+    """What changes at its places show."""
+    case, pieces = chain
+    return case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+
+
+def shown(opened, at="", *values, **effects):
+    """What the nominal twin shows with a law of some sizes, first and second, or with other effects."""
+    case, pieces = opened
+    there = {name.replace("_at_", "@"): np.array(each) for name, each in effects.items()}
+    if at:
+        there[f"discovered@{at}"] = np.array([*values, 0.0, 0.0])
+    point = ParameterVector(np.zeros(len(case.declared)), there)
+    return case.machine.respond([point], pieces)[0]
+
+
+def by_statics(pieces, law=None, slack=None):
+    """The same by statics, with torques (3,) of angles, or slack (2,) of tensions and the row's number."""
+    told = np.stack([pieces.column["left"], pieces.column["right"]], axis=-1)
+    out = np.empty((*told.shape[:2], 6))
+    for s, t in np.ndindex(told.shape[:2]):
+        more = slack(pieces.time[s, t]) if slack else np.zeros(2)
+        out[s, t] = hanging_models.shown(hanging_models.rest(told[s, t] + more, law))
+    return out
+
+
+def stop(q):
+    """A torque on the third joint that grows beyond an angle."""
+    return np.array([0.0, 0.0, -STOP * min(q[2] - BELOW, 0.0)])
+
+
+def pushed(q):
+    """A force on the last link that grows as it goes aside."""
+    return lever(q, 2).T @ [-8.0 * max(hanging_models.ends(q)[3, 0] - 0.03, 0.0), 0.0]
+
+
+def loaded(q):
+    """A torque of the second joint in proportion to the third's angle."""
+    return np.array([0.0, q[2], 0.0])
+
+
+@pytest.mark.parametrize(
+    ("at", "values", "law"),
+    [
+        ("joint_torque of joint_3: below joint_angle of joint_3", (-STOP, 0, 0, 0, BELOW, 0), stop),
+        ("force of link_3: beyond position_x of link_3", (-8.0, 0, 0, 0, 0.03, 0), pushed),
+        ("joint_torque of joint_2: linear joint_angle of joint_3", (1.0, 0, 0, 0, 0, 0), loaded),
+        ("force of link_2: constant", (0.2, 0, -0.4, 0, 0, 0), lambda q: lever(q, 1).T @ [0.2, -0.4]),
+    ],
+)  # fmt: skip
+def test_a_law_moves_a_model_at_rest_as_statics_say(chain, at, values, law):
+    _, pieces = chain
+    found, true = shown(chain, at, *values), by_statics(pieces, law)
+    assert np.abs(true - by_statics(pieces)).max() > 0.004
+    assert found == pytest.approx(true, abs=2e-6)
+
+
+def test_a_cable_that_stretches_by_its_tension_is_a_softer_one(chain, monkeypatch):
+    """By the tension that it would have at this length without."""
+    _, pieces = chain
+    found = shown(chain, "slack of right: linear tension of right", 0.01, 0, 0, 0, 0, 0)
+    usual = by_statics(pieces)
+    monkeypatch.setattr(hanging_models, "STIFFNESS", np.array([60.0, 60.0 * (1 - 60.0 * 0.01)]))
+    true = by_statics(pieces)
+    assert np.abs(true - usual).max() > 0.01
+    assert found == pytest.approx(true, abs=2e-6)
+
+
+def test_a_cable_slips_at_an_instant(chain):
+    _, pieces = chain
+    found = shown(chain, "slack of left: above time of session", 0.01, 0, 0, 0, 20.5, 0)
+    since = pieces.time.min()
+    true = by_statics(pieces, slack=lambda t: np.array([0.01 * (t - since > 20.5), 0.0]))
+    assert np.abs(true - by_statics(pieces)).max() > 0.005
+    assert found == pytest.approx(true, abs=2e-6)
+
+
+def stepped(told, size):
+    """What the chain may show, (k, 6), and how exactly [m], with a torque on joint 3 below an angle."""
+    step = np.array([0.0, 0.0, size])
+    off, on = hanging_models.rest(told), hanging_models.rest(told, lambda q: step)
+    there = [q for q, is_so in ((off, off[2] > BELOW), (on, on[2] < BELOW)) if is_so]
+    if there:
+        return [hanging_models.shown(q) for q in there], 2e-4 if size > 0 else 2e-6
+
+    def held(x):
+        q = np.array([x[0], x[1], BELOW])
+        return hanging_models.left_over(q, told) + x[2] * step
+
+    q = root(held, [*off[:2], 0.5], tol=1e-12).x
+    assert 0.0 < q[2] < 1.0
+    return [
+        hanging_models.shown(np.array([q[0], q[1], BELOW]))
+    ], 2e-4  # within 1 mrad of the threshold
+
+
+@pytest.mark.parametrize(("size", "most"), [(0.15, 1), (0.02, 1), (-0.15, 2)])
+def test_a_step_is_settled_on_either_side_or_on_it(chain, size, most):
+    """A torque that pushes back beyond a threshold holds poses on it; one that pushes on has two."""
+    _, pieces = chain
+    law = "joint_torque of joint_3: under joint_angle of joint_3"
+    found = shown(chain, law, size, 0, 0, 0, BELOW, 0).reshape(-1, 6)
+    told = np.stack([pieces.column["left"], pieces.column["right"]], axis=-1).reshape(-1, 2)
+    counts = set()
+    for one, each in zip(found, told, strict=True):
+        several, near = stepped(each, size)
+        counts.add(len(several))
+        assert min(np.abs(one - true).max() for true in several) < near
+    assert max(counts) == most
+
+
+LAWS = [
+    ("joint_torque of joint_1: constant", 1e-3),
+    ("joint_torque of joint_3: below joint_angle of joint_3", 1e-2),
+    ("joint_torque of joint_2: above tension of right", 1e-3),
+    ("force of link_3: beyond position_x of link_3", 1e-2),
+    ("force of link_2: linear time of session", 1e-4),
+    ("slack of left: constant", 1e-4),
+    ("slack of right: linear joint_angle of joint_1", 1e-4),
+]
+
+
+@pytest.mark.parametrize(("at", "size"), LAWS)
+def test_a_small_law_shows_as_places_say_to_first_order(chain, places, at, size):
+    _, pieces = chain
+    law = parse(at)
+    response = next(r for r in places.responses if (r.handle, r.place) == (law.handle, law.place))
+    x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
+    first = float(np.median(x))
+    expected = response.change[0] * SHAPES[law.shape].form(x, first, 0.0)[..., None]
+    found = (shown(chain, at, size, 0, 0, 0, first, 0) - shown(chain)) / size
+    assert response.change.shape[0] == HANDLES[law.handle].components
+    clear = np.abs(x - first) > 3e-3 if law.shape == "above" else np.ones(x.shape, bool)
+    assert np.abs(found - expected)[clear].max() < 0.01 * np.abs(found).max()
+
+
+def test_readings_of_poses_are_those_of_statics(chain, places):
+    _, pieces = chain
+    told = np.array([pieces.column["left"][1, 2], pieces.column["right"][1, 2]])
+    q = hanging_models.rest(told)
+    found = {key: x[1, 2] for key, x in places.readings.items()}
+    assert [found["joint_angle", f"joint_{n}"] for n in (1, 2, 3)] == pytest.approx(q, abs=1e-6)
+    tensions = [found["tension", name] for name in ("left", "right")]
+    assert tensions == pytest.approx(pulls(q, told)[0], abs=1e-4)
+    tip = [found[f"position_{axis}", "link_3"] for axis in "xz"]
+    assert tip == pytest.approx(hanging_models.ends(q)[3], abs=1e-6)
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """A two-link arm's case and its segments."""
+    folder = tmp_path_factory.mktemp("arm")
+    path = posed_models.machine(folder)
+    posed_models.log(folder / "logs" / "poses.csv", 1, friction=(0.1, 0.05))
+    return opened(path, folder / "logs")
+
+
+def test_a_law_holds_where_dry_friction_does(arm):
+    """As a spring of the joint in the model."""
+    friction = {"hinge_friction_at_elbow": [0.05, 0.0]}
+    usual = shown(arm, **friction)
+    law = "joint_torque of elbow: linear joint_angle of elbow"
+    one = shown(arm, law, -0.4, 0, 0, 0, 0, 0, **friction)
+    two = shown(arm, joint_elasticity_at_elbow=[0.4], **friction)
+    assert np.nanmax(np.abs(two - usual)) > 0.005
+    assert np.isfinite(one).all()
+    assert one == pytest.approx(two, abs=1e-5)
+
+
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory):
+    """An arm whose shoulder is turned to known angles, and whose elbow's angle is measured."""
+    folder = tmp_path_factory.mktemp("turned")
+    path = posed_models.machine(folder)
+    elbow = '[[measured]]\njoint = "elbow"\ncolumns = ["angle"]\nunit = "deg"\nnoise = 0.1\n'
+    text = path.read_text().replace('actuator = "at_shoulder"', 'joint = "shoulder"') + elbow
+    path.write_text(text)
+    log = posed_models.log(folder / "logs" / "poses.csv", 1)
+    head, *rows = log.read_text().splitlines()
+    log.write_text("\n".join([f"{head},angle", *(f"{row},{n % 7}" for n, row in enumerate(rows))]))
+    return opened(path, folder / "logs")
+
+
+def test_places_of_a_model_with_prescribed_motion(turned):
+    case, pieces = turned
+    places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+    there = {(r.handle, r.place): r for r in places.responses}
+    assert {*there} == {
+        ("joint_torque", "elbow"), ("force", "lower"), ("command", "at_elbow"), ("reading_shift", "elbow")
+    }  # fmt: skip
+    for at, size in (("joint_torque of elbow", 1e-3), ("reading_shift of elbow", 1e-3)):
+        found = (shown(turned, f"{at}: constant", size, 0, 0, 0, 0, 0) - shown(turned)) / size
+        handle, place = at.split(" of ")
+        assert np.abs(found).max() > 0.1
+        assert found == pytest.approx(there[handle, place].change[0], abs=1e-3)
+
+
+def test_a_reading_shifts_from_an_instant_on(turned):
+    _, pieces = turned
+    found = shown(turned, "reading_shift of elbow: above time of session", 0.02, 0, 0, 0, 10.5, 0)
+    true = np.zeros(found.shape)
+    true[..., 3] = 0.02 * (pieces.time - pieces.time.min() > 10.5)
+    assert found - shown(turned) == pytest.approx(true, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("at", "says"),
+    [
+        ("joint_friction of elbow: constant", "acts in motion"),
+        ("joint_torque of elbow: linear joint_velocity of elbow", "follows no joint velocity of elbow"),
+        ("reading_shift of elbow: linear tension of elbow", "follows no tension of elbow"),
+        ("joint_torque of wrist: constant", "no hinge, slide, tendon, body"),
+        ("force of elbow: constant", "is none"),
+    ],
+)  # fmt: skip
+def test_what_no_pose_can_honour_is_refused(arm, at, says):
+    with pytest.raises(SerpentError, match=says):
+        shown(arm, at, 0.1, 0, 0, 0, 0, 0)
+
+
+def test_a_stop_is_composed_at_its_joint(tmp_path):
+    path = hanging_models.machine(tmp_path / "chain")
+    path.write_text('candidates = ["gravity"]\n' + path.read_text())
+    for n in range(3):
+        hanging_models.log(tmp_path / "logs" / f"poses_{n}.csv", n, stop)
+    found = trace(Trace((tmp_path / "logs",), tmp_path / "trace", machine=path))
+    (law,) = found["effects"]
+    assert law["place"] == {"kind": "joint", "name": "joint_3"}
+    assert (law["changes"], law["law"]) == ("joint_torque", "below")
+    assert law["depends_on"] == ["joint angle of joint_3"]
+    size, threshold = (law["parameters"][name] for name in ("size", "threshold"))
+    assert size["value"] == pytest.approx(-STOP, rel=0.1)
+    assert size["low"] < -STOP < size["high"]
+    assert threshold["value"] == pytest.approx(BELOW, abs=0.02)
+    assert size["unit"] == "N m per rad"
+    assert found["error_mm"]["corrected"] < 0.4  # 0.32 mm is the mean length of its noise
+
+
+def test_a_force_is_composed_on_a_body_that_moves_in_a_plane(tmp_path):
+    path = hanging_models.machine(tmp_path / "chain")
+    path.write_text('candidates = ["gravity"]\n' + path.read_text())
+    for n in range(3):
+        hanging_models.log(tmp_path / "logs" / f"poses_{n}.csv", n, pushed)
+    found = trace(Trace((tmp_path / "logs",), tmp_path / "trace", machine=path))
+    (law,) = found["effects"]
+    assert law["place"] == {"kind": "body", "name": "link_3"}
+    assert (law["changes"], law["law"]) == ("force", "beyond")
+    assert law["depends_on"] == ["position x of link_3"]
+    size, threshold = (law["parameters"][name] for name in ("size_x", "threshold"))
+    assert size["value"] == pytest.approx(-8.0, rel=0.1)
+    assert size["low"] < -8.0 < size["high"]
+    assert threshold["value"] == pytest.approx(0.03, abs=0.003)
+    assert found["error_mm"]["corrected"] < 0.4  # 0.32 mm is the mean length of its noise
