@@ -17,8 +17,8 @@ from serpent_twin.identification.score_test import (
     strengths,
     too_strong,
 )
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import Candidate
 
 WORTH_IT = 0.04
 """Least relative gain on held-out logs of an accepted effect, markers and loads with equal weight"""

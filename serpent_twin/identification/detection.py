@@ -33,8 +33,9 @@ from serpent_twin.identification.weak_directions import (
     WeakDirection,
     weakest_directions,
 )
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import Candidate, ParameterVector
+from serpent_twin.machines.machine import ParameterVector
 
 _SEEN = 1e-12
 """Share of an effect's change that must be beyond the parameters: less is rounding"""

@@ -7,7 +7,7 @@ from serpent_twin.identification import tables
 from serpent_twin.identification.diagnosis import Diagnosis, Named
 from serpent_twin.identification.law_figure import composed_law
 from serpent_twin.identification.wording import capital, spaced
-from serpent_twin.machines.machine import Candidate
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.numerals import listed
 from serpent_twin.reporting.report import Section
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.score_test import EXCITED, Score, strengths
-from serpent_twin.machines.machine import Candidate
+from serpent_twin.machines.candidate import Candidate
 
 ALIKE = 0.8
 """Cosine from which one effect is another's rival"""

@@ -14,8 +14,9 @@ from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters, steadied
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import OnProgress, fit
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import Candidate, ParameterVector
+from serpent_twin.machines.machine import ParameterVector
 
 EXCITED = 0.02
 """An effect whose typical strength changes the residual by less than this share of its rms is not excited"""

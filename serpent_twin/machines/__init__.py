@@ -8,15 +8,13 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.machines.rig import Rig
 from serpent_twin.runs.provenance import file_hash
 
+_NO_RIGS = ("candidate", "case", "machine", "measured", "model", "places", "proposals", "rig")
+
 
 def available() -> list[str]:
     """Names of the rigs."""
     here = [str(Path(__file__).parent)]
-    return sorted(
-        file.name
-        for file in pkgutil.iter_modules(here)
-        if file.name not in ("case", "machine", "places", "measured", "model", "proposals", "rig")
-    )
+    return sorted(file.name for file in pkgutil.iter_modules(here) if file.name not in _NO_RIGS)
 
 
 def named(rig: str, machine: Path | None) -> str:

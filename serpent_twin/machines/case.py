@@ -10,14 +10,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.law import Law
-from serpent_twin.machines.machine import (
-    Candidate,
-    Declared,
-    Machine,
-    P,
-    ParameterVector,
-    Quantity,
-)
+from serpent_twin.machines.candidate import Candidate
+from serpent_twin.machines.machine import Declared, Machine, P, ParameterVector, Quantity
 from serpent_twin.machines.places import Places
 from serpent_twin.residual import Comparison
 

@@ -17,15 +17,14 @@ from serpent_twin.effects import Effect, Range, edit
 from serpent_twin.effects.cable_stretch import RIGID, soften
 from serpent_twin.effects.shaft_stretch import HEAVY, SHAFT
 from serpent_twin.effects.strands import ALIKE
+from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import (
-    Candidate,
     Declared,
     Output,
     ParameterVector,
     Quantity,
     by_coordinate,
-    candidate,
     effects_at,
 )
 from serpent_twin.machines.measured import (

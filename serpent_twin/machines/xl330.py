@@ -14,15 +14,14 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, edit
+from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import (
-    Candidate,
     Declared,
     Output,
     ParameterVector,
     Quantity,
     by_coordinate,
-    candidate,
     effects_at,
 )
 from serpent_twin.machines.measured import (

@@ -18,8 +18,9 @@ from serpent_twin.identification.left_out import left_out
 from serpent_twin.identification.objective import variance_inflation
 from serpent_twin.identification.score_test import full_fit, placed, scores, worth_fitting
 from serpent_twin.identification.uncertainty import indistinguishable
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Stopwatch
-from serpent_twin.machines.machine import Candidate, Declared
+from serpent_twin.machines.machine import Declared
 
 RNG = np.random.default_rng(4)
 

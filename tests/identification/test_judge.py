@@ -33,7 +33,8 @@ from serpent_twin.identification.score_test import (
 )
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.uncertainty import drawn
-from serpent_twin.machines.machine import Candidate, Quantity
+from serpent_twin.machines.candidate import Candidate
+from serpent_twin.machines.machine import Quantity
 from serpent_twin.residual import MARKERS
 from serpent_twin.residual.noise import expected_distance
 

@@ -10,7 +10,7 @@ from serpent_twin.effects import Range
 from serpent_twin.identification.held_out import errors
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import gained
-from serpent_twin.machines.machine import Candidate
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.residual import MARKERS, Comparison
 from serpent_twin.residual.measure import LOADS
 

@@ -22,7 +22,7 @@ from serpent_twin.machines import jaw as tool
 from serpent_twin.machines import trunk, xl330
 from serpent_twin.machines.arm.catalogue import CATALOGUE, LEFT_OUT
 from serpent_twin.machines.arm.vector import candidates
-from serpent_twin.machines.machine import Candidate
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.measured import HingeMoment, Recording, cut
 from serpent_twin.machines.model import machine as model_machine
 from serpent_twin.machines.model import open_machine

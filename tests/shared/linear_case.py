@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from serpent_twin.effects import Range
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Stopwatch
-from serpent_twin.machines.machine import Candidate, Declared, ParameterVector, Quantity
+from serpent_twin.machines.machine import Declared, ParameterVector, Quantity
 
 SEGMENTS, NUMBERS = 12, 300
 GUST, NOTHING = "gust", "nothing"

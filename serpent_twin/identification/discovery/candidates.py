@@ -11,8 +11,8 @@ from serpent_twin.effects import Range, place_of
 from serpent_twin.effects.law import HANDLES, SHAPES, parse
 from serpent_twin.identification.discovery.screen import Composed
 from serpent_twin.identification.wording import DISCOVERED
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import Candidate
 
 _WIDE = 30.0
 """Range of a size, in what the screening found"""

@@ -7,8 +7,8 @@ from serpent_twin.identification.discovery.candidates import candidate_of, disti
 from serpent_twin.identification.discovery.screen import Composed, screened
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.least_squares import OnProgress
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import Candidate
 
 _TRIED = 8
 """Composed candidates that are simulated"""

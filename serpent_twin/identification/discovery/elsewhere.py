@@ -7,7 +7,7 @@ from serpent_twin.effects import place_of
 from serpent_twin.effects.law import HANDLES, parse
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.wording import DISCOVERED
-from serpent_twin.machines.machine import Candidate
+from serpent_twin.machines.candidate import Candidate
 
 _BODY = "body"
 

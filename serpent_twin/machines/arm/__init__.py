@@ -15,8 +15,9 @@ from serpent_twin.machines.arm.machine import ArmMachine
 from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.arm.recorder import recorded_by
 from serpent_twin.machines.arm.vector import candidates, vector
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import Candidate, ParameterVector
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.sessions import Session, read_folder, read_session, refuse_damaged
 from serpent_twin.sim.prescribed_motion import STANDING
 

@@ -17,13 +17,8 @@ from serpent_twin.machines.arm.places import ArmPlaces
 from serpent_twin.machines.arm.quantities import quantities
 from serpent_twin.machines.arm.track_record import track_record
 from serpent_twin.machines.arm.vector import Vector
-from serpent_twin.machines.machine import (
-    Candidate,
-    Declared,
-    Output,
-    ParameterVector,
-    Quantity,
-)
+from serpent_twin.machines.candidate import Candidate
+from serpent_twin.machines.machine import Declared, Output, ParameterVector, Quantity
 from serpent_twin.machines.proposals import Proposals, kept_ones
 from serpent_twin.residual import LOADS, MARKERS, Comparison
 from serpent_twin.sessions import Session

@@ -14,14 +14,8 @@ from serpent_twin.effects import Effect
 from serpent_twin.effects.motor_latency import MotorLatency
 from serpent_twin.machines.arm.cable_law import CableLaw
 from serpent_twin.machines.arm.catalogue import CATALOGUE
-from serpent_twin.machines.machine import (
-    Candidate,
-    Declared,
-    ParameterVector,
-    by_coordinate,
-    candidate,
-    effects_at,
-)
+from serpent_twin.machines.candidate import Candidate, candidate
+from serpent_twin.machines.machine import Declared, ParameterVector, by_coordinate, effects_at
 from serpent_twin.sim.twin_model import TwinModel
 
 _TRUST = 2.0  # prior widths are so many standard errors of the cable laws, which ignore mismatch

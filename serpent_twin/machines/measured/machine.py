@@ -12,14 +12,8 @@ from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.machine import (
-    Candidate,
-    Declared,
-    Output,
-    ParameterVector,
-    Quantity,
-    effects_at,
-)
+from serpent_twin.machines.candidate import Candidate
+from serpent_twin.machines.machine import Declared, Output, ParameterVector, Quantity, effects_at
 from serpent_twin.machines.measured import twin_file
 from serpent_twin.machines.measured.recording import Recording
 from serpent_twin.machines.measured.runs import Runs, cut, windows

@@ -11,7 +11,7 @@ from serpent_twin import effects, stored
 from serpent_twin.arrays import Array
 from serpent_twin.effects import KNOWN, READING, Range, law_of
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.machine import Candidate, candidate
+from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.candidates_in_motion import laws_of_state
 from serpent_twin.machines.model.candidates_of_tendons import rubbing_tendons, stiffening_tendons

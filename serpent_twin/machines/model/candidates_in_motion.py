@@ -11,7 +11,7 @@ from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import KNOWN, Range
 from serpent_twin.effects.strands import ALIKE
-from serpent_twin.machines.machine import Candidate, candidate
+from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.measured import Recording
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.seen import address

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.effects.strands import ALIKE
-from serpent_twin.machines.machine import Candidate, candidate
+from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.sizes import Sizes, sized_range
 from serpent_twin.machines.model.things import lengths

@@ -11,8 +11,8 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, edit
 from serpent_twin.effects.law import Law
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import (
-    Candidate,
     Declared,
     Output,
     ParameterVector,

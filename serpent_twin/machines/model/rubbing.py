@@ -8,7 +8,8 @@ import numpy as np
 from serpent_twin import effects
 from serpent_twin.arrays import Array
 from serpent_twin.effects import KNOWN, Range, law_of
-from serpent_twin.machines.machine import Candidate, ParameterVector, candidate
+from serpent_twin.machines.candidate import Candidate, candidate
+from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.machine import ModelMachine

@@ -18,16 +18,9 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, Range
 from serpent_twin.effects.law import ACTUATOR_COMMAND, Law
 from serpent_twin.effects.strands import ALIKE
+from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import (
-    Candidate,
-    Declared,
-    Output,
-    ParameterVector,
-    Quantity,
-    candidate,
-    effects_at,
-)
+from serpent_twin.machines.machine import Declared, Output, ParameterVector, Quantity, effects_at
 from serpent_twin.machines.measured import (
     Recording,
     RunMachine,
