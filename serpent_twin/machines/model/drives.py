@@ -18,8 +18,8 @@ from serpent_twin.machines.model.description import MOTION, Described
 from serpent_twin.machines.model.part_of_moment import PartOfMoment
 from serpent_twin.machines.model.state_effects import acts_on_state
 
-_PARTS = 4
-"""Of a row"""
+PARTS = 4
+"""Of a row, in which what effects make of commands may change"""
 
 
 def commands(machine: Described, pieces: Runs) -> Array:
@@ -54,7 +54,7 @@ def controls(
         return told
     names = [model.actuator(n).name for n in range(model.nu)]
     force = np.abs(model.actuator_gainprm[:, 0] * model.actuator_gear[:, 0])
-    parts = _PARTS if machine.about.rows == MOTION else 1
+    parts = PARTS if machine.about.rows == MOTION else 1
     ahead, dt = np.asarray(np.gradient(told, axis=1)), pieces.period[:, None] / parts
     told, ahead = np.repeat(told, parts, axis=1), np.repeat(ahead, parts, axis=1)
     time, prior = session_time(pieces), clocks_of(pieces).prior_runtime[:, None]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Runs
+from serpent_twin.machines.model.drives import PARTS
 from serpent_twin.machines.model.prescribed import KnownMotion, PrescribedSteps, Prescription
 from serpent_twin.machines.model.seen import Seen, address, segments_of
 from serpent_twin.machines.model.starts import LEAD, SegmentStart
@@ -25,6 +26,8 @@ _DIFFERENCE = 1e-4  # [rad], [rad/s]
 _FAR = 20.0
 """Times the noise, by which a start may be off in what the lead hardly shows"""
 _NOTHING = mujoco.mjtStage.mjSTAGE_NONE
+_EACH_PART = 2
+"""Steps of each part of a row; rows without parts have as many: effects of drives gain by no finer steps"""
 STEPS = (16, 32, 64, 128)
 """Of a row, of which a machine takes as few as its noise allows"""
 
@@ -52,12 +55,11 @@ class DrivenMotion:
     def moved(self) -> tuple[Array, Array]:
         """What is seen of the runs in each row, (n, T, C), and their poses, (n, T, nq)."""
         runs = self._begun()
-        pose, seen = runs.batch.bind("qpos"), self.seen.read(runs.batch)
-        several, poses = [seen], [pose.copy()]
-        for seen in runs.rows(self.driven.rows - 1):
-            several.append(seen)
-            poses.append(pose.copy())
-        return np.stack(several, axis=1), np.stack(poses, axis=1)
+        pose = runs.batch.bind("qpos")
+        rows = [(self.seen.read(runs.batch), pose.copy())]
+        rows += [(each, pose.copy()) for each in runs.rows(self.driven.rows - 1)]
+        found, poses = zip(*rows, strict=True)
+        return np.stack(found, axis=1), np.stack(poses, axis=1)
 
     def states(self) -> "RowStates":
         """The states in which the runs are seen."""
@@ -196,7 +198,8 @@ class _Runs:
         self._parts = driven.told.shape[1] // driven.rows
         self.batch, model = side_by_side(driven.models, threads()), self._model
         period, known = driven.period, driven.known
-        self.nstep = max(2, ceil(max(steps, period.max() / model.opt.timestep) / self._parts))
+        least = max(steps, period.max() / model.opt.timestep, _EACH_PART * PARTS)
+        self.nstep = ceil(least / self._parts)
         self._leaps = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
         self.step = period / (self.nstep * self._parts)
         set_timestep(self.batch, self.step)

@@ -96,7 +96,7 @@ class ModelPlaces:
     ) -> "ModelPlaces":
         """Those of a motion of one twin."""
         states, varies = motion.states(), commands(machine, pieces).std(axis=(0, 1))
-        forced = forced_rows(motion.driven, states, motion.seen, varies, _bodies(machine.model))
+        forced = forced_rows(motion.driven, states, motion.seen, varies, _few_bodies(machine.model))
         if motion.gain is not None:
             adapts = _adapts(machine.model, measured, motion, forced.motion)
             forced = replace(forced, motion=replace(forced.motion, adapts=adapts))
@@ -166,7 +166,7 @@ class ModelPlaces:
 
     @property
     def _bodies(self) -> list[int]:
-        return _bodies(self.machine.model)
+        return _few_bodies(self.machine.model)
 
     @cached_property
     def _along(self) -> tuple[Array, Array]:
@@ -201,9 +201,14 @@ class ModelPlaces:
                 yield self._lagged(READING_SHIFT, name, 0.0 * self.forced.by_force[:1], change)
 
 
-def _bodies(model: mujoco.MjModel) -> list[int]:
-    """Bodies with joints and names, if there are few."""
-    found = [n for n in range(1, model.nbody) if model.body_dofnum[n] and model.body(n).name]
+def moved_bodies(model: mujoco.MjModel) -> list[int]:
+    """Bodies with joints and names."""
+    return [n for n in range(1, model.nbody) if model.body_dofnum[n] and model.body(n).name]
+
+
+def _few_bodies(model: mujoco.MjModel) -> list[int]:
+    """The same, if there are few."""
+    found = moved_bodies(model)
     return found if len(found) <= MOST else []
 
 

@@ -21,7 +21,7 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.description import Described
-from serpent_twin.machines.model.places import MOST, clocks_and_commands
+from serpent_twin.machines.model.places import MOST, clocks_and_commands, moved_bodies
 from serpent_twin.machines.model.pose_changes import PoseChanges
 from serpent_twin.machines.model.things import lengths
 from serpent_twin.machines.places import PlaceResponse
@@ -81,7 +81,7 @@ def _laws(machine: Described) -> list[Law]:
     model, held = machine.model, {each.of for each in machine.prescribed}
     joints = [name for name in _joints(model) if ("joint", name) not in held]
     tendons = [name for name in _tendons(model) if ("tendon", name) not in held]
-    bodies = [n for n in _bodies(model) if _moves(model, n, held)]
+    bodies = [n for n in moved_bodies(model) if _moves(model, n, held)]
     return [
         *(Law("joint_torque", name) for name in joints),
         *(Law("force", model.body(n).name) for n in _few(bodies)),
@@ -91,7 +91,7 @@ def _laws(machine: Described) -> list[Law]:
 
 def _followed(model: mujoco.MjModel) -> list[tuple[str, str]]:
     """The readings of poses, and of which place each is."""
-    bodies = _bodies(model)
+    bodies = moved_bodies(model)
     ends = [model.body(n).name for n in bodies if n not in model.body_parentid[bodies]]
     return [
         *(("joint_angle", name) for name in _joints(model)),
@@ -112,11 +112,6 @@ def _tendons(model: mujoco.MjModel) -> list[str]:
     servos = np.flatnonzero(on_tendon & (model.actuator_biasprm[:, 1] != 0))
     pull |= {model.tendon(int(n)).name for n in model.actuator_trnid[servos, 0]}
     return _few([name for name in names if name in pull and "m" in lengths(model, "tendon", name)])
-
-
-def _bodies(model: mujoco.MjModel) -> list[int]:
-    """Those with joints and names."""
-    return [n for n in range(1, model.nbody) if model.body_dofnum[n] and model.body(n).name]
 
 
 def _moves(model: mujoco.MjModel, body: int, held: Collection[tuple[str, str]]) -> bool:
