@@ -7,6 +7,7 @@ import pytest
 from measured_logs import DATA, WHERE, jaw, write_log
 from paths import ROOT
 
+from serpent_twin.effects.law import parse
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
@@ -86,6 +87,18 @@ def test_stretch_on_both_sides_and_friction_are_found_again(tmp_path):
     assert cable * load == pytest.approx(1.3, rel=0.1)  # load and compliance are told together
     assert shaft == pytest.approx(0.92 * 0.35, rel=0.1)  # angles are the jaw's
     assert found.point.effects[FRICTION][0] == pytest.approx(0.05, rel=0.1)
+
+
+def test_what_is_read_of_the_shaft_may_follow_the_spindle_that_nothing_measures(tmp_path):
+    case, some = opened(tmp_path, jaw(0.2, 0.03, 0.05, 0.3, 1.0, 0.0, seconds=2))
+    law = "reading_shift of shaft: linear joint_angle of spindle"
+    shifted = at(case, **{f"discovered@{law}": (0.01, *np.zeros(7))})
+    change = case.machine.respond([shifted], some)[0] - case.machine.respond([at(case)], some)[0]
+    assert not change[..., 0].any()
+    angle = some.column["spindle_position"]
+    np.testing.assert_allclose(change[..., 1], 0.01 * angle, atol=1e-4)
+    assert case.units_of_law(parse(law))["size"] == "N m per rad"
+    assert not parse("reading_shift of shaft: linear position_x of jaw").possible
 
 
 def test_a_log_of_another_machine_is_refused(tmp_path):
