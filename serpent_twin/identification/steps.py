@@ -24,7 +24,7 @@ from serpent_twin.identification.acceptance import (
 )
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.detection import identifiability, opening_fit
-from serpent_twin.identification.discovery import discover, elsewhere
+from serpent_twin.identification.discovery import discover, resembling
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.held_out import Errors, gave_up
@@ -127,7 +127,7 @@ class Tracer:
             )
             best = best_trial(trials, self.case.candidates)
             if best:
-                trials |= self._elsewhere(trials, best, base, before, stage)
+                trials |= self._resembling(trials, best, base, before, stage)
                 best = best_trial(trials, self.case.candidates)
             rounds.append(Round(base, before, trials, (best,) if best else ()))
             if (better := self._stands(rounds)) is None:
@@ -135,7 +135,7 @@ class Tracer:
             base = better
         return base
 
-    def _elsewhere(
+    def _resembling(
         self,
         trials: Mapping[str, CandidateTrial],
         best: str,
@@ -143,18 +143,18 @@ class Tracer:
         before: Errors,
         stage: str,
     ) -> dict[str, CandidateTrial]:
-        """Trials of the best composed law on other bodies."""
+        """Trials of what resembles the best composed law."""
         found = trials[best].fit
         assert found is not None
         others = {
             each.name: each
-            for each in elsewhere(self.case.candidates[best], found)
+            for each in resembling(self.case.candidates[best], found)
             if each.name not in trials or trials[each.name].fit is None
         }
         if not others:
             return {}
         self.case = self.case.composing(list(others.values()))
-        stage, most = f"{stage}_elsewhere", _COMPOSED
+        stage, most = f"{stage}_resembling", _COMPOSED
         return self.trials.each(
             list(others), self.case, base, base, before, stage, most, found.cost, beside=_NEAR
         )

@@ -4,73 +4,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_residual import Made, S, T
 from paths import DATA
 
 from serpent_twin import machines
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import HANDLES, SHAPES, Law, parse
-from serpent_twin.identification.discovery import elsewhere, steps_alike
+from serpent_twin.identification.discovery import steps_alike
 from serpent_twin.identification.discovery.candidates import candidate_of
 from serpent_twin.identification.discovery.followed import around
-from serpent_twin.identification.discovery.screen import screened
 from serpent_twin.identification.estimates import ParameterEstimate
 from serpent_twin.identification.wording import spaced, with_numbers
 from serpent_twin.machines.machine import ParameterVector, effect_at
-from serpent_twin.machines.places import PlaceResponse
 from serpent_twin.machines.rig import read_logs
 
 SIZE_NAMES = ("size", "size_y", "size_z", "stiffness")
-S, T, C, M = 6, 160, 5, 4
-
-
-class Made:
-    """A machine of three places and a fit of M parameters, with a residual that a law makes."""
-
-    starts = None
-
-    def __init__(self, law, seed=0, noise=1.0, knows=None):
-        rng = np.random.default_rng(seed)
-        time = 0.25 * np.arange(T) + 40 * np.arange(S)[:, None]
-        angle = np.sin(0.7 * time + rng.uniform(0, 6, (S, 1))) + 0.2 * rng.standard_normal((S, T))
-        self.readings = {
-            ("joint_angle", "joint1"): angle,
-            ("motor_angle", "motor1"): np.cumsum(rng.normal(0, 0.3, (S, T)), axis=1),
-            ("motor_angle", "motor2"): 0.4 * np.sin(0.2 * time) + 0.04 * np.sin(3 * time),
-            ("time", "session"): time,
-            ("runtime", "machine"): time,
-        }
-        made = (("joint_torque", "joint1", 1), ("slack", "cable1_plus", 1), ("force", "link3", 3))
-        self.responses = [
-            PlaceResponse(handle, place, rng.standard_normal((d, S, T, C)))
-            for handle, place, d in made
-        ]
-        shown = next(r.change for r in self.responses if r.handle == law.law.handle)
-        x = self.readings.get((law.law.reading, law.law.where), np.zeros((S, T)))
-        follows = SHAPES[law.law.shape].form(x, law.first, law.second)
-        sizes = [law.size, law.size_y, law.size_z][: len(shown)]
-        change = sum(s * follows[..., None] * r for s, r in zip(sizes, shown, strict=True))
-        slopes = rng.standard_normal((M, S, T * C)).astype(np.float32)
-        if knows is not None:
-            slopes[0] = -change.reshape(S, -1)
-        residual = (change + noise * rng.standard_normal((S, T, C))).reshape(S, -1)
-        priors = [SimpleNamespace(prior=10.0)] * M
-        self.case = SimpleNamespace(channels=C, noise=np.ones(C), declared=priors, candidates={})
-        self.pieces = SimpleNamespace(measured=np.zeros((S, T, C)))
-        free = SimpleNamespace(declared=tuple(range(M)), effects=())
-        if knows is not None:
-            residual = residual - change.reshape(S, -1)
-        self.fit = SimpleNamespace(
-            free=type("Free", (), {"__len__": lambda _: M, **vars(free)})(),
-            point=ParameterVector(np.zeros(M)),
-            residual=residual,
-            jacobian=slopes,
-            variance_inflation=1.0,
-        )
-
-    def found(self):
-        return screened(self.case, self.pieces, self.fit, self)
-
-
 LAWS = (
     Discovered(0.3, at="joint_torque of joint1: above joint_angle of joint1", first=0.2),
     Discovered(
@@ -200,35 +148,6 @@ def test_a_candidate_of_a_law_starts_where_it_was_found():
     assert candidate.place["name"] == "discovered"
     assert candidate.place["place"] == {"kind": "joint", "name": "joint1"}
     assert candidate.place["depends_on"] == ["joint angle of joint1"]
-
-
-def test_a_law_on_a_body_is_tried_on_others_with_its_fitted_numbers():
-    law = Discovered(0.2, -0.1, 0.3, at="force of link3: above joint_angle of joint1", first=0.2)
-    made = Made(law)
-    best = next(each for each in made.found() if each.law == law.law)
-    links = ["link2", "link3", "link4"]
-    candidate = candidate_of(best, made.readings, best.law.units(), links)
-    assert candidate.places == ("link2", "link4")
-    fitted = np.array([0.25, -0.1, 0.3, 0.0, 0.21, 0.0, -1.0, 1.0])
-    fit = SimpleNamespace(point=ParameterVector(np.zeros(M)).having(candidate.name, fitted))
-    others = elsewhere(candidate, fit)
-    at = "force of {}: above joint_angle of joint1"
-    assert [each.name for each in others] == [
-        f"discovered@{at.format(link)}" for link in ("link2", "link4")
-    ]
-    assert all((each.variants[0] == fitted).all() for each in others)
-    assert others[1].place["place"] == {"kind": "body", "name": "link4"}
-    assert sorted(others[1].places) == ["link2", "link3"]
-
-
-def test_a_law_at_a_joint_is_tried_nowhere_else():
-    made = Made(LAWS[0])
-    best = made.found()[0]
-    candidate = candidate_of(best, made.readings, best.law.units(), ["joint1", "joint2"])
-    fit = SimpleNamespace(
-        point=ParameterVector(np.zeros(M)).having(candidate.name, candidate.variants[0])
-    )
-    assert not elsewhere(candidate, fit)
 
 
 def test_a_law_in_words():

@@ -157,3 +157,16 @@ def distinct(found: Sequence[Composed], most: int) -> list[Composed]:
     chosen = list(own.values())[: most // 2]
     rest = [each for each in best.values() if each.law not in {one.law for one in chosen}]
     return sorted([*chosen, *rest[: most - len(chosen)]], key=lambda each: -each.worth)
+
+
+def by_other_readings(one: Composed, found: Sequence[Composed]) -> list[Composed]:
+    """Laws that make the same change by another reading of a thing, which first order cannot distinguish."""
+    return [
+        each
+        for each in found
+        if one.law.follows_a_thing
+        and each.law.follows_a_thing
+        and (each.law.handle, each.law.place) == (one.law.handle, one.law.place)
+        and (each.law.reading, each.law.where) != (one.law.reading, one.law.where)
+        and one.is_like(each)
+    ]

@@ -1,9 +1,14 @@
 """Compose candidates from what a twin leaves of the training logs."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
-from serpent_twin.identification.discovery.candidates import candidate_of, distinct
+from serpent_twin.identification.discovery.candidates import (
+    by_other_readings,
+    candidate_of,
+    distinct,
+)
 from serpent_twin.identification.discovery.screen import Composed, screened
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.least_squares import OnProgress
@@ -42,13 +47,13 @@ def discover(
         if (each.worth > least and each.share > _SHARE) or _in_one_sensor(each)
     ]
     at = [(each.handle, each.place) for each in places.responses]
+
+    def made(each: Composed) -> Candidate:
+        several = [place for handle, place in at if handle == each.law.handle]
+        return candidate_of(each, places.readings, case.units_of_law(each.law), several)
+
     new = [
-        candidate_of(
-            each,
-            places.readings,
-            case.units_of_law(each.law),
-            [place for handle, place in at if handle == each.law.handle],
-        )
+        replace(made(each), by_others=tuple(map(made, by_other_readings(each, found))))
         for each in distinct(found, _TRIED)
     ]
     return [each for each in new if each.name not in base.point.effects]

@@ -73,8 +73,11 @@ class Composed:
     @property
     def alike(self) -> dict[str, tuple[float, float]]:
         """The numbers of those that first order cannot distinguish from it, by their shape."""
-        least = min(self.gain - APART, _NEARLY * self.gain)
-        return {n: (one.first, one.second) for n, one in self.steps.items() if one.gain > least}
+        return {n: (one.first, one.second) for n, one in self.steps.items() if self.is_like(one)}
+
+    def is_like(self, other: "Composed") -> bool:
+        """Whether first order cannot distinguish another from it."""
+        return other.gain > min(self.gain - APART, _NEARLY * self.gain)
 
     @property
     def worth(self) -> float:

@@ -1,4 +1,4 @@
-"""Try a fitted law on other bodies: which one it acts on, first order says less well than a fit."""
+"""Try what resembles a fitted law: first order ranks such laws less well than fits do."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,19 +12,23 @@ from serpent_twin.machines.candidate import Candidate
 _BODY = "body"
 
 
-def elsewhere(candidate: Candidate, found: Fit) -> Sequence[Candidate]:
-    """The same law with its fitted numbers on every other body; none where it acts on no body."""
+def resembling(candidate: Candidate, found: Fit) -> Sequence[Candidate]:
+    """The same change by other readings; and of a law that acts on a body, the same law with its fitted
+    numbers on every other one.
+    """
     law = parse(place_of(candidate.name))
     if HANDLES[law.handle].kind != _BODY:
-        return ()
+        return candidate.by_others
     place, values = candidate.composed["place"], found.point.effects[candidate.name]
-    return [
+    elsewhere = [
         replace(
             candidate,
             name=f"{DISCOVERED}@{replace(law, place=other)}",
             variants=(values,),
             composed={**candidate.composed, "place": {**place, "name": other}},
             places=tuple(each for each in (*candidate.places, law.place) if each != other),
+            by_others=(),
         )
         for other in candidate.places
     ]
+    return (*candidate.by_others, *elsewhere)
