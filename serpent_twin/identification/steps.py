@@ -7,7 +7,7 @@ repeat with it included. (5) An error above that of a twin that lacks nothing is
 """
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -120,8 +120,7 @@ class Tracer:
                 break
             self.case = self.case.composing(found)
             names = [each.name for each in found]
-            which = zlib.crc32(" ".join(names).encode())  # another version may compose others
-            stage = f"{len(rounds) + 1}_composed_{which:08x}"
+            stage = f"{len(rounds) + 1}_composed_{_mark(names)}"
             trials = self.trials.each(
                 names, self.case, base, base, before, stage, _COMPOSED, beside=_NEAR
             )
@@ -146,18 +145,17 @@ class Tracer:
         """Trials of what resembles the best composed law."""
         found = trials[best].fit
         assert found is not None
-        others = {
-            each.name: each
-            for each in resembling(self.case.candidates[best], found)
-            if each.name not in trials or trials[each.name].fit is None
-        }
-        if not others:
-            return {}
-        self.case = self.case.composing(list(others.values()))
-        stage, most = f"{stage}_resembling", _COMPOSED
-        return self.trials.each(
-            list(others), self.case, base, base, before, stage, most, found.cost, beside=_NEAR
-        )
+        out: dict[str, CandidateTrial] = {}
+        for several in resembling(self.case.candidates[best], found):
+            new = [n for n in several if n.name not in trials or trials[n.name].fit is None]
+            if not new:
+                continue
+            self.case, names = self.case.composing(new), [each.name for each in new]
+            which = f"{stage}_resembling_{_mark(names)}"
+            out |= self.trials.each(
+                names, self.case, base, base, before, which, _COMPOSED, found.cost, beside=_NEAR
+            )
+        return out
 
     def _judged_again(self, done: Round, polished: Fit) -> Round:
         """A round after its accepted candidates were fitted again, which may reverse the acceptance."""
@@ -285,3 +283,8 @@ class Tracer:
         for name in pair.pair.names:
             trials[name] = replace(pair.trial, score=trials[name].score)
         return Round(base, before, trials, pair.pair.names, tried)
+
+
+def _mark(names: Sequence[str]) -> str:
+    """A short text that names of candidates determine: another version may compose others."""
+    return f"{zlib.crc32(' '.join(names).encode()):08x}"

@@ -39,8 +39,8 @@ class Candidate:
     """Other shapes of its law that fit the logs as well to first order, with their numbers"""
     places: tuple[str, ...] = ()
     """Other places at which its law could be"""
-    by_others: tuple["Candidate", ...] = ()
-    """The same change by other readings, which remove nearly as much to first order"""
+    alternatives: tuple["Candidate", ...] = ()
+    """The same change by other readings or in another shape, which remove nearly as much to first order"""
 
     @property
     def at(self) -> str:

@@ -1,5 +1,6 @@
 """Laws that resemble a fitted one: on other bodies, by other readings."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +8,7 @@ from made_residual import M, Made
 
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.identification.discovery import resembling
-from serpent_twin.identification.discovery.candidates import by_other_readings, candidate_of
+from serpent_twin.identification.discovery.candidates import candidate_of, resembling_at_first
 from serpent_twin.machines.machine import ParameterVector
 
 AT_JOINT = Discovered(0.3, at="joint_torque of joint1: above joint_angle of joint1", first=0.2)
@@ -22,7 +23,7 @@ def test_a_law_on_a_body_is_tried_on_others_with_its_fitted_numbers():
     assert candidate.places == ("link2", "link4")
     fitted = np.array([0.25, -0.1, 0.3, 0.0, 0.21, 0.0, -1.0, 1.0])
     fit = SimpleNamespace(point=ParameterVector(np.zeros(M)).having(candidate.name, fitted))
-    others = resembling(candidate, fit)
+    _, others = resembling(candidate, fit)
     at = "force of {}: above joint_angle of joint1"
     assert [each.name for each in others] == [
         f"discovered@{at.format(link)}" for link in ("link2", "link4")
@@ -38,9 +39,17 @@ def test_a_law_is_tried_by_other_readings_that_are_nearly_the_same():
     noise = 0.01 * np.random.default_rng(3).standard_normal(angle.shape)
     made.readings["motor_angle", "motor3"] = angle + noise
     found = made.found()
-    others = [each.law.where for each in by_other_readings(found[0], found)]
+    others = [each.law.where for each in resembling_at_first(found[0], found)]
     assert {found[0].law.where, *others} == {"joint1", "motor3"}
-    assert not by_other_readings(Made(AT_JOINT).found()[0], Made(AT_JOINT).found())
+
+
+def test_a_law_is_tried_in_another_shape_that_removes_nearly_as_much():
+    made = Made(AT_JOINT)
+    step = made.found()[0]
+    wave = replace(step, law=replace(step.law, shape="periodic"), gain=0.85 * step.gain)
+    weak = replace(wave, gain=0.5 * step.gain)
+    assert resembling_at_first(replace(step, shapes={"periodic": wave}), []) == [wave]
+    assert resembling_at_first(replace(step, shapes={"periodic": weak}), []) == []
 
 
 def test_a_law_at_a_joint_is_tried_at_no_other():
@@ -50,4 +59,4 @@ def test_a_law_at_a_joint_is_tried_at_no_other():
     fit = SimpleNamespace(
         point=ParameterVector(np.zeros(M)).having(candidate.name, candidate.variants[0])
     )
-    assert not resembling(candidate, fit)
+    assert not any(resembling(candidate, fit))

@@ -20,6 +20,8 @@ _SHARE = 0.2
 """Finite differences of a size to itself"""
 _STEPS = 60.0
 """Finite differences of a threshold to the range of its reading"""
+_OTHER_SHAPE = 0.75
+"""Of what a law is worth, what another shape of it must be to be tried, too"""
 _NEARLY = 0.95
 """Of what a law removes that follows something, what a constant in its place must"""
 _SIZES = ("size", "size_y", "size_z", "stiffness")
@@ -159,14 +161,22 @@ def distinct(found: Sequence[Composed], most: int) -> list[Composed]:
     return sorted([*chosen, *rest[: most - len(chosen)]], key=lambda each: -each.worth)
 
 
-def by_other_readings(one: Composed, found: Sequence[Composed]) -> list[Composed]:
-    """Laws that make the same change by another reading of a thing, which first order cannot distinguish."""
-    return [
+def resembling_at_first(one: Composed, found: Sequence[Composed]) -> list[Composed]:
+    """Of laws that make the same change: those by another reading of a thing, which first order cannot
+    distinguish, and the best of another shape, if that removes nearly as much.
+    """
+    if not one.law.follows_a_thing:
+        return []
+    readings = [
         each
         for each in found
-        if one.law.follows_a_thing
-        and each.law.follows_a_thing
+        if each.law.follows_a_thing
         and (each.law.handle, each.law.place) == (one.law.handle, one.law.place)
         and (each.law.reading, each.law.where) != (one.law.reading, one.law.where)
         and one.is_like(each)
     ]
+    others = [
+        each for shape, each in one.shapes.items() if shape not in one.alike
+    ]  # tested after fits
+    shapes = sorted(others, key=lambda each: -each.worth)
+    return readings + [each for each in shapes[:1] if each.worth > _OTHER_SHAPE * one.worth]

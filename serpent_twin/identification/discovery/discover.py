@@ -5,9 +5,9 @@ from dataclasses import replace
 from typing import Any
 
 from serpent_twin.identification.discovery.candidates import (
-    by_other_readings,
     candidate_of,
     distinct,
+    resembling_at_first,
 )
 from serpent_twin.identification.discovery.screen import Composed, screened
 from serpent_twin.identification.fitted import Fit
@@ -53,7 +53,7 @@ def discover(
         return candidate_of(each, places.readings, case.units_of_law(each.law), several)
 
     new = [
-        replace(made(each), by_others=tuple(map(made, by_other_readings(each, found))))
+        replace(made(each), alternatives=tuple(map(made, resembling_at_first(each, found))))
         for each in distinct(found, _TRIED)
     ]
     return [each for each in new if each.name not in base.point.effects]

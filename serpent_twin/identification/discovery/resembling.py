@@ -12,14 +12,13 @@ from serpent_twin.machines.candidate import Candidate
 _BODY = "body"
 
 
-def resembling(candidate: Candidate, found: Fit) -> Sequence[Candidate]:
-    """The same change by other readings; and of a law that acts on a body, the same law with its fitted
-    numbers on every other one.
+def resembling(candidate: Candidate, found: Fit) -> Sequence[Sequence[Candidate]]:
+    """The same change by other readings or in another shape; and of a law that acts on a body, the same law
+    with its fitted numbers on every other one.
     """
     law = parse(place_of(candidate.name))
-    if HANDLES[law.handle].kind != _BODY:
-        return candidate.by_others
     place, values = candidate.composed["place"], found.point.effects[candidate.name]
+    of_body = HANDLES[law.handle].kind == _BODY
     elsewhere = [
         replace(
             candidate,
@@ -27,8 +26,8 @@ def resembling(candidate: Candidate, found: Fit) -> Sequence[Candidate]:
             variants=(values,),
             composed={**candidate.composed, "place": {**place, "name": other}},
             places=tuple(each for each in (*candidate.places, law.place) if each != other),
-            by_others=(),
+            alternatives=(),
         )
-        for other in candidate.places
+        for other in (candidate.places if of_body else ())
     ]
-    return (*candidate.by_others, *elsewhere)
+    return candidate.alternatives, elsewhere

@@ -67,13 +67,16 @@ class Composed:
     """Of the residual's squares [1]"""
     alone: bool = False
     """Whether it shows in one sensor alone"""
-    steps: Mapping[str, "Composed"] = field(default_factory=dict)
-    """Of a step or window: the best of each other such shape that changes and follows the same"""
+    shapes: Mapping[str, "Composed"] = field(default_factory=dict)
+    """The best of each other shape that changes and follows the same"""
 
     @property
     def alike(self) -> dict[str, tuple[float, float]]:
-        """The numbers of those that first order cannot distinguish from it, by their shape."""
-        return {n: (one.first, one.second) for n, one in self.steps.items() if self.is_like(one)}
+        """Of a step or window: the numbers of other such shapes that first order cannot distinguish."""
+        if self.law.shape not in _STEPS:
+            return {}
+        near = {name: one for name, one in self.shapes.items() if name in _STEPS}
+        return {n: (one.first, one.second) for n, one in near.items() if self.is_like(one)}
 
     def is_like(self, other: "Composed") -> bool:
         """Whether first order cannot distinguish another from it."""
@@ -203,16 +206,16 @@ class Search:
             law, numbers = _law(response, way), (float(gain[n]), float(share[n]))
             best = Composed(law, size[n], way.first, way.second, *numbers, alone)
             kept.append(
-                replace(best, steps=_other_steps(response, way, several, size, gain, share))
+                replace(best, shapes=_other_shapes(response, way, several, size, gain, share))
             )
         return kept
 
 
-def _other_steps(
+def _other_shapes(
     response: Response, like: Way, several: Sequence[Way], size: Array, gain: Array, share: Array
 ) -> dict[str, Composed]:
-    """Of a step or window: the best of each other such shape that follows the same."""
-    if like.shape not in _STEPS:
+    """The best of each other shape that follows the same."""
+    if not like.reading:
         return {}
     same = [k for k, one in enumerate(several) if _follow_alike(one, like)]
     out = {}
@@ -231,10 +234,10 @@ def _best_of(found: Sequence[Composed]) -> list[Composed]:
     best: dict[tuple[str, str], Composed] = {}
     for each in sorted(found, key=lambda each: -each.worth):
         one = best.setdefault((each.law.reading, each.law.where), each)
-        if one is not each and one.law.shape in _STEPS:
-            both = sorted((*one.steps.values(), *each.steps.values(), each), key=lambda x: x.gain)
-            steps = {x.law.shape: x for x in both if x.law.shape in {*_STEPS} - {one.law.shape}}
-            best[each.law.reading, each.law.where] = replace(one, steps=steps)
+        if one is not each:
+            both = sorted((*one.shapes.values(), *each.shapes.values(), each), key=lambda x: x.gain)
+            shapes = {x.law.shape: x for x in both if x.law.shape != one.law.shape}
+            best[each.law.reading, each.law.where] = replace(one, shapes=shapes)
     return list(best.values())
 
 
@@ -242,17 +245,17 @@ def _from_then_on(found: Composed) -> Composed:
     """A law that holds until an instant as one that holds from then on, if that gains nearly as much: what
     was built is what there was first.
     """
-    later = found.steps.get("above")
+    later = found.shapes.get("above")
     if found.law.shape != "under" or found.law.follows_a_thing or later is None:
         return found
-    others = {name: each for name, each in found.steps.items() if name != "above"}
-    swapped = replace(later, steps={**others, "under": replace(found, steps={})})
+    others = {name: each for name, each in found.shapes.items() if name != "above"}
+    swapped = replace(later, shapes={**others, "under": replace(found, shapes={})})
     return swapped if later.gain > _NEARLY * found.gain else found
 
 
 def _follow_alike(one: Way, other: Way) -> bool:
-    """Whether both are steps or windows of the same reading."""
-    return one.shape in _STEPS and (one.reading, one.where) == (other.reading, other.where)
+    """Whether both follow the same reading."""
+    return (one.reading, one.where) == (other.reading, other.where)
 
 
 def _solved(pulls: Array, grams: Array, raw: Array) -> tuple[Array, Array]:
