@@ -146,7 +146,7 @@ class Trials:
         """A fit that its last derivative still bettered, gone on with derivatives by all parameters: what is
         compared with others should not be half-way.
         """
-        self.on_progress(f"fitting {' and '.join(begun.point.effects)} further")
+        self.on_progress(f"fitting {' and '.join(map(spaced, begun.point.effects))} further")
         most, free = len(begun.used), begun.free
         return self.notes.fit(
             stage,
@@ -214,7 +214,7 @@ class Trials:
         for other in dict.fromkeys([*alike, *(n for n in beside if done.trials[n].fit)]):
             errors = done.trials[other].errors
             if errors is None and len(out) < _RIVALS and not scores[other].unstable:
-                self.on_progress(f"{name} or {other}: fitting {other}")
+                self.on_progress(f"rivals: fitting {spaced(other)}")
                 rival = self._stable(
                     f"rival_{number}_{name}_{other}",
                     lambda o=other: full_fit(
