@@ -7,6 +7,10 @@ from typing import Protocol
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.effects import ranges
+from serpent_twin.effects.discovered import Discovered
+from serpent_twin.effects.law import Law
+from serpent_twin.machines.machine import ParameterVector
 
 
 @dataclass(frozen=True)
@@ -136,6 +140,26 @@ _SENSOR = 3
 def in_one_sensor(changed: int, channels: int) -> bool:
     """Whether what changes so many of all channels shows in one sensor alone."""
     return 0 < changed <= min(_SENSOR, channels - 1)
+
+
+@dataclass(frozen=True)
+class PlacesInRow:
+    """What S segments of T rows show of changes at a machine's places, each in its own row."""
+
+    readings: Mapping[tuple[str, str], Array]
+    """What laws may follow, (S, T), by the reading and its place"""
+    responses: Sequence[PlaceResponse]
+    """Of each quantity at each place that shows in what is measured"""
+    starts: Array | None = None
+    """None: the states in which segments begin show in no row"""
+
+
+def with_more(point: ParameterVector, law: Law, axis: int, more: float) -> ParameterVector:
+    """The same twin with more of one component of a constant change, which it may have already."""
+    name = f"discovered@{law}"
+    values = np.array(point.effects.get(name, np.zeros(len(ranges(Discovered)))))
+    values[axis] += more
+    return point.having(name, values)
 
 
 class Places(Protocol):

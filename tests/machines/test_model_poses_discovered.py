@@ -254,36 +254,34 @@ def test_what_no_pose_can_honour_is_refused(arm, at, says):
         shown(arm, at, 0.1, 0, 0, 0, 0, 0)
 
 
-def test_a_stop_is_composed_at_its_joint(tmp_path):
-    path = hanging_models.machine(tmp_path / "chain")
+def composed(folder, acting):
+    """The one law that a trace composes where something acts on poses, with its sizes and threshold."""
+    path = hanging_models.machine(folder / "chain")
     path.write_text('candidates = ["gravity"]\n' + path.read_text())
     for n in range(3):
-        hanging_models.log(tmp_path / "logs" / f"poses_{n}.csv", n, stop)
-    found = trace(Trace((tmp_path / "logs",), tmp_path / "trace", machine=path))
+        hanging_models.log(folder / "logs" / f"poses_{n}.csv", n, acting)
+    found = trace(Trace((folder / "logs",), folder / "trace", machine=path))
+    assert found["error_mm"]["corrected"] < 0.4  # 0.32 mm is the mean length of its noise
     (law,) = found["effects"]
+    return law, *(law["parameters"].get(name) for name in ("size", "size_x", "threshold"))
+
+
+def test_a_stop_is_composed_at_its_joint(tmp_path):
+    law, size, _, threshold = composed(tmp_path, stop)
     assert law["place"] == {"kind": "joint", "name": "joint_3"}
     assert (law["changes"], law["law"]) == ("joint_torque", "below")
     assert law["depends_on"] == ["joint angle of joint_3"]
-    size, threshold = (law["parameters"][name] for name in ("size", "threshold"))
     assert size["value"] == pytest.approx(-STOP, rel=0.1)
     assert size["low"] < -STOP < size["high"]
     assert threshold["value"] == pytest.approx(BELOW, abs=0.02)
     assert size["unit"] == "N m per rad"
-    assert found["error_mm"]["corrected"] < 0.4  # 0.32 mm is the mean length of its noise
 
 
 def test_a_force_is_composed_on_a_body_that_moves_in_a_plane(tmp_path):
-    path = hanging_models.machine(tmp_path / "chain")
-    path.write_text('candidates = ["gravity"]\n' + path.read_text())
-    for n in range(3):
-        hanging_models.log(tmp_path / "logs" / f"poses_{n}.csv", n, pushed)
-    found = trace(Trace((tmp_path / "logs",), tmp_path / "trace", machine=path))
-    (law,) = found["effects"]
+    law, _, size, threshold = composed(tmp_path, pushed)
     assert law["place"] == {"kind": "body", "name": "link_3"}
     assert (law["changes"], law["law"]) == ("force", "beyond")
     assert law["depends_on"] == ["position x of link_3"]
-    size, threshold = (law["parameters"][name] for name in ("size_x", "threshold"))
     assert size["value"] == pytest.approx(-8.0, rel=0.1)
     assert size["low"] < -8.0 < size["high"]
     assert threshold["value"] == pytest.approx(0.03, abs=0.003)
-    assert found["error_mm"]["corrected"] < 0.4  # 0.32 mm is the mean length of its noise

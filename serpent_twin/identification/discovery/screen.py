@@ -195,6 +195,7 @@ class Search:
         cost = np.array([_PER_PARAMETER * each.parameters for each in several])
         kept: list[Composed] = []
         alone = in_one_sensor(response.channels, self.channels)
+        shapes_of = _best_shapes(several, gain)
         for n in np.argsort(cost - gain):
             way = several[n]
             if gain[n] <= cost[n]:
@@ -203,26 +204,27 @@ class Search:
                 continue
             if any((way.reading, way.where) == (k.law.reading, k.law.where) for k in kept):
                 continue
-            law, numbers = _law(response, way), (float(gain[n]), float(share[n]))
-            best = Composed(law, size[n], way.first, way.second, *numbers, alone)
-            kept.append(
-                replace(best, shapes=_other_shapes(response, way, several, size, gain, share))
-            )
+            best = {
+                shape: _composed(response, several[k], size[k], gain[k], share[k])
+                for shape, k in shapes_of[way.reading, way.where].items()
+                if shape != way.shape
+            }
+            one = _composed(response, way, size[n], gain[n], share[n])
+            kept.append(replace(one, alone=alone, shapes=best))
         return kept
 
 
-def _other_shapes(
-    response: Response, like: Way, several: Sequence[Way], size: Array, gain: Array, share: Array
-) -> dict[str, Composed]:
-    """The best of each other shape that follows the same."""
-    if not like.reading:
-        return {}
-    same = [k for k, one in enumerate(several) if _follow_alike(one, like)]
-    out = {}
-    for k in sorted(same, key=lambda k: gain[k]):
-        way, numbers = several[k], (float(gain[k]), float(share[k]))
-        out[way.shape] = Composed(_law(response, way), size[k], way.first, way.second, *numbers)
-    return {shape: each for shape, each in out.items() if shape != like.shape}
+def _best_shapes(several: Sequence[Way], gain: Array) -> dict[tuple[str, str], dict[str, int]]:
+    """Of each reading, the number of the way that gains most in each shape."""
+    out: dict[tuple[str, str], dict[str, int]] = {}
+    for n in np.argsort(gain, kind="stable"):
+        out.setdefault((several[n].reading, several[n].where), {})[several[n].shape] = int(n)
+    return out
+
+
+def _composed(response: Response, way: Way, size: Array, gain: float, share: float) -> Composed:
+    numbers = way.first, way.second, float(gain), float(share)
+    return Composed(_law(response, way), size, *numbers)
 
 
 def _law(response: Response, way: Way) -> Law:
@@ -251,11 +253,6 @@ def _from_then_on(found: Composed) -> Composed:
     others = {name: each for name, each in found.shapes.items() if name != "above"}
     swapped = replace(later, shapes={**others, "under": replace(found, shapes={})})
     return swapped if later.gain > _NEARLY * found.gain else found
-
-
-def _follow_alike(one: Way, other: Way) -> bool:
-    """Whether both follow the same reading."""
-    return (one.reading, one.where) == (other.reading, other.where)
 
 
 def _solved(pulls: Array, grams: Array, raw: Array) -> tuple[Array, Array]:

@@ -38,7 +38,7 @@ from serpent_twin.machines.model.motion import (
 )
 from serpent_twin.machines.model.numbers import change_number
 from serpent_twin.machines.model.places import ModelPlaces, only_single, units_of_law
-from serpent_twin.machines.model.pose_places import PosePlaces, places_at_rest
+from serpent_twin.machines.model.pose_places import places_at_rest
 from serpent_twin.machines.model.poses import Rests
 from serpent_twin.machines.model.prescribed import known_motion, prescribe
 from serpent_twin.machines.model.proposing import proposed
@@ -48,6 +48,7 @@ from serpent_twin.machines.model.segments import ROWS, segments
 from serpent_twin.machines.model.starts import start, start_columns, started_again
 from serpent_twin.machines.model.state_effects import acting_on_state, together
 from serpent_twin.machines.model.switches import separate, switched_off
+from serpent_twin.machines.places import PlacesInRow
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
 from serpent_twin.sim.quiet import quietly
@@ -246,7 +247,7 @@ class ModelMachine(RunMachine):
 
     def responses_at_places(
         self, point: ParameterVector, pieces: Runs
-    ) -> ModelPlaces | PosePlaces | None:
+    ) -> ModelPlaces | PlacesInRow | None:
         """What changes at the model's places would show; of motion, None where it has joints of other kinds,
         or many.
         """

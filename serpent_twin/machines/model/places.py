@@ -194,11 +194,19 @@ class ModelPlaces:
                 yield self._lagged(ACTUATOR_COMMAND, each.actuator, push[None], own[None])
 
     def _of_readings(self) -> Iterator[Response]:
-        for k, name in enumerate(self.measured):
-            if self.measured.count(name) == 1:
-                change = np.zeros((1, *self.pieces.measured.shape))
-                change[..., k] = 1.0
-                yield self._lagged(READING_SHIFT, name, 0.0 * self.forced.by_force[:1], change)
+        for name, change in channels_alone(self.measured, self.pieces.time.shape):
+            yield self._lagged(READING_SHIFT, name, 0.0 * self.forced.by_force[:1], change)
+
+
+def channels_alone(measured: Sequence[str], shape: tuple[int, ...]) -> Iterator[tuple[str, Array]]:
+    """Each thing of which one channel is, among those of all channels, (C,); and that channel changed by 1 in
+    every row, (1, S, T, C).
+    """
+    for k, name in enumerate(measured):
+        if measured.count(name) == 1:
+            change = np.zeros((1, *shape, len(measured)))
+            change[..., k] = 1.0
+            yield name, change
 
 
 def moved_bodies(model: mujoco.MjModel) -> list[int]:

@@ -1,15 +1,13 @@
 """Say what changes at a model's places do to the poses in which it rests."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 from typing import TypeVar
 
 import mujoco
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import ranges
-from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import (
     ACTUATOR_COMMAND,
     HANDLES,
@@ -21,10 +19,15 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.description import Described
-from serpent_twin.machines.model.places import MOST, clocks_and_commands, moved_bodies
+from serpent_twin.machines.model.places import (
+    MOST,
+    channels_alone,
+    clocks_and_commands,
+    moved_bodies,
+)
 from serpent_twin.machines.model.pose_changes import PoseChanges
 from serpent_twin.machines.model.things import lengths
-from serpent_twin.machines.places import PlaceResponse
+from serpent_twin.machines.places import PlaceResponse, PlacesInRow, with_more
 
 T = TypeVar("T")
 _SHARE = 0.1
@@ -35,24 +38,12 @@ _ROUNDING = 1e-6
 """Of the largest response to one quantity, below which a place shows nothing: what differences leave"""
 
 
-@dataclass(frozen=True)
-class PosePlaces:
-    """What S segments of T poses show of changes at a model's places."""
-
-    readings: Mapping[tuple[str, str], Array]
-    """What laws may follow, (S, T), by the reading and its place"""
-    responses: Sequence[PlaceResponse]
-    """Of each place that shows in what is measured"""
-    starts: Array | None = None
-    """Poses have no states in which they begin"""
-
-
 def places_at_rest(
     twin: TwinAtRest,
     respond: Callable[[Sequence[ParameterVector], Runs], Array],
     point: ParameterVector,
     pieces: Runs,
-) -> PosePlaces:
+) -> PlacesInRow:
     """Those of a twin. What dry friction takes up of a torque, a force or a slack is left out."""
     machine, measured, shape = twin.machine, twin.measured, pieces.time.shape
     laws, followed = _laws(machine), _followed(machine.model)
@@ -70,7 +61,7 @@ def places_at_rest(
         for law, change in zip(laws, changes, strict=True)
     ]
     commands = _of_commands(machine, respond, point, pieces)
-    return PosePlaces(
+    return PlacesInRow(
         clocks_and_commands(machine, pieces) | readings,
         [*_shown(found), *commands, *_of_readings(twin, shape)],
     )
@@ -146,10 +137,8 @@ def _shown(found: Sequence[PlaceResponse]) -> Iterator[PlaceResponse]:
 def _of_readings(twin: TwinAtRest, shape: tuple[int, ...]) -> Iterator[PlaceResponse]:
     """Shifts of the measured angles."""
     joints = [each.joint for each in twin.machine.about.measured if each.joint]
-    for k, name in enumerate(twin.measured):
-        if name in joints and twin.measured.count(name) == 1:
-            change = np.zeros((1, *shape, len(twin.measured)))
-            change[..., k] = 1.0
+    for name, change in channels_alone(twin.measured, shape):
+        if name in joints:
             yield PlaceResponse(READING_SHIFT, name, change)
 
 
@@ -161,17 +150,13 @@ def _of_commands(
 ) -> list[PlaceResponse]:
     """By differences: the twin is settled again for each actuator, with its command changed a little."""
     laws, steps = [], []
-    others = np.zeros(len(ranges(Discovered)) - 1)
     for (reading, name), x in clocks_and_commands(machine, pieces).items():
         if reading == ACTUATOR_COMMAND and np.std(x) > _STILL:
             laws.append(Law(ACTUATOR_COMMAND, name))
             steps.append(_SHARE * float(np.std(x)))
     if not laws:
         return []
-    changed = [
-        point.having(f"discovered@{law}", np.array([step, *others]))
-        for law, step in zip(laws, steps, strict=True)
-    ]
+    changed = [with_more(point, law, 0, step) for law, step in zip(laws, steps, strict=True)]
     usual, *found = respond([point, *changed], pieces)
     return [
         PlaceResponse(ACTUATOR_COMMAND, law.place, np.nan_to_num((there - usual)[None] / step))

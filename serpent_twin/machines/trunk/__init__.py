@@ -28,9 +28,10 @@ from serpent_twin.machines.measured import (
     read_runs,
     read_twin,
 )
+from serpent_twin.machines.places import PlacesInRow
 from serpent_twin.machines.trunk import body
 from serpent_twin.machines.trunk.motion import SIMULATED, Trunks
-from serpent_twin.machines.trunk.places import TrunkPlaces, at_places
+from serpent_twin.machines.trunk.places import at_places
 from serpent_twin.machines.trunk.shape import (  # fmt: skip
     ANGLES,
     DISKS,
@@ -149,7 +150,7 @@ class Trunk(RunMachine):
         """Disks and servos, (D, S, T, 15); not finite for a trunk that cannot be built."""
         return self._simulate(points, pieces)[..., : len(self.outputs)]
 
-    def responses_at_places(self, point: ParameterVector, pieces: Runs) -> TrunkPlaces:
+    def responses_at_places(self, point: ParameterVector, pieces: Runs) -> PlacesInRow:
         """What changes at the motors and markers would show."""
         return at_places(self._simulate, point, pieces)
 

@@ -5,18 +5,15 @@ same row: what a constant one does there once all has settled. Goals that move f
 left to the simulation of what is found.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import ranges
-from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import ACTUATOR_COMMAND, HANDLES, POSITIONS, Law
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.measured import Runs
-from serpent_twin.machines.places import PlaceResponse
+from serpent_twin.machines.places import PlaceResponse, PlacesInRow, with_more
 from serpent_twin.machines.trunk.motion import CHANGED, PLACES
 
 _STEP = 0.05
@@ -27,42 +24,22 @@ _SEEN = 15
 """Of what is simulated, disks and servos; torques and goals follow"""
 
 
-@dataclass(frozen=True)
-class TrunkPlaces:
-    """What S segments of T rows show of changes at the motors and the disks."""
-
-    readings: Mapping[tuple[str, str], Array]
-    """What laws may follow, (S, T), by the reading and its place: of the twin, as it is simulated"""
-    responses: Sequence[PlaceResponse]
-    """Of each quantity at each motor or marker"""
-    starts: Array | None = None
-    """None: the seconds before each window settle what it begins with"""
-
-
 def at_places(
     simulate: Callable[[Sequence[ParameterVector], Runs], Array],
     point: ParameterVector,
     pieces: Runs,
-) -> TrunkPlaces:
+) -> PlacesInRow:
     """By differences: all changes are simulated side by side, to disks, servos, torques and goals,
-    (D, S, T, 27).
+    (D, S, T, 27). The seconds before each window settle what it begins with.
     """
     laws = [Law(name, place) for name in CHANGED for place in PLACES[HANDLES[name].kind]]
     each = [(law, axis) for law in laws for axis in range(HANDLES[law.handle].components)]
-    usual, *there = simulate([point, *(_more(point, *one) for one in each)], pieces)
+    usual, *there = simulate([point, *(with_more(point, *one, _STEP) for one in each)], pieces)
     change = np.nan_to_num((np.array(there) - usual)[..., :_SEEN]) / _STEP
     responses = [
         PlaceResponse(law.handle, law.place, change[[law == of for of, _ in each]]) for law in laws
     ]
-    return TrunkPlaces(_readings(usual, pieces), responses)
-
-
-def _more(point: ParameterVector, law: Law, axis: int) -> ParameterVector:
-    """The same twin with a little more of one component of a constant change."""
-    name = f"discovered@{law}"
-    values = np.array(point.effects.get(name, np.zeros(len(ranges(Discovered)))))
-    values[axis] += _STEP
-    return point.having(name, values)
+    return PlacesInRow(_readings(usual, pieces), responses)
 
 
 def _readings(usual: Array, pieces: Runs) -> dict[tuple[str, str], Array]:
