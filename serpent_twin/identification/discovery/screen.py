@@ -205,11 +205,11 @@ class Search:
             if any((way.reading, way.where) == (k.law.reading, k.law.where) for k in kept):
                 continue
             best = {
-                shape: _composed(response, several[k], size[k], gain[k], share[k])
+                shape: _composed(response, several[k], size[k], float(gain[k]), float(share[k]))
                 for shape, k in shapes_of[way.reading, way.where].items()
                 if shape != way.shape
             }
-            one = _composed(response, way, size[n], gain[n], share[n])
+            one = _composed(response, way, size[n], float(gain[n]), float(share[n]))
             kept.append(replace(one, alone=alone, shapes=best))
         return kept
 
@@ -223,8 +223,7 @@ def _best_shapes(several: Sequence[Way], gain: Array) -> dict[tuple[str, str], d
 
 
 def _composed(response: Response, way: Way, size: Array, gain: float, share: float) -> Composed:
-    numbers = way.first, way.second, float(gain), float(share)
-    return Composed(_law(response, way), size, *numbers)
+    return Composed(_law(response, way), size, way.first, way.second, gain, share)
 
 
 def _law(response: Response, way: Way) -> Law:
