@@ -17,6 +17,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.identification.acceptance import Selection
 from serpent_twin.identification.build_diagnosis import build_diagnosis
 from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.composing import ComposingTracer
 from serpent_twin.identification.diagnosis import Diagnosis
 from serpent_twin.identification.page import page
 from serpent_twin.identification.steps import Tracer
@@ -182,14 +183,14 @@ def _run(
 
         case = rig.open(training)
         notes = Checkpoints(config.out / "stages", case.clock)
-        tracer = Tracer(
+        kind = ComposingTracer if config.discover and case.composes else Tracer
+        tracer = kind(
             case,
             case.pieces(training),
             case.pieces(judging),
             notes,
             on_progress,
             config.seed,
-            config.discover and case.composes,
         )
         selection = tracer.select()
         on_progress("what is left")

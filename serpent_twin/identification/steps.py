@@ -6,8 +6,6 @@
 repeat with it included. (5) An error above that of a twin that lacks nothing is unexplained.
 """
 
-import zlib
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,7 +22,6 @@ from serpent_twin.identification.acceptance import (
 )
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.detection import identifiability, opening_fit
-from serpent_twin.identification.discovery import discover, resembling
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.held_out import Errors, gave_up
@@ -36,9 +33,6 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
 _MOST_EFFECTS = 6
-_MOST_DISCOVERED = 3
-_COMPOSED, _NEAR = 2, 0.8
-"""Composed candidates that are fitted; of what the best removes, what another must"""
 _BEATS = 0.97
 """Share of a first calibration's cost that a candidate from the opening must come below with its first
 derivative"""
@@ -68,11 +62,9 @@ class Tracer:
         notes: Checkpoints,
         on_progress: OnProgress,
         seed: int,
-        composing: bool = False,
     ) -> None:
         self.case, self.training, self.held_out = case, training, held_out
         self.notes, self.on_progress, self.seed = notes, on_progress, seed
-        self.composing = composing
         self.trials = Trials(training, held_out, notes, on_progress)
         self.final: ParameterVector | None = None
         self.identifiability: Identifiability | None = None
@@ -84,17 +76,16 @@ class Tracer:
         base, rounds = calibrated, []
         while len(rounds) < _MOST_EFFECTS:
             rounds.append(self._round(base, len(rounds) + 1, None if rounds else opening))
-            if (better := self._stands(rounds)) is None:
+            if (better := self.stands(rounds)) is None:
                 break
             base = better
-        if self.composing:
-            base = self._discovered(base, rounds)
+        base = self.more(base, rounds)
         final = self._sharpened(without_proxies(self.trials, self.case, base, rounds))
         self.final = final.point
         rivals = {n: self.trials.rivals(self.case, n, rounds) for n in final.point.effects}
         return Selection(self.case, calibrated, final, tuple(rounds), rivals)
 
-    def _stands(self, rounds: list[Round]) -> Fit | None:
+    def stands(self, rounds: list[Round]) -> Fit | None:
         """The fit of everything anew with what the last round accepted; None if that reverses it, or nothing
         was accepted.
         """
@@ -110,52 +101,9 @@ class Tracer:
         self.case = weighed
         return None
 
-    def _discovered(self, base: Fit, rounds: list[Round]) -> Fit:
-        """Add laws at places that no catalogue lists, one by one, while something is left."""
-        for _ in range(_MOST_DISCOVERED):
-            before = self.errors(base.point)
-            little = self.trials.little(self.case, before)
-            found = discover(self.case, self.training, base, little, self.on_progress)
-            if not found:
-                break
-            self.case = self.case.composing(found)
-            names = [each.name for each in found]
-            stage = f"{len(rounds) + 1}_composed_{_mark(names)}"
-            trials = self.trials.each(
-                names, self.case, base, base, before, stage, _COMPOSED, beside=_NEAR
-            )
-            best = best_trial(trials, self.case.candidates)
-            if best:
-                trials |= self._resembling(trials, best, base, before, stage)
-                best = best_trial(trials, self.case.candidates)
-            rounds.append(Round(base, before, trials, (best,) if best else ()))
-            if (better := self._stands(rounds)) is None:
-                break
-            base = better
+    def more(self, base: Fit, rounds: list[Round]) -> Fit:
+        """What the candidates leave, explained further; nothing does that here."""
         return base
-
-    def _resembling(
-        self,
-        trials: Mapping[str, CandidateTrial],
-        best: str,
-        base: Fit,
-        before: Errors,
-        stage: str,
-    ) -> dict[str, CandidateTrial]:
-        """Trials of what resembles the best composed law."""
-        found = trials[best].fit
-        assert found is not None
-        out: dict[str, CandidateTrial] = {}
-        for several in resembling(self.case.candidates[best], found):
-            new = [n for n in several if n.name not in trials or trials[n.name].fit is None]
-            if not new:
-                continue
-            self.case, names = self.case.composing(new), [each.name for each in new]
-            which = f"{stage}_resembling_{_mark(names)}"
-            out |= self.trials.each(
-                names, self.case, base, base, before, which, _COMPOSED, found.cost, beside=_NEAR
-            )
-        return out
 
     def _judged_again(self, done: Round, polished: Fit) -> Round:
         """A round after its accepted candidates were fitted again, which may reverse the acceptance."""
@@ -283,8 +231,3 @@ class Tracer:
         for name in pair.pair.names:
             trials[name] = replace(pair.trial, score=trials[name].score)
         return Round(base, before, trials, pair.pair.names, tried)
-
-
-def _mark(names: Sequence[str]) -> str:
-    """A short text that names of candidates determine: another version may compose others."""
-    return f"{zlib.crc32(' '.join(names).encode()):08x}"

@@ -1,0 +1,144 @@
+"""Trace with effects that no catalogue lists: laws composed from what the named ones leave."""
+
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import count
+
+import numpy as np
+
+from serpent_twin.identification.acceptance import CandidateTrial, Round, best_trial, weakness
+from serpent_twin.identification.discovery import discover, resembling
+from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.held_out import Errors
+from serpent_twin.identification.steps import Tracer
+from serpent_twin.identification.trials import gained
+from serpent_twin.identification.wording import spaced
+from serpent_twin.machines.machine import ParameterVector
+
+_MOST = 3
+"""Laws, one after the other"""
+_FITTED, _NEAR = 2, 0.8
+"""Candidates that are fitted; of what the best removes, what another must"""
+_DERIVATIVES, _BETTER = 4, 0.97
+"""Of a fit from the nominal twin, and the share of a fit's cost below which it is better"""
+_AS_MUCH = 0.9
+"""Of what a named effect removed, what a law must to be tried in its place, both to first order"""
+
+
+class ComposingTracer(Tracer):
+    """The steps of a trace, and after them laws at places of the machine, while something is left."""
+
+    def more(self, base: Fit, rounds: list[Round]) -> Fit:
+        """The fit with the laws that explain what is left.
+
+        A law that explains alone what a named effect and all after it do takes their place: what is named
+        first may be a part of it.
+        """
+        named = len(rounds)
+        further, something = self._composed(base, rounds)
+        if not something:
+            return further
+        for done in rounds[:named]:
+            if done.accepted and (better := self._instead(further, done, rounds)):
+                return self._composed(better, rounds)[0]
+        left = self.errors(further.point)
+        if further.point.effects and not self.trials.little(self.case, left):
+            return self._anew(further, f"anew_{len(rounds)}")
+        return further
+
+    def _composed(self, base: Fit, rounds: list[Round]) -> tuple[Fit, bool]:
+        """The fit with laws that were accepted one by one, and whether anything was left to explain."""
+        for n in count():
+            before = self.errors(base.point)
+            little = self.trials.little(self.case, before)
+            found = discover(self.case, self.training, base, little, self.on_progress)
+            if not found or n == _MOST:
+                return base, bool(n or found)
+            self.case = self.case.composing(found)
+            names = [each.name for each in found]
+            rounds.append(self._law(names, base, before, f"{len(rounds) + 1}_composed"))
+            if (better := self.stands(rounds)) is None:
+                return base, True
+            base = better
+        raise AssertionError
+
+    def _law(self, names: Sequence[str], base: Fit, before: Errors, stage: str) -> Round:
+        """A round of composed candidates, and of those that resemble the best."""
+        stage = f"{stage}_{_mark(names)}"
+        trials = self.trials.each(
+            names, self.case, base, base, before, stage, _FITTED, beside=_NEAR
+        )
+        best = best_trial(trials, self.case.candidates)
+        if best:
+            trials |= self._resembling(trials, best, base, before, stage)
+            best = best_trial(trials, self.case.candidates)
+        return Round(base, before, trials, (best,) if best else ())
+
+    def _instead(self, base: Fit, done: Round, rounds: list[Round]) -> Fit | None:
+        """The fit of a law in place of what a round accepted and of all that was accepted after it; None if
+        that is worse.
+        """
+        weighed, name = self.case, done.accepted[0]
+        self.on_progress(f"laws in place of {spaced(name)}")
+        self.case = replace(weighed, noise=done.base.noise)
+        little = self.trials.little(self.case, done.errors)
+        found = discover(self.case, self.training, done.base, little, self.on_progress)
+        if found:
+            self.case = self.case.composing(found)
+            names = [each.name for each in found]
+            stage = f"{len(rounds) + 1}_instead_of_{name}"
+            scores = self.trials.scores(f"{stage}_{_mark(names)}", self.case, done.base, names)
+            removed = max(each.share for each in scores.values())
+            if removed > _AS_MUCH * done.trials[name].score.share:
+                tried = self._law(names, done.base, done.errors, stage)
+                rounds.append(tried)
+                if better := self.stands(rounds):
+                    better = self._anew(better, f"anew_{stage}")
+                    if self._as_good(better, base, tried):
+                        return better
+                rounds[-1] = replace(tried, accepted=())
+        self.case = weighed.composing(list(self.case.composed.values()))
+        return None
+
+    def _anew(self, found: Fit, stage: str) -> Fit:
+        """The fit from the nominal twin, if it is better than one that began where something lacked."""
+        self.case = replace(self.case, noise=found.noise)
+        start = ParameterVector(np.zeros(len(self.case.declared)), found.point.effects)
+        again = self._fit(stage, start, found.free, _DERIVATIVES)
+        return again if again.cost < _BETTER * found.cost else found
+
+    def _as_good(self, law: Fit, several: Fit, tried: Round) -> bool:
+        """Whether held-out logs do not say that several effects are better than a law alone."""
+        alone, beside = self.errors(law.point), self.errors(several.point)
+        return bool(
+            weakness(gained(self.case, tried.trials[tried.accepted[0]].score, alone, beside))
+        )
+
+    def _resembling(
+        self,
+        trials: Mapping[str, CandidateTrial],
+        best: str,
+        base: Fit,
+        before: Errors,
+        stage: str,
+    ) -> dict[str, CandidateTrial]:
+        """Trials of what resembles the best composed law."""
+        found = trials[best].fit
+        assert found is not None
+        out: dict[str, CandidateTrial] = {}
+        for several in resembling(self.case.candidates[best], found):
+            new = [n for n in several if n.name not in trials or trials[n.name].fit is None]
+            if not new:
+                continue
+            self.case, names = self.case.composing(new), [each.name for each in new]
+            which = f"{stage}_resembling_{_mark(names)}"
+            out |= self.trials.each(
+                names, self.case, base, base, before, which, _FITTED, found.cost, beside=_NEAR
+            )
+        return out
+
+
+def _mark(names: Sequence[str]) -> str:
+    """A short text that names of candidates determine: another version may compose others."""
+    return f"{zlib.crc32(' '.join(names).encode()):08x}"
