@@ -98,7 +98,8 @@ class ComposingTracer(Tracer):
                     if self._as_good(better, base, tried):
                         return better
                 rounds[-1] = replace(tried, accepted=())
-        self.case = weighed.composing(list(self.case.composed.values()))
+        known = {**self.case.composed, **weighed.composed}  # a law found before keeps its ranges
+        self.case = weighed.composing(list(known.values()))
         return None
 
     def _anew(self, found: Fit, stage: str) -> Fit:
