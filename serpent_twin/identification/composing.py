@@ -3,16 +3,15 @@
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import count
 
 import numpy as np
 
-from serpent_twin.identification.acceptance import CandidateTrial, Round, best_trial, weakness
+from serpent_twin.identification.acceptance import CandidateTrial, Round, best_trial
 from serpent_twin.identification.discovery import discover, resembling
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.held_out import Errors
-from serpent_twin.identification.steps import Tracer
-from serpent_twin.identification.trials import gained
+from serpent_twin.identification.proxies import needless
+from serpent_twin.identification.steps import BEATS, Tracer
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.machine import ParameterVector
 
@@ -20,8 +19,8 @@ _MOST = 3
 """Laws, one after the other"""
 _FITTED, _NEAR = 2, 0.8
 """Candidates that are fitted; of what the best removes, what another must"""
-_DERIVATIVES, _BETTER = 4, 0.97
-"""Of a fit from the nominal twin, and the share of a fit's cost below which it is better"""
+_DERIVATIVES = 4
+"""At most, of a fit that starts from the nominal twin"""
 _AS_MUCH = 0.9
 """Of what a named effect removed, what a law must to be tried in its place, both to first order"""
 
@@ -29,11 +28,11 @@ _AS_MUCH = 0.9
 class ComposingTracer(Tracer):
     """The steps of a trace, and after them laws at places of the machine, while something is left."""
 
-    def more(self, base: Fit, rounds: list[Round]) -> Fit:
+    def _more(self, base: Fit, rounds: list[Round]) -> Fit:
         """The fit with the laws that explain what is left.
 
-        A law that explains alone what a named effect and all after it do takes their place: what is named
-        first may be a part of it.
+        Named effects come first, and one may be a part of a law. So a law that explains alone what a named
+        effect and all after it do takes their place.
         """
         named = len(rounds)
         further, something = self._composed(base, rounds)
@@ -44,28 +43,31 @@ class ComposingTracer(Tracer):
                 return self._composed(better, rounds)[0]
         left = self.errors(further.point)
         if further.point.effects and not self.trials.little(self.case, left):
-            return self._anew(further, f"anew_{len(rounds)}")
+            return self._anew(further, len(rounds))
         return further
 
     def _composed(self, base: Fit, rounds: list[Round]) -> tuple[Fit, bool]:
         """The fit with laws that were accepted one by one, and whether anything was left to explain."""
-        for n in count():
+        for n in range(_MOST):
             before = self.errors(base.point)
-            little = self.trials.little(self.case, before)
-            found = discover(self.case, self.training, base, little, self.on_progress)
-            if not found or n == _MOST:
-                return base, bool(n or found)
-            self.case = self.case.composing(found)
-            names = [each.name for each in found]
-            rounds.append(self._law(names, base, before, f"{len(rounds) + 1}_composed"))
-            if (better := self.stands(rounds)) is None:
-                return base, True
+            if not (names := self._candidates(base, before)):
+                return base, n > 0
+            stage = f"{len(rounds) + 1}_composed_{_mark(names)}"
+            rounds.append(self._law(names, base, before, stage))
+            if (better := self._stands(rounds)) is None:
+                break
             base = better
-        raise AssertionError
+        return base, True
+
+    def _candidates(self, base: Fit, before: Errors) -> list[str]:
+        """The names of laws that may explain what a fit leaves, which are candidates from now on."""
+        little = self.trials.little(self.case, before)
+        found = discover(self.case, self.training, base, little, self.on_progress)
+        self.case = self.case.composing(found)
+        return [each.name for each in found]
 
     def _law(self, names: Sequence[str], base: Fit, before: Errors, stage: str) -> Round:
         """A round of composed candidates, and of those that resemble the best."""
-        stage = f"{stage}_{_mark(names)}"
         trials = self.trials.each(
             names, self.case, base, base, before, stage, _FITTED, beside=_NEAR
         )
@@ -75,46 +77,38 @@ class ComposingTracer(Tracer):
             best = best_trial(trials, self.case.candidates)
         return Round(base, before, trials, (best,) if best else ())
 
-    def _instead(self, base: Fit, done: Round, rounds: list[Round]) -> Fit | None:
+    def _instead(self, several: Fit, done: Round, rounds: list[Round]) -> Fit | None:
         """The fit of a law in place of what a round accepted and of all that was accepted after it; None if
-        that is worse.
+        `several`, the fit with these, is better.
         """
         weighed, name = self.case, done.accepted[0]
         self.on_progress(f"laws in place of {spaced(name)}")
         self.case = replace(weighed, noise=done.base.noise)
-        little = self.trials.little(self.case, done.errors)
-        found = discover(self.case, self.training, done.base, little, self.on_progress)
-        if found:
-            self.case = self.case.composing(found)
-            names = [each.name for each in found]
-            stage = f"{len(rounds) + 1}_instead_of_{name}"
-            scores = self.trials.scores(f"{stage}_{_mark(names)}", self.case, done.base, names)
+        if names := self._candidates(done.base, done.errors):
+            stage = f"{len(rounds) + 1}_instead_of_{name}_{_mark(names)}"
+            scores = self.trials.scores(stage, self.case, done.base, names)
             removed = max(each.share for each in scores.values())
             if removed > _AS_MUCH * done.trials[name].score.share:
                 tried = self._law(names, done.base, done.errors, stage)
                 rounds.append(tried)
-                if better := self.stands(rounds):
-                    better = self._anew(better, f"anew_{stage}")
-                    if self._as_good(better, base, tried):
-                        return better
+                if law := self._stands(rounds):
+                    law = self._anew(law, len(rounds))
+                    score = tried.trials[tried.accepted[0]].score
+                    if needless(self.trials, self.case, score, law, several):
+                        return law
                 rounds[-1] = replace(tried, accepted=())
         known = {**self.case.composed, **weighed.composed}  # a law found before keeps its ranges
-        self.case = weighed.composing(list(known.values()))
+        self.case = replace(weighed, composed=known)
         return None
 
-    def _anew(self, found: Fit, stage: str) -> Fit:
-        """The fit from the nominal twin, if it is better than one that began where something lacked."""
+    def _anew(self, found: Fit, number: int) -> Fit:
+        """The better of a fit and one of the same effects that starts from the nominal twin."""
         self.case = replace(self.case, noise=found.noise)
-        start = ParameterVector(np.zeros(len(self.case.declared)), found.point.effects)
+        effects = found.point.effects
+        start = ParameterVector(np.zeros(len(self.case.declared)), effects)
+        stage = f"anew_{number}_{_mark(list(effects))}"
         again = self._fit(stage, start, found.free, _DERIVATIVES)
-        return again if again.cost < _BETTER * found.cost else found
-
-    def _as_good(self, law: Fit, several: Fit, tried: Round) -> bool:
-        """Whether held-out logs do not say that several effects are better than a law alone."""
-        alone, beside = self.errors(law.point), self.errors(several.point)
-        return bool(
-            weakness(gained(self.case, tried.trials[tried.accepted[0]].score, alone, beside))
-        )
+        return again if again.cost < BEATS * found.cost else found
 
     def _resembling(
         self,

@@ -8,6 +8,7 @@ from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import gave_up
 from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials, gained
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
@@ -36,12 +37,17 @@ def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequenc
                 known=f,
             ),
         )
-        without, beside = trials.errors(case, less.point), trials.errors(case, final.point)
-        if gave_up(beside, without):
-            continue
         score = next(r.trials[name].score for r in rounds if name in r.accepted)
-        lost = gained(case, score, without, beside)
-        if weakness(lost):
+        if needless(trials, case, score, less, final):
             trials.on_progress(f"{spaced(name)} is not worth it beside the others")
             final = less
     return final
+
+
+def needless(trials: Trials, case: Case[Any], score: Score, less: Fit, more: Fit) -> bool:
+    """Whether held-out logs show no gain of a fit with more effects over one with fewer.
+
+    `score` is of an effect that only one of them has. A law that shows in one sensor is judged by it.
+    """
+    without, beside = trials.errors(case, less.point), trials.errors(case, more.point)
+    return not gave_up(beside, without) and bool(weakness(gained(case, score, without, beside)))

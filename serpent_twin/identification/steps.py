@@ -33,9 +33,10 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
 _MOST_EFFECTS = 6
-_BEATS = 0.97
-"""Share of a first calibration's cost that a candidate from the opening must come below with its first
-derivative"""
+BEATS = 0.97
+"""Share of a fit's cost that a fit from another start must come below to replace it. A candidate from the
+opening must come below that share of a first calibration's cost with its first derivative
+"""
 _PLAIN = 0.2
 """Relative gain of a candidate above which those that calibration may have absorbed are not tried"""
 
@@ -76,16 +77,16 @@ class Tracer:
         base, rounds = calibrated, []
         while len(rounds) < _MOST_EFFECTS:
             rounds.append(self._round(base, len(rounds) + 1, None if rounds else opening))
-            if (better := self.stands(rounds)) is None:
+            if (better := self._stands(rounds)) is None:
                 break
             base = better
-        base = self.more(base, rounds)
+        base = self._more(base, rounds)
         final = self._sharpened(without_proxies(self.trials, self.case, base, rounds))
         self.final = final.point
         rivals = {n: self.trials.rivals(self.case, n, rounds) for n in final.point.effects}
         return Selection(self.case, calibrated, final, tuple(rounds), rivals)
 
-    def stands(self, rounds: list[Round]) -> Fit | None:
+    def _stands(self, rounds: list[Round]) -> Fit | None:
         """The fit of everything anew with what the last round accepted; None if that reverses it, or nothing
         was accepted.
         """
@@ -101,8 +102,8 @@ class Tracer:
         self.case = weighed
         return None
 
-    def more(self, base: Fit, rounds: list[Round]) -> Fit:
-        """What the candidates leave, explained further; nothing does that here."""
+    def _more(self, base: Fit, rounds: list[Round]) -> Fit:
+        """The fit with what explains the rest; named effects alone explain no more."""
         return base
 
     def _judged_again(self, done: Round, polished: Fit) -> Round:
@@ -215,7 +216,7 @@ class Tracer:
                 before,
                 f"{number}_start",
                 2,
-                _BEATS * opening.calibrated,
+                BEATS * opening.calibrated,
             )
             trials = {name: better_trial(trials[name], again[name]) for name in names}
         if best := best_trial(trials, self.case.candidates):

@@ -10,7 +10,7 @@ from scipy.optimize import root
 from serpent_twin import machines
 from serpent_twin.effects.law import HANDLES, SHAPES, parse
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification import Trace, steps, trace
+from serpent_twin.identification import Trace, trace
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import read_logs
 
@@ -285,27 +285,3 @@ def test_a_force_is_composed_on_a_body_that_moves_in_a_plane(tmp_path):
     assert size["value"] == pytest.approx(-8.0, rel=0.1)
     assert size["low"] < -8.0 < size["high"]
     assert threshold["value"] == pytest.approx(0.03, abs=0.003)
-
-
-def test_a_law_takes_the_place_of_a_named_effect_that_is_a_part_of_it(tmp_path, monkeypatch):
-    """A weight that acts beyond an angle is a payload, and a law that takes it away before the angle."""
-
-    def weight(q):
-        return -3.0 * lever(q, 2)[1] * 0.5 * (1 + np.tanh((q[0] - 0.01) / 0.003))
-
-    chosen = steps.best_trial
-
-    def named_first(trials, candidates):
-        return "payload@end_3" if set(trials) == {"payload@end_3"} else chosen(trials, candidates)
-
-    monkeypatch.setattr(steps, "best_trial", named_first)
-    monkeypatch.setattr(steps, "weakness_of_fit", lambda *_: "")
-    path = hanging_models.machine(tmp_path / "chain")
-    path.write_text('candidates = ["payload@end_3"]\n' + path.read_text())
-    for n in range(3):
-        hanging_models.log(tmp_path / "logs" / f"poses_{n}.csv", n, weight)
-    found = trace(Trace((tmp_path / "logs",), tmp_path / "trace", machine=path))
-    (law,) = found["effects"]
-    assert (law["name"], law["place"]["name"], law["law"]) == ("discovered", "link_3", "above")
-    assert law["parameters"]["size_z"]["value"] == pytest.approx(-3.0, rel=0.1)
-    assert any("instead" in each.name for each in (tmp_path / "trace" / "stages").iterdir())
