@@ -208,8 +208,9 @@ def test_a_killed_run_loses_no_row_and_goes_on(how, tmp_path):
     whole = read_folder(config.out)
     assert [len(session) for session in whole] == [2000, 2000]
     assert identical(kept, whole[0][: len(kept)])
-    left = sorted(path.name for path in config.out.iterdir())
-    assert left == ["collect.json", "session_01.parquet", "session_02.parquet"]
+    left = {path.name for path in config.out.iterdir()} - {"session_02.journal.torn"}
+    # session 2 may have been cut off within its first row, which is set aside
+    assert left == {"collect.json", "session_01.parquet", "session_02.parquet"}
 
 
 def test_a_part_that_came_out_otherwise_is_kept(run, tmp_path):
