@@ -1,6 +1,6 @@
 """Make any MJCF traceable whose machine.toml says what a log's columns are."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -22,32 +22,22 @@ from serpent_twin.machines.machine import (
 )
 from serpent_twin.machines.measured import Recording, RunMachine, Runs, cut
 from serpent_twin.machines.model.at_rest import TwinAtRest
-from serpent_twin.machines.model.clocks import clocks_of
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
-from serpent_twin.machines.model.drives import controls
-from serpent_twin.machines.model.earlier import acting
-from serpent_twin.machines.model.known import Factor, by_known_numbers
+from serpent_twin.machines.model.in_motion import MovingTwin, TwinsInMotion
+from serpent_twin.machines.model.known import Factor
 from serpent_twin.machines.model.limits import LoggedLimits
-from serpent_twin.machines.model.motion import (
-    STEPS,
-    DrivenMotion,
-    DrivenRuns,
-    StartGains,
-    start_gain,
-)
+from serpent_twin.machines.model.motion import STEPS, StartGains
 from serpent_twin.machines.model.numbers import change_number
 from serpent_twin.machines.model.places import ModelPlaces, only_single, units_of_law
 from serpent_twin.machines.model.pose_places import places_at_rest
 from serpent_twin.machines.model.poses import Rests
-from serpent_twin.machines.model.prescribed import known_motion, prescribe
+from serpent_twin.machines.model.prescribed import prescribe
 from serpent_twin.machines.model.proposing import proposed
-from serpent_twin.machines.model.readings import reread
-from serpent_twin.machines.model.seen import Seen, beginning, joint_angles
 from serpent_twin.machines.model.segments import ROWS, segments
-from serpent_twin.machines.model.starts import start, start_columns, started_again
-from serpent_twin.machines.model.state_effects import acting_on_state, together
-from serpent_twin.machines.model.switches import separate, switched_off
+from serpent_twin.machines.model.starts import start_columns, started_again
+from serpent_twin.machines.model.state_effects import acting_on_state
+from serpent_twin.machines.model.switches import separate
 from serpent_twin.machines.places import PlacesInRow
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
@@ -196,7 +186,7 @@ class ModelMachine(RunMachine):
             at_once = len(points) if several or self.described.prescribed else 1
             return np.concatenate(
                 [
-                    self._moved(points[n : n + at_once], pieces)
+                    self._in_motion(points[n : n + at_once]).shown(pieces)
                     for n in range(0, len(points), at_once)
                 ]
             )
@@ -207,43 +197,17 @@ class ModelMachine(RunMachine):
         compiled = partial(self._compiled, point.declared, there)
         return TwinAtRest(self.described, self.frame, self.places, self.rests, there, x, compiled)
 
-    def _moved(self, points: Sequence[ParameterVector], pieces: Runs) -> Array:
-        """What twins of one structure show in motion, side by side, (D, S, T, C)."""
-        sensed = self._sensed(points, pieces, self.places)
-        motion = self._motion(points, pieces)
-        seen, pose = motion.moved()
-        found = sensed(seen, angles=joint_angles(motion.driven.models[0], pose))
-        return found.reshape(len(points), len(pieces), *found.shape[1:])
-
-    def _motion(self, points: Sequence[ParameterVector], pieces: Runs) -> DrivenMotion:
-        """Twins of one structure in motion, the runs of one after those of the other."""
-        machine, several = self.described, [effects_at(point) for point in points]
-        each = [self._driven(p, there, pieces) for p, there in zip(points, several, strict=True)]
-        xs = [by_coordinate(self.declared, point.declared) for point in points]
-        seen = Seen(machine, self.frame, xs)
-        begin = beginning(each[0].models[0], machine)
-        at = start(machine, begin, pieces).repeated(len(points))
-        gain = None
-        if at.joints and not machine.about.start:
-            gain = np.tile(self.gains.of(pieces, self._start_gain), (len(points), 1, 1))
-        read = self._sensed(points, pieces, at.joints)
-        laws = [
-            acting(machine, driven.models[0], there, x, pieces)
-            for driven, there, x in zip(each, several, xs, strict=True)
-        ]
-        laws = [law for law in laws if law]
-        driven = DrivenRuns.together(each) if len(each) > 1 else each[0]
-        return DrivenMotion(
-            driven, at, seen, gain, self.steps, read, together(laws) if laws else None
+    def _in_motion(self, points: Sequence[ParameterVector]) -> TwinsInMotion:
+        """Twins of one structure in motion."""
+        zero = ParameterVector(np.zeros(len(self.declared)))
+        nominal, *twins = map(self._moving, (zero, *points))
+        return TwinsInMotion(
+            self.described, self.frame, self.places, twins, nominal, self.gains, self.steps
         )
 
-    def _sensed(
-        self, points: Sequence[ParameterVector], pieces: Runs, names: Sequence[str]
-    ) -> Callable[..., Array]:
-        """What sensors of named things make of the twins' runs, as `reread`."""
-        per_run = [there for there in map(effects_at, points) for _ in range(len(pieces))]
-        period, clocks = np.tile(pieces.period, len(points)), clocks_of(pieces)
-        return partial(reread, per_run, names, period=period, clocks=clocks.repeated(len(points)))
+    def _moving(self, point: ParameterVector) -> MovingTwin:
+        there, x = effects_at(point), by_coordinate(self.declared, point.declared)
+        return MovingTwin(self.described, there, x, partial(self._compiled, point.declared, there))
 
     def responses_at_places(
         self, point: ParameterVector, pieces: Runs
@@ -258,7 +222,7 @@ class ModelMachine(RunMachine):
         if not only_single(machine.model):
             return None
         with quietly(), np.errstate(all="ignore"):
-            motion = self._motion([point], pieces)
+            motion = self._in_motion([point]).motion(pieces)
             if motion.driven.models[0].nq != machine.model.nq:  # an effect lets its links bend
                 return None
             return ModelPlaces.of(machine, self.places, motion, pieces)
@@ -266,22 +230,6 @@ class ModelMachine(RunMachine):
     def units_of_law(self, law: Law) -> dict[str, str]:
         """The units of a law's size and of its form's parameters."""
         return units_of_law(self.described, law)
-
-    def _driven(self, point: ParameterVector, there: Sequence[Effect], pieces: Runs) -> DrivenRuns:
-        """The models of a twin's runs, which may state numbers of their own, and what drives them."""
-        machine, x = self.described, by_coordinate(self.declared, point.declared)
-        models: list[Any] = [None] * len(pieces)
-        for known, which in by_known_numbers(machine, pieces).items():
-            model = self._compiled(point.declared, there, known)
-            for n in which:
-                models[n] = model
-        return DrivenRuns(
-            models,
-            controls(machine, there, x, pieces),
-            switched_off(machine, pieces),
-            pieces.period,
-            known_motion(machine, x, pieces),
-        )
 
     def measured_again(
         self, pieces: Runs, point: ParameterVector, rng: np.random.Generator
@@ -302,10 +250,3 @@ class ModelMachine(RunMachine):
     ) -> Proposals[Runs]:
         """Motions in the columns and units of its logs, within what these used and showed."""
         return proposed(self, point, count, seconds, rate_hz, rng)
-
-    def _start_gain(self, pieces: Runs) -> Array:
-        """How the nominal model's starts are improved."""
-        machine, zero = self.described, ParameterVector(np.zeros(len(self.declared)))
-        seen = Seen(machine, self.frame, [by_coordinate(self.declared, zero.declared)])
-        at, driven = start(machine, machine.begin, pieces), self._driven(zero, (), pieces)
-        return start_gain(driven, at, seen, self.steps)

@@ -1,0 +1,110 @@
+"""Show what twins, their sensors included, show in motion in every row of a log."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Effect
+from serpent_twin.machines.measured import Runs
+from serpent_twin.machines.model.clocks import clocks_of
+from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.drives import controls
+from serpent_twin.machines.model.earlier import acting
+from serpent_twin.machines.model.known import Factor, by_known_numbers
+from serpent_twin.machines.model.motion import DrivenMotion, DrivenRuns, StartGains, start_gain
+from serpent_twin.machines.model.prescribed import known_motion
+from serpent_twin.machines.model.readings import reread
+from serpent_twin.machines.model.seen import Seen, beginning, joint_angles
+from serpent_twin.machines.model.starts import start
+from serpent_twin.machines.model.state_effects import together
+from serpent_twin.machines.model.switches import switched_off
+
+
+@dataclass(frozen=True)
+class MovingTwin:
+    """One twin of a machine in motion."""
+
+    machine: Described
+    there: Sequence[Effect]
+    x: Mapping[str, float]
+    """Coordinates of the fit"""
+    compiled: Callable[[Sequence[Factor]], mujoco.MjModel]
+    """Its model, with numbers that a session states"""
+
+    def driven(self, pieces: Runs) -> DrivenRuns:
+        """The models of its runs, which may state numbers of their own, and what drives them."""
+        models: list[Any] = [None] * len(pieces)
+        for known, which in by_known_numbers(self.machine, pieces).items():
+            model = self.compiled(known)
+            for n in which:
+                models[n] = model
+        return DrivenRuns(
+            models,
+            controls(self.machine, self.there, self.x, pieces),
+            switched_off(self.machine, pieces),
+            pieces.period,
+            known_motion(self.machine, self.x, pieces),
+        )
+
+
+@dataclass(frozen=True)
+class TwinsInMotion:
+    """Twins of one structure in motion, the runs of one after those of the other."""
+
+    machine: Described
+    frame: Mapping[str, Any]
+    """Of the cameras"""
+    measured: Sequence[str]
+    """The thing that each channel is of, (C,)"""
+    twins: Sequence[MovingTwin]
+    nominal: MovingTwin
+    """By which starts are improved"""
+    gains: StartGains
+    steps: int
+    """Of time in a row, at least"""
+
+    def shown(self, pieces: Runs) -> Array:
+        """What is read of each twin in each row, (D, S, T, C)."""
+        sensed = self._sensed(pieces, self.measured)
+        motion = self.motion(pieces)
+        seen, pose = motion.moved()
+        found = sensed(seen, angles=joint_angles(motion.driven.models[0], pose))
+        return found.reshape(len(self.twins), len(pieces), *found.shape[1:])
+
+    def motion(self, pieces: Runs) -> DrivenMotion:
+        """The runs, from where the log begins."""
+        machine, twins = self.machine, self.twins
+        each = [twin.driven(pieces) for twin in twins]
+        begin = beginning(each[0].models[0], machine)
+        at = start(machine, begin, pieces).repeated(len(twins))
+        gain = None
+        if at.joints and not machine.about.start:
+            gain = np.tile(self.gains.of(pieces, self._start_gain), (len(twins), 1, 1))
+        read = self._sensed(pieces, at.joints)
+        laws = [
+            acting(machine, driven.models[0], twin.there, twin.x, pieces)
+            for driven, twin in zip(each, twins, strict=True)
+        ]
+        laws = [law for law in laws if law]
+        driven = DrivenRuns.together(each) if len(each) > 1 else each[0]
+        seen = Seen(machine, self.frame, [twin.x for twin in twins])
+        act = together(laws) if laws else None
+        return DrivenMotion(driven, at, seen, gain, self.steps, read, act)
+
+    def _sensed(self, pieces: Runs, names: Sequence[str]) -> Callable[..., Array]:
+        """What sensors of named things make of the twins' runs, as `reread`."""
+        per_run = [twin.there for twin in self.twins for _ in range(len(pieces))]
+        n, clocks = len(self.twins), clocks_of(pieces)
+        period = np.tile(pieces.period, n)
+        return partial(reread, per_run, names, period=period, clocks=clocks.repeated(n))
+
+    def _start_gain(self, pieces: Runs) -> Array:
+        """How the nominal model's starts are improved."""
+        machine, seen = self.machine, Seen(self.machine, self.frame, [self.nominal.x])
+        at = start(machine, machine.begin, pieces)
+        return start_gain(self.nominal.driven(pieces), at, seen, self.steps)
