@@ -164,11 +164,13 @@ def joint_rotation(q: ArrayLike) -> Array:
 
 
 def link_frames(q: ArrayLike, arm: Arm = ARM) -> tuple[Array, Array]:
-    """Origins [m], (..., 9, 3), and rotations, (..., 9, 3, 3), of the links in the base frame."""
+    """Origins [m], (..., 9, 3), and rotations, (..., 9, 3, 3), of the links in the base frame; of as many as
+    there are joint angles.
+    """
     step = joint_rotation(q)
     origin, rotation = np.empty(step.shape[:-1]), np.empty_like(step)
     at, turn = np.zeros(3), np.eye(3)
-    for i in range(N_JOINTS):
+    for i in range(step.shape[-3]):
         at = at + turn @ arm.joint_offset[i]
         turn = turn @ step[..., i, :, :]
         origin[..., i, :], rotation[..., i, :, :] = at, turn

@@ -38,6 +38,8 @@ _OF_MODELS = (ACTUATOR_COMMAND, READING_SHIFT)
 JOINT_AXES = np.array([joint_axis(i) for i in range(N_JOINTS)])
 _COM = np.array([[length / 2, 0.0, 0.0] for length in ARM.link_length])
 LINK_MASS = np.array(ARM.link_mass)
+_MASS_BEYOND = np.cumsum(LINK_MASS[::-1])[::-1, None]
+"""Of each link and all beyond [kg], (9, 1)"""
 _COM.setflags(write=False)
 
 
@@ -101,25 +103,28 @@ def _shape(moment: Any, law: Law) -> tuple[int, int]:
 
 def _vector(sizes: Sequence[Array | float], n: int) -> Array:
     """Several components, (n, d)."""
-    return np.concatenate([np.broadcast_to(np.asarray(each), (n, 1)) for each in sizes], axis=1)
+    out = np.empty((n, len(sizes)))
+    for i, each in enumerate(sizes):
+        out[:, i : i + 1] = each
+    return out
 
 
 def _torque(q: Array, law: Law, at: int, sizes: Sequence[Array | float]) -> Array:
     """Torque of a force on a link, or of the inertia of all links, on the joints [N m], (n, 9)."""
-    vector = _vector(sizes, len(q))
+    vector, out = _vector(sizes, len(q)), np.zeros_like(q)
+    moved = slice(None if law.handle == "acceleration" else at + 1)  # the joints before the link
+    origin, rotation = link_frames(q[:, moved])
+    axis = (rotation @ JOINT_AXES[moved, :, None])[..., 0]
     if law.handle == "acceleration":
-        return -np.einsum("l,nljx,nx->nj", LINK_MASS, levers(q), vector)
-    origin, rotation = link_frames(q)
+        weighed = LINK_MASS[:, None] * centres_of_mass(origin, rotation)
+        beyond = np.cumsum(weighed[:, ::-1], axis=1)[:, ::-1] - _MASS_BEYOND * origin
+        return _triple(axis, beyond, -vector[:, None])
     if law.handle == "force_in_body":
         vector = np.einsum("nxy,ny->nx", rotation[:, at], vector)
-    moved = slice(at + 1)  # the joints before the link
     com = origin[:, at] + rotation[:, at] @ _COM[at]
     if law.handle == SPRING:
         vector = vector[:, :3] - vector[:, 3:] * com
-    reach = com[:, None] - origin[:, moved]
-    axis = (rotation[:, moved] @ JOINT_AXES[moved, :, None])[..., 0]
-    out = np.zeros_like(q)
-    out[:, moved] = _triple(axis, reach, vector[:, None])
+    out[:, moved] = _triple(axis, com[:, None] - origin, vector[:, None])
     return out
 
 

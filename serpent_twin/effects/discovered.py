@@ -72,6 +72,11 @@ class Discovered(Effect):
         return float(np.linalg.norm([self.size, self.size_y, self.size_z]))
 
     @property
+    def only_seen(self) -> bool:
+        """Whether its law changes what sensors show."""
+        return HANDLES[self.law.handle].only_seen
+
+    @property
     def acts_at(self) -> int:
         """By what its law changes."""
         return {READING_SHIFT: READING, ACTUATOR_COMMAND: WINDING}.get(self.law.handle, self.stage)

@@ -150,6 +150,11 @@ class Effect:
         return self.acts_at == READING
 
     @property
+    def only_seen(self) -> bool:
+        """Whether it changes nothing but what sensors show, and remembers nothing."""
+        return False
+
+    @property
     def acts_at(self) -> int:
         """The stage at which it acts: that of its kind, unless what it changes is stated by its place."""
         return self.stage

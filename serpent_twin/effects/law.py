@@ -29,6 +29,8 @@ class Handle:
     """Whether it, or the stiffness of a spring, may be raised only, as friction"""
     words: str = ""
     """What is changed, with {size} and {place}"""
+    only_seen: bool = False
+    """Whether it is what the arm's sensors show beside its motion"""
 
     def told(self, place: str, size: str = "") -> str:
         """What is changed at a place, by a size in words."""
@@ -65,16 +67,28 @@ HANDLES: Mapping[str, Handle] = {
         "body", "N", 4, only_more=True, words="a spring{size} that pulls {place} to a point"
     ),
     "link_turn": Handle(
-        "body", "rad", 3, words="a turn{size} of {place} and all beyond, in its frame"
+        "body",
+        "rad",
+        3,
+        words="a turn{size} of {place} and all beyond, in its frame",
+        only_seen=True,
     ),
-    "marker_shift": Handle("sensor", "m", 3, words="a shift{size} of {place} in its link's frame"),
-    "load_shift": Handle("sensor", "1", words="a change{size} of what {place} reads"),
+    "marker_shift": Handle(
+        "sensor", "m", 3, words="a shift{size} of {place} in its link's frame", only_seen=True
+    ),
+    "load_shift": Handle(
+        "sensor", "1", words="a change{size} of what {place} reads", only_seen=True
+    ),
     "load_scale": Handle(
-        "sensor", "1", words="a change of what {place} reads by a share{size} of it"
+        "sensor", "1", words="a change of what {place} reads by a share{size} of it", only_seen=True
     ),
     READING_SHIFT: Handle("sensor", "rad", words="a shift{size} of what is read of {place}"),
-    "camera_shift": Handle("frame", "m", 3, words="a shift{size} of all that the cameras see"),
-    "camera_turn": Handle("frame", "rad", 3, words="a turn{size} of all that the cameras see"),
+    "camera_shift": Handle(
+        "frame", "m", 3, words="a shift{size} of all that the cameras see", only_seen=True
+    ),
+    "camera_turn": Handle(
+        "frame", "rad", 3, words="a turn{size} of all that the cameras see", only_seen=True
+    ),
     "acceleration": Handle("frame", "m/s²", 3, words="an acceleration{size} of the {place}"),
 }
 """What laws change, by the name of the moment's quantity"""

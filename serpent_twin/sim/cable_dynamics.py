@@ -116,14 +116,17 @@ class CableDynamics(Stepper[Moment]):
         dt: float | Array,
         ids: NDArray[np.intp] | None = None,
         before: Callable[[Array], None] | None = None,
+        seen: bool = True,
     ) -> None:
         """Let the effects act on the next time step, and take it, of the runs `ids` alone if given.
 
-        `before` is called in between, with the winches' angles [rad], (n, 10).
+        `before` is called in between, with the winches' angles [rad], (n, 10). Effects on what sensors
+        show act only in steps that are `seen`.
         """
         winch = motor_angle
-        if self.acting:
-            winch = self.act(self.moment(time, motor_angle, motor_velocity, dt)).winch_angle
+        if self.moving or (self.acting and seen):
+            moment = self.moment(time, motor_angle, motor_velocity, dt)
+            winch = self.act(moment, seen).winch_angle
         else:
             self.wind(self.slack, motor_angle, motor_angle)
         if before:

@@ -131,7 +131,7 @@ def coarse_step(designs: Sequence[TwinModel]) -> float:
 
 def _threads(designs: Sequence[TwinModel], motion: PrescribedMotion) -> int:
     """The fastest number of threads: one for few runs, else all."""
-    acting = any(effect.acts() for design in designs for effect in design.active)
+    acting = any(e.acts() and not e.only_seen for design in designs for e in design.active)
     few = len(designs) * len(motion.motors.time) < (_FEW_ACTING if acting else _FEW)
     return 1 if few else threads()
 

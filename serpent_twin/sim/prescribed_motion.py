@@ -146,8 +146,9 @@ class DrivenArms:
         passed = (
             np.arange(substeps)[:, None, None] * dt
         )  # MuJoCo's springs pull as at a step's start
-        for t, angle, velocity in zip(passed, *path.at(passed), strict=True):
-            self._cables.step(began + t, angle, velocity, dt, stable, noting)
+        for k, (t, angle, velocity) in enumerate(zip(passed, *path.at(passed), strict=True), 1):
+            seen = k == substeps or passing is not None
+            self._cables.step(began + t, angle, velocity, dt, stable, noting, seen)
             if passing:
                 passing((began + t)[:, 0], self._markers())
         if self._tangents:

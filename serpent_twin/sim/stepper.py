@@ -35,8 +35,11 @@ class Stepper(ABC, Generic[M]):
         self.batch = batch
         self._effects = effects.stacked(several)
         self.acting = bool(self._effects)
-        """Whether any effect acts, so that Python runs in every time step"""
+        """Whether any effect acts, so that Python runs in time steps"""
+        self.moving = not all(effect.only_seen for effect in self._effects)
+        """Whether any changes more than what sensors show, so that Python runs in every time step"""
         self._memory: list[Any] = []
+        self._unseen: tuple[Sequence[Effect], Sequence[Any]] = (), ()
         self.longest_step = np.full(len(several), np.inf)
         """Longest time step that the effects' memories follow [s], (n,)"""
 
@@ -47,11 +50,16 @@ class Stepper(ABC, Generic[M]):
     def begin(self, moment: M) -> None:
         """Begin a run: reset the effects' memories."""
         self._memory = effects.begin(self._effects, moment)
+        moving = [i for i, effect in enumerate(self._effects) if not effect.only_seen]
+        self._unseen = [self._effects[i] for i in moving], [self._memory[i] for i in moving]
         self.longest_step = effects.longest_step(self._effects, moment, len(self.longest_step))
 
-    def act(self, moment: M) -> M:
-        """Let the effects act on the next time step, and apply what they changed."""
-        effects.act(self._effects, moment, self._memory)
+    def act(self, moment: M, seen: bool = True) -> M:
+        """Let the effects act on the next time step, and apply what they changed; in a step that is not seen,
+        without those that change only what sensors show.
+        """
+        several, memories = (self._effects, self._memory) if seen else self._unseen
+        effects.act(several, moment, memories)
         self.apply(moment)
         return moment
 
