@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from serpent_twin.identification.acceptance import CandidateTrial, Round, best_trial
-from serpent_twin.identification.discovery import discover, resembling
+from serpent_twin.identification.discovery import discover, elsewhere, of_shape
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.proxies import needless
 from serpent_twin.identification.steps import BEATS, Tracer
 from serpent_twin.identification.wording import spaced
+from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import ParameterVector
 
 _MOST = 3
@@ -73,7 +74,7 @@ class ComposingTracer(Tracer):
         )
         best = best_trial(trials, self.case.candidates)
         if best:
-            trials |= self._resembling(trials, best, base, before, stage)
+            trials = self._resembling(trials, best, base, before, stage)
             best = best_trial(trials, self.case.candidates)
         return Round(base, before, trials, (best,) if best else ())
 
@@ -118,20 +119,38 @@ class ComposingTracer(Tracer):
         before: Errors,
         stage: str,
     ) -> dict[str, CandidateTrial]:
-        """Trials of what resembles the best composed law."""
-        found = trials[best].fit
-        assert found is not None
-        out: dict[str, CandidateTrial] = {}
-        for several in resembling(self.case.candidates[best], found):
-            new = [n for n in several if n.name not in trials or trials[n.name].fit is None]
+        """The trials, and those of what resembles the best composed law: the same change by other readings
+        and in another shape; if such a one is better, what else removes nearly as much, by that reading in
+        that shape; and the best of all these at other places.
+        """
+        every = dict(trials)
+
+        def fitted(name: str) -> Fit:
+            found = every[name].fit
+            assert found is not None
+            return found
+
+        def tried(several: Sequence[Candidate]) -> None:
+            new = [n for n in several if n.name not in every or every[n.name].fit is None]
             if not new:
-                continue
+                return
             self.case, names = self.case.composing(new), [each.name for each in new]
-            which = f"{stage}_resembling_{_mark(names)}"
-            out |= self.trials.each(
-                names, self.case, base, base, before, which, _FITTED, found.cost, beside=_NEAR
+            which, beat = f"{stage}_resembling_{_mark(names)}", fitted(best).cost
+            every.update(
+                self.trials.each(
+                    names, self.case, base, base, before, which, _FITTED, beat, beside=_NEAR
+                )
             )
-        return out
+
+        known = self.case.candidates
+        tried(known[best].alternatives)
+        if (better := best_trial(every, self.case.candidates)) != best:
+            least, best = _NEAR * trials[best].score.share, better
+            near = [known[name] for name, each in trials.items() if each.score.share > least]
+            tried(of_shape(best, near))
+            best = best_trial(every, self.case.candidates)
+        tried(elsewhere(self.case.candidates[best], fitted(best)))
+        return every
 
 
 def _mark(names: Sequence[str]) -> str:

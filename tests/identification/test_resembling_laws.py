@@ -7,7 +7,7 @@ import numpy as np
 from made_residual import M, Made
 
 from serpent_twin.effects.discovered import Discovered
-from serpent_twin.identification.discovery import resembling
+from serpent_twin.identification.discovery import elsewhere, of_shape
 from serpent_twin.identification.discovery.candidates import candidate_of, resembling_at_first
 from serpent_twin.machines.machine import ParameterVector
 
@@ -23,7 +23,7 @@ def test_a_law_on_a_body_is_tried_on_others_with_its_fitted_numbers():
     assert candidate.places == ("link2", "link4")
     fitted = np.array([0.25, -0.1, 0.3, 0.0, 0.21, 0.0, -1.0, 1.0])
     fit = SimpleNamespace(point=ParameterVector(np.zeros(M)).having(candidate.name, fitted))
-    _, others = resembling(candidate, fit)
+    others = elsewhere(candidate, fit)
     at = "force of {}: above joint_angle of joint1"
     assert [each.name for each in others] == [
         f"discovered@{at.format(link)}" for link in ("link2", "link4")
@@ -59,4 +59,18 @@ def test_a_law_at_a_joint_is_tried_at_no_other():
     fit = SimpleNamespace(
         point=ParameterVector(np.zeros(M)).having(candidate.name, candidate.variants[0])
     )
-    assert not any(resembling(candidate, fit))
+    assert elsewhere(candidate, fit) == []
+
+
+def test_a_shape_that_is_better_at_one_place_is_tried_at_the_others_that_were_fitted():
+    made = Made(AT_JOINT)
+    step = made.found()[0]
+
+    def candidate(place, shape, *others):
+        law = replace(step.law, place=place, shape=shape)
+        one = candidate_of(replace(step, law=law), made.readings, law.units())
+        return replace(one, alternatives=others)
+
+    above, wave = candidate("joint2", "above"), candidate("joint2", "periodic")
+    fitted = [candidate("joint2", "beyond", wave, above), candidate("joint3", "beyond")]
+    assert of_shape(candidate("joint1", "above").name, fitted) == [above]

@@ -3,7 +3,7 @@
 from serpent_twin.identification.discovery.candidates import remade
 from serpent_twin.identification.discovery.discover import discover
 from serpent_twin.identification.discovery.free_curve import FreeCurve, free_curve
-from serpent_twin.identification.discovery.resembling import resembling
+from serpent_twin.identification.discovery.resembling import elsewhere, of_shape
 from serpent_twin.identification.discovery.steps_alike import steps_alike
 
-__all__ = ["FreeCurve", "discover", "free_curve", "remade", "resembling", "steps_alike"]
+__all__ = ["FreeCurve", "discover", "elsewhere", "free_curve", "of_shape", "remade", "steps_alike"]

@@ -1,6 +1,6 @@
 """Try what resembles a fitted law: first order ranks such laws less well than fits do."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 
 from serpent_twin.effects import place_of
@@ -12,14 +12,25 @@ from serpent_twin.machines.candidate import Candidate
 _BODY = "body"
 
 
-def resembling(candidate: Candidate, found: Fit) -> Sequence[Sequence[Candidate]]:
-    """The same change by other readings or in another shape; and of a law that acts on a body, the same law
-    with its fitted numbers on every other one.
-    """
+def of_shape(name: str, several: Iterable[Candidate]) -> list[Candidate]:
+    """The other shapes and readings of some candidates that are those of a law's name."""
+    law = parse(place_of(name))
+    found = []
+    for candidate in several:
+        for each in candidate.alternatives:
+            other = parse(place_of(each.name))
+            if (other.shape, other.depends_on) == (law.shape, law.depends_on):
+                found.append(each)
+    return found
+
+
+def elsewhere(candidate: Candidate, found: Fit) -> list[Candidate]:
+    """Of a law that acts on a body, the same law with its fitted numbers on every other one."""
     law = parse(place_of(candidate.name))
+    if HANDLES[law.handle].kind != _BODY:
+        return []
     place, values = candidate.composed["place"], found.point.effects[candidate.name]
-    of_body = HANDLES[law.handle].kind == _BODY
-    elsewhere = [
+    return [
         replace(
             candidate,
             name=f"{DISCOVERED}@{replace(law, place=other)}",
@@ -28,6 +39,5 @@ def resembling(candidate: Candidate, found: Fit) -> Sequence[Sequence[Candidate]
             places=tuple(each for each in (*candidate.places, law.place) if each != other),
             alternatives=(),
         )
-        for other in (candidate.places if of_body else ())
+        for other in candidate.places
     ]
-    return candidate.alternatives, elsewhere
