@@ -17,6 +17,7 @@ from experiments.measured.page import effect_told, rejected
 from experiments.measured.split import by_time
 from serpent_twin import machines, stored
 from serpent_twin.identification import Trace, held_out
+from serpent_twin.identification.discovery import with_laws
 from serpent_twin.identification.fitted import NORMAL_95
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
@@ -52,7 +53,7 @@ def _before(name: str, twin: Path, runs: Sequence[Recording], path: Path) -> Pat
         return path
     case = machines.find(name).open(runs)
     pieces, at = case.pieces(runs), read_twin(twin, name).point
-    case = case.reweighted(at, pieces)
+    case = with_laws(case, at.effects).reweighted(at, pieces)
     free = free_parameters(case, list(at.effects))
     found = fit(case, pieces, at, free, _DERIVATIVES, case.segments[1])
     names = [case.declared[k].name for k in free.declared]

@@ -13,6 +13,7 @@ import numpy as np
 
 from serpent_twin.identification.build_diagnosis import estimates
 from serpent_twin.identification.diagnosis import ParameterEstimate
+from serpent_twin.identification.discovery import with_laws
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
@@ -38,8 +39,8 @@ def judge(
     rig: Any, twin: Path, training: Sequence[Recording], judging: Sequence[Recording]
 ) -> Judged:
     """Fit the effects of a traced twin, twin.json, to all training runs; compare on those that judge."""
-    case = rig.open(training)
     named = read_twin(twin, rig.name).point.effects
+    case = with_laws(rig.open(training), named)
     bare = _fitted(case, training, ParameterVector(np.zeros(len(case.declared))))
     whole = _fitted(case, training, replace(bare.point, effects=named)) if named else bare
     points = {"nominal": None, "calibrated": bare.point, "corrected": whole.point}

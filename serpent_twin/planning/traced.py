@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 
 from serpent_twin import machines, stored
-from serpent_twin.effects import law_of
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.checkpoints import Checkpoints
-from serpent_twin.identification.discovery import remade
+from serpent_twin.identification.discovery import with_laws
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.wording import DISCOVERED
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import Rig, read_logs
@@ -72,8 +70,7 @@ def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
     case = rig.open(training)
     fit, fitted = _fits(folder / "stages", case, diagnosis)
     several = {n: v for each in (fit.point, *fitted.values()) for n, v in each.effects.items()}
-    composed = [remade(case, n, v) for n, v in several.items() if law_of(n) == DISCOVERED]
-    case = replace(case, noise=fit.noise).composing(composed)
+    case = with_laws(replace(case, noise=fit.noise), several)
     rate = training[0].metadata.get("rate_hz") or 1 / np.median(np.diff(training[0].time))
     return Traced(folder, case, case.pieces(training), fit, diagnosis, name, float(rate), fitted)
 

@@ -1,9 +1,17 @@
 """Compose effects that no catalogue lists: a law at a place, found in what the twin leaves of the logs."""
 
-from serpent_twin.identification.discovery.candidates import remade
+from serpent_twin.identification.discovery.candidates import with_laws
 from serpent_twin.identification.discovery.discover import discover
 from serpent_twin.identification.discovery.free_curve import FreeCurve, free_curve
 from serpent_twin.identification.discovery.resembling import elsewhere, of_shape
 from serpent_twin.identification.discovery.steps_alike import steps_alike
 
-__all__ = ["FreeCurve", "discover", "elsewhere", "free_curve", "of_shape", "remade", "steps_alike"]
+__all__ = [
+    "FreeCurve",
+    "discover",
+    "elsewhere",
+    "free_curve",
+    "of_shape",
+    "steps_alike",
+    "with_laws",
+]

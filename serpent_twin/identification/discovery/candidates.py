@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Range, place_of
+from serpent_twin.effects import Range, law_of, place_of
 from serpent_twin.effects.law import HANDLES, SHAPES, parse
 from serpent_twin.identification.discovery.screen import Composed
 from serpent_twin.identification.wording import DISCOVERED
@@ -75,7 +75,13 @@ def candidate_of(
     )
 
 
-def remade(case: Case[Any], name: str, values: Array) -> Candidate:
+def with_laws(case: Case[Any], effects: Mapping[str, Array]) -> Case[Any]:
+    """A case with the composed laws among effects that were fitted to it before, by name, as candidates."""
+    several = [_remade(case, n, v) for n, v in effects.items() if law_of(n) == DISCOVERED]
+    return case.composing(several)
+
+
+def _remade(case: Case[Any], name: str, values: Array) -> Candidate:
     """The candidate of a law that was fitted to a case before, from its parameters, (8,)."""
     law = parse(place_of(name))
     size, (first, second, least, most) = values[: HANDLES[law.handle].components], values[FORM:]
