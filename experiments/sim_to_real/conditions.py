@@ -69,7 +69,7 @@ def loaded(design: TwinModel, more_kg: float) -> TwinModel:
 
 def _simulated_arm(arm: TwinModel, seed: list[int]) -> tuple[SimulatedArm, np.random.Generator]:
     """A simulated arm, and what draws its targets."""
-    for_targets, for_loads, for_cameras = generators(seed)
+    for_targets, for_loads, for_cameras, _ = generators(seed)
     return SimulatedArm.of(Twin(arm), arm.parameters, for_loads, for_cameras), for_targets
 
 

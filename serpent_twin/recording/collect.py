@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from serpent_twin.errors import SerpentError
 from serpent_twin.recording import run_folder
 from serpent_twin.recording.motion import read as read_motion
@@ -37,6 +39,7 @@ def check(config: Collect) -> None:
     if config.motion:
         _check_motion(config, config.motion)
     if config.backend == "sim":
+        config.pushes(np.random.default_rng(0))
         config.simulated().twin().substeps(1 / config.rate_hz)
     else:
         from serpent_twin.recording.real_arm import arm_of, cameras_of

@@ -24,6 +24,8 @@ from serpent_twin.hardware.natnet.live import NatNet
 from serpent_twin.recording.motion import read as read_motion
 from serpent_twin.sim import arm_file
 from serpent_twin.sim.arm_file import ArmFile
+from serpent_twin.sim.pushes import Push, drawn
+from serpent_twin.sim.pushes import read as read_pushes
 from serpent_twin.stored import within
 
 REAL, CAMERAS, SIMULATED = Group("real arm"), Group("camera"), Group("simulated arm")
@@ -74,6 +76,10 @@ class Collect(Checked):
     """Name of the arm, stored in the logs; without: twin, or the setup file's name."""
     marker_loss: Annotated[float, within(0.0, 0.99), SIMULATED, _SIM] = 0.0
     """Share of marker readings that the simulated cameras lose."""
+    push: Annotated[str, SIMULATED, _SIM] = ""
+    """Push links with known forces, which the logs state in push_link, push_x, push_y, push_z: a number, so
+    many random pushes in each session; or a CSV file with a push a line, its columns link, begin, end
+    [s], force_x, force_y, force_z [N, base frame], shape (step, ramp, swing) and rate [Hz]."""
     workers: Annotated[Workers, SIMULATED, _SIM] = 0
     """Processes that simulate side by side; 0 for one a core. The logs do not depend on it."""
     twin: Annotated[Path | None, SIMULATED, _SIM] = None
@@ -99,6 +105,14 @@ class Collect(Checked):
         if self.motion:
             return read_motion(self.motion).targets
         return random_targets(self.steps, rng)
+
+    def pushes(self, rng: np.random.Generator) -> tuple[Push, ...]:
+        """What pushes the simulated arm in a session: the file's pushes, or random ones."""
+        if not self.push:
+            return ()
+        if self.push.isdecimal():
+            return drawn(rng, int(self.push), self.rows / self.rate_hz)
+        return read_pushes(Path(self.push))
 
     def simulated(self) -> ArmFile:
         """The arm to simulate."""

@@ -22,6 +22,7 @@ from serpent_twin.recording.run_settings import metadata, session_path
 from serpent_twin.recording.simulated_arm import SimulatedArm, generators
 from serpent_twin.runs.processes import processes
 from serpent_twin.sessions import Journal
+from serpent_twin.sim import pushes as pushing
 
 
 def simulate_all(config: Collect, missing: list[int]) -> None:
@@ -36,10 +37,11 @@ def simulated_arm(
     """The simulated arm, which ran for `prior_runtime` before session 1 [s], and the joint targets of one
     session [rad], (steps, 9).
     """
-    for_targets, for_loads, for_cameras = generators(config.seed, (session,))
+    for_targets, for_loads, for_cameras, for_pushes = generators(config.seed, (session,))
     file = config.simulated()
     prior_runtime += (session - 1) * config.rows / config.rate_hz
     twin, parameters = file.twin(prior_runtime), file.design.parameters
+    twin.pushes = config.pushes(for_pushes)
     arm = SimulatedArm.of(twin, parameters, for_loads, for_cameras, config.marker_loss)
     return arm, config.targets(for_targets)
 
@@ -47,9 +49,17 @@ def simulated_arm(
 def simulate_session(config: Collect, session: int, tick: Callable[[int], None]) -> Path:
     """Record one session of the twin; `tick` is given the number of rows logged so far."""
     arm, targets = simulated_arm(config, session)
-    path = session_path(config, session)
-    with arm.bus, Journal(path, metadata(config, session)) as journal:
-        rows = record(arm.bus, arm.cameras, targets, arm.gain, 1 / config.rate_hz)
+    path, pushes = session_path(config, session), arm.bus.twin.pushes
+    further = pushing.COLUMNS if config.push else ()
+    with arm.bus, Journal(path, metadata(config, session), further) as journal:
+        rows = record(
+            arm.bus,
+            arm.cameras,
+            targets,
+            arm.gain,
+            1 / config.rate_hz,
+            lambda step: pushing.columns(pushes, step.time) if config.push else {},
+        )
         for n, row in enumerate(rows, 1):
             journal.append(row)
             tick(n)

@@ -18,8 +18,8 @@ from serpent_twin.sim.twin import Twin
 def generators(
     seed: int | Sequence[int], spawn_key: tuple[int, ...] = ()
 ) -> list[np.random.Generator]:
-    """Generators of a session's targets, loads and cameras: what one draws does not shift another."""
-    seeds = np.random.SeedSequence(seed, spawn_key=spawn_key).spawn(3)
+    """Generators of a session's targets, loads, cameras and pushes: what one draws does not shift another."""
+    seeds = np.random.SeedSequence(seed, spawn_key=spawn_key).spawn(4)
     return [np.random.default_rng(each) for each in seeds]
 
 

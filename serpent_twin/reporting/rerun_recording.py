@@ -17,15 +17,18 @@ from serpent_twin.arm.mjcf import STRANDS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
+from serpent_twin.reporting.rerun_colours import full_tension, hue, tension_colour
 from serpent_twin.reporting.rerun_layout import KEY, LOADS, TENSIONS, blueprint, key, short
+from serpent_twin.sim.pushes import COLUMNS
 from serpent_twin.sim.response import Response
 
 Rows = NDArray[np.intp]
 Colour = tuple[int, int, int]
 
-_SLACK, _HALF, _TIGHT = (40, 85, 205), (235, 215, 205), (225, 30, 30)
 MEASURED, ESTIMATED, TWIN = (70, 215, 120), (255, 150, 30), (150, 165, 190)
-_NOMINAL, _CORRECTED = (235, 90, 90), (80, 160, 255)
+_NOMINAL, _CORRECTED, _PUSH = (235, 90, 90), (80, 160, 255), (255, 230, 60)
+_LONG = 0.1
+"""Length of a force's arrow [m/N]"""
 
 
 @dataclass(frozen=True)
@@ -97,6 +100,8 @@ def _draw(
     writer.shapes()
     writer.motion(session.motor_position, posed.joint_angle, posed.jaw_angle)
     writer.cables(posed.tension)
+    if COLUMNS[0] in session.extra:
+        writer.push(session, posed.joint_angle)
     writer.markers("measured", session.marker, rows, MEASURED, 0.0050)
     for each in twins:
         writer.markers(each.name, each.moved.marker, rows, each.colour, 0.0030)
@@ -143,21 +148,6 @@ def _written(out: Path, stream: rr.RecordingStream, title: str) -> Iterator[None
         _part(out).unlink(missing_ok=True)
 
 
-def hue(motor: int) -> tuple[int, int, int]:
-    """Colour of motor 0 … 9 in the plots, 0 … 255."""
-    red, green, blue = (round(255 * (0.25 + 0.75 * c)) for c in routing.colour(motor))
-    return red, green, blue
-
-
-def tension_colour(tension: Array, full: float) -> np.ndarray:
-    """Blue where slack, by way of pale to red at `full` tension [N]; (..., 4), 0 … 255."""
-    share = np.clip(tension / full, 0, 1)
-    channels = [
-        np.interp(share, [0, 0.35, 1], stops) for stops in zip(_SLACK, _HALF, _TIGHT, strict=True)
-    ]
-    return np.stack([*channels, np.full_like(share, 255)], axis=-1).astype(np.uint8)
-
-
 @dataclass(frozen=True)
 class Writer:
     """Puts columns of a session's rows on both timelines of a recording."""
@@ -189,6 +179,9 @@ class Writer:
         looks = {"green": "marker, as the cameras measured it"}
         looks |= {t.look: f"marker of the {t.name.replace('_', ' ')}" for t in twins}
         looks |= {"orange": f"marker, as `{guess.name}` estimates it"} if guess else {}
+        looks |= (
+            {"yellow arrow": "known force, 10 cm a newton"} if COLUMNS[0] in session.extra else {}
+        )
         looks["blue … red cable"] = f"slack … {full_tension(last.moved.tension):.1f} N or more"
         self.recording.log(KEY, key(looks), static=True)
         self.recording.log("/", rr.ViewCoordinates.DLF, static=True)  # +x hangs down
@@ -229,6 +222,21 @@ class Writer:
                 shape = rr.LineStrips3D([line], radii=rr.Radius.ui_points(0.7))
                 self.recording.log(path, shape, static=True)
                 self.send(path, rr.LineStrips3D.columns(colors=colours[:, n]))
+
+    def push(self, session: sessions.Session, joint: Array) -> None:
+        """An arrow for the known force on a link, from the middle of the link at the joints' angles [rad]."""
+        link, *force = (session.extra[name] for name in COLUMNS)
+        row = np.flatnonzero(link > 0)
+        which = link[row].astype(int) - 1
+        origin, rotation = link_frames(joint[row], self.arm)
+        half = np.array(self.arm.link_length)[which] / 2
+        n = np.arange(len(row))
+        place = origin[n, which] + half[:, None] * rotation[n, which, :, 0]
+        look = rr.Arrows3D.from_fields(colors=[_PUSH], radii=0.003)
+        self.recording.log("arm/push", look, static=True)
+        arrows = rr.Arrows3D.columns(origins=place, vectors=_LONG * np.stack(force, axis=-1)[row])
+        pushed = np.isin(np.arange(len(link)), row).astype(int)
+        self.send("arm/push", arrows.partition(pushed))
 
     def markers(self, kind: str, marker: Array, row: Rows, colour: Colour, radius: float) -> None:
         """Marker positions [m], (N, 9, 3), at some rows; nothing is shown where one was lost."""
@@ -282,11 +290,6 @@ class Writer:
             rr.TimeColumn("step", sequence=self.first + row),
         ]
         rr.send_columns(path, clocks, columns, recording=self.recording)
-
-
-def full_tension(tension: Array) -> float:
-    """The tension drawn in full red [N]: what only 1 % of a session's tensions exceed."""
-    return max(float(np.quantile(tension, 0.99)), 1.0)
 
 
 def _distance(shown: Overlay, measured: Array) -> str:

@@ -175,6 +175,12 @@ def _status(session: Session) -> Iterator[Finding]:
         )
     elif session.metadata.get("complete") is False:
         yield Finding("note", "The recording was ended before its last step.")
+    pushed = session.extra.get("push_link", np.zeros(1)) > 0
+    if pushed.any():
+        yield Finding(
+            "note",
+            f"A known force pushes a link in {rows_text(pushed)}: a trace takes it for a fault.",
+        )
 
 
 def _windows(x: Array, width: int) -> Array:

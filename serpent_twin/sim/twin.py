@@ -1,5 +1,7 @@
 """Simulate the arm that its motors drive."""
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
@@ -14,6 +16,7 @@ from serpent_twin.sim.history import History
 from serpent_twin.sim.many_twins import TIMESTEP, PrescribedMotion, impose
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.prescribed_motion import taken_up
+from serpent_twin.sim.pushes import LinkForces, Push
 from serpent_twin.sim.reading_age import Readings
 from serpent_twin.sim.response import Response
 from serpent_twin.sim.stepper import addresses
@@ -68,6 +71,9 @@ class Twin:
         self._goal, self._pace = np.zeros((2, nsim, N_MOTORS))
         self.mechanism = CableDynamics(self.batch, [design] * nsim, motors=True)
         self.mechanism.prior_runtime = self.prior_runtime = prior_runtime
+        self.pushes: Sequence[Push] = ()
+        """What pushes links of all runs, at times since they began"""
+        self._pushed = LinkForces(self.batch)
         self._readings = Readings()
         self._ran = 0.0  # a run that became unstable resets MuJoCo's clock
         self.mechanism.begin(self.mechanism.moment(*self._instant()))
@@ -158,10 +164,12 @@ class Twin:
         elapsed = self.model.opt.timestep * np.arange(substeps)
         control[:, :, _GOALS], control[:, :, _PACES] = self._held_to(velocity, elapsed)
         ahead = self._held_to(velocity, np.array([duration]))
-        torque = self._step(control) if self.mechanism.acting else self._roll(control)
+        in_python = self.mechanism.acting or self.pushes
+        torque = self._step(control) if in_python else self._roll(control)
         self._goal, self._pace = (each[:, 0] for each in ahead)
         # readings are of the present instant, not of a step ago
         self._ctrl[:, _GOALS], self._ctrl[:, _PACES] = self._goal, self._pace
+        self._pushed.apply(self.pushes, self._ran + duration)
         self._look()
         self._refuse_divergence()
         self._ran += duration
@@ -184,6 +192,7 @@ class Twin:
         torque = np.empty((*control.shape[:2], N_MOTORS))
         for k in range(control.shape[1]):
             self._ctrl[...] = control[:, k]
+            self._pushed.apply(self.pushes, self._ran + k * self.model.opt.timestep)
             time, angle, velocity = self._instant()
             self.mechanism.step(time, angle, velocity, self.model.opt.timestep)
             torque[:, k] = self._force

@@ -82,6 +82,27 @@ def test_a_transcript_replaces_no_file_and_knows_the_turns_that_a_reboot_loses(t
     assert len(path.read_text().splitlines()) == 2
 
 
+def test_known_forces_push_the_arm_and_the_transcript_states_them(tmp_path):
+    table = tmp_path / "push.csv"
+    table.write_text("link,begin,end,force_x,force_y,force_z,shape\n9,0.5,2,0,0.6,0,step\n")
+    path, bent = tmp_path / "events.jsonl", []
+    device = build(DeviceOptions(transcript=path, push=table))
+    motors = device.servos.motors
+    motors.power(True)
+    for _ in range(3):
+        device._transcript.read()
+        bent.append(motors.twin.joint_angle[0])
+        motors.advance(1.0)
+    device._transcript.close()
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [line["push_link"] for line in lines] == [0, 9, 0]
+    assert [line["push_y"] for line in lines] == [0, 0.6, 0]
+    assert (abs(bent[1] - bent[0]) > 0.05).all()
+    assert (
+        abs(bent[2]).sum() < 0.8 * abs(bent[1]).sum()
+    )  # friction holds it from going all the way back
+
+
 def test_the_help_says_what_each_fault_means_and_what_is_not_simulated(capsys):
     with pytest.raises(SystemExit):
         cli.run(main, ["--help"])

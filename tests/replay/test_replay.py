@@ -19,7 +19,7 @@ from serpent_twin.arm.geometry import (
 from serpent_twin.arm.mjcf import STRANDS
 from serpent_twin.effects import KNOWN
 from serpent_twin.errors import SerpentError
-from serpent_twin.reporting import rerun_recording
+from serpent_twin.reporting import rerun_colours, rerun_recording
 from serpent_twin.sim import twin, twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
@@ -119,7 +119,7 @@ def test_curves_hold_loads_tensions_and_errors(made):
 
 def test_a_cable_is_blue_where_slack_and_red_where_tightest(made):
     folder, _, moved = made
-    full = rerun_recording.full_tension(moved.tension)
+    full = rerun_colours.full_tension(moved.tension)
     n = int(moved.tension.max(0).argmax())
     entity = f"/arm/base/{STRANDS[n]}"
     _, _, packed = column(folder / "swing.rrd", entity, "LineStrips3D:colors")
@@ -127,7 +127,7 @@ def test_a_cable_is_blue_where_slack_and_red_where_tightest(made):
     slack, tight = moved.tension[:, n] == 0, moved.tension[:, n] >= full
     assert tight.any() and (rgb[tight, 0] > rgb[tight, 2]).all()
     assert (rgb[slack, 2] > rgb[slack, 0]).all()
-    blue, red = rerun_recording.tension_colour(np.array([0.0, full]), full)
+    blue, red = rerun_colours.tension_colour(np.array([0.0, full]), full)
     assert blue[2] > blue[0] and red[0] > red[2]
 
 
@@ -177,6 +177,29 @@ def test_lost_markers_leave_gaps_in_the_recording(tmp_path):
     rerun_recording.write(tmp_path / "blind.rrd", session, moved)
     _, _, points = column(tmp_path / "blind.rrd", "/markers/measured/marker1", "Points3D:positions")
     assert points == [[]] * T
+
+
+def test_a_known_force_is_an_arrow_from_the_middle_of_its_link_while_it_acts(tmp_path):
+    session = make_session(np.random.default_rng(1))
+    acts = np.arange(T) % 3 == 1
+    known = {
+        "push_link": 6.0 * acts,
+        "push_x": 0.5 * acts,
+        "push_y": -1.0 * acts,
+        "push_z": 0.0 * acts,
+    }
+    session = dataclasses.replace(session, extra=known)
+    moved = twin.replay_motors(session.time, session.motor_position)
+    rerun_recording.write(tmp_path / "pushed.rrd", session, moved)
+    _, _, vectors = column(tmp_path / "pushed.rrd", "/arm/push", "Arrows3D:vectors")
+    _, _, origins = column(tmp_path / "pushed.rrd", "/arm/push", "Arrows3D:origins")
+    origin, rotation = link_frames(moved.joint_angle)
+    middle = origin[:, 5] + 0.0275 * rotation[:, 5, :, 0]
+    for row in range(T):
+        assert len(vectors[row]) == len(origins[row]) == acts[row]
+        if acts[row]:
+            assert np.allclose(vectors[row][0], [0.05, -0.1, 0.0], atol=1e-6)
+            assert np.allclose(origins[row][0], middle[row], atol=1e-6)
 
 
 def test_a_log_of_another_arm_replays(tmp_path):

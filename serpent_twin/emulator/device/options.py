@@ -21,7 +21,7 @@ from serpent_twin.emulator.natnet_server import SimulatedCameras
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import Rigid
 from serpent_twin.numerals import counted
-from serpent_twin.sim import arm_file
+from serpent_twin.sim import arm_file, pushes
 from serpent_twin.stored import within
 
 CAMERAS = Rigid(
@@ -83,6 +83,9 @@ class DeviceOptions(Checked):
     model: Annotated[Path | None, _ARM] = None
     """A twin.json, with all of its effects, or an MJCF file, instead of the arm built from the parameters
     below. MJCF still takes its load and marker noise from them."""
+    push: Annotated[Path | None, _ARM] = None
+    """A CSV file of known forces on links, as collect --push takes it; its times count from the start of the
+    device. The transcript's reads state them."""
     parameters: Annotated[
         Parameters,
         _ARM,
@@ -97,6 +100,7 @@ def build(options: DeviceOptions) -> Device:
     _check(options)
     faults = [Fault.parse(text) for text in options.fault]
     twin = arm_file.read(options.model, options.parameters, "--model").twin()
+    twin.pushes = pushes.read(options.push) if options.push else ()
     parameters = twin.design.parameters
     period = 1 / options.rate_hz if options.lockstep else None
     if period is not None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from serpent_twin.emulator.motors import SimulatedMotors
 from serpent_twin.errors import SerpentError
+from serpent_twin.sim import pushes
 
 _STATE_EVERY = 0.02  # [s]
 
@@ -17,7 +18,8 @@ class Transcript:
     """Writes JSON lines, each with `host_s`, time.monotonic(), the motors' `time_s`, and an `event`.
 
     read: the words of all registers when a group read asked for positions, whatever the wire made
-    of the answers, and `true_position`, the counts that no reboot and no drive mode changes; goal:
+    of the answers, `true_position`, the counts that no reboot and no drive mode changes, and the known
+    force on a link as a log states it; goal:
     the velocity words in force after a group write of goals; fault: its name and the motor, from 1;
     state: the velocity words, and whether the torque is on, every 20 ms in real time.
     """
@@ -31,7 +33,10 @@ class Transcript:
         """A group read of the motors' present state."""
         if self._file:
             words = vars(self._motors.registers()) | {"true_position": self._motors.true_position}
-            self._write("read", {name: column.tolist() for name, column in words.items()})
+            said: dict[str, object] = {name: column.tolist() for name, column in words.items()}
+            if several := self._motors.twin.pushes:
+                said |= pushes.columns(several, self._motors.time)
+            self._write("read", said)
 
     def goal(self) -> None:
         """A group write of goals, after it was executed or refused."""

@@ -35,7 +35,7 @@ def errors(point: GridPoint, measuring: Measuring) -> dict[str, Any]:
 
 def session(point: GridPoint, measuring: Measuring, number: int) -> Session:
     """Session 1, 2, … of the protocol, in memory, at the point's rate if none is given for sessions."""
-    for_targets, for_loads, for_cameras = generators(point.seed, (number,))
+    for_targets, for_loads, for_cameras, _ = generators(point.seed, (number,))
     rate = measuring.session_rate or point.rate
     prior_runtime = (number - 1) * measuring.session_steps / rate
     twin = _twin(point, rate, prior_runtime)
