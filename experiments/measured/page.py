@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from experiments.measured.metric import METRICS, Metric
+from serpent_twin.effects import place_of
 from serpent_twin.effects.law import Law
 from serpent_twin.identification.diagnosis import ACCEPTED, STANDS_IN, Diagnosis
 from serpent_twin.identification.wording import spaced
@@ -31,8 +32,8 @@ def effect_told(effect: Mapping[str, Any]) -> str:
 
 
 def _full_name(effect: Mapping[str, Any]) -> str:
-    """The name that holds an effect's place, or its law."""
-    if "place" not in effect:
+    """The name that holds an effect's place, as those of some machines do already, or its law."""
+    if "place" not in effect or place_of(effect["name"]):
         return effect["name"]
     place = effect["place"]["name"]
     if "changes" in effect:

@@ -235,6 +235,9 @@ def test_an_effect_is_named_with_its_place_or_its_law():
     assert measured_page.effect_told({"name": "gear_backlash", **at, **told}).startswith(
         "gear backlash@motor3"
     )
+    assert measured_page.effect_told({"name": "payload@tip", **at, **told}).startswith(
+        "payload@tip ("
+    )
     assert measured_page.effect_told({"name": "discovered", **at, **law, **told}) == (
         "a turn of the winch of motor3 that its encoder does not show, while the time is above a "
         "threshold (size 2 [1 … 3] rad)"
