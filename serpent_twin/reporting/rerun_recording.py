@@ -226,17 +226,18 @@ class Writer:
     def push(self, session: sessions.Session, joint: Array) -> None:
         """An arrow for the known force on a link, from the middle of the link at the joints' angles [rad]."""
         link, *force = (session.extra[name] for name in COLUMNS)
-        row = np.flatnonzero(link > 0)
+        pushed = link > 0
+        row = np.flatnonzero(pushed)
         which = link[row].astype(int) - 1
         origin, rotation = link_frames(joint[row], self.arm)
         half = np.array(self.arm.link_length)[which] / 2
         n = np.arange(len(row))
         place = origin[n, which] + half[:, None] * rotation[n, which, :, 0]
-        look = rr.Arrows3D.from_fields(colors=[_PUSH], radii=0.003)
-        self.recording.log("arm/push", look, static=True)
+        self.recording.log(
+            "arm/push", rr.Arrows3D.from_fields(colors=[_PUSH], radii=0.003), static=True
+        )
         arrows = rr.Arrows3D.columns(origins=place, vectors=_LONG * np.stack(force, axis=-1)[row])
-        pushed = np.isin(np.arange(len(link)), row).astype(int)
-        self.send("arm/push", arrows.partition(pushed))
+        self.send("arm/push", arrows.partition(pushed.astype(int)))
 
     def markers(self, kind: str, marker: Array, row: Rows, colour: Colour, radius: float) -> None:
         """Marker positions [m], (N, 9, 3), at some rows; nothing is shown where one was lost."""
