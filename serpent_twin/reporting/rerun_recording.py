@@ -230,12 +230,10 @@ class Writer:
         row = np.flatnonzero(pushed)
         which = link[row].astype(int) - 1
         origin, rotation = link_frames(joint[row], self.arm)
-        half = np.array(self.arm.link_length)[which] / 2
-        n = np.arange(len(row))
+        n, half = np.arange(len(row)), np.array(self.arm.link_length)[which] / 2
         place = origin[n, which] + half[:, None] * rotation[n, which, :, 0]
-        self.recording.log(
-            "arm/push", rr.Arrows3D.from_fields(colors=[_PUSH], radii=0.003), static=True
-        )
+        look = rr.Arrows3D.from_fields(colors=[_PUSH], radii=0.003)
+        self.recording.log("arm/push", look, static=True)
         arrows = rr.Arrows3D.columns(origins=place, vectors=_LONG * np.stack(force, axis=-1)[row])
         self.send("arm/push", arrows.partition(pushed.astype(int)))
 
