@@ -76,10 +76,11 @@ class Collect(Checked):
     """Name of the arm, stored in the logs; without: twin, or the setup file's name."""
     marker_loss: Annotated[float, within(0.0, 0.99), SIMULATED, _SIM] = 0.0
     """Share of marker readings that the simulated cameras lose."""
-    push: Annotated[str, SIMULATED, _SIM] = ""
-    """Push links with known forces, which the logs state in push_link, push_x, push_y, push_z: a number, so
-    many random pushes in each session; or a CSV file with a push a line, its columns link, begin, end
-    [s], force_x, force_y, force_z [N, base frame], shape (step, ramp, swing) and rate [Hz]."""
+    push: Annotated[str, _SIM] = ""
+    """Push links of the simulated arm with known forces, which the logs state in push_link, push_x, push_y,
+    push_z: a number, so many random pushes in each session; or a CSV file with a push a line, its columns
+    link, begin, end [s], force_x, force_y, force_z [N, base frame], shape (step, ramp, swing) and rate [Hz].
+    """
     workers: Annotated[Workers, SIMULATED, _SIM] = 0
     """Processes that simulate side by side; 0 for one a core. The logs do not depend on it."""
     twin: Annotated[Path | None, SIMULATED, _SIM] = None

@@ -200,13 +200,14 @@ class ModelMachine(RunMachine):
     def _in_motion(self, points: Sequence[ParameterVector]) -> TwinsInMotion:
         """Twins of one structure in motion."""
         zero = ParameterVector(np.zeros(len(self.declared)))
-        nominal, *twins = map(self._moving, (zero, *points))
+        nominal = self._moving(zero, ())
+        twins = [self._moving(point, effects_at(point)) for point in points]
         return TwinsInMotion(
             self.described, self.frame, self.places, twins, nominal, self.gains, self.steps
         )
 
-    def _moving(self, point: ParameterVector) -> MovingTwin:
-        there, x = effects_at(point), by_coordinate(self.declared, point.declared)
+    def _moving(self, point: ParameterVector, there: Sequence[Effect]) -> MovingTwin:
+        x = by_coordinate(self.declared, point.declared)
         return MovingTwin(self.described, there, x, partial(self._compiled, point.declared, there))
 
     def responses_at_places(
