@@ -103,7 +103,7 @@ class ComposingTracer(Tracer):
         return None
 
     def _anew(self, found: Fit, number: int) -> Fit:
-        """The better of a fit and one of the same effects that starts from the nominal twin."""
+        """A fit, or one of the same effects that starts from the nominal twin if that is better."""
         self.case = replace(self.case, noise=found.noise)
         effects = found.point.effects
         start = ParameterVector(np.zeros(len(self.case.declared)), effects)

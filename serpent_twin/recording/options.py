@@ -107,12 +107,17 @@ class Collect(Checked):
             return read_motion(self.motion).targets
         return random_targets(self.steps, rng)
 
+    @property
+    def random_pushes(self) -> int | None:
+        """How many random pushes each session has; None where a file states them, or there are none."""
+        return int(self.push) if self.push.isdecimal() else None
+
     def pushes(self, rng: np.random.Generator) -> tuple[Push, ...]:
         """What pushes the simulated arm in a session: the file's pushes, or random ones."""
         if not self.push:
             return ()
-        if self.push.isdecimal():
-            return drawn(rng, int(self.push), self.rows / self.rate_hz)
+        if self.random_pushes is not None:
+            return drawn(rng, self.random_pushes, self.rows / self.rate_hz)
         return read_pushes(Path(self.push))
 
     def simulated(self) -> ArmFile:

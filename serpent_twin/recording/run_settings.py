@@ -46,8 +46,8 @@ def settings(config: Collect) -> dict[str, Any]:
         return common | settings_of_arm(config)
     arm = config.simulated()
     if config.push:
-        random = config.push.isdecimal()
-        common["push"] = int(config.push) if random else file_hash(Path(config.push))
+        random = config.random_pushes
+        common["push"] = file_hash(Path(config.push)) if random is None else random
     return common | {
         "marker_loss": config.marker_loss,
         "parameters": asdict(arm.design.parameters),

@@ -75,15 +75,14 @@ class LinkForces:
         if not pushes:
             return
         self._applied[...] = 0.0
-        for each in pushes:
-            if each.begin <= time < each.end:
-                force = self._from_base.apply(each.at(time))
-                self._applied[:, self._links[each.link - 1], :3] = force
+        if found := _acting(pushes, time):
+            force = self._from_base.apply(found.at(time))
+            self._applied[:, self._links[found.link - 1], :3] = force
 
 
 def columns(pushes: Sequence[Push], time: float) -> dict[str, float]:
     """What a log says of the force at a time in the session [s]: the link, 0 for none, and the force [N]."""
-    found = next((each for each in pushes if each.begin <= time < each.end), None)
+    found = _acting(pushes, time)
     link, force = (found.link, found.at(time)) if found else (0, np.zeros(3))
     return dict(zip(COLUMNS, map(float, (link, *force)), strict=True))
 
@@ -101,8 +100,8 @@ def read(path: Path) -> tuple[Push, ...]:
     for one, other in pairwise(several):
         if other.begin < one.end:
             raise SerpentError(
-                f"{path}: a push begins at {other.begin:g} s, before that of {one.begin:g} s ends. One force "
-                "acts at a time: let it begin later."
+                f"{path}: a push begins at {other.begin:g} s, before that of {one.begin:g} s ends. Only one "
+                "force can act at a time: let the second begin later."
             )
     return tuple(several)
 
@@ -125,6 +124,10 @@ def drawn(rng: np.random.Generator, count: int, duration: float) -> tuple[Push, 
         swings = float(rate) if shape == "swing" else 0.0
         several.append(Push(link, (x, y, z), float(begin), float(begin + lasts), shape, swings))
     return tuple(several)
+
+
+def _acting(pushes: Sequence[Push], time: float) -> Push | None:
+    return next((each for each in pushes if each.begin <= time < each.end), None)
 
 
 def _push(row: dict[str, Any], where: str) -> Push:

@@ -98,9 +98,8 @@ def test_known_forces_push_the_arm_and_the_transcript_states_them(tmp_path):
     assert [line["push_link"] for line in lines] == [0, 9, 0]
     assert [line["push_y"] for line in lines] == [0, 0.6, 0]
     assert (abs(bent[1] - bent[0]) > 0.05).all()
-    assert (
-        abs(bent[2]).sum() < 0.8 * abs(bent[1]).sum()
-    )  # friction holds it from going all the way back
+    # friction holds it from going all the way back
+    assert abs(bent[2]).sum() < 0.8 * abs(bent[1]).sum()
 
 
 def test_the_help_says_what_each_fault_means_and_what_is_not_simulated(capsys):

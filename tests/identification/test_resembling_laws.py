@@ -62,7 +62,7 @@ def test_a_law_at_a_joint_is_tried_at_no_other():
     assert elsewhere(candidate, fit) == []
 
 
-def test_a_shape_that_is_better_at_one_place_is_tried_at_the_others_that_were_fitted():
+def test_a_shape_that_is_better_at_one_place_is_tried_at_the_others_that_came_near():
     made = Made(AT_JOINT)
     step = made.found()[0]
 
