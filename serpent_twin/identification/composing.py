@@ -57,7 +57,8 @@ class ComposingTracer(Tracer):
             rounds.append(self._law(names, base, before, stage))
             if (better := self._stands(rounds)) is None:
                 break
-            base = better
+            bad = not self.trials.little(self.case, before)  # and may have led calibration astray
+            base = self._anew(better, len(rounds)) if bad else better
         return base, True
 
     def _candidates(self, base: Fit, before: Errors) -> list[str]:
