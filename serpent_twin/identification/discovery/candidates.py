@@ -169,10 +169,11 @@ def distinct(found: Sequence[Composed], most: int) -> list[Composed]:
 
 def resembling_at_first(one: Composed, found: Sequence[Composed]) -> list[Composed]:
     """Of laws that make the same change: those by another reading of a thing, which first order cannot
-    distinguish, and the best of another shape, if that removes nearly as much.
+    distinguish, and the best of another shape, if that removes nearly as much. Of one that holds until an
+    instant, the one from then on: a calibration without it may have taken the later state for what was built.
     """
     if not one.law.follows_a_thing:
-        return []
+        return [one.shapes["above"]] if one.law.shape == "under" and "above" in one.shapes else []
     readings = [
         each
         for each in found

@@ -23,7 +23,7 @@ is left, held-out logs decide, which took no part in the search.
 """
 _SHARE = 0.015
 """Of the residual's squares that it must remove: of an arm that lacks nothing, the best removes 0.009"""
-_SENSOR = 0.004, 60.0
+_SENSOR = 0.0015, 25.0
 """The same of a law that shows in one sensor alone, and what it must be worth: of an arm that lacks nothing,
 the best removes 0.002 and is worth 10
 """
