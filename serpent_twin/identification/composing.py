@@ -7,7 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from serpent_twin.identification.acceptance import CandidateTrial, Round, best_trial
-from serpent_twin.identification.discovery import discover, elsewhere, of_shape
+from serpent_twin.identification.discovery import (
+    better_thresholds,
+    discover,
+    elsewhere,
+    of_shape,
+)
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.proxies import needless
@@ -57,8 +62,7 @@ class ComposingTracer(Tracer):
             rounds.append(self._law(names, base, before, stage))
             if (better := self._stands(rounds)) is None:
                 break
-            bad = not self.trials.little(self.case, before)  # and may have led calibration astray
-            base = self._anew(better, len(rounds)) if bad else better
+            base = self._settled(better, rounds[-1].accepted[0], len(rounds))
         return base, True
 
     def _candidates(self, base: Fit, before: Errors) -> list[str]:
@@ -103,6 +107,17 @@ class ComposingTracer(Tracer):
         self.case = replace(weighed, composed=known)
         return None
 
+    def _settled(self, found: Fit, name: str, number: int) -> Fit:
+        """A fit of an accepted law, with better thresholds if there are any."""
+        self.on_progress(f"thresholds of {spaced(name)}")
+        point = better_thresholds(self.case, self.training, found, name)
+        if point is None:
+            return found
+        self.case = replace(self.case, noise=found.noise)
+        stage = f"moved_{number}_{_mark([name])}"
+        moved = self._fit(stage, point, found.free, 2, carried=found)
+        return moved if moved.betters(found) else found
+
     def _anew(self, found: Fit, number: int) -> Fit:
         """A fit, or one of the same effects that starts from the nominal twin if that is better."""
         self.case = replace(self.case, noise=found.noise)
@@ -110,7 +125,7 @@ class ComposingTracer(Tracer):
         start = ParameterVector(np.zeros(len(self.case.declared)), effects)
         stage = f"anew_{number}_{_mark(list(effects))}"
         again = self._fit(stage, start, found.free, _DERIVATIVES)
-        return again if again.cost < BEATS * found.cost else found
+        return again if again.betters(found, BEATS) else found
 
     def _resembling(
         self,

@@ -5,9 +5,11 @@ from serpent_twin.identification.discovery.discover import discover
 from serpent_twin.identification.discovery.free_curve import FreeCurve, free_curve
 from serpent_twin.identification.discovery.resembling import elsewhere, of_shape
 from serpent_twin.identification.discovery.steps_alike import steps_alike
+from serpent_twin.identification.discovery.thresholds import better_thresholds
 
 __all__ = [
     "FreeCurve",
+    "better_thresholds",
     "discover",
     "elsewhere",
     "free_curve",

@@ -29,7 +29,7 @@ _PEAKS = 2
 _AT_ONCE = 500
 _FINER = 9
 """Thresholds that are tried around each of the best"""
-_HELD = 0.01
+HELD = 0.01
 """Share of the rows in which a law with thresholds must act, and in which it must not: what the first row of
 each log is off by is no law
 """
@@ -97,7 +97,7 @@ def around(
     if not names or law.shape == "periodic":
         return []
     x = readings[law.reading, law.where]
-    levels = np.quantile(x, np.linspace(_HELD, 1 - _HELD, 2 * _LEVELS + 1))
+    levels = np.quantile(x, np.linspace(HELD, 1 - HELD, 2 * _LEVELS + 1))
     if law.shape in _RAMPS:
         finer = _between(levels, first)
         return [Way(law.shape, law.reading, law.where, a, 0.0) for a in finer]
@@ -108,7 +108,7 @@ def around(
     out = [Way("above", law.reading, law.where, a, 0.0) for a in low if begins]
     out += [Way("under", law.reading, law.where, b, 0.0) for b in high if ends]
     ordered = np.sort(x, axis=None)
-    least = _HELD * ordered.size
+    least = HELD * ordered.size
     return out + [
         Way("within", law.reading, law.where, a, b - a)
         for a in low

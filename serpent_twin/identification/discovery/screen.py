@@ -136,9 +136,9 @@ class Search:
                 several += [each for rate in rates for each in swinging(name, rate)]
         return out
 
-    def at(self, response: Response, besides: Sequence[Way]) -> list[Composed]:
+    def at(self, response: Response, besides: Sequence[Way] = ()) -> list[Composed]:
         """The best laws at a place, some ways beside the usual ones included."""
-        F = np.concatenate([self.F, rows_of(besides, self.readings)])
+        F = np.concatenate([self.F, rows_of(besides, self.readings)]) if besides else self.F
         several = [*self.ways, *besides]
         possible = [n for n, way in enumerate(several) if _law(response, way).possible]
         if len(possible) < len(several):
@@ -148,8 +148,12 @@ class Search:
             way for each in kept for way in around(each.law, each.first, each.second, self.readings)
         ]
         if finer:
-            kept = _best_of([*kept, *self._among(response, finer, rows_of(finer, self.readings))])
+            kept = _best_of([*kept, *self.among(response, finer)])
         return [_from_then_on(each) for each in kept]
+
+    def among(self, response: Response, several: Sequence[Way]) -> list[Composed]:
+        """The best of some laws at a place, one for each reading."""
+        return self._among(response, several, rows_of(several, self.readings))
 
     def together(self, response: Response, F: Array) -> tuple[Array, Array, float]:
         """Sizes of several changes at once, (W,), of a place with one component, their standard errors, and
