@@ -155,11 +155,13 @@ def _simplest(found: Sequence[Composed]) -> list[Composed]:
 
 def distinct(found: Sequence[Composed], most: int) -> list[Composed]:
     """The best few, each of another quantity at another place: half of them, if there are so many, changes of
-    what has the reading that they follow.
+    what has the reading that they follow. What declared parameters could do is theirs to be fitted.
     """
     best: dict[tuple[str, str], Composed] = {}
     own: dict[tuple[str, str], Composed] = {}
     for each in _simplest(found):
+        if each.declared:
+            continue
         for several in (best, own) if each.law.of_itself else (best,):
             several.setdefault((each.law.handle, each.law.place), each)
     chosen = list(own.values())[: most // 2]

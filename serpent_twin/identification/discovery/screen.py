@@ -22,6 +22,7 @@ from serpent_twin.identification.discovery.followed import (
     swings,
     ways,
 )
+from serpent_twin.identification.discovery.sizes import FLAT, of_one_phase, solved
 from serpent_twin.identification.discovery.sums import (
     ResidualRows,
     Sums,
@@ -48,8 +49,8 @@ APART = 9.0
 _NEARLY = 0.9
 """And, to first order, if the other removes less than this share: first order is no more exact"""
 _STEPS = ("above", "under", "within")
-_FLAT = 1e-4
-"""Of a change's squares, what the free parameters leave at least"""
+_SAME = 1e-3
+"""Of a change's squares, below which declared parameters do the same"""
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,8 @@ class Composed:
     """Of the residual's squares [1]"""
     alone: bool = False
     """Whether it shows in one sensor alone"""
+    declared: bool = False
+    """Whether declared parameters could do the same, were it not for their priors"""
     shapes: Mapping[str, "Composed"] = field(default_factory=dict)
     """The best of each other shape that changes and follows the same"""
 
@@ -116,6 +119,9 @@ class Search:
         pull = known.weight * (known.slopes @ residual) + known.prior * known.lean
         self.total = float(residual @ residual)
         self.inverse = np.linalg.inv(known.matrix)
+        self.without_priors = np.linalg.pinv(
+            known.slopes @ known.slopes.T, rcond=FLAT**2, hermitian=True
+        )
         left = residual - known.slopes.T @ (self.inverse @ pull)
         shape = (-1, case.channels)
         self.rows = ResidualRows(
@@ -149,7 +155,16 @@ class Search:
         ]
         if finer:
             kept = _best_of([*kept, *self.among(response, finer)])
+        declared = self._declared(response)
+        kept = [each if each.law.reading else replace(each, declared=declared) for each in kept]
         return [_from_then_on(each) for each in kept]
+
+    def _declared(self, response: Response) -> bool:
+        """Whether declared parameters could do what a constant change does, were it not for their priors."""
+        found = sums(self.rows, response, np.ones((1, self.F.shape[1]), np.float32))
+        taken = found.taken[:, 0]
+        left = found.raw[0] - taken @ self.without_priors @ taken.T
+        return bool(np.trace(left) < _SAME * np.trace(found.raw[0]))
 
     def among(self, response: Response, several: Sequence[Way]) -> list[Composed]:
         """The best of some laws at a place, one for each reading."""
@@ -161,7 +176,7 @@ class Search:
         """
         raw, pull, taken = between(self.rows, response, F)
         gram = raw - self.weight * taken @ self.inverse @ taken.T
-        inverse = np.linalg.pinv(gram, rcond=_FLAT, hermitian=True)
+        inverse = np.linalg.pinv(gram, rcond=FLAT, hermitian=True)
         size = -inverse @ pull
         error = np.sqrt(np.maximum(np.diag(inverse), 0.0) / self.weight)
         return size, error, self.weight * float(-size @ pull)
@@ -183,11 +198,11 @@ class Search:
         found: Sums,
         grams: Array,
     ) -> list[Composed]:
-        size, gain = _solved(found.pulls, grams, found.raw)
+        size, gain = solved(found.pulls, grams, found.raw)
         handle = HANDLES[response.handle]
         if handle.only_more:
             gain = np.where(size[:, -1] > 0, gain, 0.0)
-        pairs = _of_one_phase(tried, found, grams)
+        pairs = of_one_phase(tried, found, grams)
         several = [*tried, *(each for each, *_ in pairs)]
         size = np.concatenate([size, *(s[None] for _, s, _ in pairs)])
         gain = np.concatenate([gain, [g for *_, g in pairs]])
@@ -256,41 +271,3 @@ def _from_then_on(found: Composed) -> Composed:
     others = {name: each for name, each in found.shapes.items() if name != "above"}
     swapped = replace(later, shapes={**others, "under": replace(found, shapes={})})
     return swapped if later.gain > _NEARLY * found.gain else found
-
-
-def _solved(pulls: Array, grams: Array, raw: Array) -> tuple[Array, Array]:
-    """Sizes, (W, d), and by how much each reduces the residual's squares, (W,); none where hardly anything
-    is left of the change. A component that shows nothing, as across a machine that moves in a plane, is zero.
-    """
-    d = pulls.shape[1]
-    scale = np.maximum(np.einsum("wdd->w", raw) / d, 1e-30)
-    shows = np.einsum("wdd->wd", grams) != 0
-    grams = grams + np.where(shows, 0.0, scale[:, None])[..., None] * np.eye(d)
-    low = np.linalg.eigvalsh(grams)[:, 0]
-    usable = low > _FLAT * scale
-    safe = np.where(usable[:, None, None], grams, np.eye(d))
-    size = -np.linalg.solve(safe, pulls[..., None])[..., 0]
-    return size, np.where(usable, -(size * pulls).sum(axis=1), 0.0)
-
-
-def _of_one_phase(
-    several: Sequence[Way], found: Sums, grams: Array
-) -> list[tuple[Way, Array, float]]:
-    """Periodic laws with the best phase, from their sines and cosines; of a vector, that of its strongest
-    component.
-    """
-    out, d = [], grams.shape[1]
-    for n, each in enumerate(several):
-        if each.shape != "periodic" or each.second:
-            continue
-        across = found.beside[n]
-        gram = np.block([[grams[n], across], [across.T, grams[n + 1]]])
-        raw, pull = found.raw[n : n + 2], found.pulls[n : n + 2].ravel()
-        size, gain = _solved(pull[None], gram[None], raw.sum(axis=0)[None])
-        if gain[0] <= 0:
-            continue
-        u, _, v = np.linalg.svd(size.reshape(2, d))  # phases by components
-        phase, along = float(np.arctan2(u[1, 0], u[0, 0])), np.outer(u[:, 0], v[0]).ravel()
-        length = -float(along @ pull) / float(along @ gram @ along)
-        out.append((replace(each, second=phase), length * v[0], -length * float(along @ pull)))
-    return out
