@@ -52,6 +52,20 @@ class Observer(TrainedEstimator):
     def __post_init__(self) -> None:
         self.twin = twin_model.to_dict(twin_model.from_dict(self.twin))
 
+    @classmethod
+    def of(cls, arm: twin_model.TwinModel) -> Self:
+        """The observer of a twin that no log has trained: it states no covariance."""
+        made = cls(twin=twin_model.to_dict(arm))
+        unknown = np.full((N_JOINTS, 3, 3), np.nan)
+        made.learned = {
+            "servo_lag": np.array(arm.parameters.servo_lag),
+            "joint": np.full((N_JOINTS, N_JOINTS), np.nan),
+            "rest": unknown,
+            "load": np.full(N_MOTORS, np.inf),
+            "covariance": unknown,
+        }
+        return made
+
     def wanted(self) -> Wanted:
         """The servos' lag [s], covariances of joints [rad²] and markers [m²], the loads' rms error.
 

@@ -8,7 +8,7 @@ from serpent_twin.live.arm import Drive, is_known, note, of_readout
 from serpent_twin.live.figures import Course, figures, told
 from serpent_twin.live.follower import Follower
 from serpent_twin.live.options import Estimate
-from serpent_twin.live.run import LivePlan, run
+from serpent_twin.live.run import LivePlan, refuse_second, run
 from serpent_twin.recording import collect, lost_markers, run_settings
 from serpent_twin.recording.ending import why
 from serpent_twin.runs.files import write_json
@@ -27,9 +27,9 @@ def estimate(config: Estimate) -> dict[str, Any]:
         print(plan.note)
     follower = Follower(plan.estimator, config.steps, config.learn, config.prior_runtime_s)
     course = Course(config.steps)
-    said = settings(plan)
+    said = settings(config, plan)
     with claimed(config.out, SETTINGS, said):
-        _refuse_second(plan)
+        refuse_second(plan, RESULTS)
         ended = None
         try:
             run(plan, follower, course)
@@ -92,9 +92,8 @@ def planned(config: Estimate) -> LivePlan:
     )
 
 
-def settings(plan: LivePlan) -> dict[str, Any]:
+def settings(config: Estimate, plan: LivePlan) -> dict[str, Any]:
     """The options of the run, and the hashes of its input files."""
-    config = plan.config
     files = ("readout.json", "learned.npz")
     return run_settings.settings(plan.drive) | {
         "readout": plan.estimator.name,
@@ -105,12 +104,3 @@ def settings(plan: LivePlan) -> dict[str, Any]:
         "prior_runtime_h": config.prior_runtime_h,
         "markers": config.real.mocap if config.backend == "real" else config.markers,
     }
-
-
-def _refuse_second(plan: LivePlan) -> None:
-    names = (f"{plan.session.stem}.*", RESULTS)
-    if found := [path for name in names for path in sorted(plan.config.out.glob(name))]:
-        raise SerpentError(
-            f"{plan.config.out} holds a run already ({', '.join(path.name for path in found)}), and an "
-            "arm that moved is not gone on with. Nothing was changed: choose another --out."
-        )

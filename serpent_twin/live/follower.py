@@ -12,8 +12,7 @@ from serpent_twin.estimators.belief import Belief, require_finite
 from serpent_twin.estimators.bus_reading import BusReading
 from serpent_twin.estimators.estimator import Weighed
 from serpent_twin.estimators.online import Online
-from serpent_twin.hardware.motor_bus import MotorState
-from serpent_twin.recording.loop import Step
+from serpent_twin.recording.loop import Reading, Step
 
 MARKERS = tuple(f"estimate{i}_{axis}" for i in range(1, N_JOINTS + 1) for axis in "xyz")
 SPREADS = tuple(f"estimate{i}_spread" for i in range(1, N_JOINTS + 1))
@@ -41,16 +40,30 @@ class Follower:
         self.marker = np.full((rows, N_JOINTS, 3), np.nan)
         self.covariance = np.full((rows, N_JOINTS, 3, 3), np.nan)
         self.update_ms = np.full(rows, np.nan)
+        self._belief: Belief | None = None
+        self._latency = np.nan
+
+    def update(self, now: Reading) -> Belief | None:
+        """The estimate of a step; the present markers are not used."""
+        reading = BusReading(
+            now.time, now.state.position, now.state.velocity, now.state.load, now.before
+        )
+        began, k = time.perf_counter(), self.rows
+        self._belief = belief = self._live.update(reading)
+        self.rows += 1
+        self._latency = 1e3 * (time.perf_counter() - now.read_at)
+        if belief is not None:
+            self.update_ms[k] = 1e3 * (time.perf_counter() - began)
+            self._require_finite(belief, f"{now.time:.3g} s after the first row")
+            self.marker[k], self.covariance[k] = belief.marker[0], belief.covariance[0]
+        return belief
 
     def columns(self, step: Step) -> dict[str, float]:
-        """The log's columns of a step; the present markers are not used."""
-        belief = self._update(step.time, step.state, step.before)
-        latency, k = 1e3 * (time.perf_counter() - step.read_at), self.rows
-        self.rows += 1
+        """The log's columns of a step, which may be estimated already."""
+        belief = self.update(step) if self.rows == step.number else self._belief
         if belief is None:
             return dict.fromkeys(COLUMNS, np.nan)
-        self.marker[k], self.covariance[k] = belief.marker[0], belief.covariance[0]
-        values = [*belief.marker.ravel(), *belief.spread.ravel(), latency]
+        values = [*belief.marker.ravel(), *belief.spread.ravel(), self._latency]
         return dict(zip(COLUMNS, values, strict=True))
 
     def learn(self, marker: Array) -> None:
@@ -64,15 +77,6 @@ class Follower:
     def belief(self, where: NDArray[np.intp]) -> Belief:
         """The estimates of these rows."""
         return Belief(self.marker[where], self.covariance[where])
-
-    def _update(self, now: float, state: MotorState, before: Array) -> Belief | None:
-        reading = BusReading(now, state.position, state.velocity, state.load, before)
-        began = time.perf_counter()
-        belief = self._live.update(reading)
-        if belief is not None:
-            self.update_ms[self.rows] = 1e3 * (time.perf_counter() - began)
-            self._require_finite(belief, f"{now:.3g} s after the first row")
-        return belief
 
     def _warm_up(self, estimator: Estimator) -> None:
         """Let the estimator load all that it needs before a motor turns, and check that its estimates are

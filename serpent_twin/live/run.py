@@ -3,29 +3,73 @@
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, Protocol
 
 from tqdm import tqdm
 
+from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import Estimator
 from serpent_twin.hardware.cameras import NoMocap
 from serpent_twin.live.arm import Drive
 from serpent_twin.live.figures import Course
 from serpent_twin.live.follower import COLUMNS, Follower
-from serpent_twin.live.options import Estimate
 from serpent_twin.live.sample import Page
 from serpent_twin.live.stream import RerunStream
 from serpent_twin.recording import run_settings, simulated
 from serpent_twin.recording.ending import sealed, stopped_by_signals
-from serpent_twin.recording.loop import Beside, Row, record
+from serpent_twin.recording.loop import NOTHING, Beside, FollowTargets, Row, Steering, record
 from serpent_twin.sim import twin_model
+
+
+class LiveConfig(Protocol):
+    """The options that every live run has, as `Estimate` explains them."""
+
+    @property
+    def model(self) -> Path | None:
+        """Of the trained readout, if it is one."""
+        ...
+
+    @property
+    def backend(self) -> Literal["sim", "real"]:
+        """What moves."""
+        ...
+
+    @property
+    def rate_hz(self) -> float:
+        """Control steps per second."""
+        ...
+
+    @property
+    def prior_runtime_h(self) -> float:
+        """Time that the arm ran before [h]."""
+        ...
+
+    @property
+    def prior_runtime_s(self) -> float:
+        """The same [s]."""
+        ...
+
+    @property
+    def markers(self) -> bool:
+        """Whether simulated cameras measure."""
+        ...
+
+    @property
+    def record(self) -> bool:
+        """Whether a recording is written."""
+        ...
+
+    @property
+    def view(self) -> bool:
+        """Whether the viewer shows it."""
+        ...
 
 
 @dataclass(frozen=True)
 class LivePlan:
     """A config with its estimator and its drive, checked."""
 
-    config: Estimate
+    config: LiveConfig
     """The config"""
     estimator: Estimator
     """What estimates"""
@@ -35,6 +79,10 @@ class LivePlan:
     """Which arm is simulated; empty for the real one"""
     trained_on_it: bool | None = None
     """Whether the estimator was trained on the simulated arm; None if that is not known"""
+    steering: Steering | None = None
+    """What moves the arm; None for random joint targets"""
+    beside: Beside = NOTHING
+    """What is logged besides the estimates, and what sees each row"""
 
     @property
     def session(self) -> Path:
@@ -42,11 +90,22 @@ class LivePlan:
         return run_settings.session_path(self.drive, 1)
 
 
+def refuse_second(plan: LivePlan, results: str) -> None:
+    """Refuse a folder that holds a run already."""
+    out, names = plan.drive.out, (f"{plan.session.stem}.*", results)
+    if found := [path for name in names for path in sorted(out.glob(name))]:
+        raise SerpentError(
+            f"{out} holds a run already ({', '.join(path.name for path in found)}), and an arm that moved is "
+            "not gone on with. Nothing was changed: choose another --out."
+        )
+
+
 def run(plan: LivePlan, follower: Follower, course: Course) -> None:
     """Drive the arm, let the estimator follow it, log both, and show them."""
+    model = plan.config.model
     about: dict[str, Any] = {
-        "estimate": {"readout": plan.estimator.name, "model": str(plan.config.model)}
-    }
+        "estimate": {"readout": plan.estimator.name} | ({"model": str(model)} if model else {})
+    } | dict(plan.beside.about)
     if plan.config.prior_runtime_h:
         about["prior_runtime_s"] = plan.config.prior_runtime_s
     with ExitStack() as stack:
@@ -55,14 +114,21 @@ def run(plan: LivePlan, follower: Follower, course: Course) -> None:
         def see(row: Row) -> None:
             follower.learn(row["marker"])
             course.see(row)
+            plan.beside.see(row)
             if stream:
                 stream.see(row, follower.covariance[follower.rows - 1])
 
-        beside = Beside(COLUMNS, follower.columns, about, see, course.end)
+        beside = Beside(
+            COLUMNS + plan.beside.columns,
+            lambda step: follower.columns(step) | dict(plan.beside.further(step)),
+            about,
+            see,
+            course.end,
+        )
         if plan.config.backend == "real":
             from serpent_twin.recording import real  # not before its port is checked
 
-            real.record_all(plan.drive, [1], beside)
+            real.record_all(plan.drive, [1], beside, plan.steering)
         else:
             _simulate(plan, beside)
 
@@ -73,7 +139,7 @@ def _simulate(plan: LivePlan, beside: Beside) -> None:
     cameras = arm.cameras if plan.config.markers else NoMocap()
     markers = "simulated" if plan.config.markers else "none"
     about = run_settings.metadata(drive, 1) | {"markers": markers} | dict(beside.about)
-    if drive.own:
+    if drive.own and plan.config.model:
         path = str(plan.config.model / "readout.json")
         about["twin"] = {"path": path, "design": twin_model.to_dict(drive.own)}
     with (
@@ -83,7 +149,8 @@ def _simulate(plan: LivePlan, beside: Beside) -> None:
         arm.bus,
     ):
         period = 1 / drive.rate_hz
-        for row in record(arm.bus, cameras, targets, arm.gain, period, beside.further):
+        steering = plan.steering or FollowTargets(targets, arm.gain)
+        for row in record(arm.bus, cameras, steering, period, beside.further):
             journal.append(row)
             beside.see(row)
             bar.update()

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -15,20 +15,61 @@ from serpent_twin.hardware.limits import refuse_hardware_error
 from serpent_twin.hardware.motor_bus import MotorBus, MotorState
 
 
-@dataclass(frozen=True)
-class Step:
-    """A control step whose command is sent."""
+class Steering(Protocol):
+    """What decides on the motors' velocities, step by step."""
 
+    @property
+    def rows(self) -> int:
+        """Control steps of a session."""
+        ...
+
+    def command(self, now: "Reading") -> tuple[Array, Array]:
+        """The joint targets of a step [rad], (9,), and the velocities that are to be sent [rad/s], (10,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a step's command is decided on."""
+
+    number: int
+    """Of the step, from 0"""
     time: float
     """Since the session's first reading [s]"""
     state: MotorState
     """Readings of the motors"""
-    frame: MarkerFrame
-    """Markers measured by the cameras"""
     before: Array
     """What was sent in the step before [rad/s], (10,); 0 in the first"""
     read_at: float
     """`time.perf_counter()` when the motors were read [s]"""
+
+
+@dataclass(frozen=True)
+class FollowTargets:
+    """The paper's P control of the joint angles that stiff cables would have."""
+
+    targets: Array
+    """[rad], (steps, 9)"""
+    gain: float
+    """[1/s]"""
+
+    @property
+    def rows(self) -> int:
+        """Control steps of a session."""
+        return len(self.targets)
+
+    def command(self, now: Reading) -> tuple[Array, Array]:
+        """The step's targets, and the velocities towards them."""
+        target = self.targets[now.number]
+        return target, joint_p_control(target, now.state.position, self.gain)
+
+
+@dataclass(frozen=True)
+class Step(Reading):
+    """A control step whose command is sent."""
+
+    frame: MarkerFrame
+    """Markers measured by the cameras"""
 
 
 Row = Mapping[str, Any]
@@ -57,29 +98,30 @@ NOTHING = Beside()
 def record(
     bus: MotorBus,
     mocap: Mocap,
-    targets: np.ndarray,
-    gain: float,
+    steering: Steering,
     period: float,
     further: Further = lambda step: {},
 ) -> Iterator[dict[str, Any]]:
-    """Drive a connected arm along joint targets [rad], (steps, 9), one row of the log a step.
+    """Drive a connected arm as a steering decides, one row of the log a step.
 
-    Each step reads motors and markers, sends the P controller's velocities, and yields the row, with
+    Each step reads motors and markers, sends the velocities decided on, and yields the row, with
     `further` columns; the next begins a period [s] after it, so a row's command acts between it and
     the next.
     """
     bus.enable_torque()
     start, before = None, np.zeros(N_MOTORS)
-    for target in targets:
+    for number in range(steering.rows):
         if start is not None:
             bus.wait(period)
         state = bus.read_state()
         read_at = time.perf_counter()
         frame = mocap.read()
         refuse_hardware_error(state)
-        sent = bus.write_velocity(joint_p_control(target, state.position, gain))
         start = state.time if start is None else start
-        step = Step(state.time - start, state, frame, before, read_at)
+        now = Reading(number, state.time - start, state, before, read_at)
+        target, velocity = steering.command(now)
+        sent = bus.write_velocity(velocity)
+        step = Step(number, now.time, state, before, read_at, frame)
         before = sent
         yield {
             "time": step.time,

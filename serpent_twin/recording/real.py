@@ -17,7 +17,7 @@ from serpent_twin.hardware.dynamixel.setup import (
 )
 from serpent_twin.recording import lost_markers, run_folder
 from serpent_twin.recording.ending import loop_times, sealed, stopped_by_signals
-from serpent_twin.recording.loop import NOTHING, Beside, Step, record
+from serpent_twin.recording.loop import NOTHING, Beside, FollowTargets, Steering, Step, record
 from serpent_twin.recording.options import Collect
 from serpent_twin.recording.real_arm import arm_of, cameras_of
 from serpent_twin.recording.run_settings import metadata, session_path
@@ -34,8 +34,12 @@ MOST_EVENTS = 200
 Show = Callable[[int, str], None]
 
 
-def record_all(config: Collect, missing: list[int], beside: Beside = NOTHING) -> None:
-    """Record the sessions 1, 2, … that are missing, one after the other."""
+def record_all(
+    config: Collect, missing: list[int], beside: Beside = NOTHING, steering: Steering | None = None
+) -> None:
+    """Record the sessions 1, 2, … that are missing, one after the other; without a steering, the arm follows
+    the config's targets.
+    """
     setup = arm_of(config)
     if is_pseudo_terminal(setup.port):
         print(f"{setup.port} is a pseudo-terminal: the motors on it are simulated.")
@@ -49,20 +53,26 @@ def record_all(config: Collect, missing: list[int], beside: Beside = NOTHING) ->
                 )
                 bar.update(rows)
 
-            record_session(config, setup, session, show, beside)
+            record_session(config, setup, session, show, beside, steering)
 
 
 def record_session(
-    config: Collect, setup: ArmSetup, session: int, show: Show, beside: Beside = NOTHING
+    config: Collect,
+    setup: ArmSetup,
+    session: int,
+    show: Show,
+    beside: Beside = NOTHING,
+    steering: Steering | None = None,
 ) -> None:
     """Record one session; however it ends, its rows are sealed, and its metadata state why it ended."""
     path = session_path(config, session)
-    for_targets, *_ = generators(config.seed, (session,))
-    targets = config.targets(for_targets)
     bus, cameras, watch = DynamixelBus(setup), cameras_of(config), lost_markers.Watch()
     of_bus = FURTHER + (FURTHER_OF_CAMERAS if config.real.mocap != "none" else ())
     values = _further(bus, of_bus)
     gain, period = config.parameters.controller_gain, 1 / config.rate_hz
+    if steering is None:
+        for_targets, *_ = generators(config.seed, (session,))
+        steering = FollowTargets(config.targets(for_targets), gain)
     times: list[float] = []
 
     def further(step: Step) -> dict[str, float]:
@@ -84,7 +94,7 @@ def record_session(
         _kept_on_disk(journal),
     ):
         bring_back(bus, gain, period)
-        for row in record(bus, cameras, targets, gain, period, further):
+        for row in record(bus, cameras, steering, period, further):
             journal.append(row)
             times.append(row["time"])
             beside.see(row)

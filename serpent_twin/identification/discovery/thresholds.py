@@ -38,7 +38,7 @@ def better_thresholds(
     response = next(r for r in places.responses if (r.handle, r.place) == (law.handle, law.place))
     search = Search(case, some, _without(case, some, found, name), places)
     x = places.readings[law.reading, law.where]
-    tried = _finely(law, *values[FORM : FORM + 2], x)
+    tried = _finely(law, float(values[FORM]), float(values[FORM + 1]), x)
     points = []
     for each in search.among(response, tried):
         other = values.copy()

@@ -27,19 +27,15 @@ from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.places import PlaceResponse
 from serpent_twin.sim import response
 from serpent_twin.sim.prescribed_motion import STANDING
+from serpent_twin.sim.statics import PASSES, gravity_stiffness, of_joints, strand_stiffness
 from serpent_twin.sim.twin_model import TwinModel
 
 _OBSTACLES = (2, 4, 6, 8)
 """Links whose position laws may follow, as where something stands in the way: links beside move alike"""
 _SOFTEST = 0.01
 """[N m/rad] of a joint whose cables are slack: friction holds it"""
-_STEP = 1e-4  # [rad]
 _SIDES = np.tile([1.0, -1.0], N_MOTORS)
 _RADII = ARM.pulley_radii
-_PASSES = np.array(
-    [[1.0] * min(j + 1, N_JOINTS) + [0.0] * (N_JOINTS - 1 - j) for j in range(N_MOTORS)]
-)
-"""Which joints each cable passes, (10, 9)"""
 
 
 @dataclass(frozen=True)
@@ -103,8 +99,7 @@ class ArmPlaces:
     @cached_property
     def _strand(self) -> Array:
         """Stiffness of each strand that pulls [N/m], (S, T, 20)."""
-        own = self.twin.parameters.strand_stiffness * np.exp(self.twin.tolerances.strand_stiffness)
-        return np.where(self.did.tension > 0, own, 0.0)
+        return np.where(self.did.tension > 0, strand_stiffness(self.twin), 0.0)
 
     @cached_property
     def _cable(self) -> Array:
@@ -114,8 +109,7 @@ class ArmPlaces:
     @cached_property
     def _yields(self) -> Array:
         """K⁻¹ [rad/(N m)], (S, T, 9, 9)."""
-        K = np.einsum("stj,ji,jk->stik", self._cable, _PASSES, _PASSES)
-        K = K + _gravity_stiffness(self.did.joint_angle)
+        K = of_joints(self._cable) + gravity_stiffness(self.did.joint_angle)
         values, vectors = np.linalg.eigh((K + K.swapaxes(-1, -2)) / 2)
         return np.einsum(
             "...ik,...k,...jk->...ij", vectors, 1 / np.maximum(values, _SOFTEST), vectors
@@ -129,7 +123,7 @@ class ArmPlaces:
         marker = np.asarray(self.did.marker)
         reach = marker[..., None, :, :] - origin[..., :, None, :]
         moved = np.cross(axis[..., :, None, :], reach) * np.tri(N_JOINTS).T[..., None]
-        load = -self._cable[..., None, :] * _PASSES.T / ARM.servo.stall_torque
+        load = -self._cable[..., None, :] * PASSES.T / ARM.servo.stall_torque
         whole = np.concatenate([moved.reshape(*moved.shape[:-2], -1), load], axis=-1)
         return np.moveaxis(whole, -2, 0)
 
@@ -163,7 +157,7 @@ class ArmPlaces:
 
     def _wound(self, j: int, torque: Array) -> Array:
         """Change of the prediction by a torque (S, T) that cable j has more, (S, T, 37)."""
-        moved = np.einsum("i,istc->stc", _PASSES[j], self._by_torques) + (
+        moved = np.einsum("i,istc->stc", PASSES[j], self._by_torques) + (
             self._by_loads[j] / ARM.servo.stall_torque
         )
         return torque[..., None] * moved
@@ -206,14 +200,3 @@ class ArmPlaces:
             load = np.broadcast_to(self._by_loads[j], self.pieces.measured.shape)
             yield PlaceResponse("load_shift", name, load[None])
             yield PlaceResponse("load_scale", name, (self.did.load[..., j, None] * load)[None])
-
-
-def _gravity_stiffness(q: Array) -> Array:
-    """Change of the torque that joints need against gravity, by their angles [N m/rad], (S, T, 9, 9)."""
-    gravity = np.array(ARM.gravity)
-
-    def needed(q: Array) -> Array:
-        return -np.einsum("l,...ljx,x->...j", LINK_MASS, levers(q), gravity)
-
-    steps = [needed(q + _STEP * one) - needed(q - _STEP * one) for one in np.eye(N_JOINTS)]
-    return np.stack(steps, axis=-1) / (2 * _STEP)

@@ -1,0 +1,20 @@
+"""Let the arm follow a path: `python -m serpent_twin.follow`."""
+
+import sys
+
+from serpent_twin.command_line import cli
+from serpent_twin.following.follow import follow
+from serpent_twin.following.options import Follow
+
+
+def main(config: Follow) -> None:  # noqa: D103 tyro would print it above the config's own
+    try:
+        follow(config)
+    except KeyboardInterrupt:
+        print(f"\nStopped. The rows until then are in {config.out}.", file=sys.stderr)
+        sys.exit(130)
+    print(f"{config.out}: the log, its figures, its picture and its recording")
+
+
+if __name__ == "__main__":
+    cli.run(main)

@@ -1,0 +1,193 @@
+"""Follow a path: plan, drive, and state how near the gripper's end was."""
+
+from typing import Any
+
+import numpy as np
+
+from serpent_twin import estimators
+from serpent_twin.arrays import Array
+from serpent_twin.estimators import Estimator
+from serpent_twin.estimators.observer import Observer
+from serpent_twin.following import path as paths
+from serpent_twin.following.options import Follow
+from serpent_twin.following.picture import draw
+from serpent_twin.following.planning import PathPlan, planned, slack_cables
+from serpent_twin.following.reaching import JointBounds
+from serpent_twin.following.steering import COLUMNS, FollowPath
+from serpent_twin.hardware.limits import Limits
+from serpent_twin.live.arm import Drive
+from serpent_twin.live.figures import Course, figures
+from serpent_twin.live.follower import Follower
+from serpent_twin.live.run import LivePlan, refuse_second, run
+from serpent_twin.numerals import listed
+from serpent_twin.recording import collect, run_settings
+from serpent_twin.recording.ending import why
+from serpent_twin.recording.loop import Beside
+from serpent_twin.runs.files import write_json
+from serpent_twin.runs.provenance import file_hash, provenance
+from serpent_twin.runs.run_lock import claimed
+from serpent_twin.sim import twin_model
+
+SETTINGS = "follow.json"
+RESULTS = "results.json"
+PICTURE = "path.png"
+
+
+def follow(config: Follow) -> dict[str, Any]:
+    """Plan, drive and log; returns what results.json holds, also of a run that is stopped."""
+    twin = twin_model.read(config.twin)
+    way = paths.read(config.path)
+    estimator = _estimator(config, twin)
+    estimator.require_rate(config.rate_hz)
+    print("rehearsing on the twin")
+    plan = planned(
+        way,
+        twin,
+        config.rate_hz,
+        JointBounds.usual(config.wider),
+        _limits(config),
+        config.prior_runtime_s,
+    )
+    print(_said(plan))
+    drive = _drive(config, plan)
+    follower = Follower(estimator, plan.rows, prior_runtime=config.prior_runtime_s)
+    gain = twin.parameters.controller_gain
+    steering = FollowPath(plan, twin, follower, gain, config.feedback)
+    beside = Beside(COLUMNS, steering.columns, {"path": _about(config)})
+    live = LivePlan(config, estimator, drive, steering=steering, beside=beside)
+    course = Course(plan.rows)
+    said = run_settings.settings(drive) | _about(config)
+    with claimed(config.out, SETTINGS, said):
+        refuse_second(live, RESULTS)
+        ended = None
+        try:
+            run(live, follower, course)
+        except BaseException as error:
+            ended = why(error)
+            raise
+        finally:
+            results: dict[str, Any] = {"complete": ended is None, "ended": ended}
+            if course.rows:
+                results |= {"rate_hz": config.rate_hz} | _errors(plan, steering, course)
+                results |= figures(course, follower, plan.period)
+                results |= {"seed": config.seed, "settings": said} | provenance()
+                print(_told(results))
+                write_json(config.out / RESULTS, results)
+                draw(config.out / PICTURE, plan, course.rows, {"as estimated": steering.estimated})
+    return results
+
+
+def _estimator(config: Follow, twin: twin_model.TwinModel) -> Estimator:
+    """What estimates: a trained readout, of an observer with this twin, or the twin itself."""
+    if config.model is None:
+        return Observer.of(twin)
+    trained = estimators.load(config.model)
+    return trained.with_twin(twin) if trained.takes_twin else trained
+
+
+def _limits(config: Follow) -> Limits:
+    if config.backend == "sim":
+        return Limits()
+    from serpent_twin.recording.real_arm import arm_of
+
+    return arm_of(_collect(config)).limits
+
+
+def _collect(config: Follow, **more: Any) -> Drive:
+    return Drive(
+        out=config.out,
+        backend=config.backend,
+        sessions=1,
+        rate_hz=config.rate_hz,
+        seed=config.seed,
+        arm=config.arm,
+        real=config.real,
+        prior_runtime=config.prior_runtime_s,
+        **more,
+    )
+
+
+def _drive(config: Follow, plan: PathPlan) -> Drive:
+    """What moves, checked."""
+    simulated = config.backend == "sim"
+    drive = _collect(
+        config, steps=plan.rows, twin=(simulated and (config.simulate or config.twin)) or None
+    )
+    collect.check(drive)
+    return drive
+
+
+def _about(config: Follow) -> dict[str, Any]:
+    """What decides on the motion, with the hashes of its files."""
+    about: dict[str, Any] = {
+        "path_sha256": file_hash(config.path),
+        "twin_sha256": file_hash(config.twin),
+    }
+    about |= {"feedback": config.feedback, "wider": config.wider}
+    if config.model:
+        files = ("readout.json", "learned.npz")
+        about["readout_sha256"] = {name: file_hash(config.model / name) for name in files}
+    return about
+
+
+def _errors(plan: PathPlan, steering: FollowPath, course: Course) -> dict[str, Any]:
+    """How far the gripper's end was from the path: as estimated, and the last marker as measured."""
+    rows = slice(plan.begins, course.rows)
+    estimated = np.linalg.norm(steering.estimated[rows] - plan.tip[rows], axis=1)
+    wanted = steering.markers_wanted[rows, -1]
+    marker = np.linalg.norm(course.measured[rows, -1] - wanted, axis=1)
+    return {
+        "path_rows": len(estimated),
+        "tip_error_as_estimated_mm": _summary(estimated),
+        "marker9_error_mm": _summary(marker),
+        "tip_error_rehearsed_mm": _summary(plan.short[plan.begins :]),
+        "most_feedback_rad": float(np.abs(steering.most_added).max()),
+    }
+
+
+def _summary(error: Array) -> dict[str, float] | None:
+    """Of errors [m], in mm."""
+    known = 1e3 * error[np.isfinite(error)]
+    if not known.size:
+        return None
+    return {
+        "mean": float(known.mean()),
+        "rms": float(np.sqrt((known**2).mean())),
+        "max": float(known.max()),
+    }
+
+
+def _said(plan: PathPlan) -> str:
+    found, lost = _summary(plan.short[plan.begins :]), slack_cables(plan)
+    assert found
+    told = (
+        f"{plan.begins * plan.period:.1f} s to where the path begins, "
+        f"{(plan.rows - plan.begins) * plan.period:.1f} s along it; the twin's tip is "
+        f"{found['mean']:.1f} mm from it on average, {found['max']:.1f} mm at most."
+    )
+    if lost:
+        told += (
+            f" No strand of cable {listed([str(each) for each in lost])} pulls on the whole path: friction "
+            "alone holds what it drives, and no motor feels it."
+        )
+    return told
+
+
+def _told(results: dict[str, Any]) -> str:
+    lines = []
+    for key, what in (
+        ("tip_error_as_estimated_mm", "The gripper's end as estimated"),
+        ("marker9_error_mm", "Marker 9 as measured"),
+    ):
+        if found := results[key]:
+            lines.append(
+                f"{what}: {found['rms']:.1f} mm rms from the path, {found['max']:.1f} mm at most."
+            )
+    late, missed = results["latency_ms"], results["missed_deadlines"]
+    if late:
+        lines.append(
+            f"From reading to estimate: median {late['median']:.2f} ms, p99 {late['p99']:.2f} ms."
+        )
+    if missed is not None:
+        lines.append(f"Missed deadlines of the loop: {missed}.")
+    return "\n".join(lines)

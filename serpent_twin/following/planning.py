@@ -1,0 +1,189 @@
+"""Plan how the arm follows a path, and say before anything moves what it cannot do."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from serpent_twin.arm.geometry import joint_from_motor
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.following.path import PathToFollow
+from serpent_twin.following.reaching import NEAR, JointBounds, all_reached, reached, tips
+from serpent_twin.following.rehearsal import Rehearsal, rehearsed
+from serpent_twin.hardware.limits import Limits
+from serpent_twin.sim.twin_model import TwinModel
+
+APPROACH = 0.15
+"""Greatest speed of a joint on the way to a path's first point [rad/s]"""
+_WAIT = 1.5
+"""For which the arm waits there [s]"""
+_KNOTS = 0.1
+"""Between poses that are sought along a path, at most [s]; those between are interpolated"""
+_SHARE = 0.9
+"""Of a limit that a plan may use"""
+_FAR = 10e-3
+"""From its path, which a rehearsed tip must not be [m]"""
+_SLACK = 0.02
+"""Below which a cable's strands both count as slack [N]"""
+
+
+@dataclass(frozen=True)
+class PathPlan:
+    """How the arm follows a path, one row a control step: the way there, a rest, and the path."""
+
+    period: float
+    """[s]"""
+    begins: int
+    """Row with which the path begins"""
+    tip: Array
+    """Where the gripper's end is to be in the base frame [m], (T, 3)"""
+    joint_angle: Array
+    """[rad], (T, 9)"""
+    rehearsal: Rehearsal
+    """How the twin does this"""
+
+    @property
+    def rows(self) -> int:
+        """Control steps."""
+        return len(self.tip)
+
+    @property
+    def short(self) -> Array:
+        """How far the twin's tip is from its point in the rehearsal [m], (T,)."""
+        return np.linalg.norm(tips(self.rehearsal.response.joint_angle) - self.tip, axis=1)
+
+
+def planned(
+    path: PathToFollow,
+    twin: TwinModel,
+    rate_hz: float,
+    bounds: JointBounds,
+    limits: Limits,
+    prior_runtime: float = 0.0,
+) -> PathPlan:
+    """How the arm of a twin follows a path, from where it hangs straight; raises a `SerpentError` that says
+    where and why it cannot.
+    """
+    period = 1 / rate_hz
+    time = np.arange(int(np.floor(path.duration / period + 1e-9)) + 1) * period
+    along = _poses(path, time, bounds)
+    _refuse_fast(path, along, period, limits)
+    there = _way_there(along[0], period)
+    joint_angle = np.concatenate([there, along])
+    wanted = path.at(time) if path.of_tip else tips(along)
+    rehearsal = rehearsed(twin, joint_angle, period, prior_runtime)
+    plan = PathPlan(
+        period, len(there), np.concatenate([tips(there), wanted]), joint_angle, rehearsal
+    )
+    _refuse_load(path, plan, limits)
+    _refuse_unmet(path, plan)
+    return plan
+
+
+def _poses(path: PathToFollow, time: Array, bounds: JointBounds) -> Array:
+    """Joint angles along a path at some times, (T, 9)."""
+    if not path.of_tip:
+        _refuse_beyond(path, bounds)
+        return path.at(time)
+    count = max(2, int(np.ceil(path.duration / _KNOTS)) + 1)
+    knots = np.linspace(0.0, path.duration, count)  # whatever the rate, the poses are the same
+    found, short = all_reached(path.at(knots), bounds)
+    if (short > NEAR).any():
+        _refuse_unreached(path, float(knots[np.argmax(short > NEAR)]), bounds)
+    return CubicSpline(knots, found)(time)
+
+
+def _way_there(pose: Array, period: float) -> Array:
+    """Joint angles from the straight arm to a pose, along which no joint is faster than `APPROACH`, and a
+    rest, (T, 9); the path of least jerk (Flash and Hogan, J. Neurosci. 5 (1985) 1688).
+    """
+    fastest = 15 / 8  # of such a path to its mean speed
+    rows = int(np.ceil(fastest * np.abs(pose).max() / APPROACH / period)) + 1
+    u = np.linspace(0.0, 1.0, rows + 1)[:, None]
+    share = u**3 * (10 - 15 * u + 6 * u**2)
+    rest = int(np.ceil(_WAIT / period))
+    return np.concatenate([share * pose, np.repeat(pose[None], rest, axis=0)])
+
+
+def _refuse_unreached(path: PathToFollow, time: float, bounds: JointBounds) -> None:
+    point = path.at(np.array([time]))[0]
+    near = tips(reached(point, bounds))
+    far = 1e3 * np.linalg.norm(near - point)
+    raise SerpentError(
+        f"{path.file}: at {time:.2f} s the path is at {_mm(point)} mm, and the gripper's end comes no "
+        f"nearer than {far:.1f} mm, at {_mm(near)} mm, while each joint stays within its bounds. "
+        "Move the path, or give the joints more room: --wider."
+    )
+
+
+def _refuse_beyond(path: PathToFollow, bounds: JointBounds) -> None:
+    beyond = np.argwhere((path.points < bounds.low - 1e-9) | (path.points > bounds.high + 1e-9))
+    if len(beyond):
+        n, j = beyond[0]
+        raise SerpentError(
+            f"{path.file}, line {n + 2}: joint {j + 1} is to be at {path.points[n, j]:.3f} rad; its bounds "
+            f"are {bounds.low[j]:.3f} and {bounds.high[j]:.3f} rad. Move it within, or give it more room: "
+            "--wider."
+        )
+
+
+def _refuse_fast(path: PathToFollow, along: Array, period: float, limits: Limits) -> None:
+    """Refuse a path on which a motor would turn faster than it may, on stiff cables."""
+    if len(along) < 2:
+        return
+    speed = np.abs(np.diff(np.cumsum(along, axis=1), axis=0)) / period
+    most = _SHARE * limits.velocity
+    if speed.max() > most:
+        row, motor = np.unravel_index(int(speed.argmax()), speed.shape)
+        raise SerpentError(
+            f"{path.file}: at {row * period:.2f} s motor {motor + 1} would have to turn at "
+            f"{speed.max():.2f} rad/s, and {most:.2f} rad/s is what it may. Near a singular pose a small way "
+            f"of the tip takes large turns: move the path, or give it {speed.max() / most:.1f} times the "
+            "time."
+        )
+
+
+def _refuse_load(path: PathToFollow, plan: PathPlan, limits: Limits) -> None:
+    """Refuse what the rehearsal shows that the arm cannot do."""
+    response, motors = plan.rehearsal.response, plan.rehearsal.motor_angle
+    at = (np.arange(plan.rows) - plan.begins) * plan.period
+    load, most = np.abs(response.load), _SHARE * limits.load
+    if load.max() > most:
+        row, motor = np.unravel_index(int(load.argmax()), load.shape)
+        raise SerpentError(
+            f"{path.file}: at {at[row]:.2f} s motor {motor + 1} would hold {100 * load.max():.0f} % of its "
+            f"stall torque, and {100 * most:.0f} % is what it may. Move the path to where the arm hangs "
+            "lower."
+        )
+    turned = np.abs(joint_from_motor(motors[:, :-1]))
+    if turned.max() > _SHARE * limits.joint_angle:
+        row, joint = np.unravel_index(int(turned.argmax()), turned.shape)
+        raise SerpentError(
+            f"{path.file}: at {at[row]:.2f} s the motors would have to turn joint {joint + 1} by "
+            f"{turned.max():.2f} rad on stiff cables, since the real ones stretch; the arm is stopped at "
+            f"{limits.joint_angle:.2f} rad. Move the path to where the arm hangs lower."
+        )
+
+
+def _refuse_unmet(path: PathToFollow, plan: PathPlan) -> None:
+    """Refuse a path that the twin does not follow, however its motors turn."""
+    rms = float(np.sqrt((plan.short[plan.begins :] ** 2).mean()))
+    if rms > _FAR:
+        row = plan.begins + int(plan.short[plan.begins :].argmax())
+        raise SerpentError(
+            f"{path.file}: however its motors turn, the twin's tip stays {1e3 * rms:.0f} mm from the path, "
+            f"and {1e3 * plan.short[row]:.0f} mm at {(row - plan.begins) * plan.period:.2f} s: its cables "
+            "are too soft or too slack for this path. Move it to where the arm hangs lower, or go slower."
+        )
+
+
+def slack_cables(plan: PathPlan) -> list[int]:
+    """Cables, from 1, of which no strand pulls on the whole path: what they hold cannot be driven."""
+    tension = plan.rehearsal.response.tension[plan.begins :, :-2]
+    pulls = (tension > _SLACK).any(axis=0).reshape(-1, 2).any(axis=1)
+    return [int(j) + 1 for j in np.flatnonzero(~pulls)]
+
+
+def _mm(point: Array) -> str:
+    return f"({', '.join(f'{1e3 * each:.0f}' for each in point)})"

@@ -1,0 +1,90 @@
+"""Steer the arm along a planned path by what an estimator says of its pose."""
+
+import numpy as np
+
+from serpent_twin.arm.geometry import joint_from_motor
+from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_jacobian
+from serpent_twin.arrays import Array
+from serpent_twin.following.planning import PathPlan
+from serpent_twin.following.reaching import tips
+from serpent_twin.following.rehearsal import on_stiff_cables
+from serpent_twin.live.follower import Follower
+from serpent_twin.recording.loop import Reading, Step
+from serpent_twin.sim.statics import gives_way
+from serpent_twin.sim.twin_model import TwinModel
+
+WANTED = ("path_x", "path_y", "path_z")
+ESTIMATED = ("tip_x", "tip_y", "tip_z")
+COLUMNS = (*WANTED, *ESTIMATED)
+"""Of a log: where the gripper's end is to be, and where it is estimated to be, in the base frame [m]"""
+_MOST = 0.3
+"""Furthest that feedback moves a motor from the plan [rad]"""
+
+
+class FollowPath:
+    """The planned motion of the motors, with feedback of the joints' estimated angles.
+
+    A motor turns as in the rehearsal, and is drawn towards its angle there in proportion to what it lacks.
+    What the estimate says that the joints lack is turned into motor angles by the inverse stiffness and added
+    slowly. An estimate that is the twin's own, with motors that follow, agrees with the rehearsal, so that
+    nothing is added.
+    """
+
+    def __init__(
+        self,
+        plan: PathPlan,
+        twin: TwinModel,
+        follower: Follower,
+        gain: float,
+        feedback: float,
+    ) -> None:
+        """`gain` draws motors to their angles [1/s]; `feedback` takes up what the joints lack [1/s], 0 for
+        open loop.
+        """
+        self.plan, self._follower = plan, follower
+        self._gain, self._feedback = min(gain, 0.4 / plan.period), feedback
+        self._offset = twin.tolerances.marker_offset
+        self._more = gives_way(twin, plan.joint_angle)
+        angle = plan.rehearsal.motor_angle
+        self._speed = np.diff(angle, axis=0, append=angle[-1:]) / plan.period
+        self._added = np.zeros(angle.shape[1])
+        self._before = 0.0
+        self.most_added = np.zeros(angle.shape[1])
+        """Furthest that feedback moved each motor from the plan [rad], (10,)"""
+        self.estimated = np.full((plan.rows, 3), np.nan)
+        """Where the gripper's end was estimated to be [m], (T, 3)"""
+
+    @property
+    def markers_wanted(self) -> Array:
+        """Where the markers are to be [m], (T, 9, 3)."""
+        return marker_jacobian(self.plan.joint_angle, self._offset)[0]
+
+    @property
+    def rows(self) -> int:
+        """Control steps."""
+        return self.plan.rows
+
+    def command(self, now: Reading) -> tuple[Array, Array]:
+        """The joints' planned angles, and the velocities to be sent."""
+        plan, position = self.plan, now.state.position
+        row = min(round(now.time / plan.period), plan.rows - 1)
+        wanted = plan.rehearsal.motor_angle[row]
+        belief = self._follower.update(now)
+        interval, self._before = now.time - self._before, now.time
+        if belief is not None:
+            guess = joint_from_motor(position[:-1])
+            joint = joints_from_markers(belief.marker, guess[None], self._offset)[0]
+            self.estimated[now.number] = tips(joint)
+            lacking = on_stiff_cables(self._more[row] @ (plan.joint_angle[row] - joint))
+            share = 1 - np.exp(-self._feedback * interval)
+            added = self._added + share * (position + lacking - wanted - self._added)
+            self._added = np.clip(added, -_MOST, _MOST)
+            self.most_added = np.maximum(self.most_added, np.abs(self._added))
+        toward = self._gain * (wanted + self._added - position)
+        return plan.joint_angle[row], self._speed[row] + toward
+
+    def columns(self, step: Step) -> dict[str, float]:
+        """The log's columns of a step."""
+        row = min(round(step.time / self.plan.period), self.rows - 1)
+        values = [*self.plan.tip[row], *self.estimated[step.number]]
+        return dict(zip(COLUMNS, map(float, values), strict=True))

@@ -1,0 +1,72 @@
+"""The arm follows a path by its motor bus alone, near to it, whatever its cables do."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from serpent_twin.errors import SerpentError
+from serpent_twin.following.follow import follow
+from serpent_twin.following.options import Follow
+from serpent_twin.following.steering import FollowPath
+from serpent_twin.sessions import read_session
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin_model import NOMINAL_TWIN
+
+SOFT = replace(
+    NOMINAL_TWIN,
+    parameters=replace(NOMINAL_TWIN.parameters, strand_stiffness=7e3, marker_noise=2e-4),
+)
+
+
+@pytest.fixture
+def config(tmp_path):
+    time = np.arange(0, 8.01, 0.5)
+    points = np.stack([0.48 + 0 * time, -0.04 + 0.01 * time, -0.2 + 0 * time], axis=1)
+    path = tmp_path / "path.csv"
+    header = "time,x,y,z"
+    np.savetxt(path, np.column_stack([time, points]), delimiter=",", header=header, comments="")
+    twin = tmp_path / "twin.json"
+    twin_model.write(twin, SOFT, {})
+    return Follow(path=path, twin=twin, out=tmp_path / "run", record=False)
+
+
+def test_an_arm_of_soft_cables_keeps_to_its_path(config):
+    found = follow(config)
+    assert found["complete"]
+    assert found["marker9_error_mm"]["rms"] < 3.0
+    assert (config.out / "path.png").stat().st_size > 10_000
+    assert json.loads((config.out / "results.json").read_text())["path_rows"] == 33
+    log = read_session(config.out / "session_01.parquet")
+    assert len(log) == found["rows"]
+    there = np.stack([log.extra[f"path_{axis}"] for axis in "xyz"], axis=1)
+    np.testing.assert_allclose(there[-1], [0.48, 0.04, -0.2], atol=1e-4)
+
+
+def test_by_geometry_the_same_arm_is_far_off(config, tmp_path):
+    stiff = replace(
+        SOFT, parameters=replace(SOFT.parameters, strand_stiffness=3e4, strand_slack=0.0)
+    )
+    twin_model.write(tmp_path / "stiff.json", stiff, {})
+    other = replace(config, twin=tmp_path / "stiff.json", simulate=config.twin, feedback=0.0)
+    assert follow(other)["marker9_error_mm"]["rms"] > 30.0
+
+
+def test_a_run_that_is_stopped_keeps_its_rows_and_says_so(config, monkeypatch):
+    commanded = FollowPath.command
+
+    def stopped(self, now):
+        if now.number == 10:
+            raise KeyboardInterrupt
+        return commanded(self, now)
+
+    monkeypatch.setattr(FollowPath, "command", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        follow(config)
+    found = json.loads((config.out / "results.json").read_text())
+    assert found["complete"] is False
+    assert found["ended"] == "stopped by hand"
+    assert len(read_session(config.out / "session_01.parquet")) == 10
+    with pytest.raises(SerpentError, match="holds a run already"):
+        follow(config)
