@@ -9,7 +9,8 @@ from .effects import NAMES, NONE, TYPICAL, Effects, inject
 from .machine import ArmBatch
 from .parameters import BenchArm, draw
 from .record import Job, record, record_many
-from .session import SessionSpec, simulate
+from .sensors import SessionSpec
+from .session import simulate
 
 __all__ = [
     "NAMES",

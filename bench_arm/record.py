@@ -11,7 +11,8 @@ from serpent_twin.sessions import session_files, write_session
 
 from .effects import NONE, Effects
 from .parameters import BenchArm
-from .session import SessionSpec, session, simulate
+from .sensors import SessionSpec
+from .session import session, simulate
 
 SUBSTEPS = 80  # of 3.1 ms in a control period: markers converge to 0.03 mm
 

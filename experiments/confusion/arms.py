@@ -168,6 +168,20 @@ def _variant(kind: type[Effect], parameters: dict[str, float]) -> str:
     return ", ".join(f"{n} {value:g}" for n, value in told.items() if value is not None)
 
 
+def built(
+    trial: Trial, length: Length, seed: int
+) -> tuple[bench_arm.BenchArm, bench_arm.Effects, np.random.Generator]:
+    """The bench arm of a trial with its effects, and what draws its sessions' seed."""
+    rng = trial.rng(seed)
+    arm, noise = bench_arm.draw(rng), rng.uniform(0.15e-3, 0.5e-3)
+    arm = replace(arm, marker_noise=noise, load_noise=rng.uniform(0.004, 0.010))
+    effects, seconds = bench_arm.NONE, length.sessions * length.steps / RATE_HZ
+    for name, level in trial.effects:
+        strength = level * bench_arm.TYPICAL[name]
+        effects = bench_arm.inject(name, strength, rng, effects, seconds)
+    return arm, effects, rng
+
+
 class BenchSource:
     """The independent arm: no physics shared with the twin."""
 
@@ -179,14 +193,7 @@ class BenchSource:
 
     def write(self, trial: Trial, folder: Path, length: Length, seed: int) -> Truth:
         """Simulate all sessions at once."""
-        rng = trial.rng(seed)
-        arm, noise = bench_arm.draw(rng), rng.uniform(0.15e-3, 0.5e-3)
-        arm = replace(arm, marker_noise=noise, load_noise=rng.uniform(0.004, 0.010))
-        effects = bench_arm.NONE
-        for name, level in trial.effects:
-            strength = level * bench_arm.TYPICAL[name]
-            seconds = length.sessions * length.steps / RATE_HZ
-            effects = bench_arm.inject(name, strength, rng, effects, seconds)
+        arm, effects, rng = built(trial, length, seed)
         marker = folder.with_name("recorded.json")
         if not (marker.exists() and folder.exists()):
             shutil.rmtree(folder, ignore_errors=True)  # of a run that was interrupted in here

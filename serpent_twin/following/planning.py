@@ -162,7 +162,8 @@ def _refuse_load(path: PathToFollow, plan: PathPlan, limits: Limits) -> None:
         raise SerpentError(
             f"{path.file}: at {at[row]:.2f} s the motors would have to turn joint {joint + 1} by "
             f"{turned.max():.2f} rad on stiff cables, since the real ones stretch; the arm is stopped at "
-            f"{limits.joint_angle:.2f} rad. Move the path to where the arm hangs lower."
+            f"{limits.joint_angle:.2f} rad. Move the path to where the arm hangs lower, or raise "
+            "joint_angle_deg in the limits of its setup, arm.toml."
         )
 
 

@@ -12,6 +12,7 @@ from serpent_twin.identification.discovery import (
     discover,
     elsewhere,
     of_shape,
+    turned,
 )
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.held_out import Errors
@@ -90,21 +91,43 @@ class ComposingTracer(Tracer):
         weighed, name = self.case, done.accepted[0]
         self.on_progress(f"laws in place of {spaced(name)}")
         self.case = replace(weighed, noise=done.base.noise)
-        if names := self._candidates(done.base, done.errors):
-            stage = f"{len(rounds) + 1}_instead_of_{name}_{_mark(names)}"
-            scores = self.trials.scores(stage, self.case, done.base, names)
-            removed = max(each.share for each in scores.values())
-            if removed > _AS_MUCH * done.trials[name].score.share:
-                tried = self._law(names, done.base, done.errors, stage)
-                rounds.append(tried)
-                if law := self._stands(rounds):
-                    law = self._anew(law, len(rounds))
-                    score = tried.trials[tried.accepted[0]].score
-                    if needless(self.trials, self.case, score, law, several):
-                        return law
-                rounds[-1] = replace(tried, accepted=())
+        if (law := self._in_place(self._turned(several), several, done, rounds)) or (
+            law := self._in_place(self._candidates(done.base, done.errors), several, done, rounds)
+        ):
+            return law
         known = {**self.case.composed, **weighed.composed}  # a law found before keeps its ranges
         self.case = replace(weighed, composed=known)
+        return None
+
+    def _turned(self, several: Fit) -> list[str]:
+        """The names of laws that hold where those of a fit do not, the other way round: beside something
+        constant they are the same.
+        """
+        known, effects = self.case.candidates, several.point.effects
+        found = [each for n, v in effects.items() if (each := turned(known[n], v))]
+        self.case = self.case.composing(found)
+        return [each.name for each in found]
+
+    def _in_place(
+        self, names: Sequence[str], several: Fit, done: Round, rounds: list[Round]
+    ) -> Fit | None:
+        """The fit of one of some laws in place of what a round accepted and of all after it, if it stands."""
+        if not names:
+            return None
+        stage = f"{len(rounds) + 1}_instead_of_{done.accepted[0]}_{_mark(names)}"
+        scores = self.trials.scores(stage, self.case, done.base, names)
+        removed = max(each.share for each in scores.values())
+        if removed <= _AS_MUCH * done.trials[done.accepted[0]].score.share:
+            return None
+        tried = self._law(names, done.base, done.errors, stage)
+        rounds.append(tried)
+        if law := self._stands(rounds):
+            law = self._anew(law, len(rounds))
+            score = tried.trials[tried.accepted[0]].score
+            if needless(self.trials, self.case, score, law, several):
+                return law
+        rounds[-1] = replace(tried, accepted=())
+        self.case = replace(self.case, noise=done.base.noise)
         return None
 
     def _settled(self, found: Fit, name: str, number: int) -> Fit:

@@ -6,7 +6,7 @@ from bench_by_hand import LOOSE, SMOOTH, com_places, hold_at, machine, run
 
 from bench_arm import NAMES, NONE, TYPICAL, BenchArm, Effects, SessionSpec, draw, inject, simulate
 from bench_arm.cables import RADIUS, Strands
-from bench_arm.session import _delayed
+from bench_arm.sensors import delayed
 from serpent_twin.errors import SerpentError
 
 SILENT = BenchArm(load_noise=0.0, marker_noise=0.0, marker_loss=0.0)
@@ -61,7 +61,7 @@ def test_a_payload_raises_the_loads():
 
 def test_late_cameras_see_where_the_arm_was():
     path = np.linspace(0, 1, 51)[:, None, None] * np.ones((1, 3, 9))  # 0.25 s at 4 rad/s
-    seen = _delayed(path, [0.0, 0.0333, 0.25])[:, 0]
+    seen = delayed(path, 0.25, [0.0, 0.0333, 0.25])[:, 0]
     assert seen == pytest.approx([1.0, 1 - 4 * 0.0333, 0.0])
 
 

@@ -3,7 +3,7 @@
 from serpent_twin.identification.discovery.candidates import with_laws
 from serpent_twin.identification.discovery.discover import discover
 from serpent_twin.identification.discovery.free_curve import FreeCurve, free_curve
-from serpent_twin.identification.discovery.resembling import elsewhere, of_shape
+from serpent_twin.identification.discovery.resembling import elsewhere, of_shape, turned
 from serpent_twin.identification.discovery.steps_alike import steps_alike
 from serpent_twin.identification.discovery.thresholds import better_thresholds
 
@@ -15,5 +15,6 @@ __all__ = [
     "free_curve",
     "of_shape",
     "steps_alike",
+    "turned",
     "with_laws",
 ]

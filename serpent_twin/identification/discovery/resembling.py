@@ -3,13 +3,15 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-from serpent_twin.effects import place_of
+from serpent_twin.arrays import Array
+from serpent_twin.effects import law_of, place_of
 from serpent_twin.effects.law import HANDLES, parse
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.wording import DISCOVERED
 from serpent_twin.machines.candidate import Candidate
 
 _BODY = "body"
+_TURNED = {"above": "under", "under": "above"}
 
 
 def of_shape(name: str, several: Iterable[Candidate]) -> list[Candidate]:
@@ -41,3 +43,22 @@ def elsewhere(candidate: Candidate, found: Fit) -> list[Candidate]:
         )
         for other in candidate.places
     ]
+
+
+def turned(candidate: Candidate, values: Array) -> Candidate | None:
+    """Of a step, the law that holds where it does not, with the opposite sizes; None of other effects."""
+    if law_of(candidate.name) != DISCOVERED:
+        return None
+    law = parse(place_of(candidate.name))
+    if law.shape not in _TURNED:
+        return None
+    start, shape = values.copy(), _TURNED[law.shape]
+    start[: HANDLES[law.handle].components] *= -1
+    return replace(
+        candidate,
+        name=f"{DISCOVERED}@{replace(law, shape=shape)}",
+        variants=(start,),
+        composed={**candidate.composed, "law": shape},
+        alike={},
+        alternatives=(),
+    )

@@ -1,0 +1,47 @@
+"""Measure how near arms keep to paths without a camera in the loop: `python -m experiments.follow`.
+
+Arms are those of `bench_arm`, which shares no physics with the twin, each with an effect that nobody has
+declared, and the twin that a trace of its logs wrote.
+"""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from experiments.follow.config import FollowStudy
+from experiments.follow.paths import PATHS
+from experiments.follow.trial import WAYS, rms, run_arm, traced_arms
+from experiments.result_page import publish, store
+from experiments.result_rows import Results
+from serpent_twin.command_line import cli
+from serpent_twin.runs.provenance import file_hash
+from serpent_twin.runs.run_lock import claimed
+
+SETTINGS = "follow_study.json"
+
+
+def main(config: FollowStudy) -> None:  # noqa: D103 tyro would print it above the config's own
+    arms = traced_arms(config.study, config.arms)
+    settings = {"study_sha256": file_hash(config.study / "confusion.json")}
+    with claimed(config.out, SETTINGS, settings):
+        results = Results(config.out / "results.jsonl")
+        results.complete(arms, partial(run_arm, config), _line, config.workers)
+        rows = results.scored
+        if not rows:
+            return
+        for path in PATHS:
+            told = ", ".join(f"{way} {np.median(rms(rows, path, way)):.1f}" for way in WAYS)
+            print(f"{path}: {told} mm rms, median of {len(rows)} arms")
+        figures = {"rows": rows, "failed": results.failed, "settings": settings}
+        publish(store(config.out / "results.json", "experiments.follow", figures), config.page)
+
+
+def _line(row: dict[str, Any]) -> str:
+    first = next(iter(PATHS))
+    told = ", ".join(f"{way} {row['paths'][first][way]['rms']:.1f}" for way in WAYS)
+    return f"{row['id']:20} {first}: {told} mm"
+
+
+if __name__ == "__main__":
+    cli.run(main)

@@ -1,0 +1,120 @@
+"""Write how near arms keep to paths as a page."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from experiments.follow.paths import PATHS, SPEED
+from experiments.follow.trial import GEOMETRY, LOADED, LOADED_OPEN, MENDED, RATES, WAYS, rms
+from experiments.result_page import PageContent
+from serpent_twin.numerals import counted
+from serpent_twin.reporting.plot_style import COLOURS, finish, sheet
+from serpent_twin.reporting.report import Figure, Section, Table
+
+_AIM = 3.0
+"""[mm] rms"""
+
+
+def result_page(results: Mapping[str, Any]) -> PageContent:
+    """The page of a results.json."""
+    rows = results["rows"]
+    text = (
+        "Each arm has one effect that no catalogue lists. Its twin is what `trace` wrote from its logs. The "
+        f"tip goes along each path at {1e3 * SPEED:.0f} mm/s, without a camera in the loop; errors are "
+        "distances of the true tip, the gripper's end, from where it was to be at that instant. *Geometry* "
+        "turns the motors as stiff cables would need it. The twins' ways turn them as rehearsed on a twin: "
+        "the nominal one, or the arm's own. *Feedback* adds what the observer says that the joints lack."
+    )
+    failures = [f"{name}: {why}" for name, why in results["failed"].items()]
+    told = [Section("Arms that could not follow", "\n\n".join(failures))] if failures else []
+    return PageContent(
+        "Following paths",
+        "python -m experiments.follow --study STUDY",
+        f"{counted(len(rows), 'arm')} of `bench_arm`, which shares no physics with the twin",
+        (
+            Section("", text, (_by_path(rows), _drawn(rows))),
+            Section("By rate", _said(rows), (_rates(rows),)),
+            Section("A mass taken up on the way", _LOADED, (_loaded(rows),)),
+            Section("Arms", "", (_arms(rows),)),
+            *told,
+        ),
+    )
+
+
+_LOADED = (
+    "Half-way along the figure of eight the gripper takes up 50 g, a sixth of the arm's mass, of which "
+    "neither rehearsal nor observer knows. Errors are those of the second half. The observer follows the "
+    "motors' angles alone, and these do not show the mass. Loads would, but at this speed motors turn slowly "
+    "or not at all, and the load of one that stands lies anywhere within its gear's friction."
+)
+
+
+def _by_path(rows: Sequence[Any]) -> Table:
+    """Medians over the arms, and the greatest."""
+    lines = []
+    for path in PATHS:
+        errors = {way: rms(rows, path, way) for way in WAYS}
+        share = float(np.median(errors[MENDED] / errors[GEOMETRY]))
+        cells = (f"{np.median(e):.1f} ({e.max():.1f})" for e in errors.values())
+        lines.append((path, *cells, f"{share:.3f}"))
+    return Table(
+        ("path", *WAYS, "its twin to geometry"),
+        tuple(lines),
+        "Error [mm rms], the median over the arms and, in brackets, the greatest.",
+    )
+
+
+def _drawn(rows: Sequence[Any]) -> Figure:
+    drawing, (axes,) = sheet(7.0, 3.2)
+    first = next(iter(PATHS))
+    for n, way in enumerate(WAYS):
+        errors = np.sort(rms(rows, first, way))
+        across = n + np.linspace(-0.2, 0.2, len(errors)) * (len(errors) > 1)
+        axes.plot(across, errors, "o", color=COLOURS[n + 1], ms=5)
+    axes.axhline(_AIM, color=COLOURS[0], lw=1.0, ls="--")
+    axes.set_yscale("log")
+    axes.set_xticks(range(len(WAYS)), WAYS)
+    axes.set_ylabel("error of the tip [mm rms]")
+    finish(drawing, axes, legend=False)
+    caption = f"Every arm on the {first}; the dashed line is the aim of {_AIM:g} mm."
+    return Figure("follow", drawing, caption)
+
+
+def _said(rows: Sequence[Any]) -> str:
+    fastest = f"{RATES[-1]:g}"
+    median = np.median([row["rates"][fastest]["median_ms"] for row in rows])
+    worst = np.max([row["rates"][fastest]["p99_ms"] for row in rows])
+    return (
+        f"The figure of eight with feedback. At {fastest} Hz an estimate takes {median:.1f} ms, its 99th "
+        f"percentile {worst:.1f} ms on the slowest arm, on one core that may have had other work."
+    )
+
+
+def _rates(rows: Sequence[Any]) -> Table:
+    lines = []
+    for rate in RATES:
+        errors = np.array([row["rates"][f"{rate:g}"]["rms"] for row in rows])
+        took = np.median([row["rates"][f"{rate:g}"]["median_ms"] for row in rows])
+        lines.append(
+            (f"{rate:g}", f"{np.median(errors):.1f}", f"{errors.max():.1f}", f"{took:.1f}")
+        )
+    return Table(("Hz", "median [mm rms]", "greatest [mm rms]", "estimate [ms]"), tuple(lines))
+
+
+def _loaded(rows: Sequence[Any]) -> Table:
+    lines = []
+    for way in (LOADED_OPEN, LOADED):
+        errors = np.array([row["loaded"][way]["rms"] for row in rows])
+        lines.append((way, f"{np.median(errors):.1f}", f"{errors.max():.1f}"))
+    return Table(("way", "median [mm rms]", "greatest [mm rms]"), tuple(lines))
+
+
+def _arms(rows: Sequence[Any]) -> Table:
+    lines = []
+    for row in rows:
+        cells = (
+            f"{np.mean([row['paths'][path][way]['rms'] for path in PATHS]):.1f}" for way in WAYS
+        )
+        lines.append((row["name"].replace("_", " "), *cells))
+    return Table(("what nobody declared", *WAYS), tuple(lines), "Mean over the paths [mm rms].")

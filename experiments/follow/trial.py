@@ -1,0 +1,150 @@
+"""Let one bench arm follow all paths in all ways."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bench_arm.bus import BenchBus, BenchCameras
+from experiments.confusion.arms import Length, built, planned
+from experiments.confusion.plan import Trial
+from experiments.follow.config import FollowStudy
+from experiments.follow.paths import PATHS
+from experiments.result_rows import failed_row
+from serpent_twin import stored
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.estimators.observer import Observer
+from serpent_twin.following.path import PathToFollow
+from serpent_twin.following.planning import PathPlan
+from serpent_twin.following.planning import planned as path_planned
+from serpent_twin.following.reaching import TIP, JointBounds
+from serpent_twin.following.rehearsal import on_stiff_cables
+from serpent_twin.following.steering import FollowPath
+from serpent_twin.hardware.limits import Limits
+from serpent_twin.live.follower import Follower
+from serpent_twin.recording.loop import record
+from serpent_twin.runs.provenance import git_commit
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
+
+GEOMETRY, NOMINAL, MENDED, FEEDBACK = "geometry", "nominal twin", "its twin", "its twin, feedback"
+WAYS = GEOMETRY, NOMINAL, MENDED, FEEDBACK
+RATES = 4.0, 20.0, 100.0
+"""Control steps per second; the first for all ways, the others for feedback on the first path"""
+_LIMIT = np.pi / 2
+"""Of the joints' angles that the motors' would give on stiff cables [rad]; arm.toml has 60° unless changed"""
+LOAD = 0.05
+"""Taken up half-way along the first path [kg]"""
+LOADED, LOADED_OPEN = "its twin, feedback, 50 g taken up", "its twin, 50 g taken up"
+
+
+@dataclass(frozen=True)
+class TracedArm:
+    """An arm of a study, and the last time of its logs."""
+
+    trial: Trial
+    seed: int
+    length: Length
+
+    @property
+    def id(self) -> str:
+        """Its name in the study."""
+        return self.trial.id
+
+    @property
+    def name(self) -> str:
+        """What is wrong with it."""
+        return self.trial.name
+
+
+def traced_arms(study: Path, most: int) -> list[TracedArm]:
+    """The arms of a study whose twins are there."""
+    settings = stored.read_json(study / "confusion.json")
+    sessions = tuple(settings["sessions"])
+    every = planned("bench", 100, settings["seed"], sessions)
+    there = [
+        each for each in every if (study / "trials" / each.id / "trace" / "twin.json").exists()
+    ]
+    if not there:
+        raise SerpentError(
+            f"{study} holds no traced arm. Run python -m experiments.confusion --source bench --keep "
+            f"--out {study} first."
+        )
+    length = settings["steps"]
+    return [TracedArm(t, settings["seed"], Length(t.sessions, length)) for t in there[:most]]
+
+
+def run_arm(config: FollowStudy, arm: TracedArm) -> dict[str, Any]:
+    """The row of an arm: how far its tip truly was from each path, by each way."""
+    twin_file = config.study / "trials" / arm.id / "trace" / "twin.json"
+    row: dict[str, Any] = {"id": arm.id, "name": arm.name, "git_commit": git_commit()}
+    try:
+        return row | _followed(arm, twin_model.read(twin_file))
+    except SerpentError as error:
+        return failed_row(arm, str(error)) | row
+
+
+def _followed(arm: TracedArm, twin: TwinModel) -> dict[str, Any]:
+    found: dict[str, dict[str, Any]] = {}
+    for name, path in PATHS.items():
+        own, nominal = (_planned(path, each, arm, RATES[0]) for each in (twin, NOMINAL_TWIN))
+        stiff = replace(own.rehearsal, motor_angle=on_stiff_cables(own.joint_angle))
+        found[name] = {
+            GEOMETRY: _error(arm, replace(own, rehearsal=stiff), twin),
+            NOMINAL: _error(arm, nominal, NOMINAL_TWIN),
+            MENDED: _error(arm, own, twin),
+            FEEDBACK: _error(arm, own, twin, feedback=1.0),
+        }
+    first = next(iter(PATHS))
+    path, rates = PATHS[first], {}
+    for rate in RATES:
+        plan = _planned(path, twin, arm, rate)
+        rates[f"{rate:g}"] = _error(arm, plan, twin, feedback=1.0)
+    own = _planned(path, twin, arm, RATES[0])
+    loaded = {
+        LOADED_OPEN: _error(arm, own, twin, load=LOAD),
+        LOADED: _error(arm, own, twin, feedback=1.0, load=LOAD),
+    }
+    return {"paths": found, "rates": rates, "loaded": loaded}
+
+
+def _planned(path: PathToFollow, twin: TwinModel, arm: TracedArm, rate: float) -> PathPlan:
+    bounds, ran = JointBounds.usual(), arm.length.sessions * arm.length.steps / 4.0
+    return path_planned(path, twin, rate, bounds, Limits(joint_angle=_LIMIT), ran)
+
+
+def _error(
+    arm: TracedArm, plan: PathPlan, twin: TwinModel, feedback: float = 0.0, load: float = 0.0
+) -> Mapping[str, float]:
+    """How far the tip truly was from the path [mm], and how long a cycle took [ms]."""
+    ran = arm.length.sessions * arm.length.steps / 4.0
+    made, effects, _ = built(arm.trial, arm.length, arm.seed)
+    bus = BenchBus(made, effects, seed=arm.seed, prior_runtime=ran)
+    follower = Follower(Observer.of(twin), plan.rows, prior_runtime=ran)
+    steering = FollowPath(plan, twin, follower, twin.parameters.controller_gain, feedback)
+    tip: list[Array] = []
+    half = (plan.begins + plan.rows) // 2
+    with bus:
+        for n, _ in enumerate(record(bus, BenchCameras(bus), steering, plan.period)):
+            if load and n == half:
+                bus.take_up(load)
+            origin, rotation = bus.frames
+            tip.append(origin[-1] + rotation[-1] @ TIP)
+    rows = slice(half if load else plan.begins, None)
+    off = 1e3 * np.linalg.norm(np.array(tip) - plan.tip, axis=1)[rows]
+    took = follower.update_ms[np.isfinite(follower.update_ms)]
+    return {
+        "mean": float(off.mean()),
+        "rms": float(np.sqrt((off**2).mean())),
+        "max": float(off.max()),
+        "median_ms": float(np.median(took)),
+        "p99_ms": float(np.quantile(took, 0.99)),
+    }
+
+
+def rms(rows: Sequence[Mapping[str, Any]], path: str, way: str) -> Array:
+    """Of all arms, the rms error on a path [mm], (A,)."""
+    return np.array([row["paths"][path][way]["rms"] for row in rows])
