@@ -11,7 +11,7 @@ import numpy as np
 
 from experiments.follow.config import FollowStudy
 from experiments.follow.paths import PATHS
-from experiments.follow.trial import WAYS, rms, run_arm, traced_arms
+from experiments.follow.trial import FIRST, WAYS, rms, run_arm, traced_arms
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
 from serpent_twin.command_line import cli
@@ -38,9 +38,8 @@ def main(config: FollowStudy) -> None:  # noqa: D103 tyro would print it above t
 
 
 def _line(row: dict[str, Any]) -> str:
-    first = next(iter(PATHS))
-    told = ", ".join(f"{way} {row['paths'][first][way]['rms']:.1f}" for way in WAYS)
-    return f"{row['id']:20} {first}: {told} mm"
+    told = ", ".join(f"{way} {row['paths'][FIRST][way]['rms']:.1f}" for way in WAYS)
+    return f"{row['id']:20} {FIRST}: {told} mm"
 
 
 if __name__ == "__main__":

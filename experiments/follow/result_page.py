@@ -6,8 +6,19 @@ from typing import Any
 import numpy as np
 
 from experiments.follow.paths import PATHS, SPEED
-from experiments.follow.trial import GEOMETRY, LOADED, LOADED_OPEN, MENDED, RATES, WAYS, rms
+from experiments.follow.trial import (
+    FIRST,
+    GEOMETRY,
+    LOADED,
+    LOADED_OPEN,
+    MENDED,
+    NOMINAL,
+    RATES,
+    WAYS,
+    rms,
+)
 from experiments.result_page import PageContent
+from serpent_twin.following.picture import drawn
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.plot_style import COLOURS, finish, sheet
 from serpent_twin.reporting.report import Figure, Section, Table
@@ -33,7 +44,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         "python -m experiments.follow --study STUDY",
         f"{counted(len(rows), 'arm')} of `bench_arm`, which shares no physics with the twin",
         (
-            Section("", text, (_by_path(rows), _drawn(rows))),
+            Section("", text, (_on_path(rows[0]), _by_path(rows), _drawn(rows))),
             Section("By rate", _said(rows), (_rates(rows),)),
             Section("A mass taken up on the way", _LOADED, (_loaded(rows),)),
             Section("Arms", "", (_arms(rows),)),
@@ -65,11 +76,20 @@ def _by_path(rows: Sequence[Any]) -> Table:
     )
 
 
+def _on_path(row: Mapping[str, Any]) -> Figure:
+    """Where one arm's tip truly was."""
+    wanted, ways = np.array(row["wanted"]), row["paths"][FIRST]
+    tips = {way: np.array(ways[way]["tip"]) for way in (GEOMETRY, NOMINAL, MENDED)}
+    drawing = drawn(np.arange(len(wanted)) / RATES[0], wanted, tips)
+    kind = row["name"].replace("_", " ")
+    caption = f"Where the tip of an arm truly was on the {FIRST}. What nobody declared: {kind}."
+    return Figure("follow_path", drawing, caption)
+
+
 def _drawn(rows: Sequence[Any]) -> Figure:
     drawing, (axes,) = sheet(7.0, 3.2)
-    first = next(iter(PATHS))
     for n, way in enumerate(WAYS):
-        errors = np.sort(rms(rows, first, way))
+        errors = np.sort(rms(rows, FIRST, way))
         across = n + np.linspace(-0.2, 0.2, len(errors)) * (len(errors) > 1)
         axes.plot(across, errors, "o", color=COLOURS[n + 1], ms=5)
     axes.axhline(_AIM, color=COLOURS[0], lw=1.0, ls="--")
@@ -77,7 +97,7 @@ def _drawn(rows: Sequence[Any]) -> Figure:
     axes.set_xticks(range(len(WAYS)), WAYS)
     axes.set_ylabel("error of the tip [mm rms]")
     finish(drawing, axes, legend=False)
-    caption = f"Every arm on the {first}; the dashed line is the aim of {_AIM:g} mm."
+    caption = f"Every arm on the {FIRST}; the dashed line is the aim of {_AIM:g} mm."
     return Figure("follow", drawing, caption)
 
 

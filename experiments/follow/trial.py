@@ -22,7 +22,7 @@ from serpent_twin.following.planning import PathPlan
 from serpent_twin.following.planning import planned as path_planned
 from serpent_twin.following.reaching import TIP, JointBounds
 from serpent_twin.following.rehearsal import on_stiff_cables
-from serpent_twin.following.steering import FollowPath
+from serpent_twin.following.steering import PathSteering
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.live.follower import Follower
 from serpent_twin.recording.loop import record
@@ -38,11 +38,12 @@ _LIMIT = np.pi / 2
 """Of the joints' angles that the motors' would give on stiff cables [rad]; arm.toml has 60° unless changed"""
 LOAD = 0.05
 """Taken up half-way along the first path [kg]"""
+FIRST = next(iter(PATHS))
 LOADED, LOADED_OPEN = "its twin, feedback, 50 g taken up", "its twin, 50 g taken up"
 
 
 @dataclass(frozen=True)
-class TracedArm:
+class FollowingArm:
     """An arm of a study, and the last time of its logs."""
 
     trial: Trial
@@ -60,7 +61,7 @@ class TracedArm:
         return self.trial.name
 
 
-def traced_arms(study: Path, most: int) -> list[TracedArm]:
+def traced_arms(study: Path, most: int) -> list[FollowingArm]:
     """The arms of a study whose twins are there."""
     settings = stored.read_json(study / "confusion.json")
     sessions = tuple(settings["sessions"])
@@ -74,10 +75,10 @@ def traced_arms(study: Path, most: int) -> list[TracedArm]:
             f"--out {study} first."
         )
     length = settings["steps"]
-    return [TracedArm(t, settings["seed"], Length(t.sessions, length)) for t in there[:most]]
+    return [FollowingArm(t, settings["seed"], Length(t.sessions, length)) for t in there[:most]]
 
 
-def run_arm(config: FollowStudy, arm: TracedArm) -> dict[str, Any]:
+def run_arm(config: FollowStudy, arm: FollowingArm) -> dict[str, Any]:
     """The row of an arm: how far its tip truly was from each path, by each way."""
     twin_file = config.study / "trials" / arm.id / "trace" / "twin.json"
     row: dict[str, Any] = {"id": arm.id, "name": arm.name, "git_commit": git_commit()}
@@ -87,19 +88,18 @@ def run_arm(config: FollowStudy, arm: TracedArm) -> dict[str, Any]:
         return failed_row(arm, str(error)) | row
 
 
-def _followed(arm: TracedArm, twin: TwinModel) -> dict[str, Any]:
+def _followed(arm: FollowingArm, twin: TwinModel) -> dict[str, Any]:
     found: dict[str, dict[str, Any]] = {}
     for name, path in PATHS.items():
         own, nominal = (_planned(path, each, arm, RATES[0]) for each in (twin, NOMINAL_TWIN))
         stiff = replace(own.rehearsal, motor_angle=on_stiff_cables(own.joint_angle))
         found[name] = {
-            GEOMETRY: _error(arm, replace(own, rehearsal=stiff), twin),
-            NOMINAL: _error(arm, nominal, NOMINAL_TWIN),
-            MENDED: _error(arm, own, twin),
+            GEOMETRY: _error(arm, replace(own, rehearsal=stiff), twin, keep=name == FIRST),
+            NOMINAL: _error(arm, nominal, NOMINAL_TWIN, keep=name == FIRST),
+            MENDED: _error(arm, own, twin, keep=name == FIRST),
             FEEDBACK: _error(arm, own, twin, feedback=1.0),
         }
-    first = next(iter(PATHS))
-    path, rates = PATHS[first], {}
+    path, rates = PATHS[FIRST], {}
     for rate in RATES:
         plan = _planned(path, twin, arm, rate)
         rates[f"{rate:g}"] = _error(arm, plan, twin, feedback=1.0)
@@ -108,23 +108,31 @@ def _followed(arm: TracedArm, twin: TwinModel) -> dict[str, Any]:
         LOADED_OPEN: _error(arm, own, twin, load=LOAD),
         LOADED: _error(arm, own, twin, feedback=1.0, load=LOAD),
     }
-    return {"paths": found, "rates": rates, "loaded": loaded}
+    wanted = np.round(own.tip[own.begins :], 4).tolist()
+    return {"paths": found, "wanted": wanted, "rates": rates, "loaded": loaded}
 
 
-def _planned(path: PathToFollow, twin: TwinModel, arm: TracedArm, rate: float) -> PathPlan:
+def _planned(path: PathToFollow, twin: TwinModel, arm: FollowingArm, rate: float) -> PathPlan:
     bounds, ran = JointBounds.usual(), arm.length.sessions * arm.length.steps / 4.0
     return path_planned(path, twin, rate, bounds, Limits(joint_angle=_LIMIT), ran)
 
 
 def _error(
-    arm: TracedArm, plan: PathPlan, twin: TwinModel, feedback: float = 0.0, load: float = 0.0
-) -> Mapping[str, float]:
-    """How far the tip truly was from the path [mm], and how long a cycle took [ms]."""
+    arm: FollowingArm,
+    plan: PathPlan,
+    twin: TwinModel,
+    feedback: float = 0.0,
+    load: float = 0.0,
+    keep: bool = False,
+) -> Mapping[str, Any]:
+    """How far the tip truly was from the path [mm], and how long a cycle took [ms]; where it was, if that is
+    to be kept [m], (T, 3).
+    """
     ran = arm.length.sessions * arm.length.steps / 4.0
     made, effects, _ = built(arm.trial, arm.length, arm.seed)
     bus = BenchBus(made, effects, seed=arm.seed, prior_runtime=ran)
     follower = Follower(Observer.of(twin), plan.rows, prior_runtime=ran)
-    steering = FollowPath(plan, twin, follower, twin.parameters.controller_gain, feedback)
+    steering = PathSteering(plan, twin, follower, twin.parameters.controller_gain, feedback)
     tip: list[Array] = []
     half = (plan.begins + plan.rows) // 2
     with bus:
@@ -137,6 +145,7 @@ def _error(
     off = 1e3 * np.linalg.norm(np.array(tip) - plan.tip, axis=1)[rows]
     took = follower.update_ms[np.isfinite(follower.update_ms)]
     return {
+        "tip": np.round(np.array(tip)[plan.begins :], 4).tolist() if keep else None,
         "mean": float(off.mean()),
         "rms": float(np.sqrt((off**2).mean())),
         "max": float(off.max()),

@@ -19,7 +19,7 @@ from serpent_twin.estimators import Belief, Estimator, Live
 from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.readouts.score import distances, score
 from serpent_twin.readouts.windows import bus_of, cut
-from serpent_twin.recording.loop import FollowTargets, record
+from serpent_twin.recording.loop import TargetSteering, record
 from serpent_twin.recording.simulated_arm import SimulatedArm, generators
 from serpent_twin.sessions import Session
 from serpent_twin.sessions.session import session_from_rows
@@ -90,7 +90,7 @@ def session_of(arm: TwinModel, condition: Condition, seed: int) -> Session:
                 bus.wait(2.0)
             began = bus.time
             for row in record(
-                bus, simulated.cameras, FollowTargets(part, simulated.gain), 1 / condition.rate_hz
+                bus, simulated.cameras, TargetSteering(part, simulated.gain), 1 / condition.rate_hz
             ):
                 rows.append(row | {"time": began + row["time"]})
     whole = _session(rows, condition.rate_hz)

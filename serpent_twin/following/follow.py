@@ -10,10 +10,10 @@ from serpent_twin.estimators import Estimator
 from serpent_twin.estimators.observer import Observer
 from serpent_twin.following import path as paths
 from serpent_twin.following.options import Follow
-from serpent_twin.following.picture import draw
+from serpent_twin.following.picture import drawn, write
 from serpent_twin.following.planning import PathPlan, planned, slack_cables
 from serpent_twin.following.reaching import JointBounds
-from serpent_twin.following.steering import COLUMNS, FollowPath
+from serpent_twin.following.steering import COLUMNS, PathSteering
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.live.arm import Drive
 from serpent_twin.live.figures import Course, figures
@@ -52,7 +52,7 @@ def follow(config: Follow) -> dict[str, Any]:
     drive = _drive(config, plan)
     follower = Follower(estimator, plan.rows, prior_runtime=config.prior_runtime_s)
     gain = twin.parameters.controller_gain
-    steering = FollowPath(plan, twin, follower, gain, config.feedback)
+    steering = PathSteering(plan, twin, follower, gain, config.feedback)
     beside = Beside(COLUMNS, steering.columns, {"path": _about(config)})
     live = LivePlan(config, estimator, drive, steering=steering, beside=beside)
     course = Course(plan.rows)
@@ -73,8 +73,15 @@ def follow(config: Follow) -> dict[str, Any]:
                 results |= {"seed": config.seed, "settings": said} | provenance()
                 print(_told(results))
                 write_json(config.out / RESULTS, results)
-                draw(config.out / PICTURE, plan, course.rows, {"as estimated": steering.estimated})
+                write(config.out / PICTURE, _drawn(plan, steering, course.rows))
     return results
+
+
+def _drawn(plan: PathPlan, steering: PathSteering, rows: int) -> Any:
+    on_path = slice(plan.begins, rows)
+    time = (np.arange(plan.rows) - plan.begins) * plan.period
+    tips = {"as estimated": steering.estimated[on_path]}
+    return drawn(time[on_path], plan.tip[on_path], tips)
 
 
 def _estimator(config: Follow, twin: twin_model.TwinModel) -> Estimator:
@@ -130,7 +137,7 @@ def _about(config: Follow) -> dict[str, Any]:
     return about
 
 
-def _errors(plan: PathPlan, steering: FollowPath, course: Course) -> dict[str, Any]:
+def _errors(plan: PathPlan, steering: PathSteering, course: Course) -> dict[str, Any]:
     """How far the gripper's end was from the path: as estimated, and the last marker as measured."""
     rows = slice(plan.begins, course.rows)
     estimated = np.linalg.norm(steering.estimated[rows] - plan.tip[rows], axis=1)

@@ -9,7 +9,7 @@ from serpent_twin.following.planning import PathPlan
 from serpent_twin.following.reaching import tips
 from serpent_twin.following.rehearsal import on_stiff_cables
 from serpent_twin.live.follower import Follower
-from serpent_twin.recording.loop import Reading, Step
+from serpent_twin.recording.loop import Step, StepReading
 from serpent_twin.sim.statics import gives_way
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -21,7 +21,7 @@ _MOST = 0.3
 """Furthest that feedback moves a motor from the plan [rad]"""
 
 
-class FollowPath:
+class PathSteering:
     """The planned motion of the motors, with feedback of the joints' estimated angles.
 
     A motor turns as in the rehearsal, and is drawn towards its angle there in proportion to what it lacks.
@@ -64,7 +64,7 @@ class FollowPath:
         """Control steps."""
         return self.plan.rows
 
-    def command(self, now: Reading) -> tuple[Array, Array]:
+    def command(self, now: StepReading) -> tuple[Array, Array]:
         """The joints' planned angles, and the velocities to be sent."""
         plan, position = self.plan, now.state.position
         row = min(round(now.time / plan.period), plan.rows - 1)

@@ -15,6 +15,7 @@ from serpent_twin.identification.discovery import (
     turned,
 )
 from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.proxies import needless
 from serpent_twin.identification.steps import BEATS, Tracer
@@ -26,8 +27,6 @@ _MOST = 3
 """Laws, one after the other"""
 _FITTED, _NEAR = 2, 0.8
 """Candidates that are fitted; of what the best removes, what another must"""
-_DERIVATIVES = 4
-"""At most, of a fit that starts from the nominal twin"""
 _AS_MUCH = 0.9
 """Of what a named effect removed, what a law must to be tried in its place, both to first order"""
 
@@ -64,6 +63,8 @@ class ComposingTracer(Tracer):
             if (better := self._stands(rounds)) is None:
                 break
             base = self._settled(better, rounds[-1].accepted[0], len(rounds))
+            if not self.trials.little(self.case, before):
+                base = self._anew(base, len(rounds))
         return base, True
 
     def _candidates(self, base: Fit, before: Errors) -> list[str]:
@@ -139,16 +140,33 @@ class ComposingTracer(Tracer):
         self.case = replace(self.case, noise=found.noise)
         stage = f"moved_{number}_{_mark([name])}"
         moved = self._fit(stage, point, found.free, 2, carried=found)
-        return moved if moved.betters(found) else found
+        return moved if self._betters(moved, found) else found
 
     def _anew(self, found: Fit, number: int) -> Fit:
-        """A fit, or one of the same effects that starts from the nominal twin if that is better."""
-        self.case = replace(self.case, noise=found.noise)
-        effects = found.point.effects
-        start = ParameterVector(np.zeros(len(self.case.declared)), effects)
+        """A fit, or one of the same effects that is calibrated from the nominal twin on, if that is better:
+        what was missing may have led the calibration before astray, its weights included.
+        """
+        weighed, effects = self.case, found.point.effects
         stage = f"anew_{number}_{_mark(list(effects))}"
-        again = self._fit(stage, start, found.free, _DERIVATIVES)
-        return again if again.betters(found, BEATS) else found
+        start = ParameterVector(np.zeros(len(weighed.declared)), effects)
+        self.case = weighed.reweighted(start, self.training)
+        first = self._fit(f"{stage}_1", start, free_parameters(weighed, ()), 1)
+        held = self._reweighted(stage, first)
+        self.case = self._weighed_by(held)
+        again = self._fit(f"{stage}_4", held.point, found.free, 2)
+        if self._betters(again, found, BEATS):
+            return again
+        self.case = weighed
+        return found
+
+    def _betters(self, again: Fit, found: Fit, share: float = 1.0) -> bool:
+        """Whether a fit leaves less than a share of another's cost, by that one's weights."""
+        case = replace(self.case, noise=found.noise)
+        some = case.take(self.training, found.used)
+        squares = (case.residual([again.point], some)[0].astype(float) ** 2).sum()
+        priors = np.array([each.prior for each in case.declared])
+        lean = ((again.point.declared / priors) ** 2).sum()
+        return bool(squares / found.variance_inflation + lean < share * found.cost)
 
     def _resembling(
         self,

@@ -39,16 +39,6 @@ class Fit:
     noise: Array
     """What the residual was divided by, (channels,)"""
 
-    def betters(self, other: "Fit", share: float = 1.0) -> bool:
-        """Whether it leaves less than a share of another fit's cost, of the same segments and noise; as each
-        counts its residual's numbers by their own correlation, both count here as the other's.
-        """
-        return self._cost(other.variance_inflation) < share * other.cost
-
-    def _cost(self, variance_inflation: float) -> float:
-        squares = float((self.residual.astype(float) ** 2).sum())
-        return self.cost + squares / variance_inflation - squares / self.variance_inflation
-
     def standard_error(self, coordinates: Sequence[int]) -> float:
         """Of the sum of some of the declared coordinates; those held fixed have none."""
         at = [self.free.declared.index(k) for k in coordinates if k in self.free.declared]

@@ -137,12 +137,16 @@ class Tracer:
         self.on_progress("opening")
         begun = self.notes.fit("opening", lambda: opening_fit(self.case, self.training))
         self.identifiability = self._identifiable(begun)
+        weighed = self.case
         first = self._fit("calibrated_1", start, free, 1, begun)
-        opening = _Opening(self.case, begun, first.cost)
+        return _Opening(weighed, begun, first.cost), self._reweighted("calibrated", first)
+
+    def _reweighted(self, name: str, first: Fit) -> Fit:
+        """A first fit gone on with, its weights updated in between."""
         self.case = self._weighed_by(first)
-        second = self._fit("calibrated_2", first.point, free, 0, carried=first)
+        second = self._fit(f"{name}_2", first.point, first.free, 0, carried=first)
         self.case = self._weighed_by(second)
-        return opening, self._fit("calibrated_3", second.point, free, 3, carried=second)
+        return self._fit(f"{name}_3", second.point, second.free, 3, carried=second)
 
     def _weighed_by(self, found: Fit) -> Case[Any]:
         """The case with the noise that a fit leaves."""

@@ -12,7 +12,7 @@ from serpent_twin.estimators.belief import Belief, require_finite
 from serpent_twin.estimators.bus_reading import BusReading
 from serpent_twin.estimators.estimator import Weighed
 from serpent_twin.estimators.online import Online
-from serpent_twin.recording.loop import Reading, Step
+from serpent_twin.recording.loop import Step, StepReading
 
 MARKERS = tuple(f"estimate{i}_{axis}" for i in range(1, N_JOINTS + 1) for axis in "xyz")
 SPREADS = tuple(f"estimate{i}_spread" for i in range(1, N_JOINTS + 1))
@@ -43,7 +43,7 @@ class Follower:
         self._belief: Belief | None = None
         self._latency = np.nan
 
-    def update(self, now: Reading) -> Belief | None:
+    def update(self, now: StepReading) -> Belief | None:
         """The estimate of a step; the present markers are not used."""
         reading = BusReading(
             now.time, now.state.position, now.state.velocity, now.state.load, now.before

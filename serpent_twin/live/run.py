@@ -17,7 +17,7 @@ from serpent_twin.live.sample import Page
 from serpent_twin.live.stream import RerunStream
 from serpent_twin.recording import run_settings, simulated
 from serpent_twin.recording.ending import sealed, stopped_by_signals
-from serpent_twin.recording.loop import NOTHING, Beside, FollowTargets, Row, Steering, record
+from serpent_twin.recording.loop import NOTHING, Beside, Row, Steering, TargetSteering, record
 from serpent_twin.sim import twin_model
 
 
@@ -149,7 +149,7 @@ def _simulate(plan: LivePlan, beside: Beside) -> None:
         arm.bus,
     ):
         period = 1 / drive.rate_hz
-        steering = plan.steering or FollowTargets(targets, arm.gain)
+        steering = plan.steering or TargetSteering(targets, arm.gain)
         for row in record(arm.bus, cameras, steering, period, beside.further):
             journal.append(row)
             beside.see(row)

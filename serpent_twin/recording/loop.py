@@ -23,13 +23,13 @@ class Steering(Protocol):
         """Control steps of a session."""
         ...
 
-    def command(self, now: "Reading") -> tuple[Array, Array]:
+    def command(self, now: "StepReading") -> tuple[Array, Array]:
         """The joint targets of a step [rad], (9,), and the velocities that are to be sent [rad/s], (10,)."""
         ...
 
 
 @dataclass(frozen=True)
-class Reading:
+class StepReading:
     """What a step's command is decided on."""
 
     number: int
@@ -45,7 +45,7 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class FollowTargets:
+class TargetSteering:
     """The paper's P control of the joint angles that stiff cables would have."""
 
     targets: Array
@@ -58,14 +58,14 @@ class FollowTargets:
         """Control steps of a session."""
         return len(self.targets)
 
-    def command(self, now: Reading) -> tuple[Array, Array]:
+    def command(self, now: StepReading) -> tuple[Array, Array]:
         """The step's targets, and the velocities towards them."""
         target = self.targets[now.number]
         return target, joint_p_control(target, now.state.position, self.gain)
 
 
 @dataclass(frozen=True)
-class Step(Reading):
+class Step(StepReading):
     """A control step whose command is sent."""
 
     frame: MarkerFrame
@@ -118,7 +118,7 @@ def record(
         frame = mocap.read()
         refuse_hardware_error(state)
         start = state.time if start is None else start
-        now = Reading(number, state.time - start, state, before, read_at)
+        now = StepReading(number, state.time - start, state, before, read_at)
         target, velocity = steering.command(now)
         sent = bus.write_velocity(velocity)
         step = Step(number, now.time, state, before, read_at, frame)

@@ -17,7 +17,7 @@ from serpent_twin.hardware.dynamixel.setup import (
 )
 from serpent_twin.recording import lost_markers, run_folder
 from serpent_twin.recording.ending import loop_times, sealed, stopped_by_signals
-from serpent_twin.recording.loop import NOTHING, Beside, FollowTargets, Steering, Step, record
+from serpent_twin.recording.loop import NOTHING, Beside, Steering, Step, TargetSteering, record
 from serpent_twin.recording.options import Collect
 from serpent_twin.recording.real_arm import arm_of, cameras_of
 from serpent_twin.recording.run_settings import metadata, session_path
@@ -72,7 +72,7 @@ def record_session(
     gain, period = config.parameters.controller_gain, 1 / config.rate_hz
     if steering is None:
         for_targets, *_ = generators(config.seed, (session,))
-        steering = FollowTargets(config.targets(for_targets), gain)
+        steering = TargetSteering(config.targets(for_targets), gain)
     times: list[float] = []
 
     def further(step: Step) -> dict[str, float]:

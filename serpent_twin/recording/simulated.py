@@ -16,7 +16,7 @@ from tqdm import tqdm
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.recording import run_folder
-from serpent_twin.recording.loop import FollowTargets, record
+from serpent_twin.recording.loop import TargetSteering, record
 from serpent_twin.recording.options import Collect
 from serpent_twin.recording.run_settings import metadata, session_path
 from serpent_twin.recording.simulated_arm import SimulatedArm, generators
@@ -55,7 +55,7 @@ def simulate_session(config: Collect, session: int, tick: Callable[[int], None])
         rows = record(
             arm.bus,
             arm.cameras,
-            FollowTargets(targets, arm.gain),
+            TargetSteering(targets, arm.gain),
             1 / config.rate_hz,
             lambda step: pushing.columns(pushes, step.time) if config.push else {},
         )

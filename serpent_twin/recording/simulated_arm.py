@@ -10,7 +10,7 @@ from serpent_twin.arm.parameters import Parameters
 from serpent_twin.arrays import Array
 from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
-from serpent_twin.recording.loop import FollowTargets, record
+from serpent_twin.recording.loop import TargetSteering, record
 from serpent_twin.sessions.session import SCHEMA_VERSION, Session, session_from_rows
 from serpent_twin.sim.twin import Twin
 
@@ -57,7 +57,7 @@ class SimulatedArm:
         """
         with self.bus:
             gain = self.gain if gain is None else gain
-            steering = FollowTargets(targets, gain)
+            steering = TargetSteering(targets, gain)
             rows = list(record(self.bus, self.cameras, steering, 1 / rate_hz))
         whole = {"schema_version": SCHEMA_VERSION} | dict(about) | {"rate_hz": rate_hz}
         return session_from_rows(rows, whole)

@@ -19,8 +19,8 @@ from serpent_twin.command_line import cli
 from serpent_twin.command_line.option_groups import Group
 
 COMMANDS = [
-    "bus.device", "bus.doctor", "bus.zero", "check", "collect", "estimate", "log", "mjcf", "mocap", "replay",
-    "sweep", "trace", "train",
+    "bus.device", "bus.doctor", "bus.zero", "check", "collect", "estimate", "follow", "log", "mjcf", "mocap",
+    "replay", "sweep", "trace", "train",
 ]  # fmt: skip
 MOST = 14  # options of a group: the simulated arm has ten parameters, its file, and what is random
 

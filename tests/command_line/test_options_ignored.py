@@ -39,6 +39,11 @@ IGNORED = {
         ),
         (NATNET_ON, (SIM & ARM) | MULTICAST | {"simulate", "markers"}),
     ],
+    "Follow": [
+        ({}, REAL | CAMERAS | MULTICAST),
+        ({"backend": "real"}, CAMERAS | MULTICAST | {"simulate", "markers", "seed"}),
+        (NATNET_ON, MULTICAST | {"simulate", "markers", "seed"}),
+    ],
     "Train": [
         ({}, {"adapt_windows"}),
         ({"adapt": FILE}, set()),
@@ -81,8 +86,8 @@ IGNORED = {
     for name in (
         "AnyModel", "AnyModelSpeed",
         "Benchmarks", "Check", "CloseTheLoop", "CollectSpeed", "Demo", "EstimateSpeed", "Plan",
-        "FaultMatrix", "Fuzz", "HowOftenRight", "Measured", "NextMotion", "ReadoutTable", "ResultPage",
-        "RightNames", "SimToReal",
+        "FaultMatrix", "FollowStudy", "Fuzz", "HowOftenRight", "Measured", "NextMotion",
+        "ReadoutTable", "ResultPage", "RightNames", "SimToReal",
         "SweepSpeed", "TraceSpeed", "WholeTrace",
     )
 }  # fmt: skip

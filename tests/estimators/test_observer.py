@@ -16,7 +16,7 @@ from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.readouts.score import score
 from serpent_twin.readouts.windows import SessionWindows, cut
 from serpent_twin.recording.collect import collect
-from serpent_twin.recording.loop import FollowTargets, record
+from serpent_twin.recording.loop import TargetSteering, record
 from serpent_twin.recording.options import Collect
 from serpent_twin.sessions import FIELDS, Session, read_folder
 from serpent_twin.sim import twin_model
@@ -105,7 +105,7 @@ def test_is_not_lost_by_motors_that_reboot():
     rows, targets = [], random_targets(320, np.random.default_rng(3))
     with bus:
         for part in (targets[:100], targets[100:]):
-            rows += list(record(bus, cameras, FollowTargets(part, NOMINAL.controller_gain), 0.25))
+            rows += list(record(bus, cameras, TargetSteering(part, NOMINAL.controller_gain), 0.25))
             bus.reboot([2, 3, 7])
             bus.wait(2.0)  # three joints hang on motors that turn freely
     first, second = np.array([row["time"] for row in rows[:100]]), rows[100:]

@@ -9,7 +9,7 @@ import pytest
 from serpent_twin.errors import SerpentError
 from serpent_twin.following.follow import follow
 from serpent_twin.following.options import Follow
-from serpent_twin.following.steering import FollowPath
+from serpent_twin.following.steering import PathSteering
 from serpent_twin.sessions import read_session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
@@ -54,14 +54,14 @@ def test_by_geometry_the_same_arm_is_far_off(config, tmp_path):
 
 
 def test_a_run_that_is_stopped_keeps_its_rows_and_says_so(config, monkeypatch):
-    commanded = FollowPath.command
+    commanded = PathSteering.command
 
     def stopped(self, now):
         if now.number == 10:
             raise KeyboardInterrupt
         return commanded(self, now)
 
-    monkeypatch.setattr(FollowPath, "command", stopped)
+    monkeypatch.setattr(PathSteering, "command", stopped)
     with pytest.raises(KeyboardInterrupt):
         follow(config)
     found = json.loads((config.out / "results.json").read_text())

@@ -15,7 +15,7 @@ from serpent_twin.hardware.dynamixel.setup import setup_to_run
 from serpent_twin.hardware.dynamixel.wire import Wire
 from serpent_twin.hardware.xl430 import POSITION_UNIT
 from serpent_twin.recording.collect import collect
-from serpent_twin.recording.loop import FollowTargets, record
+from serpent_twin.recording.loop import TargetSteering, record
 from serpent_twin.recording.options import Collect, RealArm
 from serpent_twin.recording.sunken import bring_back
 from serpent_twin.sessions import read_session
@@ -37,7 +37,7 @@ def connected(port, folder):
 
 def session(arm, targets, rate_hz=4.0):
     bring_back(arm, 2.0, 1 / rate_hz)
-    return list(record(arm, NoMocap(), FollowTargets(targets, 2.0), 1 / rate_hz))
+    return list(record(arm, NoMocap(), TargetSteering(targets, 2.0), 1 / rate_hz))
 
 
 def test_a_hundred_sessions_in_lockstep(quick, tmp_path):

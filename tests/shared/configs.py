@@ -19,6 +19,8 @@ NEEDED = {
     "Plan": {"trace": Path("trace")},
     "Collect": {"out": Path("out")},
     "Estimate": {"model": Path("model"), "out": Path("out")},
+    "Follow": {"path": Path("path.csv"), "twin": Path("twin.json"), "out": Path("out")},
+    "FollowStudy": {"study": Path("study")},
     "Measured": {"data": Path("data")},
     "Merge": {"logs": Path("logs"), "take": Path("take.csv")},
     "Sweep": {"out": Path("out")},

@@ -17,7 +17,7 @@ from serpent_twin.arm.deviations import EXACT
 from serpent_twin.emulator.cameras import SimulatedMocap
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.machines.arm.catalogue import CATALOGUE
-from serpent_twin.recording.loop import FollowTargets, record
+from serpent_twin.recording.loop import TargetSteering, record
 from serpent_twin.sessions import FIELDS, read_session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import PrescribedMotion, impose
@@ -44,7 +44,7 @@ def recorded(arm: TwinModel) -> dict[str, np.ndarray]:
     bus = SimulatedBus(Twin(arm), loads, noise.load_noise)
     mocap = SimulatedMocap(bus.twin, cameras, noise.marker_noise, 0.05)
     with bus:
-        rows = list(record(bus, mocap, FollowTargets(random_targets(STEPS, targets), gain), 0.25))
+        rows = list(record(bus, mocap, TargetSteering(random_targets(STEPS, targets), gain), 0.25))
     return {name: np.array([row[name] for row in rows]) for name in FIELDS}
 
 
