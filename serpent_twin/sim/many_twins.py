@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.runs.processes import threads
 from serpent_twin.sim.measured_motion import MeasuredMotion
@@ -44,6 +45,10 @@ class PrescribedMotion:
     """Time constant with which a motor takes up a new velocity after each row [s]"""
     prior_runtime: Array | float = 0.0
     """Total time of the arm's sessions before each one [s], or (B,)"""
+    seen: Array | None = None
+    """Markers that cameras saw at the first row [m], (B, 9, 3), if the pose there is from them: where effects
+    shift what cameras see, the joints begin without the shift
+    """
     past: MeasuredMotion | None = None
     """K rows before each stretch, (B, K), from which effects that remember have their memory; a shorter past
     repeats its first row. Without one, they begin with the first row.
@@ -193,9 +198,14 @@ class _Run:
         motion = self.motion
         if motion.past:
             self._remember(motion.past)
-        angle = motion.joint_angle
-        velocity = self._rows(np.broadcast_to(motion.joint_velocity, angle.shape))
-        self.arms.place(self._motors(0), self._rows(angle), velocity, anew=not motion.past)
+        motors, angle = self._motors(0), self._rows(motion.joint_angle)
+        velocity = self._rows(np.broadcast_to(motion.joint_velocity, motion.joint_angle.shape))
+        self.arms.place(motors, angle, velocity, anew=not motion.past)
+        if motion.seen is not None and (shift := self.arms.marker_shift()).any():
+            seen = self._rows(motion.seen)
+            without, with_it = (joints_from_markers(seen - s, angle) for s in (shift, 0.0))
+            angle = angle + without - with_it
+            self.arms.place(motors, angle, velocity, anew=not motion.past)
 
     def _remember(self, past: MeasuredMotion) -> None:
         """Give effects the measured poses before the stretches: nothing is simulated then."""

@@ -189,6 +189,11 @@ class DrivenArms:
         """What the marker sensors show, (n, 9, 3); after a time step, of its beginning."""
         return self._sensors.reshape(-1, N_JOINTS, 3) + self._cables.marker_shift
 
+    def marker_shift(self) -> Array:
+        """Where effects have the cameras see the markers besides, at the present instant [m], (n, 9, 3)."""
+        self._cables.act(self._instant(self._motors))
+        return np.broadcast_to(self._cables.marker_shift, (len(self._qpos), N_JOINTS, 3))
+
     def read(self) -> Response:
         """The sensors' readings of the present instant, (n,). Where the motors' angles are old, the markers
         are carried on by their velocity.

@@ -8,12 +8,15 @@ from moments import moment
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from serpent_twin.arm.geometry import ARM, link_frames, markers
+from serpent_twin.arm.geometry import ARM, link_frames, markers, motor_from_joint
+from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.effects import KNOWN
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import HANDLES, SHAPES, Law, parse
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim import twin_model
+from serpent_twin.sim.many_twins import PrescribedMotion, impose
+from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.twin import Twin, replay_motors
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -181,6 +184,21 @@ def test_sensors_that_err_change_what_is_read_and_nothing_else():
     shift = knocked.marker - plain.marker
     assert_allclose(np.linalg.norm(shift[:, 3], axis=1), 3e-3)
     assert not np.delete(shift, 3, axis=1).any()
+
+
+def test_a_pose_that_shifted_cameras_saw_begins_without_the_shift():
+    true = 0.1 * np.arange(9)[None] - 0.4
+    shift = np.array([2e-3, -3e-3, 4e-3])
+    seen = joints_from_markers(markers(true) + shift, true)
+    law = Discovered(*shift, at="camera_shift of base: constant")
+    held = np.append(motor_from_joint(true), 0.0) * np.ones((1, 3, 1))
+    motors = MotorTrajectory(0.25 * np.arange(3)[None], held, 0 * held)
+    arm = [TwinModel(effects=(law,))]
+    blind = impose(arm, PrescribedMotion(motors, seen))
+    known = impose(arm, PrescribedMotion(motors, seen, seen=markers(true) + shift))
+    assert_allclose(known.joint_angle[0, 0, 0], true[0], atol=5e-4)
+    assert_allclose(known.marker[0, 0, 0], (markers(true) + shift)[0], atol=2e-4)
+    assert np.abs(blind.joint_angle[0, 0, 0] - true[0]).max() > 0.03
 
 
 def test_a_simulated_arm_reports_what_a_law_makes_of_its_sensors():

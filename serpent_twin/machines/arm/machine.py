@@ -123,6 +123,7 @@ class ArmMachine:
             pieces.joint_velocity,
             self.vector.start.parameters.servo_lag,
             pieces.prior_runtime,
+            seen=pieces.marker[:, 0],
             past=past(pieces) if any(map(remember, designs)) else None,
         )
 
