@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from serpent_twin.arm.geometry import joint_from_motor
 from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_jacobian
 from serpent_twin.arrays import Array
 from serpent_twin.following.planning import PathPlan
@@ -48,7 +47,7 @@ class PathSteering:
         angle = plan.rehearsal.motor_angle
         self._speed = np.diff(angle, axis=0, append=angle[-1:]) / plan.period
         self._added = np.zeros(angle.shape[1])
-        self._before = 0.0
+        self._before, self._joint = 0.0, plan.joint_angle[0]
         self.most_added = np.zeros(angle.shape[1])
         """Furthest that feedback moved each motor from the plan [rad], (10,)"""
         self.estimated = np.full((plan.rows, 3), np.nan)
@@ -72,8 +71,8 @@ class PathSteering:
         belief = self._follower.update(now)
         interval, self._before = now.time - self._before, now.time
         if belief is not None:
-            guess = joint_from_motor(position[:-1])
-            joint = joints_from_markers(belief.marker, guess[None], self._offset)[0]
+            self._joint = joints_from_markers(belief.marker, self._joint[None], self._offset)[0]
+            joint = self._joint
             self.estimated[now.number] = tips(joint)
             lacking = on_stiff_cables(self._more[row] @ (plan.joint_angle[row] - joint))
             share = 1 - np.exp(-self._feedback * interval)
