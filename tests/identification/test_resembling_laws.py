@@ -7,7 +7,7 @@ import numpy as np
 from made_residual import M, Made
 
 from serpent_twin.effects.discovered import Discovered
-from serpent_twin.identification.discovery import elsewhere, of_shape
+from serpent_twin.identification.discovery import elsewhere, of_shape, turned
 from serpent_twin.identification.discovery.candidates import candidate_of, resembling_at_first
 from serpent_twin.machines.machine import ParameterVector
 
@@ -74,3 +74,23 @@ def test_a_shape_that_is_better_at_one_place_is_tried_at_the_others_that_came_ne
     above, wave = candidate("joint2", "above"), candidate("joint2", "periodic")
     fitted = [candidate("joint2", "beyond", wave, above), candidate("joint3", "beyond")]
     assert of_shape(candidate("joint1", "above").name, fitted) == [above]
+
+
+def test_what_holds_until_an_instant_is_tried_from_then_on():
+    made = Made(Discovered(0.3, at="slack of cable1_plus: above runtime of machine", first=90.0))
+    later = made.found()[0]
+    until = replace(later, law=replace(later.law, shape="under"), shapes={"above": later})
+    assert resembling_at_first(until, []) == [later]
+    assert resembling_at_first(later, []) == []
+
+
+def test_a_step_is_turned_the_other_way_round():
+    made = Made(AT_JOINT)
+    best = next(each for each in made.found() if each.law == AT_JOINT.law)
+    candidate = candidate_of(best, made.readings, best.law.units())
+    other = turned(candidate, np.array([0.3, 0, 0, 0, 0.2, 0, -1.0, 1.0]))
+    assert other.name == "discovered@joint_torque of joint1: under joint_angle of joint1"
+    assert other.composed["law"] == "under"
+    assert list(other.variants[0][:5]) == [-0.3, 0, 0, 0, 0.2]
+    linear = replace(best, law=replace(best.law, shape="linear"))
+    assert turned(candidate_of(linear, made.readings, best.law.units()), other.variants[0]) is None
