@@ -63,8 +63,6 @@ class ComposingTracer(Tracer):
             if (better := self._stands(rounds)) is None:
                 break
             base = self._settled(better, rounds[-1].accepted[0], len(rounds))
-            if not self.trials.little(self.case, before):
-                base = self._anew(base, len(rounds))
         return base, True
 
     def _candidates(self, base: Fit, before: Errors) -> list[str]:
