@@ -90,7 +90,7 @@ class ComposingTracer(Tracer):
         weighed, name = self.case, done.accepted[0]
         self.on_progress(f"laws in place of {spaced(name)}")
         self.case = replace(weighed, noise=done.base.noise)
-        if (law := self._in_place(self._turned(several), several, done, rounds)) or (
+        if (law := self._in_place(self._either_way(several), several, done, rounds)) or (
             law := self._in_place(self._candidates(done.base, done.errors), several, done, rounds)
         ):
             return law
@@ -98,12 +98,14 @@ class ComposingTracer(Tracer):
         self.case = replace(weighed, composed=known)
         return None
 
-    def _turned(self, several: Fit) -> list[str]:
-        """The names of laws that hold where those of a fit do not, the other way round: beside something
-        constant they are the same.
+    def _either_way(self, several: Fit) -> list[str]:
+        """The names of a fit's steps, as fitted, and of those that hold where these do not, the other way
+        round: beside something constant they are the same.
         """
-        known, effects = self.case.candidates, several.point.effects
-        found = [each for n, v in effects.items() if (each := turned(known[n], v))]
+        known, found = self.case.candidates, []
+        for name, values in several.point.effects.items():
+            if other := turned(known[name], values):
+                found += [replace(known[name], variants=(values,), alternatives=()), other]
         self.case = self.case.composing(found)
         return [each.name for each in found]
 
