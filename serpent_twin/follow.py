@@ -2,6 +2,7 @@
 
 import sys
 
+from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.following.follow import follow
 from serpent_twin.following.options import Follow
@@ -14,6 +15,7 @@ def main(config: Follow) -> None:  # noqa: D103 tyro would print it above the co
         print(f"\nStopped. The rows until then are in {config.out}.", file=sys.stderr)
         sys.exit(130)
     print(f"{config.out}: the log, its figures, its picture and its recording")
+    next_step.say(next_step.after_follow(config))
 
 
 if __name__ == "__main__":

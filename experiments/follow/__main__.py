@@ -15,6 +15,7 @@ from experiments.follow.trial import FIRST, WAYS, rms, run_arm, traced_arms
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
 from serpent_twin.command_line import cli
+from serpent_twin.numerals import counted
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed
 
@@ -32,7 +33,7 @@ def main(config: FollowStudy) -> None:  # noqa: D103 tyro would print it above t
             return
         for path in PATHS:
             told = ", ".join(f"{way} {np.median(rms(rows, path, way)):.1f}" for way in WAYS)
-            print(f"{path}: {told} mm rms, median of {len(rows)} arms")
+            print(f"{path}: {told} mm rms, median of {counted(len(rows), 'arm')}")
         figures = {"rows": rows, "failed": results.failed, "settings": settings}
         publish(store(config.out / "results.json", "experiments.follow", figures), config.page)
 

@@ -162,7 +162,8 @@ def changing(arm: TwinModel, rows: int, at: int, change: ArmChange, seed: int) -
     with bus:
         models = [each.spec().compile() for each in (before, after)]
         variation = Variation(bus.twin.batch, models)
-        for n, row in enumerate(record(bus, simulated.cameras, targets, simulated.gain, 0.25)):
+        steering = TargetSteering(targets, simulated.gain)
+        for n, row in enumerate(record(bus, simulated.cameras, steering, 0.25)):
             logged.append(row)
             if n == at:
                 variation.set(np.ones((1, 1)))

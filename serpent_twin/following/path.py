@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.numerals import listed
+from serpent_twin.numerals import counted, listed
 from serpent_twin.stored.tables import read_columns
 
 TIP = ("x", "y", "z")
@@ -53,7 +53,9 @@ def read(path: Path) -> PathToFollow:
         raise SerpentError(f"{path} lacks {listed(lost)}. {_ADVICE}")
     time, *values = (_numbers(path, name, table[name]) for name in ("time", *names))
     if len(time) < 2:
-        raise SerpentError(f"{path} has {len(time)} points; a path needs two at least. {_ADVICE}")
+        raise SerpentError(
+            f"{path} has {counted(len(time), 'point')}; a path needs two at least. {_ADVICE}"
+        )
     if (late := np.flatnonzero(np.diff(time) <= 0)).size:
         n = int(late[0])
         raise SerpentError(

@@ -7,6 +7,7 @@ runs that command's own checks first: a step that would be refused is not printe
 from serpent_twin.next_step.of_logs import (
     after_check,
     after_estimate,
+    after_follow,
     after_logs,
     after_look,
     after_plan,
@@ -27,6 +28,7 @@ __all__ = [
     "after_device",
     "after_doctor",
     "after_estimate",
+    "after_follow",
     "after_frame",
     "after_logs",
     "after_look",

@@ -168,6 +168,12 @@ def after_estimate(config: "Estimate") -> Words | None:
     return replay(session, config.out.parent, config.model, twin)
 
 
+def after_follow(config: "Follow") -> Words | None:
+    """After a path was followed: replay its log."""
+    session = config.out / "session_01.parquet"
+    return replay(session, config.out.parent, config.model, config.twin)
+
+
 def replay(
     session: Path, beside: Path, model: Path | None = None, twin: Path | None = None
 ) -> Words | None:

@@ -34,7 +34,7 @@ def test_a_path_of_joints(tmp_path):
     [
         ("time,x,y\n0,1,1\n1,1,1\n", "lacks z"),
         ("time,joint1\n0,1\n1,1\n", "lacks joint2"),
-        ("time,x,y,z\n0,1,1,1\n", "1 points"),
+        ("time,x,y,z\n0,1,1,1\n", "has 1 point; a path needs two"),
         ("time,x,y,z\n0,1,1,1\n0,1,1,1\n", "line 3: the time 0 s does not come after 0 s"),
         ("time,x,y,z\n0,1,1,1\n1,1,nan,1\n", "line 3: y is no number"),
         ("time,x,y,z\n0,1,a,1\n1,1,b,1\n", "the column y does not hold numbers"),
