@@ -11,6 +11,7 @@ from serpent_twin.next_step.words import Words, allowed, at_rate, flags, named_a
 from serpent_twin.runs.files import unused
 
 if TYPE_CHECKING:  # each command imports this module, which imports the others when it checks them
+    from serpent_twin.following.options import Follow
     from serpent_twin.identification import Trace
     from serpent_twin.identification.check_logs import Check
     from serpent_twin.live.options import Estimate
