@@ -1,6 +1,7 @@
 """Make a bench arm a motor bus, with cameras beside it: what drives the real arm drives this one."""
 
 from collections.abc import Iterable
+from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -88,7 +89,12 @@ class BenchBus:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None: ...
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
 
     @property
     def sensed(self) -> dict[str, Array]:
