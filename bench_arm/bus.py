@@ -58,7 +58,7 @@ class BenchBus:
     def read_state(self) -> MotorState:
         """Read all motors at the present instant."""
         seen = self.sensed
-        none, half = np.zeros(N_MOTORS, np.int64), np.full(N_MOTORS, 1 << 7)
+        none = np.zeros(N_MOTORS, np.int64)
         registers = Registers(
             none,
             none,
@@ -70,7 +70,7 @@ class BenchBus:
             none,
             none,
             xl430.words(np.full(N_MOTORS, 12.0), xl430.VOLTAGE_UNIT),
-            half >> 2,  # 32 °C
+            none + 32,  # °C
         )
         return MotorState.from_registers(registers, self._time)
 

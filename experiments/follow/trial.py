@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from bench_arm.bus import BenchBus, BenchCameras
-from experiments.confusion.arms import Length, built, planned
+from experiments.confusion.arms import RATE_HZ, Length, built, planned
 from experiments.confusion.plan import Trial
 from experiments.follow.config import FollowStudy
 from experiments.follow.paths import PATHS
 from experiments.result_rows import failed_row
 from serpent_twin import stored
+from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.observer import Observer
@@ -21,7 +22,6 @@ from serpent_twin.following.path import PathToFollow
 from serpent_twin.following.planning import PathPlan
 from serpent_twin.following.planning import planned as path_planned
 from serpent_twin.following.reaching import TIP, JointBounds
-from serpent_twin.following.rehearsal import on_stiff_cables
 from serpent_twin.following.steering import PathSteering
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.live.follower import Follower
@@ -44,11 +44,16 @@ LOADED, LOADED_OPEN = "its twin, feedback, 50 g taken up", "its twin, 50 g taken
 
 @dataclass(frozen=True)
 class FollowingArm:
-    """An arm of a study, and the last time of its logs."""
+    """An arm of a study."""
 
     trial: Trial
     seed: int
     length: Length
+
+    @property
+    def runtime(self) -> float:
+        """How long it ran in its logs [s]."""
+        return self.length.sessions * self.length.steps / RATE_HZ
 
     @property
     def id(self) -> str:
@@ -90,8 +95,9 @@ def run_arm(config: FollowStudy, arm: FollowingArm) -> dict[str, Any]:
 
 def _followed(arm: FollowingArm, twin: TwinModel) -> dict[str, Any]:
     found: dict[str, dict[str, Any]] = {}
-    for name, path in PATHS.items():
-        own, nominal = (_planned(path, each, arm, RATES[0]) for each in (twin, NOMINAL_TWIN))
+    plans = {name: _planned(path, twin, arm, RATES[0]) for name, path in PATHS.items()}
+    for name, own in plans.items():
+        nominal = _planned(PATHS[name], NOMINAL_TWIN, arm, RATES[0])
         stiff = replace(own.rehearsal, motor_angle=on_stiff_cables(own.joint_angle))
         found[name] = {
             GEOMETRY: _error(arm, replace(own, rehearsal=stiff), twin, keep=name == FIRST),
@@ -99,11 +105,10 @@ def _followed(arm: FollowingArm, twin: TwinModel) -> dict[str, Any]:
             MENDED: _error(arm, own, twin, keep=name == FIRST),
             FEEDBACK: _error(arm, own, twin, feedback=1.0),
         }
-    path, rates = PATHS[FIRST], {}
-    for rate in RATES:
-        plan = _planned(path, twin, arm, rate)
+    own, rates = plans[FIRST], {f"{RATES[0]:g}": found[FIRST][FEEDBACK]}
+    for rate in RATES[1:]:
+        plan = _planned(PATHS[FIRST], twin, arm, rate)
         rates[f"{rate:g}"] = _error(arm, plan, twin, feedback=1.0)
-    own = _planned(path, twin, arm, RATES[0])
     loaded = {
         LOADED_OPEN: _error(arm, own, twin, load=LOAD),
         LOADED: _error(arm, own, twin, feedback=1.0, load=LOAD),
@@ -113,8 +118,8 @@ def _followed(arm: FollowingArm, twin: TwinModel) -> dict[str, Any]:
 
 
 def _planned(path: PathToFollow, twin: TwinModel, arm: FollowingArm, rate: float) -> PathPlan:
-    bounds, ran = JointBounds.usual(), arm.length.sessions * arm.length.steps / 4.0
-    return path_planned(path, twin, rate, bounds, Limits(joint_angle=_LIMIT), ran)
+    bounds, limits = JointBounds.usual(), Limits(joint_angle=_LIMIT)
+    return path_planned(path, twin, rate, bounds, limits, arm.runtime)
 
 
 def _error(
@@ -128,10 +133,9 @@ def _error(
     """How far the tip truly was from the path [mm], and how long a cycle took [ms]; where it was, if that is
     to be kept [m], (T, 3).
     """
-    ran = arm.length.sessions * arm.length.steps / 4.0
     made, effects, _ = built(arm.trial, arm.length, arm.seed)
-    bus = BenchBus(made, effects, seed=arm.seed, prior_runtime=ran)
-    follower = Follower(Observer.of(twin), plan.rows, prior_runtime=ran)
+    bus = BenchBus(made, effects, seed=arm.seed, prior_runtime=arm.runtime)
+    follower = Follower(Observer.of(twin), plan.rows, prior_runtime=arm.runtime)
     steering = PathSteering(plan, twin, follower, twin.parameters.controller_gain, feedback)
     tip: list[Array] = []
     half = (plan.begins + plan.rows) // 2

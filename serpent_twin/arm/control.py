@@ -43,13 +43,18 @@ def checked_targets(targets: Array, source: str, arm: Arm = ARM) -> Array:
     return targets
 
 
+def on_stiff_cables(joint_angle: Array) -> Array:
+    """Motor angles of an arm with stiff cables [rad], (…, 10), for joint angles (…, 9), or velocities for
+    velocities: motor 10 follows the sum of all joints, which keeps the jaw still (A).
+    """
+    motors = motor_from_joint(joint_angle)
+    return np.concatenate([motors, motors[..., -1:]], axis=-1)
+
+
 def joint_p_control(target: Array, motor_angle: Array, gain: float) -> Array:
     """Motor velocities [rad/s], (..., 10), that pull the joint angles to target [rad], (..., 9).
 
     P control of the joint angles A⁻¹ m at motor angles m [rad], (..., 10); motor velocity
-    = A × joint velocity (P); motor 10 follows the sum of all joints, which keeps the jaw still (A).
-    `gain` in 1/s.
+    = A × joint velocity (P), as `on_stiff_cables` says. `gain` in 1/s.
     """
-    joint_velocity = gain * (target - joint_from_motor(motor_angle[..., :N_JOINTS]))
-    velocity = motor_from_joint(joint_velocity)
-    return np.concatenate([velocity, velocity[..., -1:]], axis=-1)
+    return on_stiff_cables(gain * (target - joint_from_motor(motor_angle[..., :N_JOINTS])))

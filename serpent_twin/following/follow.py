@@ -1,5 +1,6 @@
 """Follow a path: plan, drive, and state how near the gripper's end was."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,16 +17,13 @@ from serpent_twin.following.reaching import JointBounds
 from serpent_twin.following.steering import COLUMNS, PathSteering
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.live.arm import Drive
-from serpent_twin.live.figures import Course, figures
+from serpent_twin.live.figures import Course
 from serpent_twin.live.follower import Follower
-from serpent_twin.live.run import LivePlan, refuse_second, run
+from serpent_twin.live.run import LivePlan, readout_hashes, run_and_state
 from serpent_twin.numerals import listed
 from serpent_twin.recording import collect, run_settings
-from serpent_twin.recording.ending import why
 from serpent_twin.recording.loop import Beside
-from serpent_twin.runs.files import write_json
-from serpent_twin.runs.provenance import file_hash, provenance
-from serpent_twin.runs.run_lock import claimed
+from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sim import twin_model
 
 SETTINGS = "follow.json"
@@ -57,24 +55,15 @@ def follow(config: Follow) -> dict[str, Any]:
     live = LivePlan(config, estimator, drive, steering=steering, beside=beside)
     course = Course(plan.rows)
     said = run_settings.settings(drive) | _about(config)
-    with claimed(config.out, SETTINGS, said):
-        refuse_second(live, RESULTS)
-        ended = None
-        try:
-            run(live, follower, course)
-        except BaseException as error:
-            ended = why(error)
-            raise
-        finally:
-            results: dict[str, Any] = {"complete": ended is None, "ended": ended}
-            if course.rows:
-                results |= {"rate_hz": config.rate_hz} | _errors(plan, steering, course)
-                results |= figures(course, follower, plan.period)
-                results |= {"seed": config.seed, "settings": said} | provenance()
-                print(_told(results))
-                write_json(config.out / RESULTS, results)
-                write(config.out / PICTURE, _drawn(plan, steering, course.rows))
-    return results
+
+    def tell(results: Mapping[str, Any]) -> None:
+        print(_told(results))
+        write(config.out / PICTURE, _drawn(plan, steering, course.rows))
+
+    def found() -> dict[str, Any]:
+        return _errors(plan, steering, course)
+
+    return run_and_state(live, follower, course, (SETTINGS, RESULTS), said, found, tell)
 
 
 def _drawn(plan: PathPlan, steering: PathSteering, rows: int) -> Any:
@@ -132,8 +121,7 @@ def _about(config: Follow) -> dict[str, Any]:
     }
     about |= {"feedback": config.feedback, "wider": config.wider}
     if config.model:
-        files = ("readout.json", "learned.npz")
-        about["readout_sha256"] = {name: file_hash(config.model / name) for name in files}
+        about["readout_sha256"] = readout_hashes(config.model)
     return about
 
 
@@ -180,7 +168,7 @@ def _said(plan: PathPlan) -> str:
     return told
 
 
-def _told(results: dict[str, Any]) -> str:
+def _told(results: Mapping[str, Any]) -> str:
     lines = []
     for key, what in (
         ("tip_error_as_estimated_mm", "The gripper's end as estimated"),

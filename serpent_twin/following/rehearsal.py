@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from serpent_twin.arm.geometry import motor_from_joint
+from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim.many_twins import PrescribedMotion, impose
@@ -32,14 +32,6 @@ class Rehearsal:
     """[rad], (T, 10)"""
     response: Response
     """What the twin does, (T,)"""
-
-
-def on_stiff_cables(joint_angle: Array) -> Array:
-    """Motor angles of an arm with stiff cables [rad], (…, 10), for joint angles (…, 9); motor 10 turns with
-    motor 9, so that the jaw stays still.
-    """
-    motors = motor_from_joint(joint_angle)
-    return np.concatenate([motors, motors[..., -1:]], axis=-1)
 
 
 def rehearsed(

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_jacobian
 from serpent_twin.arrays import Array
 from serpent_twin.following.planning import PathPlan
 from serpent_twin.following.reaching import tips
-from serpent_twin.following.rehearsal import on_stiff_cables
 from serpent_twin.live.follower import Follower
 from serpent_twin.recording.loop import Step, StepReading
 from serpent_twin.sim.statics import gives_way
@@ -66,15 +66,14 @@ class PathSteering:
     def command(self, now: StepReading) -> tuple[Array, Array]:
         """The joints' planned angles, and the velocities to be sent."""
         plan, position = self.plan, now.state.position
-        row = min(round(now.time / plan.period), plan.rows - 1)
+        row = self._row(now)
         wanted = plan.rehearsal.motor_angle[row]
         belief = self._follower.update(now)
         interval, self._before = now.time - self._before, now.time
         if belief is not None:
             self._joint = joints_from_markers(belief.marker, self._joint[None], self._offset)[0]
-            joint = self._joint
-            self.estimated[now.number] = tips(joint)
-            lacking = on_stiff_cables(self._more[row] @ (plan.joint_angle[row] - joint))
+            self.estimated[now.number] = tips(self._joint)
+            lacking = on_stiff_cables(self._more[row] @ (plan.joint_angle[row] - self._joint))
             share = 1 - np.exp(-self._feedback * interval)
             added = self._added + share * (position + lacking - wanted - self._added)
             self._added = np.clip(added, -_MOST, _MOST)
@@ -84,6 +83,9 @@ class PathSteering:
 
     def columns(self, step: Step) -> dict[str, float]:
         """The log's columns of a step."""
-        row = min(round(step.time / self.plan.period), self.rows - 1)
-        values = [*self.plan.tip[row], *self.estimated[step.number]]
+        values = [*self.plan.tip[self._row(step)], *self.estimated[step.number]]
         return dict(zip(COLUMNS, map(float, values), strict=True))
+
+    def _row(self, now: StepReading) -> int:
+        """The row of the plan nearest in time."""
+        return min(round(now.time / self.plan.period), self.rows - 1)

@@ -62,7 +62,7 @@ class ComposingTracer(Tracer):
             rounds.append(self._law(names, base, before, stage))
             if (better := self._stands(rounds)) is None:
                 break
-            base = self._settled(better, rounds[-1].accepted[0], len(rounds))
+            base = self._with_thresholds(better, rounds[-1].accepted[0], len(rounds))
         return base, True
 
     def _candidates(self, base: Fit, before: Errors) -> list[str]:
@@ -131,8 +131,8 @@ class ComposingTracer(Tracer):
         self.case = replace(self.case, noise=done.base.noise)
         return None
 
-    def _settled(self, found: Fit, name: str, number: int) -> Fit:
-        """A fit of an accepted law, with better thresholds if there are any."""
+    def _with_thresholds(self, found: Fit, name: str, number: int) -> Fit:
+        """The fit of an accepted law; where better thresholds of it are found, the fit from these."""
         self.on_progress(f"thresholds of {spaced(name)}")
         point = better_thresholds(self.case, self.training, found, name)
         if point is None:
@@ -143,8 +143,8 @@ class ComposingTracer(Tracer):
         return moved if self._betters(moved, found) else found
 
     def _anew(self, found: Fit, number: int) -> Fit:
-        """A fit, or one of the same effects that is calibrated from the nominal twin on, if that is better:
-        what was missing may have led the calibration before astray, its weights included.
+        """A fit; or, if that is better, one of the same effects for which the nominal twin was calibrated
+        again. Without these effects, the calibration before may have gone astray, and its weights with it.
         """
         weighed, effects = self.case, found.point.effects
         stage = f"anew_{number}_{_mark(list(effects))}"

@@ -1,19 +1,17 @@
 """Estimate the arm's pose while it moves, from its motor bus alone."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from serpent_twin import estimators
 from serpent_twin.errors import SerpentError
 from serpent_twin.live.arm import Drive, is_known, note, of_readout
-from serpent_twin.live.figures import Course, figures, told
+from serpent_twin.live.figures import Course, told
 from serpent_twin.live.follower import Follower
 from serpent_twin.live.options import Estimate
-from serpent_twin.live.run import LivePlan, refuse_second, run
-from serpent_twin.recording import collect, lost_markers, run_settings
-from serpent_twin.recording.ending import why
-from serpent_twin.runs.files import write_json
-from serpent_twin.runs.provenance import file_hash, provenance
-from serpent_twin.runs.run_lock import claimed
+from serpent_twin.live.run import LivePlan, readout_hashes, run_and_state
+from serpent_twin.recording import collect, run_settings
+from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sim import arm_file, twin_model
 
 SETTINGS = "estimate.json"
@@ -28,24 +26,13 @@ def estimate(config: Estimate) -> dict[str, Any]:
     follower = Follower(plan.estimator, config.steps, config.learn, config.prior_runtime_s)
     course = Course(config.steps)
     said = settings(config, plan)
-    with claimed(config.out, SETTINGS, said):
-        refuse_second(plan, RESULTS)
-        ended = None
-        try:
-            run(plan, follower, course)
-        except BaseException as error:
-            ended = why(error)
-            raise
-        finally:
-            results = {"complete": ended is None, "ended": ended, "rate_hz": config.rate_hz}
-            results |= {"simulated_arm": plan.note, "trained_on_simulated_arm": plan.trained_on_it}
-            if course.rows:
-                results |= figures(course, follower, 1 / config.rate_hz)
-                print(told(results))
-                results |= {"seed": config.seed, "settings": said} | provenance()
-                write_json(config.out / RESULTS, results)
-        lost_markers.say([plan.session])
-    return results
+    arm = {"simulated_arm": plan.note, "trained_on_simulated_arm": plan.trained_on_it}
+
+    def tell(results: Mapping[str, Any]) -> None:
+        print(told(results))
+
+    names = SETTINGS, RESULTS
+    return run_and_state(plan, follower, course, names, said, lambda: arm, tell)
 
 
 def planned(config: Estimate) -> LivePlan:
@@ -94,10 +81,9 @@ def planned(config: Estimate) -> LivePlan:
 
 def settings(config: Estimate, plan: LivePlan) -> dict[str, Any]:
     """The options of the run, and the hashes of its input files."""
-    files = ("readout.json", "learned.npz")
     return run_settings.settings(plan.drive) | {
         "readout": plan.estimator.name,
-        "readout_sha256": {name: file_hash(config.model / name) for name in files},
+        "readout_sha256": readout_hashes(config.model),
         "twin_sha256": config.twin and file_hash(config.twin),
         "simulate_sha256": config.simulate and file_hash(config.simulate),
         "learn": config.learn,

@@ -53,7 +53,7 @@ def figures(course: Course, follower: Follower, period: float) -> dict[str, Any]
     } | _against(course.measured[:rows], follower, where)
 
 
-def told(found: dict[str, Any]) -> str:
+def told(found: Mapping[str, Any]) -> str:
     """The main figures as lines of text."""
     lines = [
         f"{found['rows_estimated']} of {found['rows']} rows estimated at {found['rate_hz']:g} Hz."

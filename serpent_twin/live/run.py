@@ -1,5 +1,6 @@
 """Run an estimator along with the moving arm."""
 
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +12,16 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import Estimator
 from serpent_twin.hardware.cameras import NoMocap
 from serpent_twin.live.arm import Drive
-from serpent_twin.live.figures import Course
+from serpent_twin.live.figures import Course, figures
 from serpent_twin.live.follower import COLUMNS, Follower
 from serpent_twin.live.sample import Page
 from serpent_twin.live.stream import RerunStream
-from serpent_twin.recording import run_settings, simulated
-from serpent_twin.recording.ending import sealed, stopped_by_signals
+from serpent_twin.recording import lost_markers, run_settings, simulated
+from serpent_twin.recording.ending import sealed, stopped_by_signals, why
 from serpent_twin.recording.loop import NOTHING, Beside, Row, Steering, TargetSteering, record
+from serpent_twin.runs.files import write_json
+from serpent_twin.runs.provenance import file_hash, provenance
+from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sim import twin_model
 
 
@@ -90,7 +94,12 @@ class LivePlan:
         return run_settings.session_path(self.drive, 1)
 
 
-def refuse_second(plan: LivePlan, results: str) -> None:
+def readout_hashes(model: Path) -> dict[str, str]:
+    """Of the files of a trained readout, by name."""
+    return {name: file_hash(model / name) for name in ("readout.json", "learned.npz")}
+
+
+def _refuse_second(plan: LivePlan, results: str) -> None:
     """Refuse a folder that holds a run already."""
     out, names = plan.drive.out, (f"{plan.session.stem}.*", results)
     if found := [path for name in names for path in sorted(out.glob(name))]:
@@ -98,6 +107,41 @@ def refuse_second(plan: LivePlan, results: str) -> None:
             f"{out} holds a run already ({', '.join(path.name for path in found)}), and an arm that moved is "
             "not gone on with. Nothing was changed: choose another --out."
         )
+
+
+def run_and_state(
+    plan: LivePlan,
+    follower: Follower,
+    course: Course,
+    names: tuple[str, str],
+    settings: dict[str, Any],
+    found: Callable[[], dict[str, Any]],
+    tell: Callable[[Mapping[str, Any]], None],
+) -> dict[str, Any]:
+    """Run in a folder of its own; returns what its results hold, also of a run that is stopped.
+
+    `names` are those of the files of settings and results. If there are rows, `found` gives the figures of
+    the run, and `tell` shows the results.
+    """
+    out, (settings_name, results_name) = plan.drive.out, names
+    with claimed(out, settings_name, settings):
+        _refuse_second(plan, results_name)
+        ended = None
+        try:
+            run(plan, follower, course)
+        except BaseException as error:
+            ended = why(error)
+            raise
+        finally:
+            results: dict[str, Any] = {"complete": ended is None, "ended": ended}
+            results["rate_hz"] = plan.config.rate_hz
+            if course.rows:
+                results |= found() | figures(course, follower, 1 / plan.config.rate_hz)
+                results |= {"seed": plan.drive.seed, "settings": settings} | provenance()
+                write_json(out / results_name, results)
+                tell(results)
+        lost_markers.say([plan.session])
+    return results
 
 
 def run(plan: LivePlan, follower: Follower, course: Course) -> None:

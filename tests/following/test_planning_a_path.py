@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
 from serpent_twin.following.path import PathToFollow
 from serpent_twin.following.planning import planned, slack_cables
 from serpent_twin.following.reaching import JointBounds, tips
-from serpent_twin.following.rehearsal import on_stiff_cables, rehearsed
+from serpent_twin.following.rehearsal import rehearsed
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
 

@@ -174,13 +174,18 @@ PLACED = {  # along y; least cosine to what a simulation makes of it: slack dela
     "slack of cable5_plus: constant": 0.6,
     "gear_friction of motor3: constant": 0.999,
     "motor_torque of motor3: constant": 0.999,
-    "marker_shift of marker4: constant": 0.97,
-    "camera_shift of base: constant": 0.9,
+    "marker_shift of marker4: constant": 0.999,
+    "camera_shift of base: constant": 0.999,
     "load_shift of motor2_load: constant": 0.999,
     "load_scale of motor2_load: constant": 0.999,
-    "link_turn of link4: constant": 0.9,
-    "camera_turn of base: constant": 0.9,
+    "link_turn of link4: constant": 0.999,
+    "camera_turn of base: constant": 0.999,
 }
+AT_CAMERAS = ("marker_shift", "camera_shift", "link_turn", "camera_turn")
+FADED = 10
+"""Rows after which nothing is left of a segment's first pose, which comes from the cameras: what shifts these
+shifts it, too
+"""
 SIZES = {
     "force": 0.2,
     "acceleration": 0.5,
@@ -209,7 +214,8 @@ def test_the_arms_places_show_what_a_simulation_shows():
         values[component] = size
         change = arm.respond([point.having(f"discovered@{at}", values)], pieces)[0] - before
         told = size * shown[law.handle, law.place][component]
-        one, two = ((each * weight).ravel() for each in (change, told))
+        rows = slice(FADED if law.handle in AT_CAMERAS else 0, None)
+        one, two = ((each * weight)[:, rows].ravel() for each in (change, told))
         cosine = one @ two / np.linalg.norm(one) / np.linalg.norm(two)
         assert cosine > least, (at, cosine)
         assert np.linalg.norm(two) == pytest.approx(np.linalg.norm(one), rel=0.4), at

@@ -69,13 +69,13 @@ def _without(case: Case[Any], some: Any, found: Fit, name: str) -> Fit:
     """A fit as if one of its effects had been neither simulated nor free."""
     effects = {n: v for n, v in found.point.effects.items() if n != name}
     point = ParameterVector(found.point.declared, effects)
-    free = found.free
-    kept = [k for k in range(len(free)) if k < len(free.declared)
-            or free.effects[k - len(free.declared)][0] != name]  # fmt: skip
+    of_others = [(k, each) for k, each in enumerate(found.free.effects) if each[0] != name]
+    first = len(found.free.declared)
+    kept = [*range(first), *(first + k for k, _ in of_others)]
     return replace(
         found,
         point=point,
-        free=FreeParameters(free.declared, tuple(e for e in free.effects if e[0] != name)),
+        free=FreeParameters(found.free.declared, tuple(each for _, each in of_others)),
         jacobian=found.jacobian[kept],
         residual=case.residual([point], some)[0],
     )

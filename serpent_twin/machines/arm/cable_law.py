@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arm.geometry import ARM, N_MOTORS, Arm
 from serpent_twin.arrays import Array
 from serpent_twin.sim.prescribed_motion import STANDING
@@ -54,8 +55,7 @@ def cable_laws(
     motion: then the jaw is held, and its zero is in the slacks. Stiffnesses that the data hardly
     determine are pulled towards the others' median by a prior.
     """
-    wound = np.cumsum(joint_angle, axis=-1)
-    wound = np.concatenate([wound, wound[:, -1:]], axis=-1)
+    wound = on_stiff_cables(joint_angle)
     typical, found = _TYPICAL, []
     for _ in range(2):  # the second time with priors from the first
         found = [

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serpent_twin.arm.geometry import N_JOINTS, motor_from_joint
+from serpent_twin.arm.control import on_stiff_cables
+from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -113,11 +114,5 @@ def motors_of(targets: Array, rate: float) -> MotorTrajectory:
     ends = np.hstack([step + MOVING, step + 1.0]).ravel() / rate
     time = hold + np.concatenate([[-hold, 0.0], ends])
     at = np.concatenate([[0, 0], np.repeat(np.arange(1, count), 2)])
-    motor = coupled(targets)[:, at]
+    motor = on_stiff_cables(targets)[:, at]
     return MotorTrajectory(np.tile(time, (B, 1)), motor, np.zeros_like(motor))
-
-
-def coupled(joint_angle: Array) -> Array:
-    """Motor angles [rad], (…, 10), of joint angles on rigid cables [rad], (…, 9); the jaw stays still."""
-    motor = motor_from_joint(joint_angle)
-    return np.concatenate([motor, motor[..., -1:]], axis=-1)

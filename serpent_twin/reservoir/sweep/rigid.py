@@ -10,10 +10,11 @@ import mujoco
 import numpy as np
 
 from serpent_twin.arm import mjcf
+from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arm.geometry import ARM, markers
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.arrays import Array
-from serpent_twin.reservoir.sweep.drive import HeldResponse, coupled
+from serpent_twin.reservoir.sweep.drive import HeldResponse
 from serpent_twin.sim.stepper import addresses
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -22,7 +23,7 @@ def move(targets: Array) -> HeldResponse:
     """Response to joint targets [rad], (B, K + 1, 9), at any rate: the arm rests in each hold."""
     joint = targets[:, 1:]
     load = loads(joint.reshape(-1, joint.shape[-1])).reshape(*joint.shape[:-1], -1)
-    return HeldResponse(coupled(joint), load, joint, markers(joint))
+    return HeldResponse(on_stiff_cables(joint), load, joint, markers(joint))
 
 
 def loads(joint_angle: Array) -> Array:
