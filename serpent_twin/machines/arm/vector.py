@@ -20,6 +20,7 @@ from serpent_twin.sim.twin_model import TwinModel
 
 _TRUST = 2.0  # prior widths are so many standard errors of the cable laws, which ignore mismatch
 _STIFFNESS, _SLACK, _WINCH = 0.02, 0.02, 0.1  # [log], [mm], [%] at least
+_MARKER = 0.5  # [mm] at least: a camera or marker that moved in a log takes all places along
 _APART = 0.3  # [log] hinges differ
 _TRANSITION = 0.02  # [rad/s]
 _UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable not in any log
@@ -170,7 +171,7 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
         for k, name in enumerate(NAMES[kind]):
             rows.append(Declared(name, unit, _APART if k else together, step))
     rows += [Declared(name, "log N m", 0.3, 0.1) for name in NAMES["gear"]]
-    widths = np.maximum(0.02, _TRUST * offset_error.ravel())
+    widths = np.maximum(_MARKER, _TRUST * offset_error.ravel())
     for name, width in zip(NAMES["marker"], widths, strict=True):
         rows.append(Declared(name, "mm", width, 0.1))
     return tuple(rows)
