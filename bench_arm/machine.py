@@ -55,6 +55,8 @@ class ArmBatch:
         self.bent = np.zeros((len(arms), N_JOINTS))
         """Elastic deflection of each hinge's bristle [rad]."""
         self.tension = np.zeros((len(arms), 2, N_JOINTS))
+        self.push = np.zeros((len(arms), N_JOINTS, 3))
+        """What pushes each link's centre of mass, in the base frame [N]"""
 
     def _hinge_springs(
         self, arms: Sequence[BenchArm], effects: Sequence[Effects]
@@ -179,6 +181,8 @@ class ArmBatch:
             if e.outside_force and self.q[row, self.joint[e.force_joint - 1]] > e.force_threshold:
                 force = e.outside_force * np.array(e.force_direction)
                 torque[row] += self._of_force(pose, row, e.force_link, force)
+        for row, link in zip(*np.nonzero(self.push.any(axis=2)), strict=True):
+            torque[row] += self._of_force(pose, row, link + 1, self.push[row, link])
         if any(self.accidents):
             torque[:, self.joint] += accidents.stop_torque(self.accidents, self.q[:, self.joint])
             for row, each in accidents.of_kind(self.accidents, "swinging_push"):

@@ -7,6 +7,7 @@ import numpy as np
 
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
+from serpent_twin.sim.pushes import Push
 
 from . import accidents
 from .effects import Effects
@@ -31,6 +32,8 @@ class SessionSpec:
     """Of targets and noise, together with the number."""
     target: Array | None = None
     """Joint targets [rad], (T, 9); random ones if nothing is said"""
+    pushes: tuple[Push, ...] = ()
+    """What pushes the links"""
 
 
 class Sensors:

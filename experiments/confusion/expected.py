@@ -13,6 +13,7 @@ and the size of the law, None where a fault has none
 """
 
 _THRESHOLDS = ("above", "under", "within")
+_CLOCK = ("time", "runtime")
 _RAMPS = ("beyond", "below", "within", "above")
 
 
@@ -44,12 +45,21 @@ def _near(
     return [_answer(changes, near, laws, on, size)]
 
 
+def _knocked(marker: int, size: float | None = None) -> list[Answer]:
+    return [_answer(("marker_shift",), (f"marker{marker}",), _THRESHOLDS, _CLOCK, size)]
+
+
+def _turned(link: int, size: float | None = None) -> list[Answer]:
+    return [_answer(("link_turn",), (f"link{link}",), _THRESHOLDS, _CLOCK, size)]
+
+
 def of_accident(happened: Accident) -> list[Answer]:
     """The laws that are right for an accident of a bench arm."""
-    part, clock, size = happened.part, ("time", "runtime"), happened.strength
+    part, clock, size = happened.part, _CLOCK, happened.strength
     motor, joint, load = f"motor{part}", f"joint{part}", f"motor{part}_load"
     own, steps = (f"motor angle of {motor}",), _THRESHOLDS
     strand = mjcf.STRANDS[2 * (part % N_JOINTS) + part // N_JOINTS]
+    last = int(part == N_JOINTS)  # a turn of it moves its one marker, and nothing else
     several: Mapping[str, list[Answer]] = {
         "swinging_push": _force(part, ("periodic",), clock, size),
         "soft_stop": [
@@ -59,7 +69,7 @@ def of_accident(happened: Accident) -> list[Answer]:
         "slipped_winch": [_answer(("winch_angle",), (motor,), steps, clock, size)],
         "encoder_wave": [_answer(("winch_angle",), (motor,), ("periodic",), own, size)],
         "rubbing_cable": [_answer(("gear_friction",), (motor,), steps, own, size)],
-        "knocked_marker": [_answer(("marker_shift",), (f"marker{part}",), steps, clock, size)],
+        "knocked_marker": _knocked(part, size) + last * _turned(part),
         "moved_cameras": [_answer(("camera_shift",), ("base",), steps, clock, size)],
         "fading_load": [
             _answer(
@@ -75,7 +85,7 @@ def of_accident(happened: Accident) -> list[Answer]:
             _answer(("load_scale",), (load,), ("linear",), clock, size / happened.instant)
         ],
         "elastic_cord": _near(("spring",), part, ("constant",), ()),
-        "turned_link": [_answer(("link_turn",), (f"link{part}",), steps, clock, size)],
+        "turned_link": _turned(part, size) + last * _knocked(part),
         "turned_cameras": [_answer(("camera_turn",), ("base",), steps, clock, size)],
     }
     return several[happened.kind]

@@ -1,19 +1,16 @@
 """Let one bench arm follow all paths in all ways."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from bench_arm.bus import BenchBus, BenchCameras
-from experiments.confusion.arms import RATE_HZ, Length, built, planned
-from experiments.confusion.plan import Trial
 from experiments.follow.config import FollowStudy
 from experiments.follow.paths import PATHS
 from experiments.result_rows import failed_row
-from serpent_twin import stored
+from experiments.traced_arms import TracedArm
 from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -27,7 +24,6 @@ from serpent_twin.hardware.limits import Limits
 from serpent_twin.live.follower import Follower
 from serpent_twin.recording.loop import record
 from serpent_twin.runs.provenance import git_commit
-from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 GEOMETRY, NOMINAL, MENDED, FEEDBACK = "geometry", "nominal twin", "its twin", "its twin, feedback"
@@ -42,58 +38,16 @@ FIRST = next(iter(PATHS))
 LOADED, LOADED_OPEN = "its twin, feedback, 50 g taken up", "its twin, 50 g taken up"
 
 
-@dataclass(frozen=True)
-class FollowingArm:
-    """An arm of a study."""
-
-    trial: Trial
-    seed: int
-    length: Length
-
-    @property
-    def runtime(self) -> float:
-        """How long it ran in its logs [s]."""
-        return self.length.sessions * self.length.steps / RATE_HZ
-
-    @property
-    def id(self) -> str:
-        """Its name in the study."""
-        return self.trial.id
-
-    @property
-    def name(self) -> str:
-        """What is wrong with it."""
-        return self.trial.name
-
-
-def traced_arms(study: Path, most: int) -> list[FollowingArm]:
-    """The arms of a study whose twins are there."""
-    settings = stored.read_json(study / "confusion.json")
-    sessions = tuple(settings["sessions"])
-    every = planned("bench", 100, settings["seed"], sessions)
-    there = [
-        each for each in every if (study / "trials" / each.id / "trace" / "twin.json").exists()
-    ]
-    if not there:
-        raise SerpentError(
-            f"{study} holds no traced arm. Run python -m experiments.confusion --source bench --keep "
-            f"--out {study} first."
-        )
-    length = settings["steps"]
-    return [FollowingArm(t, settings["seed"], Length(t.sessions, length)) for t in there[:most]]
-
-
-def run_arm(config: FollowStudy, arm: FollowingArm) -> dict[str, Any]:
+def run_arm(config: FollowStudy, arm: TracedArm) -> dict[str, Any]:
     """The row of an arm: how far its tip truly was from each path, by each way."""
-    twin_file = config.study / "trials" / arm.id / "trace" / "twin.json"
     row: dict[str, Any] = {"id": arm.id, "name": arm.name, "git_commit": git_commit()}
     try:
-        return row | _followed(arm, twin_model.read(twin_file))
+        return row | _followed(arm, arm.twin)
     except SerpentError as error:
         return failed_row(arm, str(error)) | row
 
 
-def _followed(arm: FollowingArm, twin: TwinModel) -> dict[str, Any]:
+def _followed(arm: TracedArm, twin: TwinModel) -> dict[str, Any]:
     found: dict[str, dict[str, Any]] = {}
     plans = {name: _planned(path, twin, arm, RATES[0]) for name, path in PATHS.items()}
     for name, own in plans.items():
@@ -117,13 +71,13 @@ def _followed(arm: FollowingArm, twin: TwinModel) -> dict[str, Any]:
     return {"paths": found, "wanted": wanted, "rates": rates, "loaded": loaded}
 
 
-def _planned(path: PathToFollow, twin: TwinModel, arm: FollowingArm, rate: float) -> PathPlan:
+def _planned(path: PathToFollow, twin: TwinModel, arm: TracedArm, rate: float) -> PathPlan:
     bounds, limits = JointBounds.usual(), Limits(joint_angle=_LIMIT)
     return path_planned(path, twin, rate, bounds, limits, arm.runtime)
 
 
 def _error(
-    arm: FollowingArm,
+    arm: TracedArm,
     plan: PathPlan,
     twin: TwinModel,
     feedback: float = 0.0,
@@ -133,7 +87,7 @@ def _error(
     """How far the tip truly was from the path [mm], and how long a cycle took [ms]; where it was, if that is
     to be kept [m], (T, 3).
     """
-    made, effects, _ = built(arm.trial, arm.length, arm.seed)
+    made, effects = arm.built()
     bus = BenchBus(made, effects, seed=arm.seed, prior_runtime=arm.runtime)
     follower = Follower(Observer.of(twin), plan.rows, prior_runtime=arm.runtime)
     steering = PathSteering(plan, twin, follower, twin.parameters.controller_gain, feedback)

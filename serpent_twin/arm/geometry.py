@@ -177,6 +177,12 @@ def link_frames(q: ArrayLike, arm: Arm = ARM) -> tuple[Array, Array]:
     return origin, rotation
 
 
+def middles(q: ArrayLike, arm: Arm = ARM) -> Array:
+    """Middles of the links in the base frame [m], (..., 9, 3), for joint angles q [rad], (..., 9)."""
+    origin, rotation = link_frames(q, arm)
+    return origin + np.array(arm.link_length)[:, None] / 2 * rotation[..., 0]
+
+
 def markers(q: ArrayLike, arm: Arm = ARM) -> Array:
     """Marker positions in the base frame [m], (..., 9, 3), for joint angles q [rad], (..., 9)."""
     return markers_on(*link_frames(q, arm), arm)

@@ -10,6 +10,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.belief import Belief, joined, unknown
 from serpent_twin.estimators.bus_reading import BusReading, readings
+from serpent_twin.estimators.force_filter import FeltForce
 from serpent_twin.readouts.trainable import Trainable
 from serpent_twin.readouts.windows import SessionWindows
 
@@ -35,6 +36,10 @@ class Live(ABC):
     def weighed(self) -> Weighed:
         """The arm's parameters identified so far; none, if it identifies none."""
         return {}
+
+    def force(self) -> FeltForce | None:
+        """The force on the arm with the last reading; None if it feels none."""
+        return None
 
 
 class Estimator(ABC):

@@ -11,6 +11,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.estimators.belief import Belief
 from serpent_twin.estimators.bus_reading import BusReading
 from serpent_twin.estimators.estimator import Live, Weighed
+from serpent_twin.estimators.force_filter import FeltForce
 from serpent_twin.readouts.covariance import root_of
 
 ANGLE, LOAD, PLACE, SPEED = 0.2, 0.1, 0.1, 0.08
@@ -81,6 +82,10 @@ class Online(Live):
     def weighed(self) -> Weighed:
         """The arm's parameters that the estimator identified so far."""
         return self._live.weighed()
+
+    def force(self) -> FeltForce | None:
+        """The force that the estimator feels."""
+        return self._live.force()
 
     def correct(self, marker: Array) -> None:
         """Learn from the markers measured with the last reading [m], (9, 3), NaN where lost; once.

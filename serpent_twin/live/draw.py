@@ -20,7 +20,7 @@ import rerun.blueprint as rrb
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
-from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor, middles
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -30,7 +30,7 @@ from serpent_twin.live.sample import Page, Sample
 from serpent_twin.readouts.score import distances, step_means
 from serpent_twin.reporting.rerun_colours import hue
 from serpent_twin.reporting.rerun_layout import KEY, LOADS, TEN, Plot, blueprint, key, loads
-from serpent_twin.reporting.rerun_recording import ESTIMATED, MEASURED, Writer
+from serpent_twin.reporting.rerun_recording import ARROW, ESTIMATED, MEASURED, Writer
 
 EVERY = 0.2
 """Interval at which rows are drawn together [s]"""
@@ -44,6 +44,8 @@ _LOOKS = {
     "orange ellipsoid": "should hold the measured marker in 95 % of the rows",
     "green": "marker, as the cameras measured it",
 }
+
+_FELT = {"orange arrow": "force that is felt, 10 cm a newton; its ellipsoid should hold 95 %"}
 
 
 def draw(rows: Connection, page: Page) -> None:
@@ -99,15 +101,17 @@ class Drawing:
             open_viewer()
             sinks.append(rr.GrpcSink())
         title = f"{page.readout}, live"
-        self._stream.set_sinks(*sinks, default_blueprint=blueprint(title, _plots()))
+        self._stream.set_sinks(*sinks, default_blueprint=blueprint(title, _plots(page.feels)))
         self._stream.send_recording_name(title)
         self._begin()
 
     def add(self, batch: Sequence[Sample]) -> None:
         """Draw some rows."""
-        moment, motor, load, measured, estimated, covariance, latency = (
-            np.array(column) for column in zip(*batch, strict=True)
-        )
+        arrays = map(np.array, zip(*batch, strict=True))
+        columns: dict[str, Any] = dict(zip(Sample._fields, arrays, strict=True))
+        moment, motor, load = (columns[name] for name in ("time", "motor", "load"))
+        measured, estimated = columns["measured"], columns["estimated"]
+        covariance, latency = columns["covariance"], columns["latency_ms"]
         writer = Writer(self._stream, moment, first=self._rows)
         self._rows += len(batch)
         joint = joints_from_markers(estimated, joint_from_motor(motor[:, :N_JOINTS]))
@@ -123,6 +127,8 @@ class Drawing:
         self._curve(writer, "plots/latency/ms", latency)
         for j in range(N_MOTORS):
             self._curve(writer, f"{LOADS}/motor{j + 1}", 100 * load[:, j])
+        if self._page.feels:
+            self._force(writer, joint, columns)
 
     def end(self) -> str:
         """Finish the recording; returns an error text, or an empty one."""
@@ -152,6 +158,12 @@ class Drawing:
         fill = rr.components.FillMode.TransparentFillMajorWireframe
         look = rr.Ellipsoids3D.from_fields(colors=[(*ESTIMATED, 60)], fill_mode=fill)
         self._stream.log("markers/expected", look, **fixed)
+        if self._page.feels:
+            arrow = rr.Arrows3D.from_fields(colors=[ESTIMATED], radii=0.003)
+            self._stream.log("arm/force", arrow, **fixed)
+            self._stream.log("arm/force_expected", look, **fixed)
+            writer.style("plots/force/estimated", ESTIMATED)
+            writer.style("plots/force/expected_rms", _EXPECTED)
         colours = {
             "error/measured": ESTIMATED,
             "error/expected_rms": _EXPECTED,
@@ -168,9 +180,30 @@ class Drawing:
         ]
         page = rr.TextDocument("\n\n".join(lines), media_type="text/markdown")
         self._stream.log("about", page, **fixed)
-        self._stream.log(KEY, key(_LOOKS), **fixed)
+        self._stream.log(KEY, key(_LOOKS | (_FELT if self._page.feels else {})), **fixed)
         self._stream.log("/", rr.ViewCoordinates.DLF, **fixed)  # +x hangs down
         writer.shapes()
+
+    def _force(self, writer: Writer, joint: Array, columns: dict[str, Any]) -> None:
+        """An arrow for the force where contact is reported, an ellipsoid at its tip that should hold the true
+        one, and its size.
+        """
+        force, covariance = columns["force"], columns["force_covariance"]
+        self._curve(writer, "plots/force/estimated", np.linalg.norm(force, axis=1))
+        self._curve(
+            writer, "plots/force/expected_rms", np.sqrt(np.trace(covariance, axis1=1, axis2=2))
+        )
+        there = columns["touched"]
+        row, which = np.flatnonzero(there), columns["link"][there] - 1
+        place = middles(joint[row])[np.arange(len(row)), which]
+        arrow, parts = ARROW * force[row], there.astype(int)
+        shown = rr.Arrows3D.columns(origins=place, vectors=arrow)
+        writer.send("arm/force", shown.partition(parts))
+        half, turned = ellipsoids(ARROW**2 * covariance[row])
+        held = rr.Ellipsoids3D.columns(
+            centers=place + arrow, half_sizes=half, quaternions=turned.as_quat().reshape(-1, 4)
+        )
+        writer.send("arm/force_expected", held.partition(parts))
 
     @staticmethod
     def _points(writer: Writer, kind: str, marker: Array) -> None:
@@ -226,9 +259,11 @@ def _listens() -> bool:
         return probe.connect_ex(("127.0.0.1", PORT)) == 0
 
 
-def _plots() -> dict[Plot, int]:
+def _plots(feels: bool) -> dict[Plot, int]:
     error = rrb.TimeSeriesView(
         origin="plots/error", name="Marker error: measured, and as expected [mm]"
     )
     latency = rrb.TimeSeriesView(origin="plots/latency", name="From reading to estimate [ms]")
-    return {error: 1, loads(): TEN, latency: 1}
+    force = rrb.TimeSeriesView(origin="plots/force", name="Force: felt, and its expected error [N]")
+    plots: dict[Plot, int] = {error: 1, loads(): TEN, latency: 1}
+    return plots | ({force: 1} if feels else {})

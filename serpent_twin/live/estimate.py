@@ -1,11 +1,14 @@
 """Estimate the arm's pose while it moves, from its motor bus alone."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from serpent_twin import estimators
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators.feeling import feeling
 from serpent_twin.live.arm import Drive, is_known, note, of_readout
+from serpent_twin.live.contacts import Contacts
 from serpent_twin.live.figures import Course, told
 from serpent_twin.live.follower import Follower
 from serpent_twin.live.options import Estimate
@@ -24,15 +27,21 @@ def estimate(config: Estimate) -> dict[str, Any]:
     if plan.note:
         print(plan.note)
     follower = Follower(plan.estimator, config.steps, config.learn, config.prior_runtime_s)
-    course = Course(config.steps)
+    course, contacts = Course(config.steps), Contacts()
+    if config.force:
+        plan = replace(plan, beside=contacts.beside(follower))
     said = settings(config, plan)
     arm = {"simulated_arm": plan.note, "trained_on_simulated_arm": plan.trained_on_it}
 
+    def found() -> dict[str, Any]:
+        return arm | (contacts.found() if config.force else {})
+
     def tell(results: Mapping[str, Any]) -> None:
         print(told(results))
+        if config.force:
+            print(contacts.told())
 
-    names = SETTINGS, RESULTS
-    return run_and_state(plan, follower, course, names, said, lambda: arm, tell)
+    return run_and_state(plan, follower, course, (SETTINGS, RESULTS), said, found, tell)
 
 
 def planned(config: Estimate) -> LivePlan:
@@ -67,13 +76,16 @@ def planned(config: Estimate) -> LivePlan:
         real=config.real,
         parameters=config.parameters,
         prior_runtime=config.prior_runtime_s,
+        push=config.push,
     )
     drive = of_readout(drive, trained)
     collect.check(drive)
     estimator.require_rate(config.rate_hz)
+    if config.force:
+        estimator = feeling(estimator)
     if config.backend == "real":
         return LivePlan(config, estimator, drive)
-    other = f" It estimates by {config.twin}." if estimator is not trained else ""
+    other = f" It estimates by {config.twin}." if config.twin and trained.takes_twin else ""
     return LivePlan(
         config, estimator, drive, note(drive, trained) + other, is_known(drive, trained)
     )
@@ -87,6 +99,7 @@ def settings(config: Estimate, plan: LivePlan) -> dict[str, Any]:
         "twin_sha256": config.twin and file_hash(config.twin),
         "simulate_sha256": config.simulate and file_hash(config.simulate),
         "learn": config.learn,
+        "force": config.force,
         "prior_runtime_h": config.prior_runtime_h,
         "markers": config.real.mocap if config.backend == "real" else config.markers,
     }

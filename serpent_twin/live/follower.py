@@ -11,6 +11,7 @@ from serpent_twin.estimators import Estimator
 from serpent_twin.estimators.belief import Belief, require_finite
 from serpent_twin.estimators.bus_reading import BusReading
 from serpent_twin.estimators.estimator import Weighed
+from serpent_twin.estimators.force_filter import FeltForce
 from serpent_twin.estimators.online import Online
 from serpent_twin.recording.loop import Step, StepReading
 
@@ -69,6 +70,10 @@ class Follower:
     def learn(self, marker: Array) -> None:
         """Take the markers of the step that was estimated last [m], (9, 3), NaN where lost."""
         self._live.correct(marker)
+
+    def force(self) -> FeltForce | None:
+        """The force on the arm in the step that was estimated last, if the estimator feels one."""
+        return self._live.force()
 
     def weighed(self) -> Weighed:
         """Parameters of the arm identified from the loads, if the estimator does so."""

@@ -58,6 +58,12 @@ class Estimate(Checked):
     markers: Annotated[bool, SIMULATED, when(backend="sim")] = True
     """Let simulated cameras measure the markers, so that the error is known. No readout gets
     them, but for --learn."""
+    force: bool = False
+    """Also feel the force on the arm, where it acts, and whether anything touches it: --model must be an
+    observer. Its twin's loads are what the force is told from, so give a twin that was traced."""
+    push: Annotated[str, SIMULATED, when(backend="sim")] = ""
+    """Push links of the simulated arm with known forces, as collect --push does: how many random pushes, or a
+    CSV file."""
     learn: Annotated[bool, Use(_blind)] = False
     """Let the markers of each step correct later estimates while there are any, by recursive least squares:
     for an arm that has changed since the readout was trained. The correction is held when they go."""

@@ -10,6 +10,7 @@ from tqdm import tqdm
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import Estimator
+from serpent_twin.estimators.feeling import Feeling
 from serpent_twin.hardware.cameras import NoMocap
 from serpent_twin.live.arm import Drive
 from serpent_twin.live.figures import Course, figures
@@ -18,10 +19,19 @@ from serpent_twin.live.sample import Page
 from serpent_twin.live.stream import RerunStream
 from serpent_twin.recording import lost_markers, run_settings, simulated
 from serpent_twin.recording.ending import sealed, stopped_by_signals, why
-from serpent_twin.recording.loop import NOTHING, Beside, Row, Steering, TargetSteering, record
+from serpent_twin.recording.loop import (
+    NOTHING,
+    Beside,
+    Row,
+    Steering,
+    Step,
+    TargetSteering,
+    record,
+)
 from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.runs.run_lock import claimed
+from serpent_twin.sim import pushes as pushing
 from serpent_twin.sim import twin_model
 
 
@@ -160,7 +170,7 @@ def run(plan: LivePlan, follower: Follower, course: Course) -> None:
             course.see(row)
             plan.beside.see(row)
             if stream:
-                stream.see(row, follower.covariance[follower.rows - 1])
+                stream.see(row, follower.covariance[follower.rows - 1], follower.force())
 
         beside = Beside(
             COLUMNS + plan.beside.columns,
@@ -186,15 +196,22 @@ def _simulate(plan: LivePlan, beside: Beside) -> None:
     if drive.own and plan.config.model:
         path = str(plan.config.model / "readout.json")
         about["twin"] = {"path": path, "design": twin_model.to_dict(drive.own)}
+    pushes = arm.bus.twin.pushes
+    known = pushing.COLUMNS if drive.push else ()
+
+    def further(step: Step) -> Mapping[str, float]:
+        pushed = pushing.columns(pushes, step.time) if drive.push else {}
+        return {**beside.further(step), **pushed}
+
     with (
         stopped_by_signals(),
         tqdm(total=drive.steps, unit="row") as bar,
-        sealed(plan.session, about, beside.columns, dict) as journal,
+        sealed(plan.session, about, beside.columns + known, dict) as journal,
         arm.bus,
     ):
         period = 1 / drive.rate_hz
         steering = plan.steering or TargetSteering(targets, arm.gain)
-        for row in record(arm.bus, cameras, steering, period, beside.further):
+        for row in record(arm.bus, cameras, steering, period, further):
             journal.append(row)
             beside.see(row)
             bar.update()
@@ -204,4 +221,5 @@ def _stream(plan: LivePlan, stack: ExitStack) -> RerunStream:
     config, drive = plan.config, plan.drive
     about = f"{drive.arm_name}, backend `{config.backend}`, {config.rate_hz:g} Hz"
     file = plan.session.with_suffix(".rrd") if config.record else None
-    return stack.enter_context(RerunStream(Page(plan.estimator.name, about, file, config.view)))
+    page = Page(plan.estimator.name, about, file, config.view, isinstance(plan.estimator, Feeling))
+    return stack.enter_context(RerunStream(page))

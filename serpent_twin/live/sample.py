@@ -19,6 +19,8 @@ class Page:
     """The recording to write, if any"""
     view: bool
     """Whether the viewer shows it meanwhile"""
+    feels: bool = False
+    """Whether a force is estimated, too"""
 
 
 class Sample(NamedTuple):
@@ -38,3 +40,11 @@ class Sample(NamedTuple):
     """[m²], (9, 3, 3), NaN where unknown"""
     latency_ms: float
     """From the reading to the estimate"""
+    force: Array
+    """[N], (3,), NaN if none is estimated"""
+    force_covariance: Array
+    """[N²], (3, 3)"""
+    link: int
+    """On which it acts, 1 … 9"""
+    touched: bool
+    """Whether contact is reported"""

@@ -17,6 +17,7 @@ import numpy as np
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators.force_filter import FeltForce
 from serpent_twin.live.follower import LATENCY, MARKERS
 from serpent_twin.live.sample import Page, Sample
 from serpent_twin.recording.loop import Row
@@ -32,8 +33,10 @@ class RerunStream:
         self._page, self._gone = page, False
         self._rows: queue.SimpleQueue[Sample | None] = queue.SimpleQueue()
 
-    def see(self, row: Row, covariance: Array) -> None:
-        """Queue a logged row, with the covariance of its estimate [m²], (9, 3, 3); returns at once."""
+    def see(self, row: Row, covariance: Array, felt: FeltForce | None = None) -> None:
+        """Queue a logged row, with the covariance of its estimate [m²], (9, 3, 3), and the force that was
+        felt; returns at once.
+        """
         if not self._gone:
             estimated = np.array([row[name] for name in MARKERS]).reshape(N_JOINTS, 3)
             sample = Sample(
@@ -44,6 +47,10 @@ class RerunStream:
                 estimated=estimated,
                 covariance=covariance,
                 latency_ms=row[LATENCY],
+                force=felt.force if felt else np.full(3, np.nan),
+                force_covariance=felt.covariance if felt else np.full((3, 3), np.nan),
+                link=felt.link if felt else 1,
+                touched=bool(felt and felt.touched),
             )
             self._rows.put(sample)
 

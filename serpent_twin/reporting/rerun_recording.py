@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from serpent_twin import sessions
 from serpent_twin.arm import meshes, routing
-from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, Arm, link_frames
+from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, Arm, link_frames, middles
 from serpent_twin.arm.mjcf import STRANDS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -27,7 +27,7 @@ Colour = tuple[int, int, int]
 
 MEASURED, ESTIMATED, TWIN = (70, 215, 120), (255, 150, 30), (150, 165, 190)
 _NOMINAL, _CORRECTED, _PUSH = (235, 90, 90), (80, 160, 255), (255, 230, 60)
-_LONG = 0.1
+ARROW = 0.1
 """Length of a force's arrow [m/N]"""
 
 
@@ -229,12 +229,10 @@ class Writer:
         pushed = link > 0
         row = np.flatnonzero(pushed)
         which = link[row].astype(int) - 1
-        origin, rotation = link_frames(joint[row], self.arm)
-        n, half = np.arange(len(row)), np.array(self.arm.link_length)[which] / 2
-        place = origin[n, which] + half[:, None] * rotation[n, which, :, 0]
+        place = middles(joint[row], self.arm)[np.arange(len(row)), which]
         look = rr.Arrows3D.from_fields(colors=[_PUSH], radii=0.003)
         self.recording.log("arm/push", look, static=True)
-        arrows = rr.Arrows3D.columns(origins=place, vectors=_LONG * np.stack(force, axis=-1)[row])
+        arrows = rr.Arrows3D.columns(origins=place, vectors=ARROW * np.stack(force, axis=-1)[row])
         self.send("arm/push", arrows.partition(pushed.astype(int)))
 
     def markers(self, kind: str, marker: Array, row: Rows, colour: Colour, radius: float) -> None:

@@ -11,6 +11,7 @@ from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arm.hinge_friction import softness
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Moment
+from serpent_twin.sim.pushed_statics import Strands
 from serpent_twin.sim.stepper import Stepper, addresses
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -34,7 +35,7 @@ class CableDynamics(Stepper[Moment]):
         self._stiffness = batch.expand("tendon_stiffness")
         self._friction = batch.expand("dof_frictionloss")
         self._bend = batch.expand("tendon_stiffnesspoly")  # T = k x + bend x²
-        self._applied = batch.bind("qfrc_applied")
+        self._applied, self._length = batch.bind("qfrc_applied"), batch.bind("ten_length")
         self._jaw_friction = self._friction[:, jaw_v].copy()
         self.transition_velocity = np.array([d.transition_velocity for d in designs])
         self._soft = tuple(batch.expand(f"dof_{of}") for of in ("solref", "solimp", "invweight0"))
@@ -161,6 +162,15 @@ class CableDynamics(Stepper[Moment]):
         taken = self.winch_reach * wound
         self._rest[:, 0::2, 1] = slack[:, 0::2] - taken
         self._rest[:, 1::2, 1] = slack[:, 1::2] + taken
+
+    def strands(self, run: int) -> Strands:
+        """The strands of one run at the present instant."""
+        return Strands(
+            self._length[run] - self._rest[run, :, 1],
+            self._stiffness[run].copy(),
+            self._bend[run, :, 0].copy(),
+            self.winch_reach[run],
+        )
 
     def misread(self, torque: Array) -> Array:
         """What the motors report of torques [N m], (…, 10), as the last moment had it."""

@@ -1,6 +1,7 @@
 """Simulate arms whose motors follow a prescribed motion, row by row."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import mujoco
@@ -14,6 +15,7 @@ from serpent_twin.effects import Moment
 from serpent_twin.sim.cable_dynamics import CableDynamics
 from serpent_twin.sim.history import History
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
+from serpent_twin.sim.pushed_statics import Pushed, PushedStatics
 from serpent_twin.sim.response import Response
 from serpent_twin.sim.stepper import addresses, set_timestep, side_by_side
 from serpent_twin.sim.tangents import Differences, Tangents
@@ -49,6 +51,7 @@ class DrivenArms:
         self._joint_q, self._joint_v = addresses(models[0], mjcf.JOINTS)
         self._jaw = addresses(models[0], ("jaw",))[0]
         self._tangents: Tangents | None = None
+        self._statics: PushedStatics | None = None
         none = np.zeros(len(designs))
         self._marker_velocity: Array | float = 0.0
         self._motors = MotorTrajectory(none, *np.zeros((2, len(designs), 10)))
@@ -172,6 +175,16 @@ class DrivenArms:
         winch = self._cables.act(self._instant(self._motors)).winch_angle
         torque = self._tangents.horn_torques(winch, self._cables.winch_reach)
         return self._tangents.markers(), torque / self._stall
+
+    def pushed(self, link: int, force: Array) -> Pushed:
+        """How the first arm answers to a force on a link, 1 … 9, in the base frame [N], (3,), and to further
+        ones; motors hold their angles, and what else moves goes on.
+        """
+        self._statics = self._statics or PushedStatics(self._models[0])
+        cables = self._cables
+        found = self._statics.answers(self._qpos[0, self._joint_q], cables.strands(0), link, force)
+        share = (1.0 + np.broadcast_to(cables.load_scale, (len(self._qpos), 10))[0]) / self._stall
+        return replace(found, load=share * found.load, slope=share[:, None] * found.slope)
 
     def variation(self) -> Variation:
         """The differences between the first arm and each further one, which can be set anew at any time."""

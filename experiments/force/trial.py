@@ -1,0 +1,241 @@
+"""Push one bench arm, and score what is felt."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from bench_arm.sensors import SessionSpec
+from bench_arm.session import RATE, session, simulate
+from experiments.force.bound import Bound
+from experiments.force.config import ForceStudy
+from experiments.force.learned import before, learned_errors
+from experiments.result_rows import failed_row
+from experiments.traced_arms import TracedArm
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.estimators.bus_reading import readings
+from serpent_twin.estimators.feeling import feeling
+from serpent_twin.estimators.observer import TURNING, Observer
+from serpent_twin.live.contacts import Contact
+from serpent_twin.readouts.windows import bus_of, cut
+from serpent_twin.runs.provenance import git_commit
+from serpent_twin.sessions import Session, read_session, session_files
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.pushes import Push, drawn
+
+SUBSTEPS = 80
+ROWS = 960
+"""Of a session that is pushed"""
+SESSIONS, PUSHES = 6, 8
+"""Pushed at random: sessions, and pushes in each"""
+STEP_N = 0.3
+"""Of the pushes for the contact's delay [N]"""
+WEIGHT_KG = 0.05
+SECOND = round(RATE)
+_DROP = 20
+"""First rows that are not scored"""
+_READOUTS_DROP = 100
+"""First rows that readouts do not estimate"""
+_FREE_ROWS, _SIDE_BY_SIDE = 3600, 4
+"""Rows of a session without a push, and how many run together"""
+
+
+def run_arm(config: ForceStudy, arm: TracedArm) -> dict[str, Any]:
+    """The row of an arm: what was felt of known pushes, of a weight, and of nothing."""
+    row: dict[str, Any] = {"id": arm.id, "name": arm.name, "git_commit": git_commit()}
+    try:
+        return row | _felt(config, arm)
+    except SerpentError as error:
+        return failed_row(arm, str(error)) | row
+
+
+def _felt(config: ForceStudy, arm: TracedArm) -> dict[str, Any]:
+    observer, seconds = _trained(arm), ROWS / RATE
+    rng = arm.trial.rng(arm.seed + 1)  # the arm itself is drawn by its seed
+    random = [drawn(rng, PUSHES, seconds) for _ in range(SESSIONS)]
+    steps = [_steps(rng, seconds) for _ in range(2)]
+    logs = recorded(arm, [*random, *steps], ROWS, 100)
+    runs = [Run(observer, log, arm) for log in logs]
+    heavy = recorded(arm, [(), ()], ROWS, 200, WEIGHT_KG)
+    free = round(config.free_hours * 3600 * RATE / _FREE_ROWS / _SIDE_BY_SIDE)
+    alarms = sum(_false_contacts(observer, arm, n) for n in range(free))
+    return {
+        "random": _scores(runs[:SESSIONS]),
+        "pushes": [each for run in runs[:SESSIONS] for each in run.pushes()],
+        "steps": [each for run in runs[SESSIONS:] for each in run.pushes()],
+        "weights": [Run(observer, log, arm).weight() for log in heavy],
+        "free_hours": free * _SIDE_BY_SIDE * _FREE_ROWS / RATE / 3600,
+        "false_contacts": alarms,
+        "update_ms": {
+            "median": float(np.median(np.concatenate([run.took for run in runs]))),
+            "p99": float(np.quantile(np.concatenate([run.took for run in runs]), 0.99)),
+        },
+        "learned": _alone(runs[SESSIONS - 1])
+        | learned_errors(config.readouts, logs[:SESSIONS], rng),
+    }
+
+
+class Run:
+    """What an observer felt along one session of an arm."""
+
+    def __init__(self, observer: Observer, log: Session, arm: TracedArm) -> None:
+        self.link, self.force = before(log)
+        live = feeling(observer).live(arm.runtime)
+        bound = Bound(arm.built()[0].load_noise)
+        self.felt, took, least, worth = [], [], [], []
+        last = 0
+        for now, link, force in zip(readings(bus_of(log)), self.link, self.force, strict=True):
+            began = time.perf_counter()
+            live.update(now)
+            took.append(1e3 * (time.perf_counter() - began))
+            self.felt.append(live.force())
+            if link and link != last:
+                bound.begin()
+            last = link
+            turns = (np.abs(now.velocity) > TURNING) & (np.arange(N_MOTORS) < N_MOTORS - 1)
+            slope = (
+                live.arms.pushed(link, force).slope[link - 1][turns] if link else np.zeros((0, 3))
+            )
+            least.append(bound.row(slope, force, 1 / RATE) if link else 0.0)
+            worth.append(bound.worth)
+        self.took, self.least, self.worth = map(np.array, (took, least, worth))
+        self.off = np.array([each.force for each in self.felt]) - self.force
+        self.stated = np.array([each.spread**2 for each in self.felt])
+        self.touched = np.array([each.touched for each in self.felt])
+
+    def pushes(self) -> list[dict[str, Any]]:
+        """Of each push: where, how strong, after how many seconds it was found, and on which link."""
+        begins = np.flatnonzero(np.diff(self.link, prepend=0) * (self.link > 0))
+        return [self._push(int(n)) for n in begins]
+
+    def _push(self, begin: int) -> dict[str, Any]:
+        rest = np.flatnonzero(self.link[begin:] != self.link[begin])
+        rows = slice(begin, begin + int(rest[0]) if rest.size else len(self.link))
+        found = np.flatnonzero(self.touched[rows])
+        felt = [each for each in self.felt[rows] if each.touched]
+        links = np.sum([each.links for each in felt], axis=0) if felt else None
+        second = min(begin + SECOND, rows.stop) - 1
+        return {
+            "link": int(self.link[begin]),
+            "most_N": float(np.linalg.norm(self.force[rows], axis=1).max()),
+            "seconds": float(rows.stop - begin) / RATE,
+            "felt_before": bool(self.touched[begin - 1]),
+            "found_after_s": (int(found[0]) + 1) / RATE if found.size else None,
+            "told_link": int(np.argmax(links)) + 1 if links is not None else None,
+            "worth_after_1s": float(self.worth[second]),
+            "rms_N": _root(self.square[rows]),
+            "least_rms_N": _root(self.least[rows]),
+        }
+
+    @property
+    def square(self) -> Array:
+        """Of the force's error [N²], (T,)."""
+        return (self.off**2).sum(axis=1)
+
+    def weight(self) -> dict[str, Any]:
+        """What the contact is called that lasted longest, of an arm that carries a weight all the time."""
+        each = Contact()
+        for n, felt in enumerate(self.felt[_DROP:]):
+            if felt.touched:
+                each.time.append(n / RATE)
+                each.felt.append(felt)
+        if not each.felt:
+            return {"felt_share": 0.0, "weight_kg": None, "link": None, "mean_N": None}
+        found = each.found()
+        return {
+            "felt_share": len(each.felt) / len(self.felt[_DROP:]),
+            "weight_kg": found["weight_kg"],
+            "link": found["link"],
+            "mean_N": found["mean_force_N"],
+        }
+
+
+def recorded(
+    arm: TracedArm,
+    pushes: Sequence[tuple[Push, ...]],
+    rows: int,
+    first: int,
+    weight: float = 0.0,
+) -> list[Session]:
+    """Sessions of the arm with what pushes it in each; numbers from `first` on draw targets and noise."""
+    made, effects = arm.built()
+    effects = replace(effects, payload=effects.payload + weight) if weight else effects
+    specs = [
+        SessionSpec(made, effects, first + n, arm.seed, pushes=each)
+        for n, each in enumerate(pushes)
+    ]
+    clock = np.full(len(specs), arm.runtime)
+    several = simulate(specs, rows, SUBSTEPS, clock=clock)
+    return [session(each, arm.id, n) for n, each in enumerate(several, first)]
+
+
+def _steps(rng: np.random.Generator, seconds: float) -> tuple[Push, ...]:
+    """Steps of `STEP_N` at random links in random directions, ten seconds long, ten apart."""
+    several = []
+    for begin in np.arange(10.0, seconds - 10.0, 20.0):
+        direction = rng.standard_normal(3)
+        x, y, z = map(float, STEP_N * direction / np.linalg.norm(direction))
+        link = int(rng.integers(1, N_JOINTS + 1)) if rng.random() < 0.5 else N_JOINTS
+        several.append(Push(link, (x, y, z), float(begin), float(begin + 10.0)))
+    return tuple(several)
+
+
+def _trained(arm: TracedArm) -> Observer:
+    """The observer of the arm's own twin: its loads' error is that on the log that judged the trace."""
+    observer = Observer(twin=twin_model.to_dict(arm.twin))
+    logs = [read_session(path) for path in session_files(arm.folder / "logs")]
+    train, validate = cut(logs[:-1], observer.window), cut(logs[-1:], observer.window)
+    observer.fit(train, validate, np.random.default_rng(0))
+    return observer
+
+
+def _false_contacts(observer: Observer, arm: TracedArm, part: int) -> int:
+    """How often contact is reported in a part of the time in which nothing touches the arm."""
+    found = 0
+    first = 1000 + part * _SIDE_BY_SIDE
+    for log in recorded(arm, [()] * _SIDE_BY_SIDE, _FREE_ROWS, first):
+        live = feeling(observer).live(arm.runtime)
+        touched = []
+        for now in readings(bus_of(log)):
+            live.update(now)
+            touched.append(live.force().touched)
+        found += int((np.diff(touched, prepend=False) & np.array(touched)).sum())
+    return found
+
+
+def _scores(runs: Sequence[Run]) -> dict[str, float]:
+    """Errors over all rows after the first few [N rms]: felt, stated, and least."""
+    parts = [
+        np.concatenate([values[_DROP:] for values in of])
+        for of in zip(*((r.link, r.square, r.stated, r.least) for r in runs), strict=True)
+    ]
+    link, square, stated, least = parts
+    size = np.concatenate([(run.force[_DROP:] ** 2).sum(axis=1) for run in runs])
+    pushed = link > 0
+    return {
+        "pushed_N": _root(size[pushed]),
+        "rms_N": _root(square[pushed]),
+        "stated_N": _root(stated[pushed]),
+        "least_N": _root(least[pushed]),
+        "rms_free_N": _root(square[~pushed]),
+        "stated_free_N": _root(stated[~pushed]),
+    }
+
+
+def _alone(run: Run) -> dict[str, dict[str, float]]:
+    """What the observer's error is on the log on which readouts are tested, and that of no estimate."""
+    rows = slice(_READOUTS_DROP, None)
+    pushed, size = run.link[rows] > 0, (run.force[rows] ** 2).sum(axis=1)
+    square = run.square[rows]
+    return {
+        "none": {"pushed": _root(size[pushed]), "free": 0.0},
+        "observer": {"pushed": _root(square[pushed]), "free": _root(square[~pushed])},
+    }
+
+
+def _root(square: Array) -> float:
+    return float(np.sqrt(square.mean()))

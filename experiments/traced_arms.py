@@ -1,0 +1,69 @@
+"""Find arms of bench_arm that a study of confusion has traced and kept."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench_arm.effects import Effects
+from bench_arm.parameters import BenchArm
+from experiments.confusion.arms import RATE_HZ, Length, built, planned
+from experiments.confusion.plan import Trial
+from serpent_twin import stored
+from serpent_twin.errors import SerpentError
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin_model import TwinModel
+
+
+@dataclass(frozen=True)
+class TracedArm:
+    """An arm of a study."""
+
+    study: Path
+    trial: Trial
+    seed: int
+    length: Length
+
+    @property
+    def folder(self) -> Path:
+        """Of its logs and its trace."""
+        return self.study / "trials" / self.id
+
+    @property
+    def twin(self) -> TwinModel:
+        """What its trace wrote."""
+        return twin_model.read(self.folder / "trace" / "twin.json")
+
+    def built(self) -> tuple[BenchArm, Effects]:
+        """The arm itself, and what is wrong with it."""
+        return built(self.trial, self.length, self.seed)[:2]
+
+    @property
+    def runtime(self) -> float:
+        """How long it ran in its logs [s]."""
+        return self.length.sessions * self.length.steps / RATE_HZ
+
+    @property
+    def id(self) -> str:
+        """Its name in the study."""
+        return self.trial.id
+
+    @property
+    def name(self) -> str:
+        """What is wrong with it."""
+        return self.trial.name
+
+
+def traced_arms(study: Path, most: int) -> list[TracedArm]:
+    """The arms of a study whose twins are there."""
+    settings = stored.read_json(study / "confusion.json")
+    sessions = tuple(settings["sessions"])
+    every = planned("bench", 100, settings["seed"], sessions)
+    there = [
+        each for each in every if (study / "trials" / each.id / "trace" / "twin.json").exists()
+    ]
+    if not there:
+        raise SerpentError(
+            f"{study} holds no traced arm. Run python -m experiments.confusion --source bench --keep "
+            f"--out {study} first."
+        )
+    length = settings["steps"]
+    return [TracedArm(study, t, settings["seed"], Length(t.sessions, length)) for t in there[:most]]

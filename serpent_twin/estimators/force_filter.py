@@ -1,0 +1,184 @@
+"""Follow an external force on one of the arm's links by what it changes of the motors' loads.
+
+Ten hypotheses run side by side: nothing touches the arm, or something pushes on the centre of mass of link
+1 … 9, with a force that wanders. Each link's force has a Kalman filter; a contact may begin and end at any
+time, and where it begins the force is unknown. Source: Blom and Bar-Shalom, IEEE Trans. Autom. Control 33
+(1988) 780 (interacting multiple models).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from serpent_twin.arm.geometry import N_JOINTS
+from serpent_twin.arrays import Array
+
+SIZE = 0.5
+"""Standard deviation of each component of a force that begins [N]"""
+WALK = 0.4
+"""Of its change in a second [N]; it remains of that size"""
+FREE, LASTS = 30.0, 15.0
+"""Mean time until something touches the arm, and until it lets go [s]"""
+ALARM = 3600.0
+"""Mean time between contacts that are none, if the loads' errors are as trained, at least [s]"""
+_LEAST = 1e-30  # of a hypothesis: it can always come back
+_TINY = 1e-12  # [N²]
+_HELD = 0.95
+
+
+@dataclass(frozen=True)
+class FeltForce:
+    """What is known of the force on the arm at an instant."""
+
+    contact: float
+    """Probability that something touches the arm"""
+    touched: bool
+    """Whether contact is reported: from where its odds exceed what chance shows once in `ALARM` on, until no
+    contact is more probable. Their threshold is that of Shiryaev and Roberts: odds over the probability that
+    a contact begins in a row, which chance takes to A in A rows on average, or later"""
+    link: int
+    """The most probable one, 1 … 9"""
+    links: Array
+    """Probability of each, if something touches the arm, (9,)"""
+    force: Array
+    """In the base frame: the mean over all that may be, no contact included [N], (3,)"""
+    covariance: Array
+    """Of its error [N²], (3, 3). Where motors stand, their gears' friction bounds the force and tells no
+    more: then an ellipsoid of 95 % holds all that they allow"""
+    on_link: Array
+    """The force if it acts on each link's centre of mass [N], (9, 3)"""
+    on_link_covariance: Array
+    """Of its error [N²], (9, 3, 3)"""
+
+    @property
+    def spread(self) -> float:
+        """Root mean square of the force's expected error [N]."""
+        return float(np.sqrt(np.trace(self.covariance)))
+
+
+@dataclass(frozen=True)
+class LoadErrors:
+    """By how much loads differ from a twin's at an instant, as shares of the stall torque."""
+
+    free: Array
+    """From those of a twin that nothing touches, (10,)"""
+    pushed: Array
+    """From those of a force of zero on any link, where the slopes hold, (10,)"""
+    slope: Array
+    """Change by a force on each link [1/N], (9, 10, 3)"""
+    noise: Array
+    """Standard deviation of the loads' error, (10,)"""
+    friction: Array
+    """What a standing motor's gear may take up, (10,); 0 of one that turns"""
+    known: NDArray[np.bool_]
+    """Whether a motor's load tells anything, (10,)"""
+
+
+class ForceFilter:
+    """The hypotheses of one session, row by row."""
+
+    def __init__(self) -> None:
+        self._force = np.zeros((N_JOINTS, 3))
+        self._covariance = np.tile(SIZE**2 * np.eye(3), (N_JOINTS, 1, 1))
+        self._share = np.r_[1.0, np.full(N_JOINTS, _LEAST)]
+        """Probabilities of no contact and of one at each link, (10,)"""
+        self._touched = False
+
+    def predict(self, interval: float) -> tuple[int, Array]:
+        """Let so much time pass [s]; the most probable link, and the force that is expected on it [N], (3,),
+        zero while no contact is more probable.
+        """
+        begins, ends = min(interval / FREE, 0.5) / N_JOINTS, min(interval / LASTS, 0.5)
+        none, some = self._share[0], self._share[1:]
+        stays, fresh = (1 - ends) * some, np.full(N_JOINTS, begins * none)
+        total = stays + fresh
+        fade = np.exp(-0.5 * WALK**2 * interval / SIZE**2)
+        prior = SIZE**2 * np.eye(3)
+        force, spread = fade * self._force, fade**2 * self._covariance + (1 - fade**2) * prior
+        self._force, self._covariance = _mixed(stays / total, force, spread, prior)
+        self._share = np.r_[(1 - N_JOINTS * begins) * none + ends * some.sum(), total]
+        contact = self._contact > 0.5
+        return self._best + 1, self._force[self._best] * contact
+
+    def update(self, now: LoadErrors) -> FeltForce:
+        """Take up the loads' errors of a row; `predict` comes first."""
+        off = now.pushed - np.einsum("lix,lx->li", now.slope, self._force)
+        weight, left = _beyond(off, now)
+        weight_free, left_free = _beyond(now.free, now)
+        seen = now.slope * weight[..., None]
+        gain = np.einsum("lix,liy->lxy", seen, now.slope)
+        pull = np.einsum("lix,li->lx", seen, left)
+        after = np.linalg.inv(np.linalg.inv(self._covariance) + gain)
+        removed = np.einsum("lx,lxy,ly->l", pull, after, pull)
+        wider = np.linalg.slogdet(np.eye(3) + self._covariance @ gain)[1]
+        likely = -0.5 * ((weight * left**2).sum(axis=1) - removed + wider)
+        free = -0.5 * (weight_free * left_free**2).sum()
+        before = np.log(self._share)
+        share = before + np.r_[free, likely]
+        share = np.exp(share - share.max())
+        self._share = np.maximum(share / share.sum(), _LEAST)
+        self._force = self._force + np.einsum("lxy,ly->lx", after, pull)
+        self._covariance = after
+        return self._felt(now)
+
+    @property
+    def _best(self) -> int:
+        return int(np.argmax(self._share[1:]))
+
+    @property
+    def _contact(self) -> float:
+        return float(1 - self._share[0])
+
+    def _felt(self, now: LoadErrors) -> FeltForce:
+        contact, some = self._contact, self._share[1:]
+        told = some @ self._force
+        odds = contact / self._share[0]
+        self._touched = odds > ALARM / FREE or (self._touched and contact > 0.5)
+        apart = self._force - told
+        each = self._covariance + apart[:, :, None] * apart[:, None, :]
+        spread = np.einsum("l,lxy->xy", some, each) + self._share[0] * np.outer(told, told)
+        best = self._best
+        bounds = _bounds(now, now.slope[best], self._force[best])
+        return FeltForce(
+            contact=contact,
+            touched=bool(self._touched),
+            link=self._best + 1,
+            links=some / some.sum(),
+            force=told,
+            covariance=np.linalg.inv(np.linalg.inv(spread + _TINY * np.eye(3)) + bounds),
+            on_link=self._force,
+            on_link_covariance=self._covariance,
+        )
+
+
+def _mixed(stays: Array, force: Array, spread: Array, prior: Array) -> tuple[Array, Array]:
+    """Mean and covariance of each link's force, which was there already with a probability `stays`, (9,), or
+    begins now.
+    """
+    mean = stays[:, None] * force
+    apart = force - mean
+    old = spread + apart[:, :, None] * apart[:, None, :]
+    new = prior + mean[:, :, None] * mean[:, None, :]
+    share = stays[:, None, None]
+    return mean, share * old + (1 - share) * new
+
+
+def _beyond(off: Array, now: LoadErrors) -> tuple[Array, Array]:
+    """How much the loads' errors off, (…, 10), weigh, and what of them friction cannot take up."""
+    left = np.sign(off) * np.maximum(np.abs(off) - now.friction, 0.0)
+    tells = now.known & ((now.friction == 0) | (left != 0))
+    return tells / now.noise**2, left
+
+
+def _bounds(now: LoadErrors, slope: Array, force: Array) -> Array:
+    """Information [1/N²], (3, 3), whose ellipsoid of 95 % holds every force that the friction of standing
+    motors allows.
+    """
+    inside = np.abs(now.pushed - slope @ force) <= now.friction
+    holding = np.flatnonzero(now.known & (now.friction > 0) & inside)
+    if not holding.size:
+        return np.zeros((3, 3))
+    each = slope[holding] / now.friction[holding, None]
+    return chdtri(3, 1 - _HELD) / len(holding) * each.T @ each
