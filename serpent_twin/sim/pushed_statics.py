@@ -11,11 +11,11 @@ from serpent_twin.arm.mjcf import JOINTS, STRANDS
 from serpent_twin.arrays import Array
 from serpent_twin.sim.stepper import addresses
 
-_STEP = 1e-5  # [rad]
 _LONGEST = 0.1  # [rad] of a Newton step
 _STEPS = 12
-_SETTLED = 1e-4  # [N m]
-_SOFT = 0.05  # [N m/rad]: what holds a joint at least, so that a slack cable leaves no pose undetermined
+_SETTLED = 1e-5  # [N m]
+_SOFT = 1e-4  # [N m/rad]: what holds a joint at least, while its pose is sought
+_PLAY = 0.02  # [N m/rad]: and against further forces: with slack cables, it turns a little only
 
 
 @dataclass(frozen=True)
@@ -60,86 +60,104 @@ class Pushed:
     """Change of the motors' loads by it [1/N], (9 links, 10, 3)"""
 
 
+@dataclass(frozen=True)
+class _Levers:
+    """The arm's geometry at a pose, in the world's frame."""
+
+    axis: Array
+    """Of the joints, (9, 3)"""
+    links: Array
+    """Velocity of each link's centre of mass by each joint's [m], (9, 3, 9)"""
+    mass: Array
+    """The same of all masses together [kg m], (3, 9)"""
+
+    def bends(self, moved: Array, force: Array) -> Array:
+        """Change of the joints' torques by their angles [N m/rad], (9, 9), as a force [N], (3,), keeps its
+        direction and what it pulls at moves by (3, 9) [m].
+        """
+        each = np.einsum("jx,xk->jk", np.cross(force, self.axis), moved)
+        return np.triu(each) + np.triu(each, 1).T
+
+
 class PushedStatics:
     """The statics of an arm whose motors hold their angles, pushed at the centre of mass of a link.
 
     Torques of cables, gravity and springs balance those of the force: Newton's method from a pose that the
     twin is in, so that whatever moves there goes on moving. Dry friction of hinges is left out: it takes up
-    0.005 N m at each joint.
+    0.005 N m at each joint. The jaw turns along with its cable.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
         """`model` is that of an arm without motors."""
         self._model, self._data = model, mujoco.MjData(model)
         self._q, self._v = addresses(model, JOINTS)
-        joints = [model.joint(name).id for name in JOINTS]
-        self._spring, self._rest = model.jnt_stiffness[joints], model.qpos_spring[self._q]
-        self._links, self._gravity = model.jnt_bodyid[joints], np.zeros(model.nv)
-        base = model.body_parentid[self._links[0]]
-        self._to_base = (
-            Rotation.from_quat(model.body_quat[base], scalar_first=True).inv().as_matrix()
-        )
-        self._strands = [model.tendon(name).id for name in STRANDS]
-        none = np.zeros(N_JOINTS)
-        self._winding = np.stack(
-            [self._lengths(one) - self._lengths(none) for one in np.eye(N_JOINTS)], axis=1
-        )  # [m/rad], (20, 9): pulleys are round
+        self._joints = [model.joint(name).id for name in JOINTS]
+        self._links = model.jnt_bodyid[self._joints]
+        self._spring, self._rest = model.jnt_stiffness[self._joints], model.qpos_spring[self._q]
+        self._base = int(model.body_parentid[self._links[0]])
+        base = Rotation.from_quat(model.body_quat[self._base], scalar_first=True)
+        self._in_world = base.as_matrix()
+        strands = [model.tendon(name).id for name in STRANDS]
+        none = self._lengths(np.zeros(N_JOINTS))
+        by_joint = [self._lengths(one) - none for one in np.eye(N_JOINTS)]
+        self._winding = np.stack(by_joint, axis=1)[strands]  # [m/rad], (20, 9): pulleys are round
+        self._winding[-2:] = 0.0  # the jaw's
 
     def answers(self, joint_angle: Array, strands: Strands, link: int, force: Array) -> Pushed:
         """How the arm at joint angles [rad], (9,), answers to a force on a link, 1 … 9, in the base frame
         [N], (3,), and to further ones; loads in N m.
         """
-        at, stretch = joint_angle, strands.stretch
-        held, tension = self._held(at), strands.tension(stretch)
-        levers, stiffness = self._levers(at), self._stiffness(at, strands, stretch)
+        at, stretch, levers = joint_angle, strands.stretch, self._levers(joint_angle)
+        held, tension, push = (
+            self._held(at, levers),
+            strands.tension(stretch),
+            self._in_world @ force,
+        )
         for _ in range(_STEPS * bool(force.any())):
             taken = self._winding.T @ (strands.tension(stretch) - tension)
-            left = self._held(at) - held - taken + levers[link - 1].T @ force
+            left = self._held(at, levers) - held - taken + levers.links[link - 1].T @ push
             if np.abs(left).max() < _SETTLED:
                 break
-            step = np.linalg.solve(stiffness, left)
+            held_by = self._stiffness(strands.slope(stretch), levers, link, push)
+            step = np.linalg.solve(held_by + _SOFT * np.eye(N_JOINTS), left)
             at = at + step * min(1.0, _LONGEST / np.abs(step).max())
-            stretch = strands.stretch + self._winding @ (at - joint_angle)
-            levers, stiffness = self._levers(at), self._stiffness(at, strands, stretch)
-        by_torque = np.linalg.inv(stiffness)
-        turning = np.einsum("ab,lxb->lax", by_torque, levers)
-        pulled = strands.slope(stretch)[:, None] * self._winding
-        by_angle = strands.winches(pulled)
+            stretch, levers = strands.stretch + self._winding @ (at - joint_angle), self._levers(at)
+        pulled = strands.slope(stretch)
+        held_by = self._stiffness(pulled, levers, link, push) + _PLAY * np.eye(N_JOINTS)
+        turning = np.linalg.inv(held_by) @ np.swapaxes(levers.links, 1, 2) @ self._in_world
         return Pushed(
             turned=at - joint_angle,
             load=strands.winches(strands.tension(stretch) - tension),
             turning=turning,
-            slope=by_angle @ turning,
+            slope=strands.winches(pulled[:, None] * self._winding) @ turning,
         )
 
-    def _levers(self, joint_angle: Array) -> Array:
-        """Velocity of each link's centre of mass by each joint's, in the base frame [m], (9, 3, 9)."""
-        self._put(joint_angle)
-        out = np.empty((N_JOINTS, 3, N_JOINTS))
-        found = np.empty((3, self._model.nv))
-        for n, link in enumerate(self._links):
-            mujoco.mj_jacBodyCom(self._model, self._data, found, None, link)
-            out[n] = self._to_base @ found[:, self._v]
-        return out
+    def _stiffness(self, strand: Array, levers: _Levers, link: int, push: Array) -> Array:
+        """What holds the joints [N m/rad], (9, 9), with strands of so many N/m, (20,), against a force."""
+        gravity = levers.bends(levers.mass, self._model.opt.gravity)
+        pushed = levers.bends(levers.links[link - 1], push)
+        cables = self._winding.T @ (strand[:, None] * self._winding)
+        return cables + np.diag(self._spring) - gravity - pushed
 
-    def _stiffness(self, joint_angle: Array, strands: Strands, stretch: Array) -> Array:
-        """What holds the joints [N m/rad], (9, 9)."""
-        here = self._held(joint_angle)
-        steps = [self._held(joint_angle + _STEP * one) - here for one in np.eye(N_JOINTS)]
-        by_strand = strands.slope(stretch)[:, None] * self._winding
-        held = self._winding.T @ by_strand - np.stack(steps, axis=1) / _STEP
-        return held + _SOFT * np.eye(N_JOINTS)
-
-    def _held(self, joint_angle: Array) -> Array:
+    def _held(self, joint_angle: Array, levers: _Levers) -> Array:
         """Torques of gravity and springs at joint angles [N m], (9,)."""
+        return levers.mass.T @ self._model.opt.gravity - self._spring * (joint_angle - self._rest)
+
+    def _levers(self, joint_angle: Array) -> _Levers:
         self._put(joint_angle)
-        mujoco.mj_rne(self._model, self._data, 0, self._gravity)
-        return -self._gravity[self._v] - self._spring * (joint_angle - self._rest)
+        model, data = self._model, self._data
+        found, links = np.empty((3, model.nv)), np.empty((N_JOINTS, 3, N_JOINTS))
+        for n, link in enumerate(self._links):
+            mujoco.mj_jacBodyCom(model, data, found, None, link)
+            links[n] = found[:, self._v]
+        mujoco.mj_jacSubtreeCom(model, data, found, self._base)
+        mass = model.body_subtreemass[self._base] * found[:, self._v]
+        return _Levers(data.xaxis[self._joints], links, mass)
 
     def _lengths(self, joint_angle: Array) -> Array:
         self._put(joint_angle)
         mujoco.mj_tendon(self._model, self._data)
-        return self._data.ten_length[self._strands]
+        return self._data.ten_length.copy()
 
     def _put(self, joint_angle: Array) -> None:
         self._data.qpos[:] = 0.0
