@@ -22,14 +22,17 @@ SENSIBLE = {
         "start_counts", "slack", "damping", "load_noise", "delays", "memory_delay", "washout", "trials",
         "budget_minutes", "design", "at", "strand_stiffness", "strand_slack", "joint_friction",
         "joint_damping", "transition_velocity", "gear_friction", "servo_lag", "controller_gain",
-        "marker_noise", "prior_runtime_h", "feedback",
+        "marker_noise", "prior_runtime_h", "feedback", "free_hours",
     },
     -1: {"start_counts"},
 }  # fmt: skip
 """What each of these numbers may be; 1e-300 is as good as 0 where that is a length or the like"""
 ALL = {("Trace", "sessions"), ("CloseTheLoop", "sessions"), ("StiffnessSweep", "sessions")}
 """Options of which 0 means all"""
-NOT = {(kind, "workers") for kind in ("AnyModel", "Confusion", "FollowStudy", "NextMotion")}
+NOT = {
+    (kind, "workers")
+    for kind in ("AnyModel", "Confusion", "FollowStudy", "ForceStudy", "NextMotion")
+}
 """Those that have no automatic choice, unlike others of their name"""
 
 NUMERIC = [(k, n, h) for k, kind in configs().items() for n, h, _ in options(kind) if number(h)]

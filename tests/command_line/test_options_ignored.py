@@ -35,7 +35,7 @@ IGNORED = {
         ({"markers": False}, REAL | CAMERAS | MULTICAST | {"learn", "marker_noise"}),
         (
             {"backend": "real"},
-            (SIM & ARM) | CAMERAS | MULTICAST | {"simulate", "markers", "learn"},
+            (SIM & ARM) | CAMERAS | MULTICAST | {"simulate", "markers", "learn", "push"},
         ),
         (NATNET_ON, (SIM & ARM) | MULTICAST | {"simulate", "markers"}),
     ],
@@ -86,7 +86,7 @@ IGNORED = {
     for name in (
         "AnyModel", "AnyModelSpeed",
         "Benchmarks", "Check", "CloseTheLoop", "CollectSpeed", "Demo", "EstimateSpeed", "Plan",
-        "FaultMatrix", "FollowStudy", "Fuzz", "HowOftenRight", "Measured", "NextMotion",
+        "FaultMatrix", "FollowStudy", "ForceStudy", "Fuzz", "HowOftenRight", "Measured", "NextMotion",
         "ReadoutTable", "ResultPage", "RightNames", "SimToReal",
         "SweepSpeed", "TraceSpeed", "WholeTrace",
     )

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from live_runs import STEPS, estimated, logged, spread, train_few
-from rerun.chunk import RrdReader
+from live_runs import STEPS, column, estimated, logged, spread, train_few
 
 from serpent_twin.live.draw import Drawing, ellipsoids
 from serpent_twin.live.estimate import estimate
@@ -38,18 +37,6 @@ def test_the_recording_holds_what_the_log_says(tmp_path):
     assert column(path, "/arm/link9", "Transform3D:translation")[0] == steps
 
 
-def column(path, entity, component):
-    """Steps and values of one component, from all batches."""
-    found = []
-    for chunk in RrdReader(path).stream().to_chunks():
-        if chunk.entity_path == entity and not chunk.is_static:
-            batch = chunk.to_record_batch()
-            if component in batch.schema.names:
-                found += zip(batch["step"].to_pylist(), batch[component].to_pylist(), strict=True)
-    found.sort(key=lambda pair: pair[0])
-    return [step for step, _ in found], [value for _, value in found]
-
-
 def test_ellipsoids_hold_their_share():
     rng = np.random.default_rng(3)
     roots = rng.normal(size=(4, 3, 3))
@@ -61,9 +48,9 @@ def test_ellipsoids_hold_their_share():
 
 def sample(k: int) -> Sample:
     unknown = np.full((9, 3, 3), np.nan)
-    return Sample(
-        k / 4, np.zeros(10), np.zeros(10), unknown[..., 0], unknown[..., 0], unknown, np.nan
-    )
+    nothing = np.full(3, np.nan), np.full((3, 3), np.nan), 1, False
+    motors, marker = np.zeros((2, 10)), unknown[..., 0]
+    return Sample(k / 4, *motors, marker, marker, unknown, np.nan, *nothing)
 
 
 def test_a_recording_without_rows_leaves_no_file(tmp_path):

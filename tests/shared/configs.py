@@ -21,6 +21,7 @@ NEEDED = {
     "Estimate": {"model": Path("model"), "out": Path("out")},
     "Follow": {"path": Path("path.csv"), "twin": Path("twin.json"), "out": Path("out")},
     "FollowStudy": {"study": Path("study")},
+    "ForceStudy": {"study": (Path("study"),)},
     "Measured": {"data": Path("data")},
     "Merge": {"logs": Path("logs"), "take": Path("take.csv")},
     "Sweep": {"out": Path("out")},

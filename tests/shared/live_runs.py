@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+from rerun.chunk import RrdReader
 
 from serpent_twin.estimators import find
 from serpent_twin.live.follower import MARKERS, SPREADS
@@ -35,3 +36,15 @@ def estimated(session: Session) -> np.ndarray:
 
 def spread(session: Session) -> np.ndarray:
     return np.stack([session.extra[name] for name in SPREADS], axis=1)
+
+
+def column(path, entity, component):
+    """Steps and values of one component, from all batches."""
+    found = []
+    for chunk in RrdReader(path).stream().to_chunks():
+        if chunk.entity_path == entity and not chunk.is_static:
+            batch = chunk.to_record_batch()
+            if component in batch.schema.names:
+                found += zip(batch["step"].to_pylist(), batch[component].to_pylist(), strict=True)
+    found.sort(key=lambda pair: pair[0])
+    return [step for step, _ in found], [value for _, value in found]
