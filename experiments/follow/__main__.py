@@ -14,7 +14,7 @@ from experiments.follow.paths import PATHS
 from experiments.follow.trial import FIRST, WAYS, rms, run_arm
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
-from experiments.traced_arms import traced_arms
+from experiments.study_arms import traced_arms
 from serpent_twin.command_line import cli
 from serpent_twin.numerals import counted
 from serpent_twin.runs.provenance import file_hash

@@ -10,7 +10,7 @@ from bench_arm.bus import BenchBus, BenchCameras
 from experiments.follow.config import FollowStudy
 from experiments.follow.paths import PATHS
 from experiments.result_rows import failed_row
-from experiments.traced_arms import TracedArm
+from experiments.study_arms import StudyArm
 from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -38,7 +38,7 @@ FIRST = next(iter(PATHS))
 LOADED, LOADED_OPEN = "its twin, feedback, 50 g taken up", "its twin, 50 g taken up"
 
 
-def run_arm(config: FollowStudy, arm: TracedArm) -> dict[str, Any]:
+def run_arm(config: FollowStudy, arm: StudyArm) -> dict[str, Any]:
     """The row of an arm: how far its tip truly was from each path, by each way."""
     row: dict[str, Any] = {"id": arm.id, "name": arm.name, "git_commit": git_commit()}
     try:
@@ -47,7 +47,7 @@ def run_arm(config: FollowStudy, arm: TracedArm) -> dict[str, Any]:
         return failed_row(arm, str(error)) | row
 
 
-def _followed(arm: TracedArm, twin: TwinModel) -> dict[str, Any]:
+def _followed(arm: StudyArm, twin: TwinModel) -> dict[str, Any]:
     found: dict[str, dict[str, Any]] = {}
     plans = {name: _planned(path, twin, arm, RATES[0]) for name, path in PATHS.items()}
     for name, own in plans.items():
@@ -71,13 +71,13 @@ def _followed(arm: TracedArm, twin: TwinModel) -> dict[str, Any]:
     return {"paths": found, "wanted": wanted, "rates": rates, "loaded": loaded}
 
 
-def _planned(path: PathToFollow, twin: TwinModel, arm: TracedArm, rate: float) -> PathPlan:
+def _planned(path: PathToFollow, twin: TwinModel, arm: StudyArm, rate: float) -> PathPlan:
     bounds, limits = JointBounds.usual(), Limits(joint_angle=_LIMIT)
     return path_planned(path, twin, rate, bounds, limits, arm.runtime)
 
 
 def _error(
-    arm: TracedArm,
+    arm: StudyArm,
     plan: PathPlan,
     twin: TwinModel,
     feedback: float = 0.0,

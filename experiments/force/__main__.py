@@ -11,7 +11,7 @@ from experiments.force.config import ForceStudy
 from experiments.force.trial import run_arm
 from experiments.result_page import publish, store
 from experiments.result_rows import Results
-from experiments.traced_arms import traced_arms
+from experiments.study_arms import traced_arms
 from serpent_twin.command_line import cli
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.runs.run_lock import claimed

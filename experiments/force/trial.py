@@ -13,14 +13,14 @@ from experiments.force.bound import Bound
 from experiments.force.config import ForceStudy
 from experiments.force.learned import before, learned_errors
 from experiments.result_rows import failed_row
-from experiments.traced_arms import TracedArm
+from experiments.study_arms import StudyArm
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.estimators.feeling import feeling
 from serpent_twin.estimators.observer import TURNING, Observer
-from serpent_twin.live.contacts import Contact
+from serpent_twin.live.contacts import Touch
 from serpent_twin.readouts.windows import bus_of, cut
 from serpent_twin.runs.provenance import git_commit
 from serpent_twin.sessions import Session, read_session, session_files
@@ -44,7 +44,7 @@ _FREE_ROWS, _SIDE_BY_SIDE = 3600, 4
 """Rows of a session without a push, and how many run together"""
 
 
-def run_arm(config: ForceStudy, arm: TracedArm) -> dict[str, Any]:
+def run_arm(config: ForceStudy, arm: StudyArm) -> dict[str, Any]:
     """The row of an arm: what was felt of known pushes, of a weight, and of nothing."""
     row: dict[str, Any] = {"id": arm.id, "name": arm.name, "git_commit": git_commit()}
     try:
@@ -53,7 +53,7 @@ def run_arm(config: ForceStudy, arm: TracedArm) -> dict[str, Any]:
         return failed_row(arm, str(error)) | row
 
 
-def _felt(config: ForceStudy, arm: TracedArm) -> dict[str, Any]:
+def _felt(config: ForceStudy, arm: StudyArm) -> dict[str, Any]:
     observer, seconds = _trained(arm), ROWS / RATE
     rng = arm.trial.rng(arm.seed + 1)  # the arm itself is drawn by its seed
     random = [drawn(rng, PUSHES, seconds) for _ in range(SESSIONS)]
@@ -82,7 +82,7 @@ def _felt(config: ForceStudy, arm: TracedArm) -> dict[str, Any]:
 class Run:
     """What an observer felt along one session of an arm."""
 
-    def __init__(self, observer: Observer, log: Session, arm: TracedArm) -> None:
+    def __init__(self, observer: Observer, log: Session, arm: StudyArm) -> None:
         self.link, self.force = before(log)
         live = feeling(observer).live(arm.runtime)
         bound = Bound(arm.built()[0].load_noise)
@@ -138,7 +138,7 @@ class Run:
 
     def weight(self) -> dict[str, Any]:
         """What the contact is called that lasted longest, of an arm that carries a weight all the time."""
-        each = Contact()
+        each = Touch()
         for n, felt in enumerate(self.felt[_DROP:]):
             if felt.touched:
                 each.time.append(n / RATE)
@@ -155,7 +155,7 @@ class Run:
 
 
 def recorded(
-    arm: TracedArm,
+    arm: StudyArm,
     pushes: Sequence[tuple[Push, ...]],
     rows: int,
     first: int,
@@ -184,7 +184,7 @@ def _steps(rng: np.random.Generator, seconds: float) -> tuple[Push, ...]:
     return tuple(several)
 
 
-def _trained(arm: TracedArm) -> Observer:
+def _trained(arm: StudyArm) -> Observer:
     """The observer of the arm's own twin: its loads' error is that on the log that judged the trace."""
     observer = Observer(twin=twin_model.to_dict(arm.twin))
     logs = [read_session(path) for path in session_files(arm.folder / "logs")]
@@ -193,7 +193,7 @@ def _trained(arm: TracedArm) -> Observer:
     return observer
 
 
-def _false_contacts(observer: Observer, arm: TracedArm, part: int) -> int:
+def _false_contacts(observer: Observer, arm: StudyArm, part: int) -> int:
     """How often contact is reported in a part of the time in which nothing touches the arm."""
     found = 0
     first = 1000 + part * _SIDE_BY_SIDE

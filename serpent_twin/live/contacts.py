@@ -35,7 +35,7 @@ _DOWN: Array = _GRAVITY / np.linalg.norm(_GRAVITY)
 
 
 @dataclass
-class Contact:
+class Touch:
     """What touched the arm from one reading on until another."""
 
     time: list[float] = field(default_factory=list)
@@ -76,7 +76,7 @@ class Contacts:
     """The contacts of a run, and how far felt forces were from known ones."""
 
     def __init__(self) -> None:
-        self._contacts: list[Contact] = []
+        self._contacts: list[Touch] = []
         self._off: list[Array] = []
         self._pushed: list[bool] = []
 
@@ -116,7 +116,7 @@ class Contacts:
         now = float(row["time"])
         if felt.touched:
             if not self._contacts or now - self._contacts[-1].time[-1] > _APART_S:
-                self._contacts.append(Contact())
+                self._contacts.append(Touch())
             self._contacts[-1].time.append(now)
             self._contacts[-1].felt.append(felt)
         if KNOWN[0] in row:

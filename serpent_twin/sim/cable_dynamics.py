@@ -11,7 +11,7 @@ from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arm.hinge_friction import softness
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Moment
-from serpent_twin.sim.pushed_statics import Strands
+from serpent_twin.sim.pushed_statics import StretchedStrands
 from serpent_twin.sim.stepper import Stepper, addresses
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -163,9 +163,9 @@ class CableDynamics(Stepper[Moment]):
         self._rest[:, 0::2, 1] = slack[:, 0::2] - taken
         self._rest[:, 1::2, 1] = slack[:, 1::2] + taken
 
-    def strands(self, run: int) -> Strands:
+    def strands(self, run: int) -> StretchedStrands:
         """The strands of one run at the present instant."""
-        return Strands(
+        return StretchedStrands(
             self._length[run] - self._rest[run, :, 1],
             self._stiffness[run].copy(),
             self._bend[run, :, 0].copy(),

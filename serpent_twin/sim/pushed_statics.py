@@ -19,7 +19,7 @@ _PLAY = 0.02  # [N m/rad]: and against further forces: with slack cables, it tur
 
 
 @dataclass(frozen=True)
-class Strands:
+class StretchedStrands:
     """The cables' strands at an instant, in the order of `mjcf.STRANDS`."""
 
     stretch: Array
@@ -103,7 +103,9 @@ class PushedStatics:
         self._winding = np.stack(by_joint, axis=1)[strands]  # [m/rad], (20, 9): pulleys are round
         self._winding[-2:] = 0.0  # the jaw's
 
-    def answers(self, joint_angle: Array, strands: Strands, link: int, force: Array) -> Pushed:
+    def answers(
+        self, joint_angle: Array, strands: StretchedStrands, link: int, force: Array
+    ) -> Pushed:
         """How the arm at joint angles [rad], (9,), answers to a force on a link, 1 … 9, in the base frame
         [N], (3,), and to further ones; loads in N m.
         """

@@ -37,7 +37,7 @@ IGNORED = {
             {"backend": "real"},
             (SIM & ARM) | CAMERAS | MULTICAST | {"simulate", "markers", "learn", "push"},
         ),
-        (NATNET_ON, (SIM & ARM) | MULTICAST | {"simulate", "markers"}),
+        (NATNET_ON, (SIM & ARM) | MULTICAST | {"simulate", "markers", "push"}),
     ],
     "Follow": [
         ({}, REAL | CAMERAS | MULTICAST),

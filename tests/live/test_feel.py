@@ -1,29 +1,34 @@
 """What is felt of known pushes of the simulated arm, live and from its log, and who cannot feel."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from live_runs import column, estimated, logged, train_few
 
+from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import load
 from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.estimators.feeling import feeling
 from serpent_twin.estimators.force_filter import FeltForce
-from serpent_twin.live.contacts import COLUMNS, CONTACT, FORCE, LINK, TOUCHED, Contact
+from serpent_twin.live.contacts import COLUMNS, CONTACT, FORCE, LINK, TOUCHED, Touch
 from serpent_twin.live.estimate import estimate
 from serpent_twin.live.options import Estimate
 from serpent_twin.readouts.windows import bus_of
 
+DAMPED = replace(NOMINAL, joint_damping=0.02)
 PUSH = "link,begin,end,force_x,force_y,force_z,shape\n9,10,20,0.2,0.7,-0.4,step\n"
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """An observer and a readout of windows, trained on a few rows, and a push of 0.83 N on link 9."""
+    """An observer and a readout of windows, trained on a few rows, and a push of 0.83 N on link 9. The arm
+    is damped enough not to swing for seconds after a push.
+    """
     made = tmp_path_factory.mktemp("feel")
-    train_few(made, ("observer", "residual"))
+    train_few(made, ("observer", "residual"), DAMPED)
     (made / "push.csv").write_text(PUSH)
     return made
 
@@ -54,7 +59,7 @@ def test_a_push_is_felt_on_its_link_with_its_direction(run):
     (contact,) = found["contacts"]
     assert 10 < contact["begin_s"] <= 12 and contact["link"] in (8, 9)
     assert contact["weight_kg"] is None
-    assert found["force_error_free_N"] < 0.2 < found["force_error_pushed_N"] < 0.5
+    assert found["force_error_free_N"] < 0.3 and found["force_error_pushed_N"] < 0.5
 
 
 def test_the_pose_gives_way_to_the_push(folder, run):
@@ -97,7 +102,7 @@ def test_a_readout_of_windows_feels_nothing_and_says_so(folder):
 
 
 def lasting(force, seconds=20.0):
-    contact = Contact()
+    contact = Touch()
     known = 0.01 * np.eye(3)
     for n, now in enumerate(force):
         contact.time.append(n * seconds / len(force))

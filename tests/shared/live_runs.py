@@ -6,22 +6,27 @@ from pathlib import Path
 import numpy as np
 from rerun.chunk import RrdReader
 
+from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.estimators import find
 from serpent_twin.live.follower import MARKERS, SPREADS
 from serpent_twin.readouts.windows import cut
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.options import Collect
 from serpent_twin.sessions import Session, read_folder, read_session
+from serpent_twin.sim import twin_model
+from serpent_twin.sim.twin_model import TwinModel
 
 STEPS = 60
 
 
-def train_few(folder: Path, names: Iterable[str]) -> None:
+def train_few(folder: Path, names: Iterable[str], parameters: Parameters = NOMINAL) -> None:
     """Readouts trained on a few rows of the twin at 4 Hz, each in FOLDER/NAME."""
-    collect(Collect(folder / "logs", sessions=2, steps=70, workers=1, seed=5))
+    logs = folder / "logs"
+    collect(Collect(logs, sessions=2, steps=70, workers=1, seed=5, parameters=parameters))
     train, validate = (cut([s], 4, drop=10) for s in read_folder(folder / "logs"))
+    twin = twin_model.to_dict(TwinModel(parameters))
     for name in names:
-        trained = find(name)().trained
+        trained = (find(name)(twin=twin) if name == "observer" else find(name)()).trained
         trained.fit(train, validate, np.random.default_rng(0))
         trained.save(folder / name)
 

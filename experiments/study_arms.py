@@ -14,7 +14,7 @@ from serpent_twin.sim.twin_model import TwinModel
 
 
 @dataclass(frozen=True)
-class TracedArm:
+class StudyArm:
     """An arm of a study."""
 
     study: Path
@@ -52,7 +52,7 @@ class TracedArm:
         return self.trial.name
 
 
-def traced_arms(study: Path, most: int) -> list[TracedArm]:
+def traced_arms(study: Path, most: int) -> list[StudyArm]:
     """The arms of a study whose twins are there."""
     settings = stored.read_json(study / "confusion.json")
     sessions = tuple(settings["sessions"])
@@ -66,4 +66,4 @@ def traced_arms(study: Path, most: int) -> list[TracedArm]:
             f"--out {study} first."
         )
     length = settings["steps"]
-    return [TracedArm(study, t, settings["seed"], Length(t.sessions, length)) for t in there[:most]]
+    return [StudyArm(study, t, settings["seed"], Length(t.sessions, length)) for t in there[:most]]
