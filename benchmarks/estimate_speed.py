@@ -22,6 +22,7 @@ from serpent_twin.command_line.options import Checked
 from serpent_twin.effects.cable_friction import CableFriction
 from serpent_twin.estimators import Estimator, Live, find
 from serpent_twin.estimators.bus_reading import readings
+from serpent_twin.estimators.feeling import feeling
 from serpent_twin.estimators.online import Online
 from serpent_twin.readouts.windows import SessionWindows, Windows, cut
 from serpent_twin.recording.collect import collect
@@ -56,12 +57,17 @@ def main(config: EstimateSpeed) -> None:  # noqa: D103 tyro would print it above
         logs = Path(folder)
         collect(Collect(logs, sessions=2, steps=config.rows, parameters=SOFT.parameters))
         train, test = (cut([each], 4, 100) for each in read_folder(logs))
+        pushed = logs / "pushed"
+        collect(Collect(pushed, sessions=1, steps=config.rows, parameters=SOFT.parameters, push="4"))
+        touched = cut(read_folder(pushed), 4, 100).sessions[0]
     session = test.sessions[0]
     for name, arm in {"observer": SOFT, "observer, cable friction": ROUGH}.items():
         taken = _each(_observer(arm, train).live(), session)
         _add(rows, name, taken, LIMIT_MS["observer"])
         ratio = np.median(taken) / _bare_ms(arm, session)
         rows.add(f"{name}: to as many steps of a bare model", ratio)
+    taken = _each(feeling(_observer(SOFT, train)).live(), touched)
+    _add(rows, "observer with force, pushed half the time", taken, LIMIT_MS["observer"])
     for name in WINDOWED:
         _add(rows, name, _each(_fitted(name, train).live(), session), LIMIT_MS["windows"])
     _add(rows, "correction by markers", _corrections(train, session), LIMIT_MS["markers"])
