@@ -58,7 +58,9 @@ def main(config: EstimateSpeed) -> None:  # noqa: D103 tyro would print it above
         collect(Collect(logs, sessions=2, steps=config.rows, parameters=SOFT.parameters))
         train, test = (cut([each], 4, 100) for each in read_folder(logs))
         pushed = logs / "pushed"
-        collect(Collect(pushed, sessions=1, steps=config.rows, parameters=SOFT.parameters, push="4"))
+        collect(
+            Collect(pushed, sessions=1, steps=config.rows, parameters=SOFT.parameters, push="4")
+        )
         touched = cut(read_folder(pushed), 4, 100).sessions[0]
     session = test.sessions[0]
     for name, arm in {"observer": SOFT, "observer, cable friction": ROUGH}.items():

@@ -17,7 +17,6 @@ _TELLS = 2 * np.log(ALARM / FREE)
 """Squared standard errors from which one who knows force and link would report a contact, on average"""
 _STRONG = 0.3
 """[N]"""
-_HOURS = "h"
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -90,12 +89,18 @@ def _pushes(rows: Rows, of: str) -> list[Mapping[str, Any]]:
 def _contacts_told(rows: Rows) -> str:
     hours, false = sum(r["free_hours"] for r in rows), sum(r["false_contacts"] for r in rows)
     return (
-        f"In {hours:.1f} hours of motion without a touch, {counted(false, 'contact')} was reported. A push "
+        f"Reported in {hours:.1f} hours of motion without a touch: {counted(false, 'contact')}; by arm, "
+        f"{_listed(rows)}. A push "
         "is found in its first second if contact is reported within it. How much that second can tell "
         "depends on pose, direction and link: where a force hardly turns a joint, or motors stand, nobody "
         f"could feel it. *Worth feeling* are those whose loads differ by {_TELLS:.1f} squared standard "
         "errors or more: then one who knows the force and its link would report it, on average."
     )
+
+
+def _listed(rows: Rows) -> str:
+    each = [f"{row['name'].replace('_', ' ')} {row['false_contacts']}" for row in rows]
+    return ", ".join(each)
 
 
 def _contacts(rows: Rows) -> Table:

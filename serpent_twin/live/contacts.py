@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtri
 
 from serpent_twin.arm.geometry import ARM
 from serpent_twin.arrays import Array
@@ -27,9 +26,8 @@ _APART_S = 2.0
 """Contacts nearer than this are one: a force that swings is not felt where it passes zero [s]"""
 _LEAN = np.deg2rad(15.0)
 """How far its mean may be from straight down [rad]"""
-_HELD, _STEADY = 0.95, 0.8
-"""A row's ellipsoid, and the share of the rows in whose ellipsoids a weight must lie: errors of neighbouring
-rows are alike"""
+_PARTS, _STEADY = 4, 0.5
+"""Parts of the time of a weight, and by which share of its mean what pulls down in each may differ from it"""
 _GRAVITY: Array = np.array(ARM.gravity)
 _DOWN: Array = _GRAVITY / np.linalg.norm(_GRAVITY)
 
@@ -46,7 +44,7 @@ class Touch:
         links = np.mean([each.links for each in self.felt], axis=0)
         force = np.array([each.force for each in self.felt])
         covariance = np.array([each.covariance for each in self.felt])
-        mean, weight = force.mean(axis=0), self._weight(force, covariance)
+        mean, weight = force.mean(axis=0), self._weight(force)
         return {
             "begin_s": self.time[0],
             "end_s": self.time[-1],
@@ -58,17 +56,16 @@ class Touch:
             "weight_kg": weight,
         }
 
-    def _weight(self, force: Array, covariance: Array) -> float | None:
-        """The mass whose weight it would be [kg]: if it lasted, pulled down on average, and was nowhere else
-        by more than its uncertainty; else None.
+    def _weight(self, force: Array) -> float | None:
+        """The mass whose weight it would be [kg]: if it lasted, and pulled down by the same in each part of
+        that time; else None.
         """
-        lasted = self.time[-1] - self.time[0] >= _WEIGHT_S
         mean = force.mean(axis=0)
         down = float(mean @ _DOWN)
-        apart = force - down * _DOWN
-        far = np.einsum("ni,nij,nj->n", apart, np.linalg.inv(covariance), apart)
-        steady = np.mean(far <= chdtri(3, 1 - _HELD)) >= _STEADY
+        parts = [each.mean(axis=0) @ _DOWN for each in np.array_split(force, _PARTS)]
+        lasted = self.time[-1] - self.time[0] >= _WEIGHT_S and len(force) >= _PARTS
         upright = down > np.cos(_LEAN) * float(np.linalg.norm(mean))
+        steady = np.abs(np.array(parts) - down).max() < _STEADY * down
         return down / float(np.linalg.norm(_GRAVITY)) if lasted and upright and steady else None
 
 
