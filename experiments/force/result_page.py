@@ -182,10 +182,10 @@ def _drawn(rows: Rows) -> Figure:
     last = np.array([each["link"] == 9 for each in pushes])
     for which, name, colour in ((last, "link 9", COLOURS[1]), (~last, "other links", COLOURS[2])):
         left.plot(size[which], error[which], "o", ms=3.5, color=colour, label=name)
-    left.plot([0.1, 1.5], [0.1, 1.5], "--", lw=1.0, color=COLOURS[0], label="no estimate")
+    left.plot([0.1, 1.5], [0.1, 1.5], "--", lw=1.0, color=COLOURS[0], label="as large as the push")
     left.set_xscale("log")
     left.set_yscale("log")
-    left.set_xlabel("greatest force of a push [N]")
+    left.set_xlabel("greatest force [N]")
     left.set_ylabel("error of the estimate [N rms]")
     steps = [e for e in _pushes(rows, "steps") if not e["felt_before"]]
     worth = np.array([max(each["worth_after_1s"], 0.1) for each in steps])
@@ -195,9 +195,10 @@ def _drawn(rows: Rows) -> Figure:
     right.plot(worth[lost], np.full(lost.sum(), 11.0), "x", ms=4, color=COLOURS[3])
     right.axvline(_TELLS, color=COLOURS[0], lw=1.0, ls="--")
     right.set_xscale("log")
-    right.set_xlabel("what the first second's loads are worth [standard errors²]")
+    right.set_xlabel("worth of the first second [standard errors²]")
     right.set_ylabel("found after [s]")
-    finish(drawing, left, legend=True)
+    left.legend(loc="lower right")
+    finish(drawing, left, legend=False)
     finish(drawing, right, legend=False)
     caption = (
         f"Left: every random push. Right: steps of {STEP_N:g} N that last 10 s; crosses were not found. "
