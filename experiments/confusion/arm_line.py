@@ -66,6 +66,9 @@ class ArmLine:
     """What a twin that lacks nothing would leave"""
     seconds: float
     """Of the trace"""
+    worth: float
+    """What the true law of a fault outside the catalogue would have been worth where laws were sought
+    [squared standard errors]; NaN where that was not computed"""
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -104,6 +107,7 @@ def line_of(row: Row, trial: Trial, config: Confusion) -> ArmLine:
         corrected_mm=_rounded(error.get("corrected")),
         complete_mm=_rounded(error.get("expected")),
         seconds=_rounded(row.get("seconds"), 0),
+        worth=_rounded(row.get("worth"), 1),
     )
 
 

@@ -6,9 +6,10 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-from experiments.confusion.arms import SOURCES, Length, Truth
+from experiments.confusion.arms import SOURCES, Length, Truth, built
 from experiments.confusion.config import Confusion
-from experiments.confusion.plan import Trial
+from experiments.confusion.plan import OUTSIDE, Trial
+from experiments.confusion.worth import TrueLaw, true_law, worth
 from experiments.result_rows import failed_row
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
@@ -30,7 +31,9 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         truth = SOURCES[config.source]().write(trial, folder / "logs", length, config.seed)
         recorded = time.perf_counter() - began
         with (folder / "trace.log").open("a") as said, _quiet(said):
-            found = trace(Trace((folder / "logs",), folder / "trace", seed=config.seed))
+            traced = Trace((folder / "logs",), folder / "trace", seed=config.seed)
+            found = trace(traced)
+            gain = worth(traced, law) if (law := _true_law(config, trial, length)) else None
     except SerpentError as error:
         return failed_row(trial, str(error)) | {"truth": truth, "git_commit": git_commit()}
     if not config.keep:
@@ -50,7 +53,15 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         "seconds": found["seconds"],
         "git_commit": found["provenance"]["git_commit"],
         "recording_seconds": recorded,
+        "worth": gain,
     }
+
+
+def _true_law(config: Confusion, trial: Trial, length: Length) -> TrueLaw | None:
+    """The law of a bench arm's fault that the catalogue lacks, if it has one."""
+    if config.source != "bench" or trial.kind != OUTSIDE:
+        return None
+    return true_law(trial.name, built(trial, length, config.seed)[1])
 
 
 @contextlib.contextmanager

@@ -9,6 +9,7 @@ import numpy as np
 from experiments.confusion.arm_line import BETWEEN, FAILED, ArmLine
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE
 from experiments.confusion.score import NOTHING, UNEXPLAINED, Share, detection_limit
+from experiments.confusion.worth import LEAST
 from serpent_twin.identification.wording import DISCOVERED
 
 NAMED = 0.90
@@ -57,6 +58,10 @@ def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
             "",
         ),
         "its law and place discovered": (_share(by[OUTSIDE], lambda x: x.discovered), "80 %"),
+        f"the same, of faults whose law was worth {LEAST:g} σ² or more": (
+            _share([x for x in by[OUTSIDE] if x.worth >= LEAST], lambda x: x.discovered),
+            "80 %",
+        ),
         "a discovered law's size within 15 %": (
             _share([x for x in by[OUTSIDE] if np.isfinite(x.off)], lambda x: x.off <= NEAR),
             "",

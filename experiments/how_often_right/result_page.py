@@ -23,7 +23,11 @@ right: this effect and no other. It is a number only where it lies within the st
 include the one that judged."""
 _COMPOSED = """Discovered is a fault whose law, and its place, was composed, or is among those that the report
 calls equivalent, and nothing else. What was left before and after is in errors of a complete twin; it and how
-far the law's size was off are medians over the arms on which it was discovered."""
+far the law's size was off are medians over the arms on which it was discovered.
+
+What a fault's law was worth is computed since seed 34: by how many squared standard errors (σ²) the true law,
+with its true thresholds and to first order, would have explained the training logs better than the calibrated
+twin did. From 30 on, a trace would try it where little is left."""
 _COLUMNS = 4
 _MARKS = ("o", "s", "^", "D", "v")
 

@@ -7,10 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import bench_arm
 from benchmarks.right_names import chosen, trial_of
 from experiments.confusion.arm_line import ArmLine, add, line_of, read
+from experiments.confusion.arms import BenchSource
 from experiments.confusion.config import Confusion
+from experiments.confusion.expected import of_bench
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR, Trial
+from experiments.confusion.worth import true_law
 from experiments.how_often_right import __main__ as how_often_right
 from experiments.how_often_right.rates import rates
 from experiments.result_rows import failed_row
@@ -41,6 +45,7 @@ LINE = ArmLine(
     corrected_mm=0.5,
     complete_mm=0.4,
     seconds=120.0,
+    worth=1.0,
 )
 
 
@@ -131,3 +136,25 @@ def test_the_gate_takes_unlike_faults_and_finds_their_trials():
     assert some[1].called == "nothing"
     trial = trial_of(some[1])
     assert (trial.id, trial.sessions, trial.kind) == ("payload-03", 2, KNOWN)
+
+
+def test_faults_that_were_worth_finding_are_counted_alone():
+    outside = replace(LINE, kind=OUTSIDE, there="soft_stop")
+    lines = [
+        replace(outside, worth=100.0, discovered=True),
+        replace(outside, worth=31.0),
+        replace(outside, worth=29.0),
+        outside,
+    ]
+    found = rates(lines)["rates"]
+    (name,) = [each for each in found if "worth 30" in each]
+    assert (found[name]["count"], found[name]["of"]) == (1, 2)
+
+
+@pytest.mark.parametrize("name", BenchSource().outside)
+def test_the_true_law_of_a_fault_is_one_of_its_right_answers(name):
+    effects = bench_arm.inject(name, bench_arm.TYPICAL[name], np.random.default_rng(1))
+    law, ways = true_law(name, effects)
+    assert all((each.shape, each.reading) == (law.shape, law.reading) for each in ways)
+    (answer, *_) = [a for a in of_bench(name, effects) if law.handle in a["changes"]]
+    assert law.place in answer["places"] and law.shape in answer["laws"]

@@ -183,13 +183,19 @@ class Search:
 
     def _among(self, response: Response, several: Sequence[Way], F: Array) -> list[Composed]:
         """The best laws at a place, among some ways whose changes are F, (W, N)."""
+        return self._best(response, several, *self.beyond_free(response, F))
+
+    def beyond_free(self, response: Response, F: Array) -> tuple[Sums, Array]:
+        """Sums over the rows of a place whose changes are F, (W, N), and their Gram matrices, (W, d, d),
+        beyond what the free parameters take up.
+        """
         found, inverse = sums(self.rows, response, F), self.inverse.astype(np.float32)
         gram, beside = found.raw.copy(), found.beside
         for a, b in np.ndindex(gram.shape[1:]):
             known = found.taken[a] @ inverse
             gram[:, a, b] -= self.weight * (known * found.taken[b]).sum(axis=1)
             beside[:, a, b] -= self.weight * (known[:-1] * found.taken[b][1:]).sum(axis=1)
-        return self._best(response, several, replace(found, beside=beside), gram)
+        return replace(found, beside=beside), gram
 
     def _best(
         self,
