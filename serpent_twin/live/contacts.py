@@ -60,13 +60,14 @@ class Touch:
         """The mass whose weight it would be [kg]: if it lasted, and pulled down by the same in each part of
         that time; else None.
         """
+        if self.time[-1] - self.time[0] < _WEIGHT_S or len(force) < _PARTS:
+            return None
         mean = force.mean(axis=0)
         down = float(mean @ _DOWN)
         parts = [each.mean(axis=0) @ _DOWN for each in np.array_split(force, _PARTS)]
-        lasted = self.time[-1] - self.time[0] >= _WEIGHT_S and len(force) >= _PARTS
         upright = down > np.cos(_LEAN) * float(np.linalg.norm(mean))
         steady = np.abs(np.array(parts) - down).max() < _STEADY * down
-        return down / float(np.linalg.norm(_GRAVITY)) if lasted and upright and steady else None
+        return down / float(np.linalg.norm(_GRAVITY)) if upright and steady else None
 
 
 class Contacts:
