@@ -28,9 +28,14 @@ class StudyArm:
         return self.study / "trials" / self.id
 
     @property
+    def twin_file(self) -> Path:
+        """What its trace wrote, if it has ended."""
+        return self.folder / "trace" / "twin.json"
+
+    @property
     def twin(self) -> TwinModel:
         """What its trace wrote."""
-        return twin_model.read(self.folder / "trace" / "twin.json")
+        return twin_model.read(self.twin_file)
 
     def built(self) -> tuple[BenchArm, Effects]:
         """The arm itself, and what is wrong with it."""
@@ -56,14 +61,15 @@ def traced_arms(study: Path, most: int) -> list[StudyArm]:
     """The arms of a study whose twins are there."""
     settings = stored.read_json(study / "confusion.json")
     sessions = tuple(settings["sessions"])
-    every = planned("bench", 100, settings["seed"], sessions)
-    there = [
-        each for each in every if (study / "trials" / each.id / "trace" / "twin.json").exists()
+    seed, length = settings["seed"], settings["steps"]
+    every = [
+        StudyArm(study, trial, seed, Length(trial.sessions, length))
+        for trial in planned("bench", 100, seed, sessions)
     ]
+    there = [each for each in every if each.twin_file.exists()]
     if not there:
         raise SerpentError(
             f"{study} holds no traced arm. Run python -m experiments.confusion --source bench --keep "
             f"--out {study} first."
         )
-    length = settings["steps"]
-    return [StudyArm(study, t, settings["seed"], Length(t.sessions, length)) for t in there[:most]]
+    return there[:most]

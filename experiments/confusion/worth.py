@@ -6,14 +6,12 @@ the calibrated parameters have absorbed is lost to it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from bench_arm.accidents import Accident
 from bench_arm.effects import Effects
-from serpent_twin.arm import mjcf
-from serpent_twin.arm.geometry import N_JOINTS
+from experiments.confusion.expected import strand_of
 from serpent_twin.effects.law import Law
 from serpent_twin.identification import Trace
 from serpent_twin.identification.checkpoints import Checkpoints
@@ -21,13 +19,9 @@ from serpent_twin.identification.composing import ComposingTracer
 from serpent_twin.identification.discovery.followed import Way, rows_of, swinging
 from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.discovery.sizes import FLAT
-from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.run import planned
 
-LEAST = 30.0
-"""What the best of some 300,000 laws must be worth to be tried where little is left"""
 _CLOCK = "runtime", "machine"
-_MOST = 0.99
 
 TrueLaw = tuple[Law, Sequence[Way]]
 """A law, and the ways in which its change follows its reading"""
@@ -50,12 +44,11 @@ def _of_accident(happened: Accident) -> TrueLaw:
     part, begin, width = happened.part, happened.begin, happened.width
     motor, joint, load = f"motor{part}", f"joint{part}", f"motor{part}_load"
     of_motor, of_joint = ("motor_angle", motor), ("joint_angle", joint)
-    strand = mjcf.STRANDS[2 * (part % N_JOINTS) + part // N_JOINTS]
     swings = 2 * np.pi * happened.rate
     several: Mapping[str, Callable[[], TrueLaw]] = {
         "swinging_push": lambda: _law("force", f"link{part}", *swinging(_CLOCK, swings)),
         "soft_stop": lambda: _law("joint_torque", joint, Way("beyond", *of_joint, begin, 0.0)),
-        "loose_strand": lambda: _since("slack", strand, happened),
+        "loose_strand": lambda: _since("slack", strand_of(happened), happened),
         "slipped_winch": lambda: _since("winch_angle", motor, happened),
         "encoder_wave": lambda: _law("winch_angle", motor, *swinging(of_motor, happened.rate)),
         "rubbing_cable": lambda: _law(
@@ -89,20 +82,6 @@ def true_law(name: str, effects: Effects) -> TrueLaw:
     return _law("load_shift", f"{motor}_load", *swings)
 
 
-class _ReachedError(Exception):
-    """Raised where laws would be sought."""
-
-    def __init__(self, base: Fit) -> None:
-        self.base = base
-
-
-class _Calibrating(ComposingTracer):
-    """Traces until laws would be sought."""
-
-    def _more(self, base: Fit, rounds: list[Any]) -> Fit:
-        raise _ReachedError(base)
-
-
 def worth(traced: Trace, law: TrueLaw) -> float:
     """What a law would be worth beside the twin with which a trace, whose stages are kept, began to seek laws
     [squared standard errors].
@@ -111,11 +90,8 @@ def worth(traced: Trace, law: TrueLaw) -> float:
     case = rig.open(training)
     notes = Checkpoints(traced.out / "stages", case.clock)
     pieces = case.pieces(training), case.pieces(judging)
-    tracer = _Calibrating(case, *pieces, notes, lambda _: None, traced.seed)
-    try:
-        tracer.select()
-    except _ReachedError as reached:
-        base = reached.base
+    tracer = ComposingTracer(case, *pieces, notes, lambda _: None, traced.seed)
+    _, base, _ = tracer.named()
     case = tracer.case
     some = case.take(tracer.training, base.used)
     places = case.places(base.point, some)
@@ -132,5 +108,5 @@ def worth(traced: Trace, law: TrueLaw) -> float:
         gram = np.block([[gram[0], across], [across.T, gram[1]]])
     value, axes = np.linalg.eigh(gram.reshape(len(pull), len(pull)))
     told = value > FLAT * raw  # directions that show, and that nothing else does
-    gain = float((((axes.T @ pull)[told]) ** 2 / value[told]).sum())
-    return -search.weight * search.total * float(np.log1p(-min(gain / search.total, _MOST)))
+    removed = ((axes.T @ pull)[told] ** 2 / value[told]).sum()
+    return float(search.gain(removed / search.total))

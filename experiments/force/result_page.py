@@ -46,7 +46,7 @@ _INTRODUCTION = (
     "error of its logs, says what pushes. *Least* is computed, not measured: the error of one who knows the "
     "arm, the link and since when it is pushed, from whom only the loads' noise keeps a force that wanders "
     f"as the filter has it: each component of {SIZE:g} N, changing by {WALK:g} N in a second. Motors that "
-    "stand tell nothing there. Forces that are mostly smaller than this may be felt with less error."
+    "stand tell nothing there. The error may be less where most forces are smaller than that."
 )
 _WEIGHT = (
     f"The gripper holds {1e3 * WEIGHT_KG:.0f} g that the twin does not have: "
@@ -89,8 +89,8 @@ def _pushes(rows: Rows, of: str) -> list[Mapping[str, Any]]:
 def _contacts_told(rows: Rows) -> str:
     hours, false = sum(r["free_hours"] for r in rows), sum(r["false_contacts"] for r in rows)
     return (
-        f"Reported in {hours:.1f} hours of motion without a touch: {counted(false, 'contact')}; by arm, "
-        f"{_listed(rows)}. A push "
+        f"Nothing touched the arms for {hours:.1f} hours, in which {counted(false, 'false contact')} came up "
+        f"({_listed(rows)}). A push "
         "is found in its first second if contact is reported within it. How much that second can tell "
         "depends on pose, direction and link: where a force hardly turns a joint, or motors stand, nobody "
         f"could feel it. *Worth feeling* are those whose loads differ by {_TELLS:.1f} squared standard "

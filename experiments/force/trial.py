@@ -60,6 +60,7 @@ def _felt(config: ForceStudy, arm: StudyArm) -> dict[str, Any]:
     steps = [_steps(rng, seconds) for _ in range(2)]
     logs = recorded(arm, [*random, *steps], ROWS, 100)
     runs = [Run(observer, log, arm) for log in logs]
+    took = np.concatenate([run.took for run in runs])
     heavy = recorded(arm, [(), ()], ROWS, 200, WEIGHT_KG)
     free = round(config.free_hours * 3600 * RATE / _FREE_ROWS / _SIDE_BY_SIDE)
     alarms = sum(_false_contacts(observer, arm, n) for n in range(free))
@@ -70,10 +71,7 @@ def _felt(config: ForceStudy, arm: StudyArm) -> dict[str, Any]:
         "weights": [Run(observer, log, arm).weight() for log in heavy],
         "free_hours": free * _SIDE_BY_SIDE * _FREE_ROWS / RATE / 3600,
         "false_contacts": alarms,
-        "update_ms": {
-            "median": float(np.median(np.concatenate([run.took for run in runs]))),
-            "p99": float(np.quantile(np.concatenate([run.took for run in runs]), 0.99)),
-        },
+        "update_ms": {"median": float(np.median(took)), "p99": float(np.quantile(took, 0.99))},
         "learned": _alone(runs[SESSIONS - 1])
         | learned_errors(config.readouts, logs[:SESSIONS], rng),
     }
@@ -137,7 +135,7 @@ class Run:
         return (self.off**2).sum(axis=1)
 
     def weight(self) -> dict[str, Any]:
-        """What the contact is called that lasted longest, of an arm that carries a weight all the time."""
+        """What is felt of a weight that the arm carries all the time, all contacts taken together."""
         each = Touch()
         for n, felt in enumerate(self.felt[_DROP:]):
             if felt.touched:

@@ -9,7 +9,7 @@ import numpy as np
 from experiments.confusion.arm_line import BETWEEN, FAILED, ArmLine
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE
 from experiments.confusion.score import NOTHING, UNEXPLAINED, Share, detection_limit
-from experiments.confusion.worth import LEAST
+from serpent_twin.identification.discovery.discover import WORTH
 from serpent_twin.identification.wording import DISCOVERED
 
 NAMED = 0.90
@@ -58,8 +58,8 @@ def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
             "",
         ),
         "its law and place discovered": (_share(by[OUTSIDE], lambda x: x.discovered), "80 %"),
-        f"the same, of faults whose law was worth {LEAST:g} σ² or more": (
-            _share([x for x in by[OUTSIDE] if x.worth >= LEAST], lambda x: x.discovered),
+        f"the same, of faults whose law was worth {WORTH:g} σ² or more": (
+            _share([x for x in by[OUTSIDE] if x.worth >= WORTH], lambda x: x.discovered),
             "80 %",
         ),
         "a discovered law's size within 15 %": (

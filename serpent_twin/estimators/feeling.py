@@ -14,8 +14,7 @@ from serpent_twin.readouts.trainable import Trainable
 from serpent_twin.sim.twin_model import TwinModel
 
 PERIOD = 0.25
-"""[s]: rows that are nearer in time tell no more together, for what a twin lacks is not white"""
-
+"""Rows that are nearer in time than this weigh no more in all [s]: a twin's errors in them are alike"""
 UNSURE = 0.25
 """Of a load's change by a force, as statics say: hinges rub, and the arm is on its way"""
 
@@ -26,7 +25,7 @@ class Feeling(Estimator):
     """
 
     def __init__(self, observer: Observer) -> None:
-        """The observer must be trained: its loads' error is what a force is told from."""
+        """The observer must be trained, so that the error of its twin's loads is known."""
         self._observer = observer
 
     @property

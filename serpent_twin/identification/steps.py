@@ -72,19 +72,24 @@ class Tracer:
 
     def select(self) -> Selection:
         """Calibrate, then add effects one by one while their gain is significant."""
-        start = ParameterVector(np.zeros(len(self.case.declared)))
-        opening, calibrated = self._calibrate(start)
-        base, rounds = calibrated, []
-        while len(rounds) < _MOST_EFFECTS:
-            rounds.append(self._round(base, len(rounds) + 1, None if rounds else opening))
-            if (better := self._stands(rounds)) is None:
-                break
-            base = better
+        calibrated, base, rounds = self.named()
         base = self._more(base, rounds)
         final = self._sharpened(without_proxies(self.trials, self.case, base, rounds))
         self.final = final.point
         rivals = {n: self.trials.rivals(self.case, n, rounds) for n in final.point.effects}
         return Selection(self.case, calibrated, final, tuple(rounds), rivals)
+
+    def named(self) -> tuple[Fit, Fit, list[Round]]:
+        """The calibrated twin, the fit with the named effects that were added to it, and the rounds."""
+        start = ParameterVector(np.zeros(len(self.case.declared)))
+        opening, calibrated = self._calibrate(start)
+        base, rounds = calibrated, list[Round]()
+        while len(rounds) < _MOST_EFFECTS:
+            rounds.append(self._round(base, len(rounds) + 1, None if rounds else opening))
+            if (better := self._stands(rounds)) is None:
+                break
+            base = better
+        return calibrated, base, rounds
 
     def _stands(self, rounds: list[Round]) -> Fit | None:
         """The fit of everything anew with what the last round accepted; None if that reverses it, or nothing

@@ -43,7 +43,7 @@ class Touch:
         """For results.json: when, where, how strongly, and whether it may be a weight."""
         links = np.mean([each.links for each in self.felt], axis=0)
         force = np.array([each.force for each in self.felt])
-        covariance = np.array([each.covariance for each in self.felt])
+        covariance = np.mean([each.covariance for each in self.felt], axis=0)
         mean, weight = force.mean(axis=0), self._weight(force)
         return {
             "begin_s": self.time[0],
@@ -52,7 +52,7 @@ class Touch:
             "link_probability": links.tolist(),
             "mean_force_N": mean.tolist(),
             "most_N": float(np.linalg.norm(force, axis=1).max()),
-            "spread_N": float(np.sqrt(np.trace(covariance.mean(axis=0)))),
+            "spread_N": float(np.sqrt(np.trace(covariance))),
             "weight_kg": weight,
         }
 

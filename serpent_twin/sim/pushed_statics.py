@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arm.mjcf import JOINTS, STRANDS
 from serpent_twin.arrays import Array
+from serpent_twin.sim.pushes import links_and_base
 from serpent_twin.sim.stepper import addresses
 
 _LONGEST = 0.1  # [rad] of a Newton step
@@ -92,10 +92,8 @@ class PushedStatics:
         self._model, self._data = model, mujoco.MjData(model)
         self._q, self._v = addresses(model, JOINTS)
         self._joints = [model.joint(name).id for name in JOINTS]
-        self._links = model.jnt_bodyid[self._joints]
+        self._links, self._base, base = links_and_base(model)
         self._spring, self._rest = model.jnt_stiffness[self._joints], model.qpos_spring[self._q]
-        self._base = int(model.body_parentid[self._links[0]])
-        base = Rotation.from_quat(model.body_quat[self._base], scalar_first=True)
         self._in_world = base.as_matrix()
         strands = [model.tendon(name).id for name in STRANDS]
         none = self._lengths(np.zeros(N_JOINTS))

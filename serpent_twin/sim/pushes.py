@@ -6,8 +6,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 from mujoco.batch import Batch
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from serpent_twin.arm.geometry import N_JOINTS
@@ -59,15 +61,18 @@ class Push:
         return share[self.shape] * np.array(self.force)
 
 
+def links_and_base(model: mujoco.MjModel) -> tuple[NDArray[np.intp], int, Rotation]:
+    """The links' bodies, (9,), the base's, and how the base is turned in the world."""
+    links = model.jnt_bodyid[[model.joint(name).id for name in JOINTS]]
+    base = int(model.body_parentid[links[0]])
+    return links, base, Rotation.from_quat(model.body_quat[base], scalar_first=True)
+
+
 class LinkForces:
     """The forces on the links of all runs of a batch."""
 
     def __init__(self, batch: Batch) -> None:
-        model = batch.model
-        joints = [model.joint(name).id for name in JOINTS]
-        self._links = model.jnt_bodyid[joints]
-        base = model.body_parentid[self._links[0]]
-        self._from_base = Rotation.from_quat(model.body_quat[base], scalar_first=True)
+        self._links, _, self._from_base = links_and_base(batch.model)
         self._applied = batch.bind("xfrc_applied")
 
     def apply(self, pushes: Sequence[Push], time: float) -> None:

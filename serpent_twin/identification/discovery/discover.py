@@ -17,7 +17,7 @@ from serpent_twin.machines.case import Case
 
 _TRIED = 8
 """Composed candidates that are simulated"""
-_WORTH = 30.0
+WORTH = 30.0
 """What the best of some 300,000 laws must be worth where little is left: 2 ln 300,000 is chance. Where much
 is left, held-out logs decide, which took no part in the search.
 """
@@ -40,7 +40,7 @@ def discover(
     if places is None:
         return ()
     on_progress("laws at all places")
-    least = _WORTH if little else 0.0
+    least = WORTH if little else 0.0
     found = [
         each
         for each in screened(case, some, base, places)

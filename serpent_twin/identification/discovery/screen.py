@@ -181,6 +181,10 @@ class Search:
         error = np.sqrt(np.maximum(np.diag(inverse), 0.0) / self.weight)
         return size, error, self.weight * float(-size @ pull)
 
+    def gain(self, share: Array) -> Array:
+        """Twice the logarithm of the likelihood ratio of what removes a share of the residual's squares."""
+        return -self.weight * self.total * np.log1p(-np.minimum(share, _MOST))
+
     def _among(self, response: Response, several: Sequence[Way], F: Array) -> list[Composed]:
         """The best laws at a place, among some ways whose changes are F, (W, N)."""
         return self._best(response, several, *self.beyond_free(response, F))
@@ -214,7 +218,7 @@ class Search:
         gain = np.concatenate([gain, [g for *_, g in pairs]])
         periodic = np.array([each.shape == "periodic" for each in tried] + [False] * len(pairs))
         share = np.where(periodic, 0.0, gain) / self.total
-        gain = -self.weight * self.total * np.log1p(-np.minimum(share, _MOST))
+        gain = self.gain(share)
         if handle.only_more:  # friction that follows a swing would be negative at times
             gain = np.where([each.shape == "periodic" for each in several], 0.0, gain)
         cost = np.array([_PER_PARAMETER * each.parameters for each in several])
