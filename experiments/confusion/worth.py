@@ -18,7 +18,7 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.composing import ComposingTracer
 from serpent_twin.identification.discovery.followed import Way, rows_of, swinging
 from serpent_twin.identification.discovery.screen import Search
-from serpent_twin.identification.discovery.sizes import FLAT
+from serpent_twin.identification.discovery.sizes import solved
 from serpent_twin.identification.run import planned
 
 _CLOCK = "runtime", "machine"
@@ -102,11 +102,9 @@ def worth(traced: Trace, law: TrueLaw) -> float:
     readings = places.readings
     follows = rows_of(several, readings) if wanted.reading else np.ones((1, search.F.shape[1]))
     found, gram = search.beyond_free(at, follows.astype(np.float32))
-    pull, raw = found.pulls.ravel(), np.trace(found.raw.sum(axis=0)) / found.pulls.size
+    pull, raw = found.pulls.reshape(1, -1), found.raw.sum(axis=0)
     if len(several) > 1:  # a sine and its cosine
         across = found.beside[0]
         gram = np.block([[gram[0], across], [across.T, gram[1]]])
-    value, axes = np.linalg.eigh(gram.reshape(len(pull), len(pull)))
-    told = value > FLAT * raw  # directions that show, and that nothing else does
-    removed = ((axes.T @ pull)[told] ** 2 / value[told]).sum()
-    return float(search.gain(removed / search.total))
+    _, removed = solved(pull, gram.reshape(1, pull.size, pull.size), raw[None] / len(several))
+    return float(search.gain(removed[0] / search.total))

@@ -1,7 +1,7 @@
 """Trace with effects that no catalogue lists: laws composed from what the named ones leave."""
 
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +9,10 @@ import numpy as np
 from serpent_twin.identification.acceptance import CandidateTrial, Round, best_trial
 from serpent_twin.identification.discovery import (
     better_thresholds,
+    composed_law,
     discover,
     elsewhere,
+    in_each_shape,
     of_shape,
     turned,
 )
@@ -30,6 +32,9 @@ _FITTED, _NEAR = 2, 0.8
 _AS_MUCH = 0.9
 """Of what a named effect removed, what a law must to be tried in its place, both to first order"""
 
+_Way = Callable[[Fit, Round], list[str]]
+"""How laws in place of a round are found: from the fit with all effects, and the round, their names"""
+
 
 class ComposingTracer(Tracer):
     """The steps of a trace, and after them laws at places of the machine, while something is left."""
@@ -38,14 +43,17 @@ class ComposingTracer(Tracer):
         """The fit with the laws that explain what is left.
 
         Named effects come first, and one may be a part of a law. So a law that explains alone what a named
-        effect and all after it do takes their place.
+        effect and all after it do takes their place, and so does one law for two at one place.
         """
         named = len(rounds)
         further, something = self._composed(base, rounds)
         if not something:
             return further
-        for done in rounds[:named]:
-            if done.accepted and (better := self._instead(further, done, rounds)):
+        for n, done in enumerate(rounds.copy()):
+            if not done.accepted:
+                continue
+            ways = (self._either_way, self._other_laws) if n < named else (self._one_for_two,)
+            if better := self._instead(further, done, rounds, ways):
                 return self._composed(better, rounds)[0]
         left = self.errors(further.point)
         if further.point.effects and not self.trials.little(self.case, left):
@@ -69,8 +77,7 @@ class ComposingTracer(Tracer):
         """The names of laws that may explain what a fit leaves, which are candidates from now on."""
         little = self.trials.little(self.case, before)
         found = discover(self.case, self.training, base, little, self.on_progress)
-        self.case = self.case.composing(found)
-        return [each.name for each in found]
+        return self._known(found)
 
     def _law(self, names: Sequence[str], base: Fit, before: Errors, stage: str) -> Round:
         """A round of composed candidates, and of those that resemble the best."""
@@ -83,22 +90,23 @@ class ComposingTracer(Tracer):
             best = best_trial(trials, self.case.candidates)
         return Round(base, before, trials, (best,) if best else ())
 
-    def _instead(self, several: Fit, done: Round, rounds: list[Round]) -> Fit | None:
-        """The fit of a law in place of what a round accepted and of all that was accepted after it; None if
-        `several`, the fit with these, is better.
+    def _instead(
+        self, several: Fit, done: Round, rounds: list[Round], ways: Sequence[_Way]
+    ) -> Fit | None:
+        """The fit of a law in place of what a round accepted and of all that was accepted after it, of those
+        that the first of some ways gives; None if `several`, the fit with these, is better.
         """
         weighed, name = self.case, done.accepted[0]
         self.on_progress(f"laws in place of {spaced(name)}")
         self.case = replace(weighed, noise=done.base.noise)
-        if (law := self._in_place(self._either_way(several), several, done, rounds)) or (
-            law := self._in_place(self._candidates(done.base, done.errors), several, done, rounds)
-        ):
-            return law
+        for way in ways:
+            if law := self._in_place(way(several, done), several, done, rounds):
+                return law
         known = {**self.case.composed, **weighed.composed}  # a law found before keeps its ranges
         self.case = replace(weighed, composed=known)
         return None
 
-    def _either_way(self, several: Fit) -> list[str]:
+    def _either_way(self, several: Fit, done: Round) -> list[str]:
         """The names of a fit's steps, as fitted, and of those that hold where these do not, the other way
         round: beside something constant they are the same.
         """
@@ -106,6 +114,26 @@ class ComposingTracer(Tracer):
         for name, values in several.point.effects.items():
             if other := turned(known[name], values):
                 found += [replace(known[name], variants=(values,), alternatives=()), other]
+        return self._known(found)
+
+    def _other_laws(self, several: Fit, done: Round) -> list[str]:
+        """The names of laws that may explain what is left without what a round accepted."""
+        return self._candidates(done.base, done.errors)
+
+    def _one_for_two(self, several: Fit, done: Round) -> list[str]:
+        """The names of laws of each shape in place of something constant that a round accepted and of a law
+        at the same place: a part of a wave is a constant and a ramp, too.
+        """
+        first = composed_law(done.accepted[0])
+        if first is None or first.reading:
+            return []
+        for law in map(composed_law, several.point.effects):
+            if law and law.reading and (law.handle, law.place) == (first.handle, first.place):
+                return self._known(in_each_shape(self.case, self.training, done.base, law))
+        return []
+
+    def _known(self, found: Sequence[Candidate]) -> list[str]:
+        """The names of composed laws, which are candidates from now on."""
         self.case = self.case.composing(found)
         return [each.name for each in found]
 

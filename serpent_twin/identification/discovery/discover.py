@@ -4,16 +4,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from serpent_twin.effects.law import Law
 from serpent_twin.identification.discovery.candidates import (
     candidate_of,
     distinct,
     resembling_at_first,
 )
-from serpent_twin.identification.discovery.screen import Composed, screened
+from serpent_twin.identification.discovery.screen import Composed, Search, screened
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.least_squares import OnProgress
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
+from serpent_twin.machines.places import Places
 
 _TRIED = 8
 """Composed candidates that are simulated"""
@@ -46,17 +48,37 @@ def discover(
         for each in screened(case, some, base, places)
         if (each.worth > least and each.share > _SHARE) or _in_one_sensor(each)
     ]
-    at = [(each.handle, each.place) for each in places.responses]
 
     def made(each: Composed) -> Candidate:
-        several = [place for handle, place in at if handle == each.law.handle]
-        return candidate_of(each, places.readings, case.units_of_law(each.law), several)
+        return _candidate(case, places, each)
 
     new = [
         replace(made(each), alternatives=tuple(map(made, resembling_at_first(each, found))))
         for each in distinct(found, _TRIED)
     ]
     return [each for each in new if each.name not in base.point.effects]
+
+
+def in_each_shape(case: Case[Any], training: Any, base: Fit, law: Law) -> Sequence[Candidate]:
+    """The candidates of what a law changes and follows, the best of each shape, on a fit without it."""
+    some = case.take(training, base.used)
+    places = case.places(base.point, some)
+    if places is None:
+        return ()
+    search = Search(case, some, base, places)
+    response = next(r for r in places.responses if (r.handle, r.place) == (law.handle, law.place))
+    found = [
+        each
+        for best in search.at(response)
+        if (best.law.reading, best.law.where) == (law.reading, law.where)
+        for each in (best, *best.shapes.values())
+    ]
+    return [_candidate(case, places, each) for each in found]
+
+
+def _candidate(case: Case[Any], places: Places, found: Composed) -> Candidate:
+    several = [each.place for each in places.responses if each.handle == found.law.handle]
+    return candidate_of(found, places.readings, case.units_of_law(found.law), several)
 
 
 def _in_one_sensor(found: Composed) -> bool:

@@ -5,13 +5,18 @@ from dataclasses import replace
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import law_of, place_of
-from serpent_twin.effects.law import HANDLES, parse
+from serpent_twin.effects.law import HANDLES, Law, parse
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.wording import DISCOVERED
 from serpent_twin.machines.candidate import Candidate
 
 _BODY = "body"
 _TURNED = {"above": "under", "under": "above"}
+
+
+def composed_law(name: str) -> Law | None:
+    """The law of a composed effect, by its name; None of other effects."""
+    return parse(place_of(name)) if law_of(name) == DISCOVERED else None
 
 
 def of_shape(name: str, several: Iterable[Candidate]) -> list[Candidate]:
@@ -47,10 +52,8 @@ def elsewhere(candidate: Candidate, found: Fit) -> list[Candidate]:
 
 def turned(candidate: Candidate, values: Array) -> Candidate | None:
     """Of a step, the law that holds where it does not, with the opposite sizes; None of other effects."""
-    if law_of(candidate.name) != DISCOVERED:
-        return None
-    law = parse(place_of(candidate.name))
-    if law.shape not in _TURNED:
+    law = composed_law(candidate.name)
+    if not law or law.shape not in _TURNED:
         return None
     start, shape = values.copy(), _TURNED[law.shape]
     start[: HANDLES[law.handle].components] *= -1

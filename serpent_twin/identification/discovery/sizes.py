@@ -14,18 +14,16 @@ FLAT = 1e-4
 
 
 def solved(pulls: Array, grams: Array, raw: Array) -> tuple[Array, Array]:
-    """Sizes, (W, d), and by how much each reduces the residual's squares, (W,); none where hardly anything
-    is left of the change. A component that shows nothing, as across a machine that moves in a plane, is zero.
+    """Sizes, (W, d), and by how much each reduces the residual's squares, (W,). A change has no size along a
+    direction of which hardly anything is left, as across a machine that moves in a plane, or where the free
+    parameters do the same.
     """
-    d = pulls.shape[1]
-    scale = np.maximum(np.einsum("wdd->w", raw) / d, 1e-30)
-    shows = np.einsum("wdd->wd", grams) != 0
-    grams = grams + np.where(shows, 0.0, scale[:, None])[..., None] * np.eye(d)
-    low = np.linalg.eigvalsh(grams)[:, 0]
-    usable = low > FLAT * scale
-    safe = np.where(usable[:, None, None], grams, np.eye(d))
-    size = -np.linalg.solve(safe, pulls[..., None])[..., 0]
-    return size, np.where(usable, -(size * pulls).sum(axis=1), 0.0)
+    scale = np.einsum("wdd->w", raw)[:, None] / pulls.shape[1]
+    value, axes = np.linalg.eigh(grams)
+    shows = value > np.maximum(FLAT * scale, 1e-30)
+    along = np.einsum("wdk,wd->wk", axes, pulls)
+    size = np.where(shows, -along / np.where(shows, value, 1.0), 0.0)
+    return np.einsum("wdk,wk->wd", axes, size), -(size * along).sum(axis=1)
 
 
 def of_one_phase(
