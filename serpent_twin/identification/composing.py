@@ -17,7 +17,6 @@ from serpent_twin.identification.discovery import (
     turned,
 )
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.proxies import needless
 from serpent_twin.identification.steps import BEATS, Tracer
@@ -55,10 +54,13 @@ class ComposingTracer(Tracer):
             ways = (self._either_way, self._other_laws) if n < named else (self._one_for_two,)
             if better := self._instead(further, done, rounds, ways):
                 return self._composed(better, rounds)[0]
-        left = self.errors(further.point)
-        if further.point.effects and not self.trials.little(self.case, left):
+        if further.point.effects and not self._little_left(further):
             return self._anew(further, len(rounds))
         return further
+
+    def _little_left(self, found: Fit) -> bool:
+        """Whether a fit leaves hardly more of the held-out logs than the measurement's noise."""
+        return self.trials.little(self.case, self.errors(found.point))
 
     def _composed(self, base: Fit, rounds: list[Round]) -> tuple[Fit, bool]:
         """The fit with laws that were accepted one by one, and whether anything was left to explain."""
@@ -151,9 +153,14 @@ class ComposingTracer(Tracer):
         tried = self._law(names, done.base, done.errors, stage)
         rounds.append(tried)
         if law := self._stands(rounds):
-            law = self._anew(law, len(rounds))
             score = tried.trials[tried.accepted[0]].score
-            if needless(self.trials, self.case, score, law, several):
+
+            def best(one: Fit) -> bool:
+                return needless(self.trials, self.case, score, one, several)
+
+            if not (best(law) and self._little_left(law)):
+                law = self._anew(law, len(rounds))
+            if best(law):
                 return law
         rounds[-1] = replace(tried, accepted=())
         self.case = replace(self.case, noise=done.base.noise)
@@ -178,12 +185,10 @@ class ComposingTracer(Tracer):
         stage = f"anew_{number}_{_mark(list(effects))}"
         start = ParameterVector(np.zeros(len(weighed.declared)), effects)
         self.case = weighed.reweighted(start, self.training)
-        first = self._fit(f"{stage}_1", start, free_parameters(weighed, ()), 1)
+        first = self._fit(f"{stage}_1", start, found.free, 1)
         held = self._reweighted(stage, first)
-        self.case = self._weighed_by(held)
-        again = self._fit(f"{stage}_4", held.point, found.free, 2)
-        if self._betters(again, found, BEATS):
-            return again
+        if self._betters(held, found, BEATS):
+            return held
         self.case = weighed
         return found
 
