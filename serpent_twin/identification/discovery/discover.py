@@ -10,6 +10,7 @@ from serpent_twin.identification.discovery.candidates import (
     distinct,
     resembling_at_first,
 )
+from serpent_twin.identification.discovery.followed import Way, swinging
 from serpent_twin.identification.discovery.screen import Composed, Search, screened
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.least_squares import OnProgress
@@ -60,20 +61,37 @@ def discover(
 
 
 def in_each_shape(case: Case[Any], training: Any, base: Fit, law: Law) -> Sequence[Candidate]:
-    """The candidates of what a law changes and follows, the best of each shape, on a fit without it."""
+    """The candidates of what a law changes and follows, the best of each shape, on a fit without it; and the
+    same at every other place where that removes nearly as much.
+    """
     some = case.take(training, base.used)
     places = case.places(base.point, some)
     if places is None:
         return ()
     search = Search(case, some, base, places)
-    response = next(r for r in places.responses if (r.handle, r.place) == (law.handle, law.place))
-    found = [
-        each
-        for best in search.at(response)
-        if (best.law.reading, best.law.where) == (law.reading, law.where)
-        for each in (best, *best.shapes.values())
-    ]
+    at = next(r for r in places.responses if (r.handle, r.place) == (law.handle, law.place))
+    follows = law.reading, law.where
+    found = [each for each in search.at(at) if (each.law.reading, each.law.where) == follows]
+    own = {each.law.shape: each for each in _in_all_shapes(found)}
+    same = [way for each in own.values() for way in _ways(each)]
+    found = list(own.values())
+    for r in places.responses:
+        if r is not at and replace(law, handle=r.handle, place=r.place).possible:
+            there = _in_all_shapes(search.among(r, same))
+            found += [each for each in there if own[each.law.shape].is_like(each)]
     return [_candidate(case, places, each) for each in found]
+
+
+def _in_all_shapes(found: Sequence[Composed]) -> list[Composed]:
+    return [one for each in found for one in (each, *each.shapes.values())]
+
+
+def _ways(found: Composed) -> list[Way]:
+    """How a composed law follows its reading; if in waves, whatever their phase."""
+    law = found.law
+    if law.shape == "periodic":
+        return swinging((law.reading, law.where), found.first)
+    return [Way(law.shape, law.reading, law.where, found.first, found.second)]
 
 
 def _candidate(case: Case[Any], places: Places, found: Composed) -> Candidate:
