@@ -16,12 +16,13 @@ from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.earlier import acting
 from serpent_twin.machines.model.known import Factor, by_known_numbers
-from serpent_twin.machines.model.motion import DrivenMotion, DrivenRuns, StartGains, start_gain
+from serpent_twin.machines.model.motion import DrivenMotion, StartGains, start_gain
 from serpent_twin.machines.model.prescribed import known_motion
 from serpent_twin.machines.model.readings import reread
 from serpent_twin.machines.model.seen import Seen, beginning, joint_angles
 from serpent_twin.machines.model.starts import start
 from serpent_twin.machines.model.state_effects import together
+from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.model.switches import switched_off
 
 

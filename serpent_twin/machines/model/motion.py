@@ -1,33 +1,22 @@
 """Run a model through the rows of a log, from where the log begins."""
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from math import ceil
 
-import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Runs
-from serpent_twin.machines.model.drives import PARTS
-from serpent_twin.machines.model.prescribed import KnownMotion, PrescribedSteps, Prescription
-from serpent_twin.machines.model.seen import Seen, address, segments_of
-from serpent_twin.machines.model.starts import LEAD, SegmentStart
+from serpent_twin.machines.model.seen import Seen, segments_of
+from serpent_twin.machines.model.starts import SegmentStart
 from serpent_twin.machines.model.state_effects import Acting
-from serpent_twin.machines.model.state_laws import StateLaws
-from serpent_twin.machines.model.switches import Switches
-from serpent_twin.runs.processes import threads
-from serpent_twin.sim.stepper import set_timestep, side_by_side
+from serpent_twin.machines.model.stepped_runs import DrivenRuns, SteppedRuns
 
 _IMPROVED = 4
 """Times, enough for a machine that is heavier by a half than the model whose gains they are"""
 _DIFFERENCE = 1e-4  # [rad], [rad/s]
 _FAR = 20.0
 """Times the noise, by which a start may be off in what the lead hardly shows"""
-_NOTHING = mujoco.mjtStage.mjSTAGE_NONE
-_EACH_PART = 2
-"""Steps of each part of a row; rows without parts have as many: effects of drives gain by no finer steps"""
 STEPS = (16, 32, 64, 128)
 """Of a row, of which a machine takes as few as its noise allows"""
 
@@ -40,7 +29,7 @@ class DrivenMotion:
     read in the lead. What is known of prescribed motion is followed, whatever the start.
     """
 
-    driven: "DrivenRuns"
+    driven: DrivenRuns
     start: SegmentStart
     seen: Seen
     gain: Array | None
@@ -70,8 +59,8 @@ class DrivenMotion:
         pose, rate, activation = (np.stack(each, axis=1) for each in zip(*rows, strict=True))
         return RowStates(pose, rate, activation, runs.step, runs.nstep)
 
-    def _begun(self) -> "_Runs":
-        runs = _Runs(self.driven, self.seen, self.steps, self.acting)
+    def _begun(self) -> SteppedRuns:
+        runs = SteppedRuns(self.driven, self.seen, self.steps, self.acting)
         state = self.start.state
         if self.gain is not None:
             state = _improved(runs, self.start, self.gain, self.reading)
@@ -95,40 +84,8 @@ class RowStates:
     """Of each part of a row in which the controls change"""
 
 
-@dataclass(frozen=True)
-class DrivenRuns:
-    """The models of n runs, and what drives them."""
-
-    models: Sequence[mujoco.MjModel]
-    """Of one structure, (n,)"""
-    told: Array
-    """Their controls from one row to the next, or several times in each, (n, T, nu)"""
-    off: NDArray[np.int32]
-    """Which groups of actuators are off, (n, T)"""
-    period: Array
-    """Of a row [s], (n,)"""
-    known: KnownMotion | None = None
-    """Of prescribed motion"""
-
-    @property
-    def rows(self) -> int:
-        """T."""
-        return self.off.shape[1]
-
-    @staticmethod
-    def together(several: Sequence["DrivenRuns"]) -> "DrivenRuns":
-        """The runs of some twins, one twin after the other."""
-        models = [model for each in several for model in each.models]
-        told, off, period = (
-            np.concatenate([getattr(each, name) for each in several])
-            for name in ("told", "off", "period")
-        )
-        known = [each.known for each in several if each.known]
-        return DrivenRuns(models, told, off, period, KnownMotion.together(known) if known else None)
-
-
 def _improved(
-    runs: "_Runs", start: SegmentStart, gain: Array, reading: Callable[[Array], Array]
+    runs: SteppedRuns, start: SegmentStart, gain: Array, reading: Callable[[Array], Array]
 ) -> Array:
     """Angles and rates at the start, (S, J, 2), from which the lead is followed best: each run takes steps as
     far as they help.
@@ -167,7 +124,7 @@ def start_gain(driven: DrivenRuns, start: SegmentStart, seen: Seen, steps: int) 
     """How far segments' starts move for what a model is off by in the lead, (S, 2 J, J LEAD), of J joints:
     the gain of a Gauss-Newton step, by finite differences. What the lead does not tell stays as it was.
     """
-    runs = _Runs(driven, seen, steps)
+    runs = SteppedRuns(driven, seen, steps)
     S, J = start.state.shape[:2]
     base, slopes = runs.lead(start, start.state), []
     for n in range(2 * J):
@@ -180,122 +137,3 @@ def start_gain(driven: DrivenRuns, start: SegmentStart, seen: Seen, steps: int) 
     square = slope.transpose(0, 2, 1) @ slope
     square[:, range(2 * J), range(2 * J)] += np.tile(prior**2, J)
     return np.linalg.solve(square, slope.transpose(0, 2, 1))
-
-
-class _Runs:
-    """A model's runs side by side, to be begun and moved.
-
-    MuJoCo's semi-implicit steps are those of the leapfrog method, of second order, for rates that are half a
-    step older than the angles: runs begin with such rates, and a step from half a step before a change of a
-    drive to half a step after it has the mean of both. Source: Hairer, Lubich and Wanner, Acta Numerica 12,
-    2003.
-    """
-
-    def __init__(
-        self, driven: DrivenRuns, seen: Seen, steps: int, acting: Acting | None = None
-    ) -> None:
-        self._model, self._told, self._seen = driven.models[0], driven.told, seen
-        self._parts = driven.told.shape[1] // driven.rows
-        self.batch, model = side_by_side(driven.models, threads()), self._model
-        period, known = driven.period, driven.known
-        least = max(steps, period.max() / model.opt.timestep, _EACH_PART * PARTS)
-        self.nstep = ceil(least / self._parts)
-        self._leaps = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
-        self.step = period / (self.nstep * self._parts)
-        set_timestep(self.batch, self.step)
-        seen.bind(self.batch)
-        for field in ("qpos", "qvel", "qacc", "ctrl", "act"):
-            self.batch.bind(field)
-        self._steps = known and PrescribedSteps(known, self.nstep * self._parts)
-        self._prescription = known and Prescription(known.machine, self.batch)
-        self._n = 0
-        self._switches = Switches(self.batch, driven.off) if driven.off.any() else None
-        self._laws = acting and StateLaws(self.batch, acting, self.step, self._leaps)
-
-    def begin(self, start: SegmentStart, state: Array) -> None:
-        """Place all runs at their beginning, joints at angles and rates (S, J, 2)."""
-        if self._laws:
-            self._laws.begin()
-        self.batch.reset(stage=_NOTHING)
-        pose, speed = self.batch.bind("qpos"), self.batch.bind("qvel")
-        pose[...], speed[...] = start.begin, 0.0
-        for n, joint in enumerate(start.joints):
-            pose[:, address(self._model, joint)] = state[:, n, 0]
-            speed[:, int(self._model.joint(joint).dofadr[0])] = state[:, n, 1]
-        self._tell(self._told[:, 0])
-        self._turn(0)
-        for n in np.flatnonzero(_holds_control(self._model)):
-            first = self._model.actuator_actadr[n]
-            self.batch.bind("act")[:, first] = self._told[:, 0, n]
-        if self._prescription and self._steps:
-            self._n = 0
-            self._prescription.place(self._steps.at, self._steps.change / self.step[:, None])
-            self._prescription.hold(self._steps.first)
-        if self._laws:
-            self.batch.forward()
-            self._laws.start()
-        self.batch.forward()
-        if self._leaps:
-            speed -= self.step[:, None] / 2 * self.batch.bind("qacc")
-        if self._prescription and self._steps:
-            self._prescription.hold(self._steps.held[:, 0])
-        if self._laws:
-            self._laws.lag()
-
-    def rows(self, count: int) -> Iterator[Array]:
-        """Move through further rows; what is seen in each."""
-        for t in range(count * self._parts):
-            if self._leaps:
-                self._tell((self._told[:, max(t - 1, 0)] + self._told[:, t]) / 2)
-                self._turn(t // self._parts)
-                self._move(1, _NOTHING)
-            self._tell(self._told[:, t])
-            self._turn(t // self._parts)
-            last = (t + 1) % self._parts == 0
-            stage = self._seen.stage if last else _NOTHING
-            self._move(self.nstep - self._leaps, stage)
-            if last:
-                yield self._seen.read(self.batch)
-
-    def lead(self, start: SegmentStart, state: Array) -> Array:
-        """The angles of joints in the rows of the lead, (S, J, LEAD)."""
-        self.begin(start, state)
-        at = [address(self._model, joint) for joint in start.joints]
-        pose = self.batch.bind("qpos")
-        found = [pose[:, at].copy(), *(pose[:, at].copy() for _ in self.rows(LEAD - 1))]
-        return np.stack(found, axis=-1)
-
-    def _move(self, count: int, stage: int) -> None:
-        """Take time steps, one by one where effects act on the state or a motion is prescribed, and compute
-        the stages of what is reached.
-        """
-        if not self._laws and not self._prescription:
-            self.batch.step(nstep=count, stage=stage)
-            return
-        least = self._laws.stage if self._laws else _NOTHING
-        for _ in range(count):
-            if self._laws:
-                self._laws.act()
-            if not (self._prescription and self._steps):
-                self.batch.step(stage=max(stage, least, key=int))
-                continue
-            self.batch.step(stage=least)
-            self._n += 1
-            self._prescription.hold(self._steps.held[:, self._n])
-        if self._prescription and stage:
-            self.batch.forward(stage=stage)
-
-    def _tell(self, told: Array) -> None:
-        """What the drives tell, (S, nu); actuators beyond them are of effects."""
-        self.batch.bind("ctrl")[:, : told.shape[1]] = told
-
-    def _turn(self, row: int) -> None:
-        """Switch actuators as they are in a row."""
-        if self._switches:
-            self._switches.turn(row)
-
-
-def _holds_control(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Which actuators have one activation, which follows their control; that of a DC motor is a current."""
-    own = np.isin(model.actuator_dyntype, (mujoco.mjtDyn.mjDYN_DCMOTOR, mujoco.mjtDyn.mjDYN_PID))
-    return (model.actuator_actnum == 1) & ~own

@@ -7,9 +7,10 @@ import numpy as np
 from mujoco.batch import Batch
 
 from serpent_twin.arrays import Array
-from serpent_twin.machines.model.motion import DrivenRuns, RowStates
+from serpent_twin.machines.model.motion import RowStates
 from serpent_twin.machines.model.prescribed import PrescribedSteps, Prescription
 from serpent_twin.machines.model.seen import Seen
+from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.model.switches import Switches
 from serpent_twin.machines.places import RowMotion
 from serpent_twin.runs.processes import threads
