@@ -5,13 +5,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from serpent_twin.identification.acceptance import (
     CandidateTrial,
     PairTrial,
     Round,
-    parameters,
     weakness_of_fit,
 )
 from serpent_twin.identification.bars import noise_alone
@@ -20,6 +18,7 @@ from serpent_twin.identification.discovery.screen import APART
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
 from serpent_twin.identification.held_out import Errors, Gain, errors, gain, gave_up
+from serpent_twin.identification.laws_to_fit import laws_to_fit, sensor_of
 from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.left_out import chance_of_selection
 from serpent_twin.identification.rivals import Rival, cosine, pairs, rivals
@@ -35,7 +34,6 @@ from serpent_twin.identification.score_test import (
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.places import in_one_sensor
 from serpent_twin.numerals import counted
 
 _NEAR = 0.3
@@ -45,10 +43,6 @@ _MORE, _ROUNDS = 3, 2
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
 _RIVALS = 2  # that were not fitted in their round, and are then
-_ALIKE = 0.95
-"""Of what the best composed law removes, what a simpler one must to be fitted before it"""
-_OTHER = 0.6
-"""Of what the best composed law removes, what the best of those that change something else must"""
 
 
 @dataclass(frozen=True)
@@ -117,23 +111,11 @@ class Trials:
         most: int | None,
         beside: float,
     ) -> list[str]:
-        """The candidates to be fitted, as in `each`. What shows in one sensor is small in all that is
-        measured. Which is right, a force in the base's frame or in its link's, only fits can tell. Of those
-        that remove as much as the best, the simplest come first.
-        """
-        known, least = case.candidates, self._worth_a_fit(case, begun, before)
+        """The candidates to be fitted, as in `each`."""
+        least = self._worth_a_fit(case, begun, before)
         if not beside:
-            return worth_fitting(list(found.values()), known, least)[:most]
-        several = [s for s in found.values() if s.share > least or _sensor(case, s) is not None]
-        best = max((each.share for each in several), default=0.0)
-        worth = worth_fitting(several, known, _OTHER * best, len(several))
-        worth.sort(
-            key=lambda n: parameters(known[n]) if found[n].share > _ALIKE * best else np.inf
-        )  # stable: others stay in the order of what they remove
-        first = [name for name in worth if found[name].share > beside * best][:most]
-        changes = {name: known[name].composed.get("changes") for name in worth}
-        others = [n for n in worth if changes[n] not in {changes[name] for name in first}]
-        return [*first, *others[:1]]
+            return worth_fitting(list(found.values()), case.candidates, least)[:most]
+        return laws_to_fit(case, found, least, most, beside)
 
     def _stable(self, stage: str, make: Callable[[], Fit]) -> Fit | None:
         """A fit by its name; None where no simulation is stable in which it could begin."""
@@ -237,7 +219,7 @@ class Trials:
         after = self.errors(case, fitted.point)
         if gave_up(before, after):
             return CandidateTrial(replace(score, unstable=True), None, None, before.marker)
-        sensor, sessions = _sensor(case, score), self.training.session
+        sensor, sessions = sensor_of(case, score), self.training.session
         selected = chance_of_selection(case, base, fitted, sessions, among, sensor)
         better = gained(case, score, before, after, selected)
         return CandidateTrial(score, fitted, better, after.marker, selected, after)
@@ -272,7 +254,7 @@ def gained(
     """What a candidate gains: of a law that shows in one sensor alone, in what that sensor reads, since all
     others say nothing of it.
     """
-    if (sensor := _sensor(case, score)) is None:
+    if (sensor := sensor_of(case, score)) is None:
         return gain(before, after, selected)
     measures = [each.measure for each in case.machine.outputs]
     pose = [n for n, each in enumerate(measures) if each == measures[0]]
@@ -280,14 +262,6 @@ def gained(
     loads = [n for n, shown in enumerate(sensor[len(pose) :]) if shown]
     alone = gain(before.at(markers, loads), after.at(markers, loads), selected)
     return replace(alone, everywhere=gain(before, after).relative)
-
-
-def _sensor(case: Case[Any], score: Score) -> NDArray[np.bool_] | None:
-    """The channels of the one sensor in which a composed law shows, as a mask (C,); None for others."""
-    if not case.candidates[score.name].composed:
-        return None
-    changed = (score.change.reshape(-1, case.channels) != 0).any(axis=0)
-    return changed if in_one_sensor(int(changed.sum()), case.channels) else None
 
 
 def _less(scores: Mapping[str, Score], name: str, other: str, base: Fit) -> bool:
