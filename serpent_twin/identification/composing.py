@@ -42,29 +42,38 @@ class ComposingTracer(Tracer):
         """The fit with the laws that explain what is left.
 
         Named effects come first, and one may be a part of a law. So a law that explains alone what a named
-        effect and all after it do takes their place, and so does one law for two at one place.
+        effect and all after it do takes their place, and so does one law for two at one place: as soon as
+        there is a law, because laws on top of a wrong effect are wrong, too.
         """
         named = len(rounds)
-        further, something = self._composed(base, rounds)
+        found, something = self._composed(base, rounds, 1)
         if not something:
-            return further
-        for n, done in enumerate(rounds.copy()):
-            if not done.accepted:
-                continue
-            ways = (self._either_way, self._other_laws) if n < named else (self._one_for_two,)
-            if better := self._instead(further, done, rounds, ways):
+            return found
+        if better := self._replaced(found, rounds, named):
+            return self._composed(better, rounds)[0]
+        if found is not base:
+            first, found = found, self._composed(found, rounds, _MOST - 1)[0]
+            if found is not first and (better := self._replaced(found, rounds, named)):
                 return self._composed(better, rounds)[0]
-        if further.point.effects and not self._little_left(further):
-            return self._anew(further, len(rounds))
-        return further
+        if found.point.effects and not self._little_left(found):
+            return self._anew(found, len(rounds))
+        return found
+
+    def _replaced(self, several: Fit, rounds: list[Round], named: int) -> Fit | None:
+        """The fit of a law in place of what a round accepted and of all after it; None if none is better."""
+        for n, done in enumerate(rounds.copy()):
+            ways = (self._either_way, self._other_laws) if n < named else (self._one_for_two,)
+            if done.accepted and (better := self._instead(several, done, rounds, ways)):
+                return better
+        return None
 
     def _little_left(self, found: Fit) -> bool:
         """Whether a fit leaves hardly more of the held-out logs than the measurement's noise."""
         return self.trials.little(self.case, self.errors(found.point))
 
-    def _composed(self, base: Fit, rounds: list[Round]) -> tuple[Fit, bool]:
+    def _composed(self, base: Fit, rounds: list[Round], most: int = _MOST) -> tuple[Fit, bool]:
         """The fit with laws that were accepted one by one, and whether anything was left to explain."""
-        for n in range(_MOST):
+        for n in range(most):
             before = self.errors(base.point)
             if not (names := self._candidates(base, before)):
                 return base, n > 0
