@@ -20,6 +20,8 @@ _SHARE = 0.2
 """Finite differences of a size to itself"""
 _STEPS = 60.0
 """Finite differences of a threshold to the range of its reading"""
+_RATES = 30
+"""Finite differences of a rate to either end of its range: more than a period in the logs"""
 _OTHER_SHAPE = 0.75
 """Of what a law is worth, what another shape of it must be to be tried, too"""
 _NEARLY = 0.95
@@ -132,7 +134,7 @@ def _room(name: str, value: float, ends: _Reading) -> tuple[float, float, float]
         return value - np.pi, value + np.pi, 0.05
     if name == "rate":
         step = 0.3 / max(ends.wide, 1e-9)
-        return value - 10 * step, value + 10 * step, step
+        return max(step, value - _RATES * step), value + _RATES * step, step
     if name == "width":
         return ends.wide / _STEPS, ends.wide, ends.wide / _STEPS
     if name:
