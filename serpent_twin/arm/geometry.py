@@ -167,14 +167,14 @@ def link_frames(q: ArrayLike, arm: Arm = ARM) -> tuple[Array, Array]:
     """Origins [m], (..., 9, 3), and rotations, (..., 9, 3, 3), of the links in the base frame; of as many as
     there are joint angles.
     """
-    step = joint_rotation(q)
+    step, offset = joint_rotation(q), np.array(arm.joint_offset)
     origin, rotation = np.empty(step.shape[:-1]), np.empty_like(step)
-    at, turn = np.zeros(3), np.eye(3)
-    for i in range(step.shape[-3]):
-        at = at + turn @ arm.joint_offset[i]
-        turn = turn @ step[..., i, :, :]
-        origin[..., i, :], rotation[..., i, :, :] = at, turn
-    return origin, rotation
+    origin[..., 0, :], rotation[..., 0, :, :] = offset[0], step[..., 0, :, :]
+    for i in range(1, step.shape[-3]):
+        np.matmul(rotation[..., i - 1, :, :], step[..., i, :, :], out=rotation[..., i, :, :])
+    beyond = offset[1 : step.shape[-3], :, None]
+    np.matmul(rotation[..., :-1, :, :], beyond, out=origin[..., 1:, :, None])
+    return origin.cumsum(axis=-2), rotation
 
 
 def middles(q: ArrayLike, arm: Arm = ARM) -> Array:
