@@ -14,6 +14,10 @@ from serpent_twin.machines.places import in_one_sensor
 
 _ALIKE = 0.95
 """Of what the best composed law removes, what a simpler one must to be fitted before it"""
+_BESIDE = 0.02
+"""Of the squares that a law shows in a sensor, what the starts of segments, of which measured poses are a
+part, show of it in others at most
+"""
 _SAME = 0.999
 """Cosine of two changes from which they are one"""
 _OTHER = 0.6
@@ -59,5 +63,6 @@ def sensor_of(case: Case[Any], score: Score) -> NDArray[np.bool_] | None:
     """The channels of the one sensor in which a composed law shows, as a mask (C,); None for others."""
     if not case.candidates[score.name].composed:
         return None
-    changed = (score.change.reshape(-1, case.channels) != 0).any(axis=0)
+    shown = (score.change.reshape(-1, case.channels).astype(float) ** 2).sum(axis=0)
+    changed = shown > _BESIDE * shown.max()
     return changed if in_one_sensor(int(changed.sum()), case.channels) else None

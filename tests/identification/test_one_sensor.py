@@ -33,21 +33,25 @@ def test_a_law_at_a_sensor_is_judged_by_that_sensor():
     assert before.of_markers.mean(axis=-1) == pytest.approx(before.marker_by_block)
     change = np.zeros((S, T, 3 * M + N))
     change[..., 12:15] = 1.0
+    started = (
+        change.copy()
+    )  # from a pose that all markers told: the others see a little of it, for a while
+    started[:, :4, : 3 * M] += 0.1
     none, one = np.zeros(0, np.float32), np.ones(1)
     score = Score("law", 0.0, 1.0, one, False, none, none, one)
     size = {"size": Range("1", -10.0, 10.0, 1.0)}
     law = Candidate("law", size, (one,), composed={"name": "discovered"})
     outputs = [SimpleNamespace(measure=m) for m in (*[MARKERS] * 3 * M, *[LOADS] * N)]
     machine = SimpleNamespace(outputs=outputs)
-    own, elsewhere = (
+    own, begun, elsewhere = (
         gained(
             SimpleNamespace(channels=3 * M + N, machine=machine, candidates={"law": law}),
             replace(score, change=each.ravel()),
             before,
             after,
         )
-        for each in (change, np.ones_like(change))
+        for each in (change, started, np.ones_like(change))
     )
-    assert own.relative == pytest.approx(0.33)
+    assert own.relative == begun.relative == pytest.approx(0.33)
     assert own.whole == pytest.approx(elsewhere.relative) and elsewhere.relative < 0.03
     assert elsewhere.whole == elsewhere.relative
