@@ -73,3 +73,7 @@ def test_a_law_is_made_in_each_shape_wherever_it_shows_alike():
     alike = found["discovered@slack of cable1_plus: periodic motor_angle of motor2"].variants[0]
     first = found["discovered@joint_torque of joint1: periodic motor_angle of motor2"].variants[0]
     assert np.isclose(abs(alike[0] / first[0]), 1 / 3, rtol=1e-3)
+    angle = made.readings["motor_angle", "motor2"]
+    made.readings["motor_velocity", "motor5"] = RNG.standard_normal(angle.shape)
+    noise = Law("joint_torque", "joint1", "above", "motor_velocity", "motor5")
+    assert in_each_shape(made.case, None, made.fit, noise) == ()

@@ -72,6 +72,8 @@ def in_each_shape(case: Case[Any], training: Any, base: Fit, law: Law) -> Sequen
     at = next(r for r in places.responses if (r.handle, r.place) == (law.handle, law.place))
     follows = law.reading, law.where
     found = [each for each in search.at(at) if (each.law.reading, each.law.where) == follows]
+    if not found:
+        return ()
     own = {each.law.shape: each for each in _in_all_shapes(found)}
     same = [way for each in own.values() for way in _ways(each)]
     found = list(own.values())
