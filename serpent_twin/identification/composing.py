@@ -17,6 +17,7 @@ from serpent_twin.identification.discovery import (
     turned,
 )
 from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.proxies import needless
 from serpent_twin.identification.steps import BEATS, Tracer
@@ -162,14 +163,9 @@ class ComposingTracer(Tracer):
         tried = self._law(names, done.base, done.errors, stage)
         rounds.append(tried)
         if law := self._stands(rounds):
+            law = self._anew(law, len(rounds))
             score = tried.trials[tried.accepted[0]].score
-
-            def best(one: Fit) -> bool:
-                return needless(self.trials, self.case, score, one, several)
-
-            if not (best(law) and self._little_left(law)):
-                law = self._anew(law, len(rounds))
-            if best(law):
+            if needless(self.trials, self.case, score, law, several):
                 return law
         rounds[-1] = replace(tried, accepted=())
         self.case = replace(self.case, noise=done.base.noise)
@@ -194,10 +190,12 @@ class ComposingTracer(Tracer):
         stage = f"anew_{number}_{_mark(list(effects))}"
         start = ParameterVector(np.zeros(len(weighed.declared)), effects)
         self.case = weighed.reweighted(start, self.training)
-        first = self._fit(f"{stage}_1", start, found.free, 1)
+        first = self._fit(f"{stage}_1", start, free_parameters(weighed, ()), 1)
         held = self._reweighted(stage, first)
-        if self._betters(held, found, BEATS):
-            return held
+        self.case = self._weighed_by(held)
+        again = self._fit(f"{stage}_4", held.point, found.free, 2)
+        if self._betters(again, found, BEATS):
+            return again
         self.case = weighed
         return found
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from serpent_twin.arrays import Array
 from serpent_twin.identification.acceptance import parameters
-from serpent_twin.identification.rivals import cosine
 from serpent_twin.identification.score_test import Score, worth_fitting
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.places import in_one_sensor
@@ -50,13 +50,15 @@ def laws_to_fit(
 
 def _of_each_change(several: Sequence[Score]) -> list[str]:
     """The names without those whose change one before them makes, too, as a load that is misread makes that
-    of a torque: such a one is a rival, and needs no fit unless the other is accepted.
+    of a torque: such a one is a rival, and needs no fit unless the other is accepted. What is the same only
+    beside the free parameters, as a step and what holds where that does not, is not one change.
     """
-    kept: list[Score] = []
+    kept: dict[str, Array] = {}
     for each in several:
-        if all(cosine(each, one) < _SAME for one in kept):
-            kept.append(each)
-    return [each.name for each in kept]
+        direction = each.change / max(float(np.linalg.norm(each.change)), 1e-30)
+        if all(abs(float(direction @ one)) < _SAME for one in kept.values()):
+            kept[each.name] = direction
+    return list(kept)
 
 
 def sensor_of(case: Case[Any], score: Score) -> NDArray[np.bool_] | None:

@@ -53,13 +53,13 @@ def fit(
 ) -> Fit:
     """Fit to at most so many segments, spread evenly, with at most so many derivatives.
 
-    A derivative serves several steps, with Broyden's rank-one update after each. From a fit that is
-    `known`, the segments and the derivative by the declared parameters are taken, and at first that by
-    its effects, so that only further ones' are simulated. From one that is `carried` over from other
-    weights, and maybe fewer segments, the derivative is taken for the first steps instead of a
-    simulation. The fit has converged when a new derivative gives no better step; with no steps it is the
-    derivative at the start. Above the cost `near` there is no second derivative, and small steps are not
-    worth it. In so many `rounds` at most a fit is finished along what the data tell least.
+    A derivative serves several steps, with Broyden's rank-one update after each. From a fit that is `known`,
+    the segments and the derivative by the declared parameters are taken, so that only the effects' are
+    simulated. From one that is `carried` over from other weights, and maybe fewer segments, the derivative
+    is taken for the first steps instead of a simulation. The fit has converged when a new derivative gives no
+    better step; with no steps it is the derivative at the start. Above the cost `near` there is no second
+    derivative, and small steps are not worth it. In so many `rounds` at most a fit is finished along what
+    the data tell least.
     """
     used = known.used if known else _spread(len(pieces), most, carried.used if carried else ())
     problem = Objective(case, case.take(pieces, used), free, known)

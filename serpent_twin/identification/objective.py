@@ -69,7 +69,7 @@ class Objective:
 
     def begin(self, start: ParameterVector) -> tuple[At, Array]:
         """The start and the derivative there; afterwards the data have their effective weight."""
-        residual, jacobian = self._jacobian(start, begins=True)
+        residual, jacobian = self._jacobian(start)
         self.variance_inflation = (
             self.known.variance_inflation
             if self.known
@@ -126,22 +126,15 @@ class Objective:
                 return At(tried[best], found[best], costs[best])
         return None
 
-    def _jacobian(self, point: ParameterVector, begins: bool = False) -> tuple[Array, Array]:
-        """The residual and its derivative. Of a known fit's derivative, what it has by declared parameters
-        is kept; where a fit begins, also by the effects that both have: these begin as they were.
-        """
+    def _jacobian(self, point: ParameterVector) -> tuple[Array, Array]:
         self.damped = False
-        if (known := self.known) is None:
+        if self.known is None:
             return jacobian(self.case, point, self.free, self.some)
-        first = len(self.free.declared)
-        kept = {each: first + k for k, each in enumerate(known.free.effects) if begins}
-        new = tuple(each for each in self.free.effects if each not in kept)
-        residual, by_new = jacobian(self.case, point, FreeParameters((), new), self.some)
-        out = np.empty((len(self.free), *residual.shape), np.float32)
-        out[:first] = known.jacobian[:first]
-        for row, each in zip(out[first:], self.free.effects, strict=True):
-            row[...] = known.jacobian[kept[each]] if each in kept else by_new[new.index(each)]
-        return residual, out
+        residual, by_effects = jacobian(
+            self.case, point, FreeParameters((), self.free.effects), self.some
+        )
+        by_declared = self.known.jacobian[: len(self.free.declared)]
+        return residual, np.concatenate([by_declared, by_effects])
 
     def _anchored(self, point: ParameterVector, residual: Array) -> At:
         """A parameter vector with its exact residual, from which steps go from now on."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
-from linear_case import GUST, NOTHING, NUMBERS, SEGMENTS, START, LinearCase, case, every
+from linear_case import GUST, NUMBERS, SEGMENTS, START, LinearCase, case, every
 from scipy.stats import t as student
 
 from serpent_twin.effects import Range
@@ -36,17 +36,6 @@ class Watched(LinearCase):
         return super().jacobian(point, pieces)
 
 
-@dataclass(frozen=True)
-class Counted(LinearCase):
-    """Notes the sizes of the gust in the twins that are simulated side by side."""
-
-    asked: list = field(default_factory=list)
-
-    def residual(self, points, pieces, timestep=None):
-        self.asked.append([p.effects[GUST][0] for p in points])
-        return super().residual(points, pieces, timestep)
-
-
 def scored(arm, base):
     """The score test of the candidate that is there."""
     (found,) = scores(arm, every(), base, [arm.candidates[GUST]])
@@ -73,19 +62,6 @@ def test_a_prior_pulls_towards_the_start():
     found = fit(tight, every(), START, free_parameters(tight, ()), 3, 99)
     assert abs(found.point.declared[0]) < 0.01
     assert found.point.declared[1] == pytest.approx(-2.0, abs=0.05)
-
-
-def test_beside_a_known_fit_only_what_that_has_not_is_differentiated_first():
-    arm = case(0.7)
-    known = fit(arm, every(), START.having(GUST, [0.5]), free_parameters(arm, (GUST,)), 2, 99)
-    counted = Counted(**vars(arm), asked=[])
-    start, free = known.point.having(NOTHING, [0.3]), free_parameters(arm, (GUST, NOTHING))
-    found = fit(counted, every(), start, free, 1, 99, known=known)
-    differences = next(each for each in counted.asked if len(each) > 1)
-    assert len(set(differences)) == 1
-    afresh = fit(arm, every(), start, free, 3, 99)
-    assert found.point.declared == pytest.approx(afresh.point.declared, abs=1e-3)
-    assert found.jacobian == pytest.approx(afresh.jacobian, abs=1e-3)
 
 
 def test_a_derivative_is_carried_over_to_other_weights_and_more_segments():
