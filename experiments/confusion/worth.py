@@ -20,6 +20,7 @@ from serpent_twin.identification.discovery.followed import Way, rows_of, swingin
 from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.discovery.sizes import solved
 from serpent_twin.identification.run import planned
+from serpent_twin.machines.places import response_at
 
 _CLOCK = "runtime", "machine"
 
@@ -98,7 +99,7 @@ def worth(traced: Trace, law: TrueLaw) -> float:
     assert places is not None
     wanted, several = law
     search = Search(case, some, base, places)
-    at = next(r for r in places.responses if (r.handle, r.place) == (wanted.handle, wanted.place))
+    at = response_at(places, wanted)
     readings = places.readings
     follows = rows_of(several, readings) if wanted.reading else np.ones((1, search.F.shape[1]))
     found, gram = search.beyond_free(at, follows.astype(np.float32))

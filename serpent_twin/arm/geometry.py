@@ -167,7 +167,7 @@ def link_frames(q: ArrayLike, arm: Arm = ARM) -> tuple[Array, Array]:
     """Origins [m], (..., 9, 3), and rotations, (..., 9, 3, 3), of the links in the base frame; of as many as
     there are joint angles.
     """
-    step, offset = joint_rotation(q), np.array(arm.joint_offset)
+    step, offset = joint_rotation(q), arm.joint_offset
     origin, rotation = np.empty(step.shape[:-1]), np.empty_like(step)
     origin[..., 0, :], rotation[..., 0, :, :] = offset[0], step[..., 0, :, :]
     for i in range(1, step.shape[-3]):

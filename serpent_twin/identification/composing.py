@@ -33,7 +33,7 @@ _AS_MUCH = 0.9
 """Of what a named effect removed, what a law must to be tried in its place, both to first order"""
 
 _Way = Callable[[Fit, Round], list[str]]
-"""How laws in place of a round are found: from the fit with all effects, and the round, their names"""
+"""Finds laws to try in place of a round, from the fit with all effects and that round; gives their names"""
 
 
 class ComposingTracer(Tracer):
@@ -61,7 +61,7 @@ class ComposingTracer(Tracer):
         return found
 
     def _replaced(self, several: Fit, rounds: list[Round], named: int) -> Fit | None:
-        """The fit of a law in place of what a round accepted and of all after it; None if none is better."""
+        """The fit in which one law replaces an accepted effect and all after it; None if none is better."""
         for n, done in enumerate(rounds.copy()):
             ways = (self._either_way, self._other_laws) if n < named else (self._one_for_two,)
             if done.accepted and (better := self._instead(several, done, rounds, ways)):

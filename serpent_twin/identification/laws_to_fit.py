@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from serpent_twin.arrays import Array
 from serpent_twin.identification.acceptance import parameters
+from serpent_twin.identification.rivals import along_one_line
 from serpent_twin.identification.score_test import Score, worth_fitting
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.places import in_one_sensor
@@ -15,8 +15,8 @@ from serpent_twin.machines.places import in_one_sensor
 _ALIKE = 0.95
 """Of what the best composed law removes, what a simpler one must to be fitted before it"""
 _BESIDE = 0.02
-"""Of the squares that a law shows in a sensor, what the starts of segments, of which measured poses are a
-part, show of it in others at most
+"""Share of its squares that a law may show in other sensors: segments start from measured poses, which a
+marker that is shifted changes a little
 """
 _SAME = 0.999
 """Cosine of two changes from which they are one"""
@@ -53,12 +53,11 @@ def _of_each_change(several: Sequence[Score]) -> list[str]:
     of a torque: such a one is a rival, and needs no fit unless the other is accepted. What is the same only
     beside the free parameters, as a step and what holds where that does not, is not one change.
     """
-    kept: dict[str, Array] = {}
+    kept: list[Score] = []
     for each in several:
-        direction = each.change / max(float(np.linalg.norm(each.change)), 1e-30)
-        if all(abs(float(direction @ one)) < _SAME for one in kept.values()):
-            kept[each.name] = direction
-    return list(kept)
+        if all(along_one_line(each.change, one.change) < _SAME for one in kept):
+            kept.append(each)
+    return [each.name for each in kept]
 
 
 def sensor_of(case: Case[Any], score: Score) -> NDArray[np.bool_] | None:

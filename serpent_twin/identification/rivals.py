@@ -69,8 +69,13 @@ class Pair:
 
 def cosine(one: Score, other: Score) -> float:
     """Of what two effects change of the residual beyond the free parameters, without its sign."""
-    length = np.linalg.norm(one.beyond) * np.linalg.norm(other.beyond)
-    return float(abs(np.dot(one.beyond, other.beyond)) / length) if length > 0 else 0.0
+    return along_one_line(one.beyond, other.beyond)
+
+
+def along_one_line(one: Array, other: Array) -> float:
+    """The cosine of two changes, (N,), without its sign; 0 if one of them is nothing."""
+    length = np.linalg.norm(one) * np.linalg.norm(other)
+    return float(abs(np.dot(one, other)) / length) if length > 0 else 0.0
 
 
 def rivals(

@@ -181,3 +181,9 @@ class Places(Protocol):
         readings only, (S, k, T, C).
         """
         ...
+
+
+def response_at(places: Places, law: Law) -> Response:
+    """What shows of the change that a law makes at its place."""
+    at = law.handle, law.place
+    return next(each for each in places.responses if (each.handle, each.place) == at)

@@ -33,9 +33,8 @@ def test_a_law_at_a_sensor_is_judged_by_that_sensor():
     assert before.of_markers.mean(axis=-1) == pytest.approx(before.marker_by_block)
     change = np.zeros((S, T, 3 * M + N))
     change[..., 12:15] = 1.0
-    started = (
-        change.copy()
-    )  # from a pose that all markers told: the others see a little of it, for a while
+    # A segment starts from the pose that all markers show, so at first the others are a little off, too.
+    started = change.copy()
     started[:, :4, : 3 * M] += 0.1
     none, one = np.zeros(0, np.float32), np.ones(1)
     score = Score("law", 0.0, 1.0, one, False, none, none, one)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from serpent_twin.effects.law import Law
@@ -16,7 +17,7 @@ from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.least_squares import OnProgress
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.places import Places
+from serpent_twin.machines.places import Places, response_at
 
 _TRIED = 8
 """Composed candidates that are simulated"""
@@ -49,10 +50,7 @@ def discover(
         for each in screened(case, some, base, places)
         if (each.worth > least and each.share > _SHARE) or _in_one_sensor(each)
     ]
-
-    def made(each: Composed) -> Candidate:
-        return _candidate(case, places, each)
-
+    made = partial(_candidate, case, places)
     new = [
         replace(made(each), alternatives=tuple(map(made, resembling_at_first(each, found))))
         for each in distinct(found, _TRIED)
@@ -69,7 +67,7 @@ def in_each_shape(case: Case[Any], training: Any, base: Fit, law: Law) -> Sequen
     if places is None:
         return ()
     search = Search(case, some, base, places)
-    at = next(r for r in places.responses if (r.handle, r.place) == (law.handle, law.place))
+    at = response_at(places, law)
     follows = law.reading, law.where
     found = [each for each in search.at(at) if (each.law.reading, each.law.where) == follows]
     if not found:

@@ -13,6 +13,7 @@ from serpent_twin.identification.discovery.candidates import FORM
 from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
+from serpent_twin.machines.places import response_at
 
 _KNOTS = 8
 _UNSETTLED = 30.0
@@ -71,7 +72,7 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     size = values[:components]
     length = float(np.linalg.norm(size)) if components > 1 else float(size[0])
     along = size / (length or 1.0)
-    response = next(r for r in places.responses if (r.handle, r.place) == (law.handle, law.place))
+    response = response_at(places, law)
     x = places.readings[law.reading, law.where].ravel()
     phase = law.shape == "periodic"
     seen = np.mod(first * x + second, 2 * np.pi) if phase else x

@@ -15,6 +15,7 @@ from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.machines.places import response_at
 
 _RANKS = 400
 """Thresholds that are tried"""
@@ -35,7 +36,7 @@ def better_thresholds(
     places = case.places(found.point, some)
     if places is None:
         return None
-    response = next(r for r in places.responses if (r.handle, r.place) == (law.handle, law.place))
+    response = response_at(places, law)
     search = Search(case, some, _without(case, some, found, name), places)
     x = places.readings[law.reading, law.where]
     tried = _finely(law, float(values[FORM]), float(values[FORM + 1]), x)

@@ -160,7 +160,7 @@ class SteppedRuns:
             self.batch.forward(stage=stage)
 
     def _tell(self, told: Array) -> None:
-        """What the drives tell, (S, nu); actuators beyond them are of effects."""
+        """Set the controls of the drives, (S, nu); the actuators after these belong to effects."""
         self.batch.bind("ctrl")[:, : told.shape[1]] = told
 
     def _turn(self, row: int) -> None:
