@@ -120,8 +120,9 @@ def _named(
     named = []
     for name in selection.final.point.effects:
         trial = next(each.trials[name] for each in selection.rounds if name in each.accepted)
-        gained = gain(before, after, trial.selected) if alone else trial.gain
-        assert gained is not None
+        assert trial.gain is not None
+        whole = alone and not trial.gain.left_out
+        gained = gain(before, after, trial.selected) if whole else trial.gain
         named.append(
             Named(
                 name=name,
@@ -130,6 +131,7 @@ def _named(
                 gain=gained.marker,
                 gain_load=gained.load,
                 probability_of_chance=gained.probability_of_chance,
+                judged_on=gained.where,
             )
         )
     return tuple(named)
@@ -212,7 +214,8 @@ def _verdict(name: str, each: Round, selection: Selection, case: Case) -> tuple[
     trial = each.trials[name]
     if name in each.accepted:
         if name in selection.final.point.effects:
-            return ACCEPTED, "it improves the fit to held-out logs, beyond chance"
+            assert trial.gain is not None
+            return ACCEPTED, f"it improves the fit to {trial.gain.where}, beyond chance"
         return REJECTED, "beside the effects found later it is not worth its parameters"
     if trial.gain is None and trial.score.unstable:
         return (

@@ -40,7 +40,9 @@ class Named:
     gain_load: float
     """By how much it reduces the held-out load error"""
     probability_of_chance: float
-    """Probability of no gain at all, by paired bootstrap over held-out segments [1]"""
+    """Probability of no gain at all [1]"""
+    judged_on: str
+    """The logs by which it was accepted, in words"""
 
     def numbers(self, unit: str, load: Measure) -> dict[str, Any]:
         """Entries of diagnosis.json."""
@@ -50,6 +52,7 @@ class Named:
             f"gain_{unit}": self.gain,
             f"gain_{load.field}_{load.key}": self.gain_load,
             "probability_of_chance": self.probability_of_chance,
+            "judged_on": self.judged_on,
         }
 
 

@@ -111,7 +111,9 @@ class Gain:
     probability_of_chance: float
     """That the mean gain is not above zero, see `chance` and `together`"""
     everywhere: float = float("nan")
-    """Mean relative gain in all that is measured, where the others are of one sensor [1]"""
+    """Mean relative gain in all that is measured of held-out logs, where the others are of less [1]"""
+    left_out: bool = False
+    """Whether the relative gain and chance are of training segments, each predicted by a fit to the others"""
 
     @property
     def whole(self) -> float:
@@ -125,7 +127,12 @@ class Gain:
 
     def __str__(self) -> str:
         """The gain as text for a sentence."""
-        return f"{better(self.relative)} on held-out logs"
+        return f"{better(self.relative)} on {self.where}"
+
+    @property
+    def where(self) -> str:
+        """Of what the relative gain is, in words."""
+        return "training segments that were left out" if self.left_out else "held-out logs"
 
 
 def better(share: float) -> str:

@@ -1,10 +1,11 @@
-"""Predict each training session by a fit to the others, so that training logs can choose among effects.
+"""Predict each training session, or segment, by a fit to the others, so that training logs can choose among
+effects.
 
-The fit without a session is one Gauss-Newton step from the fit to all of them, with the derivative there:
+The fit without it is one Gauss-Newton step from the fit to all of them, with the derivative there:
 nothing is simulated.
 """
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,35 +22,51 @@ def chance_of_selection(
     case: Case[Any],
     before: Fit,
     after: Fit,
-    session: Sequence[str],
+    part: Sequence[Hashable],
     among: int,
     channels: NDArray[np.bool_] | None = None,
 ) -> float:
-    """Probability that `after`, the best of so many, predicts sessions that were left out no better than
-    `before`: of one paired test times their number (Bonferroni). Both used the same segments; `session` names
-    the sessions of all. Each block is judged by its own size, as a few segments may hold most of the squares;
-    with `channels`, a mask (C,), by these alone.
+    """Probability that `after`, the best of so many, predicts parts that were left out no better than
+    `before`: of one paired test times their number (Bonferroni). Both used the same segments; `part` says of
+    all segments in which part, such as a session, they are. Each block is judged by its own size, as a few
+    segments may hold most of the squares; with `channels`, a mask (C,), by these alone.
     """
     without, beside = (
-        np.sqrt(left_out(case, fit, session, after.noise, channels)) for fit in (before, after)
+        np.sqrt(left_out(case, fit, part, after.noise, channels)) for fit in (before, after)
     )
     with np.errstate(invalid="ignore"):
         share = 2 * (without - beside) / (without + beside)
     return min(1.0, among * chance(share))
 
 
+def better_left_out(
+    case: Case[Any], before: Fit, after: Fit, channels: NDArray[np.bool_] | None = None
+) -> Array:
+    """Gain of the root mean square residual, relative to its mean without, in the blocks of the segments that
+    both fits used, each predicted by a fit to the others, (S, B); with `channels`, a mask (C,), of these.
+    """
+    common, each = sorted({*before.used} & {*after.used}), range(1 + max(*before.used, *after.used))
+
+    def squares(found: Fit) -> Array:
+        at = [found.used.index(k) for k in common]
+        return left_out(case, found, each, after.noise, channels)[at]
+
+    without, beside = np.sqrt(squares(before)), np.sqrt(squares(after))
+    return (without - beside) / np.nanmean(without)
+
+
 def left_out(
     case: Case[Any],
     found: Fit,
-    session: Sequence[str],
+    part: Sequence[Hashable],
     noise: Array,
     channels: NDArray[np.bool_] | None = None,
 ) -> Array:
     """Mean squares of the residual over a noise, (C,), in each block of the segments that a fit used, (S, B),
-    predicted without their session; without their segment, if there is one session only. With `channels`, a
+    predicted without their part; without their segment, if there is one part only. With `channels`, a
     mask (C,), of these.
     """
-    of = [session[k] for k in found.used]
+    of = [part[k] for k in found.used]
     groups = of if len(set(of)) > 1 else list(range(len(of)))
     known, slopes = Information.of(case, found), found.jacobian.astype(float)
     each = known.weight * np.einsum("msn,ksn->smk", slopes, slopes, optimize=True)

@@ -6,10 +6,11 @@ from typing import Any
 from serpent_twin.identification.acceptance import Round, weakness
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import gave_up
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.score_test import Score
-from serpent_twin.identification.trials import Trials, gained
+from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
@@ -45,9 +46,10 @@ def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequenc
 
 
 def needless(trials: Trials, case: Case[Any], score: Score, less: Fit, more: Fit) -> bool:
-    """Whether held-out logs show no gain of a fit with more effects over one with fewer.
+    """Whether logs show no gain of a fit with more effects over one with fewer, as `gained` judges it.
 
-    `score` is of an effect that only one of them has. A law that shows in one sensor is judged by it.
+    `score` is of an effect that only one of them has.
     """
     without, beside = trials.errors(case, less.point), trials.errors(case, more.point)
-    return not gave_up(beside, without) and bool(weakness(gained(case, score, without, beside)))
+    better = gained(case, score, (less, more), (without, beside))
+    return not gave_up(beside, without) and bool(weakness(better))

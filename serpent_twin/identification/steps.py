@@ -24,11 +24,12 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
+from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.proxies import without_proxies
-from serpent_twin.identification.trials import Trials, gained
+from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
@@ -120,7 +121,8 @@ class Tracer:
             lost = {name: CandidateTrial(score[name], None, None, after.marker) for name in names}
             return replace(done, trials={**done.trials, **lost}, accepted=())
         first = trials[names[0]]
-        better = gained(self.case, first.score, done.errors, after, first.selected)
+        fits, errors = (done.base, polished), (done.errors, after)
+        better = gained(self.case, first.score, fits, errors, first.selected)
         again = {
             name: replace(each, fit=polished, gain=better, error=after.marker)
             for name, each in trials.items()

@@ -85,7 +85,8 @@ def parameters(effects: Sequence[Named], unit: str = "mm", load: str = "% of sta
             told = ("",) * len(told)  # once for each effect
     note = (
         "The gain is on held-out sessions. Chance is the probability of no gain at all: of the training "
-        "sessions, each predicted by a fit to the others, and of the held-out ones together."
+        "sessions, each predicted by a fit to the others, and of the held-out ones together; of a law that "
+        "happens once, of training segments, if the held-out sessions do not suffice."
     )
     return Table((*header, "chance"), tuple(rows), note)
 

@@ -17,7 +17,8 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.discovery.screen import APART
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
-from serpent_twin.identification.held_out import Errors, Gain, errors, gain, gave_up
+from serpent_twin.identification.gained import gained, happens_once
+from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
 from serpent_twin.identification.laws_to_fit import laws_to_fit, sensor_of
 from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.left_out import chance_of_selection
@@ -215,13 +216,16 @@ class Trials:
     def _judged(
         self, case: Case[Any], score: Score, base: Fit, fitted: Fit, before: Errors, among: int
     ) -> CandidateTrial:
-        """A full fit judged against the base: selected by training sessions, confirmed by held-out ones."""
+        """A full fit judged against the base: selected by training sessions, or segments if it happens once,
+        and confirmed by held-out ones.
+        """
         after = self.errors(case, fitted.point)
         if gave_up(before, after):
             return CandidateTrial(replace(score, unstable=True), None, None, before.marker)
-        sensor, sessions = sensor_of(case, score), self.training.session
-        selected = chance_of_selection(case, base, fitted, sessions, among, sensor)
-        better = gained(case, score, before, after, selected)
+        once = happens_once(score.name)
+        parts = range(len(self.training)) if once else self.training.session
+        selected = chance_of_selection(case, base, fitted, parts, among, sensor_of(case, score))
+        better = gained(case, score, (base, fitted), (before, after), selected)
         return CandidateTrial(score, fitted, better, after.marker, selected, after)
 
     def scores(
@@ -246,22 +250,6 @@ class Trials:
 
         better = self.notes.scores(f"places_{stage}", test)
         return {**found, **{each.name: each for each in better}}
-
-
-def gained(
-    case: Case[Any], score: Score, before: Errors, after: Errors, selected: float | None = None
-) -> Gain:
-    """What a candidate gains: of a law that shows in one sensor alone, in what that sensor reads, since all
-    others say nothing of it.
-    """
-    if (sensor := sensor_of(case, score)) is None:
-        return gain(before, after, selected)
-    measures = [each.measure for each in case.machine.outputs]
-    pose = [n for n, each in enumerate(measures) if each == measures[0]]
-    markers = sorted({n // measures[0].dimension for n in pose if sensor[n]})
-    loads = [n for n, shown in enumerate(sensor[len(pose) :]) if shown]
-    alone = gain(before.at(markers, loads), after.at(markers, loads), selected)
-    return replace(alone, everywhere=gain(before, after).relative)
 
 
 def _less(scores: Mapping[str, Score], name: str, other: str, base: Fit) -> bool:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from serpent_twin.effects import Range
+from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import errors
 from serpent_twin.identification.score_test import Score
-from serpent_twin.identification.trials import gained
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.residual import MARKERS, Comparison
 from serpent_twin.residual.measure import LOADS
@@ -46,8 +46,8 @@ def test_a_law_at_a_sensor_is_judged_by_that_sensor():
         gained(
             SimpleNamespace(channels=3 * M + N, machine=machine, candidates={"law": law}),
             replace(score, change=each.ravel()),
-            before,
-            after,
+            (None, None),
+            (before, after),
         )
         for each in (change, started, np.ones_like(change))
     )

@@ -19,7 +19,12 @@ from serpent_twin.reporting.report import Figure
 from serpent_twin.residual import ANGLE, TORQUE, marker_size
 
 TILT = Named(
-    "base_tilt", {"about_y": ParameterEstimate(-0.03, -0.04, -0.02, "rad")}, 0.8, 0.1, 0.002
+    "base_tilt",
+    {"about_y": ParameterEstimate(-0.03, -0.04, -0.02, "rad")},
+    0.8,
+    0.1,
+    0.002,
+    "held-out logs",
 )
 
 

@@ -31,6 +31,7 @@ PAYLOAD = Named(
     gain=2.5,
     gain_load=1.2,
     probability_of_chance=0.0001,
+    judged_on="held-out logs",
 )
 TRIED = (
     Tried("gear_backlash", 4.0, "not excited", 0.001, None, "the motors never turned back"),
