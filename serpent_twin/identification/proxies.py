@@ -19,9 +19,13 @@ _DERIVATIVES = 3
 
 
 def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequence[Round]) -> Fit:
-    """A fit without effects that were accepted early and gain nothing beside those accepted later."""
+    """A fit without effects that were accepted early and gain nothing beside those accepted later; and without
+    the last one, if it gained only beside one that has gone.
+    """
     names = list(final.point.effects)
-    for name in names[:-1]:
+    for name in names:
+        if name == names[-1] and len(final.point.effects) == len(names):
+            break
         rest = {n: v for n, v in final.point.effects.items() if n != name}
         point = ParameterVector(final.point.declared, rest)
         free = free_parameters(case, list(rest))

@@ -34,6 +34,7 @@ class LinearCase:
     unseen: dict = field(default_factory=dict)
     clock: Stopwatch = field(default_factory=Stopwatch)
     channels: int = 3
+    segments: tuple = (99, 99)
     noise: np.ndarray = field(default_factory=lambda: np.ones(3))
 
     @property

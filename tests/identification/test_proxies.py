@@ -1,0 +1,40 @@
+"""Test that effects which stood for others go, and with them what gained only beside them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from linear_case import GUST, NOTHING, START, case, every
+
+from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.held_out import Errors
+from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.proxies import without_proxies
+from serpent_twin.identification.score_test import scores
+
+
+def errors(arm, point) -> Errors:
+    """Root mean squares of a residual's blocks."""
+    squares = arm.residual([point], every())[0].reshape(len(every()), 5, -1) ** 2
+    return Errors(np.sqrt(squares.mean(axis=-1)), np.full(squares.shape[:2], np.nan))
+
+
+@pytest.mark.parametrize(("strength", "left"), [(0.7, [GUST]), (0.0, [])])
+def test_what_gains_nothing_beside_the_others_goes(strength, left):
+    """The last one too, once another has gone."""
+    arm = case(strength)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 3, 99)
+    names = [NOTHING, GUST]
+    score = {s.name: s for s in scores(arm, every(), base, [arm.candidates[n] for n in names])}
+    begun = START.having(NOTHING, np.array([0.1])).having(GUST, np.array([0.1]))
+    both = fit(arm, every(), begun, free_parameters(arm, names), 3, 99)
+    trials = SimpleNamespace(
+        training=every(),
+        notes=SimpleNamespace(fit=lambda stage, make: make()),
+        on_progress=print,
+        errors=lambda of, point: errors(of, point),
+    )
+    rounds = [
+        SimpleNamespace(accepted=(n,), trials={n: SimpleNamespace(score=score[n])}) for n in names
+    ]
+    assert list(without_proxies(trials, arm, both, rounds).point.effects) == left
