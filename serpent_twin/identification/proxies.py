@@ -19,8 +19,8 @@ _DERIVATIVES = 3
 
 
 def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequence[Round]) -> Fit:
-    """A fit without effects that were accepted early and gain nothing beside those accepted later; and without
-    the last one, if it gained only beside one that has gone.
+    """A fit without effects that were accepted early and gain nothing beside later ones; and without the
+    last one, if it gained only beside one that has gone.
     """
     names = list(final.point.effects)
     for name in names:
