@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from experiments.follow.config import FollowStudy
+from experiments.follow.over_device import over_device
 from experiments.follow.paths import PATHS
 from experiments.follow.trial import FIRST, WAYS, rms, run_arm
 from experiments.result_page import publish, store
@@ -36,6 +37,8 @@ def main(config: FollowStudy) -> None:  # noqa: D103 tyro would print it above t
             told = ", ".join(f"{way} {np.median(rms(rows, path, way)):.1f}" for way in WAYS)
             print(f"{path}: {told} mm rms, median of {counted(len(rows), 'arm')}")
         figures = {"rows": rows, "failed": results.failed, "settings": settings}
+        if config.device:
+            figures["device"] = over_device(arms[0], config.out / "device")
         publish(store(config.out / "results.json", "experiments.follow", figures), config.page)
 
 

@@ -38,6 +38,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         "the nominal one, or the arm's own. *Feedback* adds what the observer says that the joints lack."
     )
     failures = [f"{name}: {why}" for name, why in results["failed"].items()]
+    device = results.get("device")
     told = [Section("Arms that could not follow", "\n\n".join(failures))] if failures else []
     return PageContent(
         "Following paths",
@@ -46,6 +47,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         (
             Section("", text, (_on_path(rows[0]), _by_path(rows), _drawn(rows))),
             Section("By rate", _said(rows), (_rates(rows),)),
+            *([Section("Over the wire", _OVER_DEVICE, (_over_device(device),))] if device else []),
             Section("A mass taken up on the way", _LOADED, (_loaded(rows),)),
             Section("Arms", "", (_arms(rows),)),
             *told,
@@ -59,6 +61,35 @@ _LOADED = (
     "motors' angles alone, and these do not show the mass. Loads would, but at this speed motors turn slowly "
     "or not at all, and the load of one that stands lies anywhere within its gear's friction."
 )
+
+
+_OVER_DEVICE = (
+    "`follow --backend real` in real time, with feedback, on the [emulator](../emulator.md) that simulates "
+    "the first arm's own twin: packets take their time at 1 MBd, and cameras stream at 120 Hz, whose markers "
+    "steer nothing. A deadline is missed where a control step takes longer than its period."
+)
+
+
+def _over_device(found: Mapping[str, Any]) -> Table:
+    lines = []
+    for rate, of in found.items():
+        late, marker, tip = (
+            of[key] for key in ("latency_ms", "marker9_error_mm", "tip_error_as_estimated_mm")
+        )
+        times = (f"{late[key]:.1f}" for key in ("median", "p99"))
+        missed = f"{of['missed_deadlines']} of {of['rows']}"
+        lines.append((rate, f"{marker['rms']:.1f}", f"{tip['rms']:.1f}", *times, missed))
+    return Table(
+        (
+            "Hz",
+            "marker 9 as measured [mm rms]",
+            "tip as estimated [mm rms]",
+            "reading to estimate [ms]",
+            "its 99th percentile [ms]",
+            "missed deadlines",
+        ),
+        tuple(lines),
+    )
 
 
 def _by_path(rows: Sequence[Any]) -> Table:

@@ -30,8 +30,8 @@ GEOMETRY, NOMINAL, MENDED, FEEDBACK = "geometry", "nominal twin", "its twin", "i
 WAYS = GEOMETRY, NOMINAL, MENDED, FEEDBACK
 RATES = 4.0, 20.0, 100.0
 """Control steps per second; the first for all ways, the others for feedback on the first path"""
-_LIMIT = np.pi / 2
-"""Of the joints' angles that the motors' would give on stiff cables [rad]; arm.toml has 60° unless changed"""
+LIMITS = Limits(joint_angle=np.pi / 2)
+"""For the joints' angles that the motors' would give on stiff cables; arm.toml has 60° unless changed"""
 LOAD = 0.05
 """Taken up half-way along the first path [kg]"""
 FIRST = next(iter(PATHS))
@@ -72,8 +72,7 @@ def _followed(arm: StudyArm, twin: TwinModel) -> dict[str, Any]:
 
 
 def _planned(path: PathToFollow, twin: TwinModel, arm: StudyArm, rate: float) -> PathPlan:
-    bounds, limits = JointBounds.usual(), Limits(joint_angle=_LIMIT)
-    return path_planned(path, twin, rate, bounds, limits, arm.runtime)
+    return path_planned(path, twin, rate, JointBounds.usual(), LIMITS, arm.runtime)
 
 
 def _error(
