@@ -1,7 +1,7 @@
 """Hold what a machine shows, to first order, of a change at each of its places."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -152,6 +152,8 @@ class PlacesInRow:
     """Of each quantity at each place that shows in what is measured"""
     starts: Array | None = None
     """None: the states in which segments begin show in no row"""
+    twin_angles: Mapping[str, Array] = field(default_factory=dict)
+    """Empty: the twin is in the measured pose"""
 
 
 def with_more(point: ParameterVector, law: Law, axis: int, more: float) -> ParameterVector:

@@ -13,6 +13,7 @@ from serpent_twin.identification.discovery.candidates import (
 )
 from serpent_twin.identification.discovery.followed import Way, swinging
 from serpent_twin.identification.discovery.screen import Composed, Search, screened
+from serpent_twin.identification.discovery.stuck import stuck
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.least_squares import OnProgress
 from serpent_twin.machines.candidate import Candidate
@@ -51,11 +52,11 @@ def discover(
         if (each.worth > least and each.share > _SHARE) or _in_one_sensor(each)
     ]
     made = partial(_candidate, case, places)
-    new = [
-        replace(made(each), alternatives=tuple(map(made, resembling_at_first(each, found))))
-        for each in distinct(found, _TRIED)
-    ]
-    return [each for each in new if each.name not in base.point.effects]
+    new = {each.name: each for each in map(made, stuck(case, some, base, places))}
+    for each in distinct(found, _TRIED):
+        alike = tuple(map(made, resembling_at_first(each, found)))
+        new.setdefault((one := made(each)).name, replace(one, alternatives=alike))
+    return [each for name, each in new.items() if name not in base.point.effects]
 
 
 def in_each_shape(case: Case[Any], training: Any, base: Fit, law: Law) -> Sequence[Candidate]:

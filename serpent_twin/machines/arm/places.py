@@ -87,6 +87,11 @@ class ArmPlaces:
         """None: cables hold the joints, so that a start's error is soon gone."""
         return
 
+    @property
+    def twin_angles(self) -> Mapping[str, Array]:
+        """Of all joints."""
+        return dict(zip(NAMES["joint"], np.moveaxis(self.did.joint_angle, -1, 0), strict=True))
+
     def _speed(self, joint_angle: Array) -> Array:
         time = self.pieces.motors.time[..., None]
         return np.gradient(joint_angle, axis=1) / np.gradient(time, axis=1)

@@ -133,6 +133,11 @@ class ModelPlaces:
         return rows.of_starts() if rows.adapts is not None else None
 
     @property
+    def twin_angles(self) -> Mapping[str, Array]:
+        """None: the readings are of the twin."""
+        return {}
+
+    @property
     def _joints(self) -> list[tuple[str, int]]:
         """Names of joints, and their degrees of freedom, which are their place in the pose."""
         model = self.machine.model
