@@ -17,7 +17,7 @@ from serpent_twin.identification.diagnosis import (
     Named,
     Tried,
 )
-from serpent_twin.identification.discovery import FreeCurve, free_curve, steps_alike
+from serpent_twin.identification.discovery import FreeCurve, free_curve, steps_alike, stuck
 from serpent_twin.identification.estimates import Calibrated, ParameterEstimate
 from serpent_twin.identification.fitted import NORMAL_95, Fit
 from serpent_twin.identification.free_parameters import unstable
@@ -27,7 +27,7 @@ from serpent_twin.identification.profile import interval, near_zero
 from serpent_twin.identification.score_test import at_bound, strengths
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.uncertainty import indistinguishable
-from serpent_twin.identification.unexplained import unexplained
+from serpent_twin.identification.unexplained import SUSPECT, unexplained
 from serpent_twin.identification.wording import DISCOVERED, spaced
 from serpent_twin.machines.case import Case as AnyCase
 from serpent_twin.machines.machine import Quantity
@@ -57,7 +57,9 @@ def build_diagnosis(
     error = {name: each.marker for name, each in held.items()}
     load = {name: each.load for name, each in held.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
-    rest = unexplained(found["corrected"], error, load, bar.bar)
+    suspect = error["corrected"] > SUSPECT * bar.bar
+    still = [each.told for each in stuck(case, tracer.training, final)] if suspect else []
+    rest = unexplained(found["corrected"], error, load, bar.bar, still)
     shapes = _shapes(case, tracer.training, final)
     named = _named(tracer, selection, held["calibrated"], held["corrected"])
     nearest = named if rest.is_ and _stands_in(error, bar) else ()

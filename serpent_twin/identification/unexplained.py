@@ -1,6 +1,6 @@
 """Say whether an error is unexplained."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from serpent_twin.identification.bars import BEYOND
@@ -28,10 +28,14 @@ class Unexplained:
 
 
 def unexplained(
-    found: Findings, errors: Mapping[str, float], load: Mapping[str, float], expected: float
+    found: Findings,
+    errors: Mapping[str, float],
+    load: Mapping[str, float],
+    expected: float,
+    stuck: Sequence[str] = (),
 ) -> Unexplained:
     """Whether the corrected twin's error is more than a twin that lacks nothing may make, `expected`, and on
-    what it depends.
+    what it depends; `stuck` tells of each joint that stands still where the corrected twin's turns.
     """
     error = errors["corrected"]
     share = max(0.0, 1 - (expected / error) ** 2) if error > 0 else 0.0
@@ -44,5 +48,5 @@ def unexplained(
     in_loads = load["corrected"] > LOAD_BEYOND * floor and max(loads, default=0.0) > FOLLOWS
     if in_loads and not in_markers:
         share = max(0.0, 1 - (floor / load["corrected"]) ** 2)
-    is_ = bool(in_markers or in_loads)
-    return Unexplained(is_, share, describe(found) if is_ else "")
+    is_ = bool(in_markers or in_loads or stuck)
+    return Unexplained(is_, share, " ".join([describe(found), *stuck]) if is_ else "")

@@ -10,6 +10,7 @@ from serpent_twin.identification.discovery.resembling import (
     turned,
 )
 from serpent_twin.identification.discovery.steps_alike import steps_alike
+from serpent_twin.identification.discovery.stuck import stuck
 from serpent_twin.identification.discovery.thresholds import better_thresholds
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "in_each_shape",
     "of_shape",
     "steps_alike",
+    "stuck",
     "turned",
     "with_laws",
 ]

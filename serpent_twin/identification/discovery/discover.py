@@ -13,7 +13,7 @@ from serpent_twin.identification.discovery.candidates import (
 )
 from serpent_twin.identification.discovery.followed import Way, swinging
 from serpent_twin.identification.discovery.screen import Composed, Search, screened
-from serpent_twin.identification.discovery.stuck import stuck
+from serpent_twin.identification.discovery.stuck import held_by_friction
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.least_squares import OnProgress
 from serpent_twin.machines.candidate import Candidate
@@ -52,7 +52,7 @@ def discover(
         if (each.worth > least and each.share > _SHARE) or _in_one_sensor(each)
     ]
     made = partial(_candidate, case, places)
-    new = {each.name: each for each in map(made, stuck(case, some, base, places))}
+    new = {each.name: each for each in map(made, held_by_friction(case, some, base, places))}
     for each in distinct(found, _TRIED):
         alike = tuple(map(made, resembling_at_first(each, found)))
         new.setdefault((one := made(each)).name, replace(one, alternatives=alike))

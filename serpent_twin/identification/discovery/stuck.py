@@ -6,6 +6,7 @@ differ from them.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -20,7 +21,7 @@ from serpent_twin.machines.places import Places, response_at
 
 STANDS = 30.0
 """Twice the logarithm of the likelihood ratio that a joint stands still, from which its friction is tried: of
-joints that do not stick, it is at most 18
+21 arms without a joint that sticks, it is at most 25
 """
 _MOVES_OVER = 1.0
 """Time over which a joint's moves are compared [s]"""
@@ -30,27 +31,54 @@ _HOLDS = 0.95
 """Share of the rows in a window whose torque the friction holds"""
 
 
-def stuck(case: Case[Any], pieces: Any, fit: Fit, places: Places) -> list[Composed]:
-    """The dry friction that would hold each joint that stands still in a window of its angle, the clearest
-    first; its worth is how clearly.
-    """
-    found = []
-    angles = places.twin_angles
-    for name in angles:
-        reading, law = (
-            ("joint_angle", name),
-            Law(JOINT_FRICTION, name, "within", "joint_angle", name),
+@dataclass(frozen=True)
+class StuckJoint:
+    """A joint that stands still in a window of its angle."""
+
+    joint: str
+    low: float
+    """[rad]"""
+    high: float
+    """[rad]"""
+    worth: float
+    """Twice the logarithm of the likelihood ratio that it stands still there [1]"""
+
+    @property
+    def told(self) -> str:
+        """In a sentence."""
+        return (
+            f"{self.joint} often stands still between {self.low:.2f} and {self.high:.2f} rad, where the "
+            "twin's turns: something holds it there.".replace("-", "−")
         )
-        if reading not in places.readings:
-            continue
-        measured = places.readings[reading]
+
+
+def stuck(case: Case[Any], training: Any, fit: Fit) -> list[StuckJoint]:
+    """The joints that stand still where those of a fitted twin turn, the clearest first; none of a machine
+    that says nothing of its places.
+    """
+    places = case.places(fit.point, case.take(training, fit.used))
+    return _standing(places) if places else []
+
+
+def held_by_friction(case: Case[Any], pieces: Any, fit: Fit, places: Places) -> Iterator[Composed]:
+    """The dry friction that would hold each joint that stands still; its worth is how clearly."""
+    for each in _standing(places):
+        measured = places.readings["joint_angle", each.joint]
+        inside = (measured > each.low) & (measured < each.high)
+        torque = _torque(case, pieces, fit, places, each.joint)[inside]
+        law = Law(JOINT_FRICTION, each.joint, "within", "joint_angle", each.joint)
+        size = np.array([np.quantile(torque, _HOLDS)])
+        yield Composed(law, size, each.low, each.high - each.low, each.worth, 0.0)
+
+
+def _standing(places: Places) -> list[StuckJoint]:
+    found = []
+    for joint, twin in places.twin_angles.items():
+        measured = places.readings["joint_angle", joint]
         over = _rows(places, measured.shape[1])
-        worth, low, high = max(_windows(measured, angles[name], over), default=(0.0, 0.0, 0.0))
+        worth, low, high = max(_windows(measured, twin, over), default=(0.0, 0.0, 0.0))
         if worth > STANDS:
-            inside = (measured > low) & (measured < high)
-            torque = _torque(case, pieces, fit, places, name)[inside]
-            size = np.array([np.quantile(torque, _HOLDS)])
-            found.append(Composed(law, size, low, high - low, worth, 0.0))
+            found.append(StuckJoint(joint, low, high, worth))
     return sorted(found, key=lambda each: -each.worth)
 
 
@@ -65,8 +93,8 @@ def _windows(measured: Array, twin: Array, over: int) -> Iterator[tuple[float, f
     """How clearly a joint stands still in each of some windows of its angle, and where these begin and end
     [rad]; angles are (S, T).
 
-    Twice the logarithm of the likelihood ratio of two hypotheses on the n measured moves in a window: the joint
-    stands still, or moves as the twin does. Moves that overlap count as one.
+    How clearly is twice the logarithm of the likelihood ratio of the n measured moves in a window, where the
+    joint stands still or moves as the twin does. Moves that overlap count as one.
     """
     moved, twin_moved = (each[:, over:] - each[:, :-over] for each in (measured, twin))
     levels = np.quantile(measured, np.linspace(0.02, 0.98, _LEVELS))
