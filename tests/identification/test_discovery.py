@@ -72,26 +72,32 @@ def test_a_wave_is_measured_by_what_free_parameters_leave_of_it():
     assert best.size == pytest.approx([1.0], rel=0.01)
 
 
-@pytest.mark.parametrize(("end", "told"), [(0.9, []), (2.9, ["within"])])
-def test_simulations_tell_a_step_from_a_window_that_ends_amid_the_rows(end, told):
-    """Rows at 0 … 3 show a torque from 0.5 on; the window that was found ends amid them, or hardly before."""
+@pytest.mark.parametrize(
+    ("rows", "known", "told"),
+    [
+        (np.linspace(0.0, 3.0, 3001), {"within": (0.52, 0.38)}, []),
+        (np.linspace(0.0, 3.0, 3001), {"within": (0.52, 2.38)}, ["within"]),
+        (np.r_[np.linspace(0.0, 1.6, 3001), 2.0, 3.0], {}, ["within"]),
+    ],
+    ids=["amid the rows", "hardly before the last", "beyond nearly all, unknown to first order"],
+)
+def test_simulations_tell_a_step_from_a_window_by_where_it_ends(rows, known, told):
+    """Rows show a torque from 0.5 on; a window may end amid them, or where hardly any is left."""
     step = "joint_torque of joint1: above joint_angle of joint1"
-    x = np.linspace(0.0, 3.0, 3001)
 
     def residual(points, some):
-        out = np.array([np.ones(x.size)] * len(points)) * (x > 0.5)
+        out = np.array([np.ones(rows.size)] * len(points)) * (rows > 0.5)
         for row, point in zip(out, points, strict=True):
             for name, values in point.effects.items():
                 law = parse(name.split("@")[1])
-                row -= values[0] * SHAPES[law.shape].form(x, *values[4:6])
+                row -= values[0] * SHAPES[law.shape].form(rows, *values[4:6])
         return out[:, None]
 
-    window = {"within": (0.52, end - 0.52)}
-    known = SimpleNamespace(composed={"law": "above"}, alike=window)
+    candidate = SimpleNamespace(composed={"law": "above"}, alike=known)
     case = SimpleNamespace(
         take=lambda pieces, used: pieces,
         residual=residual,
-        candidates={f"discovered@{step}": known},
+        candidates={f"discovered@{step}": candidate},
     )
     values = np.array([1.0, 0, 0, 0, 0.5, 0.0, 0.0, 3.0])
     point = ParameterVector(np.zeros(1)).having(f"discovered@{step}", values)

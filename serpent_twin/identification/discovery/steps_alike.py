@@ -17,28 +17,50 @@ from serpent_twin.machines.machine import ParameterVector
 
 _SHARE = 0.05
 """Another shape is distinguished if it loses this share of what the law gains, and `APART` at least"""
+_WINDOWS = (0.25, 0.5, 0.75)
+"""Width of the windows that a step may be, as a share of the readings on its side"""
 
 
 def steps_alike(case: Case[Any], training: Any, found: Fit, name: str) -> list[Law]:
-    """A fitted step or window with each other shape that simulates the training logs as well. The shapes
-    differ in where they begin or end.
+    """A fitted step or window with each other such shape that simulates the training logs as well: with the
+    numbers that first order could not distinguish, or with another end.
     """
     candidate, law = case.candidates[name], parse(place_of(name))
-    if not candidate.alike:
-        return []
     values = found.point.effects[name]
-    laws = [replace(law, shape=shape) for shape in candidate.alike]
+    tried = [*candidate.alike.items(), *_otherwise_ended(law, values)]
+    if not tried:
+        return []
     others = {n: v for n, v in found.point.effects.items() if n != name}
     without = ParameterVector(found.point.declared, others)
     points = [
-        without.having(f"{DISCOVERED}@{of}", _moved(values, law.shape, of.shape, numbers))
-        for of, numbers in zip(laws, candidate.alike.values(), strict=True)
+        without.having(
+            f"{DISCOVERED}@{replace(law, shape=shape)}", _moved(values, law.shape, shape, numbers)
+        )
+        for shape, numbers in tried
     ]
     some = case.take(training, found.used)
     residuals = case.residual([found.point, without, *points], some).astype(float)
     own, absent, *each = (residuals**2).sum(axis=(1, 2)) / found.variance_inflation
     most = max(APART, _SHARE * (absent - own))
-    return [of for of, cost in zip(laws, each, strict=True) if cost - own < most]
+    shapes = [shape for (shape, _), cost in zip(tried, each, strict=True) if cost - own < most]
+    return [replace(law, shape=shape) for shape in dict.fromkeys(shapes)]
+
+
+def _otherwise_ended(law: Law, values: Array) -> list[tuple[str, tuple[float, float]]]:
+    """A step of a thing's reading as windows that end within the readings, and a window as either step, each
+    as its shape and numbers.
+    """
+    if not law.follows_a_thing:
+        return []
+    first, second, least, most = map(float, values[FORM : FORM + 4])
+    if law.shape == "above":
+        return [("within", (first, share * (most - first))) for share in _WINDOWS]
+    if law.shape == "under":
+        wide = [share * (first - least) for share in _WINDOWS]
+        return [("within", (first - each, each)) for each in wide]
+    if law.shape == "within":
+        return [("above", (first, 0.0)), ("under", (first + abs(second), 0.0))]
+    return []
 
 
 def _moved(values: Array, shape: str, to: str, numbers: tuple[float, float]) -> Array:
