@@ -63,6 +63,7 @@ class Objective:
         self.prior = np.array([*declared, *effects])
         self.variance_inflation = 1.0
         self.damped = False
+        self._left = self._left_by(known)
         self._anchor: At
         self._timestep: float | None = None
         self._correction: Array | None = None
@@ -106,18 +107,22 @@ class Objective:
         return self._anchored(start, residual), out
 
     def step(self, at: At, jacobian: Array) -> At | None:
-        """Gauss-Newton's step, or with Levenberg's damping if that gives no improvement, or nothing. From a
-        derivative's first damped step on, all are tried side by side, and the best is taken.
+        """Gauss-Newton's step; if that is no improvement, the best of those with Levenberg's damping
+        and of the one that answers to what is new alone; or nothing. From then on all are tried side by side,
+        up to the next derivative.
         """
         flat = jacobian.reshape(len(self.free), -1)
         normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
-        pull = -(flat @ at.residual.ravel()) / self.variance_inflation - self.prior * self.lean(
-            at.point
-        )
+        pull = -(flat @ at.residual.ravel()) / self.variance_inflation
+        pull -= self.prior * self.lean(at.point)
         ends = room(self.case, at.point, self.free)
-        for group in ((0.0, *_DAMPINGS),) if self.damped else ((0.0,), _DAMPINGS):
+        plain = [(0.0, pull)]
+        other = [(damping, pull) for damping in _DAMPINGS]
+        if self.known:
+            other.append((0.0, pull - self._left))
+        for group in ([*plain, *other],) if self.damped else (plain, other):
             self.damped = len(group) > 1
-            steps = [least(normal + d * np.diag(np.diag(normal)), pull, *ends) for d in group]
+            steps = [least(normal + d * np.diag(np.diag(normal)), by, *ends) for d, by in group]
             tried = [moved(self.case, at.point, self.free, step) for step in steps]
             found = self.residuals(tried)
             costs = [self.cost(each, there) for each, there in zip(found, tried, strict=True)]
@@ -125,6 +130,18 @@ class Objective:
             if costs[best] < at.cost:
                 return At(tried[best], found[best], costs[best])
         return None
+
+    def _left_by(self, known: Fit | None) -> Array:
+        """What still pulled at the declared parameters where the known fit ended, since no step along it gave
+        an improvement: where joints stick, a derivative says too much. What pulls beyond it is new.
+        """
+        out = np.zeros(len(self.free))
+        if known is not None:
+            n, residual = len(self.free.declared), known.residual.ravel()
+            slopes = known.jacobian[:n].reshape(n, -1)
+            out[:n] = -(slopes @ residual) / known.variance_inflation
+            out[:n] -= self.prior[:n] * known.point.declared[list(self.free.declared)]
+        return out
 
     def _jacobian(self, point: ParameterVector) -> tuple[Array, Array]:
         self.damped = False
