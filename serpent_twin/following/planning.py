@@ -156,14 +156,14 @@ def _refuse_load(path: PathToFollow, plan: PathPlan, limits: Limits) -> None:
             f"stall torque, and {100 * most:.0f} % is what it may. Move the path to where the arm hangs "
             "lower."
         )
-    turned = np.abs(joint_from_motor(motors[:, :-1]))
-    if turned.max() > _SHARE * limits.joint_angle:
+    turned, most = np.abs(joint_from_motor(motors[:, :-1])), _SHARE * limits.joint_angle
+    if turned.max() > most:
         row, joint = np.unravel_index(int(turned.argmax()), turned.shape)
         raise SerpentError(
             f"{path.file}: at {at[row]:.2f} s the motors would have to turn joint {joint + 1} by "
-            f"{turned.max():.2f} rad on stiff cables, since the real ones stretch; the arm is stopped at "
-            f"{limits.joint_angle:.2f} rad. Move the path to where the arm hangs lower, or raise "
-            "joint_angle_deg in the limits of its setup, arm.toml."
+            f"{turned.max():.2f} rad on stiff cables, since the real ones stretch, and {most:.2f} rad is "
+            f"what they may: at {limits.joint_angle:.2f} rad the arm is stopped. Move the path to where the "
+            "arm hangs lower, or raise joint_angle_deg in the limits of its setup, arm.toml."
         )
 
 
