@@ -62,4 +62,4 @@ def _gained(
     markers = sorted({n // measures[0].dimension for n in pose if sensor[n]})
     loads = [n for n, shown in enumerate(sensor[len(pose) :]) if shown]
     alone = gain(before.at(markers, loads), after.at(markers, loads), selected)
-    return replace(alone, everywhere=gain(before, after).relative)
+    return replace(alone, everywhere=gain(before, after).relative, of_one_sensor=True)

@@ -112,6 +112,8 @@ class Gain:
     """That the mean gain is not above zero, see `chance` and `together`"""
     everywhere: float = float("nan")
     """Mean relative gain in all that is measured of held-out logs, where the others are of less [1]"""
+    of_one_sensor: bool = False
+    """Whether the relative gain is of one sensor alone"""
     left_out: bool = False
     """Whether the relative gain and chance are of training segments, each predicted by a fit to the others"""
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from serpent_twin.effects import Range
+from serpent_twin.identification.acceptance import weakness
 from serpent_twin.identification.gained import gained
-from serpent_twin.identification.held_out import errors
+from serpent_twin.identification.held_out import Gain, errors
 from serpent_twin.identification.score_test import Score
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.residual import MARKERS, Comparison
@@ -54,3 +55,12 @@ def test_a_law_at_a_sensor_is_judged_by_that_sensor():
     assert own.relative == begun.relative == pytest.approx(0.33)
     assert own.whole == pytest.approx(elsewhere.relative) and elsewhere.relative < 0.03
     assert elsewhere.whole == elsewhere.relative
+
+
+def test_more_is_asked_of_a_law_in_one_sensor():
+    """There are many sensors and many laws: one of them often gains a little by chance."""
+    rng = np.random.default_rng(1)
+    better = Gain(0.06 + 0.001 * rng.standard_normal((4, 5)), np.zeros(4), 0.0, 0.0, 1e-4)
+    assert not weakness(better)
+    assert "not worth" in weakness(replace(better, of_one_sensor=True))
+    assert not weakness(replace(better, by_block=2 * better.by_block, of_one_sensor=True))
