@@ -24,7 +24,7 @@ WORTH_IT = 0.04
 """Least relative gain on held-out logs of an accepted effect, markers and loads with equal weight"""
 WORTH_IN_A_SENSOR = 0.08
 """The same of one that shows in one sensor alone, by that sensor: of 87 arms that lack nothing, one law of so
-many at so many sensors gained 0.05; those of three that had such a fault gained 0.3 and more
+many at so many sensors gained 0.05; those of five that had such a fault gained 0.26 and more
 """
 CHANCE = 0.01
 """Greatest probability that the gain of an accepted effect is due to chance"""
