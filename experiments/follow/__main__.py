@@ -38,7 +38,8 @@ def main(config: FollowStudy) -> None:  # noqa: D103 tyro would print it above t
             print(f"{path}: {told} mm rms, median of {counted(len(rows), 'arm')}")
         figures = {"rows": rows, "failed": results.failed, "settings": settings}
         if config.device:
-            figures["device"] = over_device(arms[0], config.out / "device")
+            first = next(arm for arm in arms if arm.id == rows[0]["id"])
+            figures["device"] = over_device(first, config.out / "device")
         publish(store(config.out / "results.json", "experiments.follow", figures), config.page)
 
 

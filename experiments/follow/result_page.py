@@ -65,7 +65,7 @@ _LOADED = (
 
 _OVER_DEVICE = (
     "`follow --backend real` in real time, with feedback, on the [emulator](../emulator.md) that simulates "
-    "the first arm's own twin: packets take their time at 1 MBd, and cameras stream at 120 Hz, whose markers "
+    "one arm's own twin: packets take their time at 1 MBd, and cameras stream at 120 Hz, whose markers "
     "steer nothing. A deadline is missed where a control step takes longer than its period."
 )
 
