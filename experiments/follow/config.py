@@ -21,7 +21,7 @@ class FollowStudy(Checked):
     workers: Annotated[int, within(1, 1024)] = 1
     """Arms side by side."""
     device: bool = False
-    """Then let the first arm that could, by its own twin, follow the first path in real time, over the wire of
-    the emulated motors, at each rate: some five minutes, with nothing beside it."""
+    """Then let the first arm that could, by its own twin, follow the first path in real time, over the wire
+    of the emulated motors, at each rate: some five minutes, with nothing beside it."""
     page: Path | None = None
     """Also write the results as a page, such as docs/results/follow.md."""
