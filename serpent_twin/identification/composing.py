@@ -165,7 +165,11 @@ class ComposingTracer(Tracer):
         if law := self._stands(rounds):
             law = self._anew(law, len(rounds))
             score = tried.trials[tried.accepted[0]].score
-            if needless(self.trials, self.case, score, law, several):
+            if len(law.point.effects) < len(several.point.effects):
+                stands = needless(self.trials, self.case, score, law, several)
+            else:  # a name is kept unless the law is better
+                stands = not needless(self.trials, self.case, score, several, law)
+            if stands:
                 return law
         rounds[-1] = replace(tried, accepted=())
         self.case = replace(self.case, noise=done.base.noise)
