@@ -13,8 +13,8 @@ from experiments.follow.trial import FIRST, LIMITS, RATES
 from experiments.study_arms import StudyArm
 from serpent_twin import stored
 from serpent_twin.emulator.device import running
+from serpent_twin.emulator.device.options import CAMERAS
 from serpent_twin.errors import SerpentError
-from serpent_twin.hardware.base_frame import IDENTITY
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
 
 _KEPT = ("rows", "missed_deadlines", "latency_ms", "marker9_error_mm", "tip_error_as_estimated_mm")
@@ -39,7 +39,7 @@ def _driven(arm: StudyArm, rate: float, folder: Path) -> Mapping[str, Any]:
 def _drive(arm: StudyArm, rate: float, folder: Path) -> None:
     path, frame, cameras = folder / "path.csv", folder / "frame.json", str(_free_port())
     _write_path(path)
-    IDENTITY.save(frame)  # of the emulated cameras
+    CAMERAS.inverse().save(frame)
     with running("--realtime", "--model", str(arm.twin_file), "--cameras", cameras) as device:
         setup = ArmSetup(device.port, zero=(0,) * 10, limits=LIMITS, path=folder / "arm.toml")
         write_setup(setup)
