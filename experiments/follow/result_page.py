@@ -47,7 +47,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         (
             Section("", text, (_on_path(rows[0]), _by_path(rows), _drawn(rows))),
             Section("By rate", _said(rows), (_rates(rows),)),
-            *([Section("Over the wire", _OVER_DEVICE, (_over_device(device),))] if device else []),
+            *([Section("Over the wire", _OVER_DEVICE, (device_table(device),))] if device else []),
             Section("A mass taken up on the way", _LOADED, (_loaded(rows),)),
             Section("Arms", "", (_arms(rows),)),
             *told,
@@ -70,7 +70,8 @@ _OVER_DEVICE = (
 )
 
 
-def _over_device(found: Mapping[str, Any]) -> Table:
+def device_table(found: Mapping[str, Any]) -> Table:
+    """What was stated of each rate over the wire."""
     lines = []
     for rate, of in found.items():
         late, marker, tip = (
