@@ -10,8 +10,9 @@ import pyarrow as pa
 import pyarrow.csv as csv
 
 from experiments.confusion.config import Confusion
-from experiments.confusion.plan import OUTSIDE, Trial
+from experiments.confusion.plan import KNOWN, OUTSIDE, Trial
 from experiments.confusion.score import Row, called, coverage, discovered, off, right
+from experiments.confusion.stated_limits import times_limit
 from serpent_twin import __version__
 from serpent_twin.errors import SerpentError
 from serpent_twin.runs.files import write_whole
@@ -69,6 +70,17 @@ class ArmLine:
     worth: float
     """What the true law of a fault outside the catalogue would have been worth where laws were sought
     [squared standard errors]; NaN where that was not computed"""
+    times_limit: float
+    """Strength of its one effect of the catalogue, over the detection limit that the trace stated; NaN where
+    it stated none"""
+    limits: str
+    """The detection limits that the trace stated, in the unit of each effect's strength: NAME LIMIT, ..."""
+
+    @property
+    def stated_limits(self) -> dict[str, float]:
+        """The detection limit of each effect."""
+        pairs = (each.split() for each in self.limits.split(", ") if each)
+        return {name: float(limit) for name, limit in pairs}
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -84,6 +96,8 @@ def line_of(row: Row, trial: Trial, config: Confusion) -> ArmLine:
     error = {} if failed else row["error_mm"]
     share = None if failed else coverage([row])["all"]
     named = [each["name"] for each in row.get("named", [])]
+    limits = row.get("limits", {})
+    alone = trial.kind == KNOWN and bool(effects)
     return ArmLine(
         version=__version__,
         commit=row.get("git_commit", "unknown"),
@@ -108,6 +122,8 @@ def line_of(row: Row, trial: Trial, config: Confusion) -> ArmLine:
         complete_mm=_rounded(error.get("expected")),
         seconds=_rounded(row.get("seconds"), 0),
         worth=_rounded(row.get("worth"), 1),
+        times_limit=_rounded(times_limit(first, limits)) if alone else np.nan,
+        limits=", ".join(f"{name} {limit:.3g}" for name, limit in sorted(limits.items())),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from experiments.confusion.arms import SOURCES, Length, Truth, built
 from experiments.confusion.config import Confusion
 from experiments.confusion.plan import OUTSIDE, Trial
+from experiments.confusion.stated_limits import stated_limits
 from experiments.confusion.worth import TrueLaw, true_law, worth
 from experiments.result_rows import failed_row
 from serpent_twin.errors import SerpentError
@@ -54,6 +55,7 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         "git_commit": found["provenance"]["git_commit"],
         "recording_seconds": recorded,
         "worth": gain,
+        "limits": stated_limits(found),
     }
 
 

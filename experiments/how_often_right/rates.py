@@ -13,7 +13,9 @@ from serpent_twin.identification.discovery.discover import WORTH
 from serpent_twin.identification.wording import DISCOVERED
 
 NAMED = 0.90
-"""Rate at which an effect is named from its detection limit on"""
+"""Rate at which effects are named from the strength on that is sought"""
+STRONG = 2.0
+"""Times a stated detection limit from which on an effect should be named"""
 NEAR, LEFT = 0.15, 1.3
 """How far the size of a discovered law may be off, and what it may leave, of what a complete twin would"""
 _NONE = "none"
@@ -35,19 +37,16 @@ def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
     """All figures, as results.json holds them."""
     by = {kind: [each for each in lines if each.kind == kind] for kind in (CLEAN, KNOWN, OUTSIDE)}
     faulty = [each for each in lines if each.kind != CLEAN]
-    effects = _effects(by[KNOWN])
-    limit = {(each["effect"], each["sessions"]): each["limit"] for each in effects}
-    strong = [
-        each
-        for each in by[KNOWN]
-        if (at := limit[each.there, each.sessions]) and each.strength >= 2 * at
-    ]
+    strong = [each for each in by[KNOWN] if each.times_limit >= STRONG]
     held = Share(sum(each.held for each in lines), sum(each.intervals for each in lines))
     found = {
         "false alarms": (_share(by[CLEAN], names_of), "at most 1 %"),
         "clean arms called unexplained": (_share(by[CLEAN], lambda x: x.unexplained), "none"),
         "a name that is not there": (_share(faulty, wrong), "at most 2 %"),
-        "named at twice the detection limit": (_share(strong, lambda x: x.right), "95 %"),
+        "named, from twice the detection limit on that its trace stated": (
+            _share(strong, lambda x: x.right),
+            "95 %",
+        ),
         "true strength in its 95 % interval": (held, "93 … 97 %"),
         "an effect of the catalogue called unexplained": (
             _share(by[KNOWN], lambda x: x.unexplained),
@@ -82,8 +81,9 @@ def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
             name: share.numbers() | {"said": str(share), "aim": aim}
             for name, (share, aim) in found.items()
         },
-        "effects": effects,
-        "trials": [_trial(each) for each in by[KNOWN] if np.isfinite(each.strength)],
+        "effects": _effects(by[KNOWN], lines),
+        "named_from": _named_from(by[KNOWN]),
+        "trials": [_trial(each) for each in by[KNOWN] if np.isfinite(each.times_limit)],
         "outside": _outside(by[OUTSIDE]),
         "called": _called(lines),
         "names": _track(lines),
@@ -102,27 +102,41 @@ def _median(values: Iterable[float]) -> float | None:
     return float(np.median(there)) if there else None
 
 
-def _effects(lines: Sequence[ArmLine]) -> list[dict[str, Any]]:
-    """Of each effect of the catalogue, by the number of sessions: limit, how far strengths are off."""
+def _effects(lines: Sequence[ArmLine], every: Sequence[ArmLine]) -> list[dict[str, Any]]:
+    """Of each effect of the catalogue: the detection limits that traces stated, whether it was there or not,
+    by the number of sessions; how often it was named, and how far strengths are off.
+    """
+    units = {each.there: each.unit for each in lines if each.unit}
+    numbers = sorted({each.sessions for each in every if each.limits})
     out = []
-    for name, sessions in sorted({(each.there, each.sessions) for each in lines}):
-        some = [each for each in lines if (each.there, each.sessions) == (name, sessions)]
-        known = sorted((x.strength, x.right) for x in some if np.isfinite(x.strength))
-        strength, right = np.array(known).reshape(-1, 2).T
-        at, said = detection_limit(strength, right.astype(bool), some[0].unit, NAMED)
+    for name in sorted({each.there for each in lines}):
+        some = [each for each in lines if each.there == name]
         held = Share(sum(each.held for each in some), sum(each.intervals for each in some))
+        stated = {
+            n: [each.stated_limits.get(name, np.nan) for each in every if each.sessions == n]
+            for n in numbers
+        }
         out.append(
             {
                 "effect": name,
-                "sessions": sessions,
-                "limit": float(at) if np.isfinite(at) else None,
-                "said": said,
+                "unit": units.get(name, "1"),
+                "stated": {str(n): _median(several) for n, several in stated.items()},
                 "right": str(_share(some, lambda each: each.right)),
+                "strong": str(
+                    _share([x for x in some if x.times_limit >= STRONG], lambda x: x.right)
+                ),
                 "median_off": _median(each.off for each in some),
                 "held": str(held),
             }
         )
     return out
+
+
+def _named_from(lines: Sequence[ArmLine]) -> str:
+    """From how many times its stated detection limit on `NAMED` of all effects are named, in words."""
+    known = sorted((x.times_limit, x.right) for x in lines if np.isfinite(x.times_limit))
+    times, right = np.array(known).reshape(-1, 2).T
+    return detection_limit(times, right.astype(bool), "1", NAMED)[1]
 
 
 def _outside(lines: Sequence[ArmLine]) -> list[dict[str, Any]]:
@@ -145,8 +159,8 @@ def _outside(lines: Sequence[ArmLine]) -> list[dict[str, Any]]:
 
 
 def _trial(line: ArmLine) -> list[Any]:
-    """What a picture needs of an arm: effect, strength, unit, whether it was named right, sessions."""
-    return [line.there, line.strength, line.unit, line.right, line.sessions]
+    """What a picture needs of an arm: effect, times its limit, whether it was named right, sessions."""
+    return [line.there, line.times_limit, line.right, line.sessions]
 
 
 def _called(lines: Sequence[ArmLine]) -> list[list[Any]]:

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure as Drawing
 
 from experiments.confusion.page import RIGHT, WRONG, counts_drawing
 from experiments.confusion.score import quantity
+from experiments.how_often_right.rates import NAMED, STRONG
 from experiments.result_page import PageContent
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.plot_style import INK, label_logarithmic, tidy
@@ -18,9 +19,10 @@ the twin does not share. Its fault, that fault's strength and place, and all oth
 session of each arm judged its trace. Lines of all arms, those whose trace failed included, are in
 `how-often-right.csv` beside this page; only those of one version of the project are counted together. In
 brackets, 95 % intervals."""
-_LIMITS = """The limit is the strength from which on a logistic curve over the arms has 90 % named
-right: this effect and no other. It is a number only where it lies within the strengths tried. Sessions
-include the one that judged."""
+_LIMITS = """Every trace states, for each effect, the strength from which on it would be accepted: the
+detection limit, computed from that arm's own logs before any search. The table has its median over all arms,
+the effect present or not. Right is an arm on which this effect was named and no other. Sessions include the
+one that judged."""
 _COMPOSED = """Discovered is a fault whose law, and its place, was composed, or is among those that the report
 calls equivalent, and nothing else. What was left before and after is in errors of a complete twin; it and how
 far the law's size was off are medians over the arms on which it was discovered.
@@ -28,7 +30,6 @@ far the law's size was off are medians over the arms on which it was discovered.
 What a fault's law was worth is computed since seed 34: by how many squared standard errors (σ²) the true law,
 with its true thresholds and to first order, would have explained the training logs better than the calibrated
 twin did. From 30 on, a trace would try it where little is left."""
-_COLUMNS = 4
 _MARKS = ("o", "s", "^", "D", "v")
 
 
@@ -37,7 +38,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
     sections = [Section("", _TEXT, (_rates(results),))]
     if results["effects"]:
         sections.append(
-            Section("From which strength on", _LIMITS, (_dots(results), _effects(results)))
+            Section("From which strength on", _LIMITS, (*_dots(results), _effects(results)))
         )
     if results["outside"]:
         sections.append(Section("What no catalogue lists", _COMPOSED, (_outside(results),)))
@@ -50,22 +51,28 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
 
 def _rates(results: Mapping[str, Any]) -> Table:
     lines = [(name, of["aim"], of["said"]) for name, of in results["rates"].items()]
+    lines.append(
+        (f"stated detection limits from which on {NAMED:.0%} are named", "1", results["named_from"])
+    )
     if results["median_seconds"]:
         lines.append(("median of a trace's time", "", f"{results['median_seconds']:.0f} s"))
     return Table(("", "aim", "found"), tuple(lines))
 
 
 def _effects(results: Mapping[str, Any]) -> Table:
+    numbers = list(results["effects"][0]["stated"])
     lines = []
     for each in results["effects"]:
+        stated = each["stated"].values()
         off = f"{each['median_off']:.0%}" if each["median_off"] is not None else ""
+        limits = (quantity(at, each["unit"]) if at else "" for at in stated)
         name = each["effect"].replace("_", " ")
-        lines.append((name, str(each["sessions"]), each["said"], each["right"], off, each["held"]))
+        lines.append((name, *limits, each["right"], each["strong"], off, each["held"]))
     head = (
         "effect",
-        "sessions",
-        "detection limit",
+        *(f"limit, {n} sessions" for n in numbers),
         "named right",
+        "from twice its limit on",
         "off, median",
         "in its interval",
     )
@@ -91,33 +98,29 @@ def _outside(results: Mapping[str, Any]) -> Table:
     return Table(head, tuple(lines))
 
 
-def _dots(results: Mapping[str, Any]) -> Figure:
-    """A dot for every arm over its fault's strength: right above, wrong below, by number of sessions."""
-    names = sorted({name for name, *_ in results["trials"]})
+def _dots(results: Mapping[str, Any]) -> tuple[Figure, ...]:
+    """A dot for every arm over its effect's strength in detection limits, by number of sessions."""
+    if not results["trials"]:
+        return ()
+    names = sorted({name for name, *_ in results["trials"]}, reverse=True)
     numbers = sorted({sessions for *_, sessions in results["trials"]})
-    height = -(-len(names) // _COLUMNS)
-    drawing = Drawing(figsize=(11, 1.6 * height), layout="constrained")
-    for k, name in enumerate(names):
-        axes, some = drawing.add_subplot(height, _COLUMNS, k + 1), _of(results, name)
-        for n, sessions in enumerate(numbers):
-            for good, colour in ((True, RIGHT), (False, WRONG)):
-                at = [s for s, _, right, of in some if right == good and of == sessions]
-                level = float(good) + 0.15 * (n - (len(numbers) - 1) / 2)
-                mark = _MARKS[n % len(_MARKS)]
-                axes.plot(at, np.full(len(at), level), mark, color=colour, alpha=0.6, mew=0)
-        axes.set(xscale="log", ylim=(-0.5, 1.5), xlabel=some[0][1] if some[0][1] != "1" else "")
-        axes.set_yticks([0, 1], ["wrong", "right"])
-        axes.set_title(name.replace("_", " "), loc="left", fontsize=9)
-        label_logarithmic(axes)
-        tidy(axes, grid=None, labelsize=8)
+    drawing = Drawing(figsize=(9, 1.2 + 0.32 * len(names)), layout="constrained")
+    axes = drawing.add_subplot()
+    for name, times, right, sessions in results["trials"]:
+        mark = _MARKS[numbers.index(sessions) % len(_MARKS)]
+        colour = RIGHT if right else WRONG
+        axes.plot(times, names.index(name), mark, color=colour, alpha=0.7, mew=0)
+    for times in (1.0, STRONG):
+        axes.axvline(times, color=INK, lw=0.8, ls="--" if times == 1.0 else "-")
+    axes.set(
+        xscale="log", xlabel="strength in stated detection limits", ylim=(-0.6, len(names) - 0.4)
+    )
+    axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
+    label_logarithmic(axes)
+    tidy(axes, grid="y", labelsize=8)
     told = ", ".join(f"{mark} {n}" for mark, n in zip("●■▲◆▼", numbers, strict=False))
-    note = f"Every arm with one effect of the catalogue; marks by its number of sessions: {told}."
-    return Figure("how_often_right", drawing, note)
-
-
-def _of(results: Mapping[str, Any], name: str) -> list[tuple[float, str, bool, int]]:
-    """Strength, unit, whether it was named right, and sessions of each arm with an effect."""
-    return [(s, unit, right, n) for there, s, unit, right, n in results["trials"] if there == name]
+    note = f"Every arm with one effect of the catalogue: named right in green, else red. Sessions: {told}."
+    return (Figure("how_often_right", drawing, note),)
 
 
 def _matrix(results: Mapping[str, Any]) -> Figure:

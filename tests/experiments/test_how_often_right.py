@@ -46,12 +46,18 @@ LINE = ArmLine(
     complete_mm=0.4,
     seconds=120.0,
     worth=1.0,
+    times_limit=float("nan"),
+    limits="",
 )
+
+
+LIMIT = 0.09  # kg
 
 
 def heavy(strength, called="payload", number=0, **others):
     known = {"off": 0.1, "held": 1, "intervals": 1} if called == "payload" else {}
     there = {"arm": f"payload-{number:02d}", "kind": KNOWN, "there": "payload", "unit": "kg"}
+    there |= {"times_limit": strength / LIMIT, "limits": f"base_tilt 0.01, payload {LIMIT}"}
     right = called == "payload"
     return replace(
         LINE, strength=strength, called=called, right=right, **{**there, **known, **others}
@@ -65,9 +71,8 @@ def test_lines_add_up_and_an_arm_traced_again_takes_its_place(tmp_path):
     add(path, [heavy(0.1, called="nothing"), later])
     found = read(path)
     assert [each.called for each in found] == ["nothing", "nothing", "payload"]
-    assert np.isnan(found[0].strength) and replace(found[2], strength=0, off=0) == replace(
-        later, strength=0, off=0
-    )
+    blank = {"strength": 0, "off": 0, "times_limit": 0}
+    assert np.isnan(found[0].strength) and replace(found[2], **blank) == replace(later, **blank)
     with pytest.raises(
         SerpentError, match=r"none.csv does not exist. experiments.confusion --rows"
     ):
@@ -102,9 +107,9 @@ def test_rates_count_what_is_right():
     assert count["true strength in its 95 % interval"] == (9, 9)
     assert count["its law and place discovered"] == (2, 3)
     (effect,) = found["effects"]
-    assert 0.05 < effect["limit"] < 0.2 and effect["sessions"] == 2
-    at = count["named at twice the detection limit"]
-    assert at[0] == at[1] == sum(each.strength >= 2 * effect["limit"] for each in strong)
+    assert effect["stated"] == {"2": LIMIT}
+    assert count["named, from twice the detection limit on that its trace stated"] == (7, 7)
+    assert 0.5 < float(found["named_from"]) < 2.0
     assert found["names"]["payload"] == {"given": 9, "right": 9}
     assert found["names"]["discovered"] == {"given": 3, "right": 2}
     json.dumps(found, allow_nan=False)
