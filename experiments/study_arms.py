@@ -3,12 +3,17 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from bench_arm.effects import Effects
 from bench_arm.parameters import BenchArm
 from experiments.confusion.arms import RATE_HZ, Length, built, planned
 from experiments.confusion.plan import Trial
 from serpent_twin import stored
 from serpent_twin.errors import SerpentError
+from serpent_twin.estimators.observer import Observer
+from serpent_twin.readouts.windows import cut
+from serpent_twin.sessions import read_session, session_files
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -73,3 +78,12 @@ def traced_arms(study: Path, most: int) -> list[StudyArm]:
             f"--out {study} first."
         )
     return there[:most]
+
+
+def observer_of(kind: type[Observer], arm: StudyArm) -> Observer:
+    """An observer of an arm's own twin: its loads' error is that on the log that judged the trace."""
+    observer = kind(twin=twin_model.to_dict(arm.twin))
+    logs = [read_session(path) for path in session_files(arm.folder / "logs")]
+    train, validate = cut(logs[:-1], observer.window), cut(logs[-1:], observer.window)
+    observer.fit(train, validate, np.random.default_rng(0))
+    return observer

@@ -10,11 +10,12 @@ from bench_arm.bus import BenchBus, BenchCameras
 from experiments.follow.config import FollowStudy
 from experiments.follow.paths import PATHS
 from experiments.result_rows import failed_row
-from experiments.study_arms import StudyArm
+from experiments.study_arms import StudyArm, observer_of
 from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.observer import Observer
+from serpent_twin.estimators.weighing_observer import WeighingObserver
 from serpent_twin.following.path import PathToFollow
 from serpent_twin.following.planning import PathPlan
 from serpent_twin.following.planning import planned as path_planned
@@ -36,6 +37,7 @@ LOAD = 0.05
 """Taken up half-way along the first path [kg]"""
 FIRST = next(iter(PATHS))
 LOADED, LOADED_OPEN = "its twin, feedback, 50 g taken up", "its twin, 50 g taken up"
+WEIGHED, WEIGHED_LOADED = "its twin, weighing", "its twin, weighing, 50 g taken up"
 
 
 def run_arm(config: FollowStudy, arm: StudyArm) -> dict[str, Any]:
@@ -63,9 +65,12 @@ def _followed(arm: StudyArm, twin: TwinModel) -> dict[str, Any]:
     for rate in RATES[1:]:
         plan = _planned(PATHS[FIRST], twin, arm, rate)
         rates[f"{rate:g}"] = _error(arm, plan, twin, feedback=1.0)
+    weighing = observer_of(WeighingObserver, arm)
     loaded = {
         LOADED_OPEN: _error(arm, own, twin, load=LOAD),
         LOADED: _error(arm, own, twin, feedback=1.0, load=LOAD),
+        WEIGHED_LOADED: _error(arm, own, twin, weighing, feedback=1.0, load=LOAD),
+        WEIGHED: _error(arm, own, twin, weighing, feedback=1.0),
     }
     wanted = np.round(own.tip[own.begins :], 4).tolist()
     return {"paths": found, "wanted": wanted, "rates": rates, "loaded": loaded}
@@ -79,16 +84,18 @@ def _error(
     arm: StudyArm,
     plan: PathPlan,
     twin: TwinModel,
+    estimator: Observer | None = None,
     feedback: float = 0.0,
     load: float = 0.0,
     keep: bool = False,
 ) -> Mapping[str, Any]:
-    """How far the tip truly was from the path [mm], and how long a cycle took [ms]; where it was, if that is
-    to be kept [m], (T, 3).
+    """How far the tip truly was from the path [mm], at last in its last sixth, and how long a cycle took
+    [ms]; where it was, if that is to be kept [m], (T, 3). The twin estimates, or an observer.
     """
     made, effects = arm.built()
     bus = BenchBus(made, effects, seed=arm.seed, prior_runtime=arm.runtime)
-    follower = Follower(Observer.of(twin), plan.rows, prior_runtime=arm.runtime)
+    estimator = estimator or Observer.of(twin)
+    follower = Follower(estimator, plan.rows, prior_runtime=arm.runtime)
     steering = PathSteering(plan, twin, follower, twin.parameters.controller_gain, feedback)
     tip: list[Array] = []
     half = (plan.begins + plan.rows) // 2
@@ -100,11 +107,13 @@ def _error(
             tip.append(origin[-1] + rotation[-1] @ TIP)
     rows = slice(half if load else plan.begins, None)
     off = 1e3 * np.linalg.norm(np.array(tip) - plan.tip, axis=1)[rows]
+    last = off[-((plan.rows - plan.begins) // 6) :]
     took = follower.update_ms[np.isfinite(follower.update_ms)]
     return {
         "tip": np.round(np.array(tip)[plan.begins :], 4).tolist() if keep else None,
         "mean": float(off.mean()),
         "rms": float(np.sqrt((off**2).mean())),
+        "last_rms": float(np.sqrt((last**2).mean())),
         "max": float(off.max()),
         "median_ms": float(np.median(took)),
         "p99_ms": float(np.quantile(took, 0.99)),

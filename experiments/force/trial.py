@@ -13,7 +13,7 @@ from experiments.force.bound import Bound
 from experiments.force.config import ForceStudy
 from experiments.force.learned import before, learned_errors
 from experiments.result_rows import failed_row
-from experiments.study_arms import StudyArm
+from experiments.study_arms import StudyArm, observer_of
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -21,10 +21,9 @@ from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.estimators.feeling import feeling
 from serpent_twin.estimators.observer import TURNING, Observer
 from serpent_twin.live.contacts import Touch
-from serpent_twin.readouts.windows import bus_of, cut
+from serpent_twin.readouts.windows import bus_of
 from serpent_twin.runs.provenance import git_commit
-from serpent_twin.sessions import Session, read_session, session_files
-from serpent_twin.sim import twin_model
+from serpent_twin.sessions import Session
 from serpent_twin.sim.pushes import Push, drawn
 
 SUBSTEPS = 80
@@ -54,7 +53,7 @@ def run_arm(config: ForceStudy, arm: StudyArm) -> dict[str, Any]:
 
 
 def _felt(config: ForceStudy, arm: StudyArm) -> dict[str, Any]:
-    observer, seconds = _trained(arm), ROWS / RATE
+    observer, seconds = observer_of(Observer, arm), ROWS / RATE
     rng = arm.trial.rng(arm.seed + 1)  # the arm itself is drawn by its seed
     random = [drawn(rng, PUSHES, seconds) for _ in range(SESSIONS)]
     steps = [_steps(rng, seconds) for _ in range(2)]
@@ -180,15 +179,6 @@ def _steps(rng: np.random.Generator, seconds: float) -> tuple[Push, ...]:
         link = int(rng.integers(1, N_JOINTS + 1)) if rng.random() < 0.5 else N_JOINTS
         several.append(Push(link, (x, y, z), float(begin), float(begin + 10.0)))
     return tuple(several)
-
-
-def _trained(arm: StudyArm) -> Observer:
-    """The observer of the arm's own twin: its loads' error is that on the log that judged the trace."""
-    observer = Observer(twin=twin_model.to_dict(arm.twin))
-    logs = [read_session(path) for path in session_files(arm.folder / "logs")]
-    train, validate = cut(logs[:-1], observer.window), cut(logs[-1:], observer.window)
-    observer.fit(train, validate, np.random.default_rng(0))
-    return observer
 
 
 def _false_contacts(observer: Observer, arm: StudyArm, part: int) -> int:

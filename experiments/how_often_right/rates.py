@@ -16,6 +16,8 @@ NAMED = 0.90
 """Rate at which effects are named from the strength on that is sought"""
 STRONG = 2.0
 """Times a stated detection limit from which on an effect should be named"""
+RECENT = 100
+"""Arms whose rates are told besides: as the program is by now"""
 NEAR, LEFT = 0.15, 1.3
 """How far the size of a discovered law may be off, and what it may leave, of what a complete twin would"""
 _NONE = "none"
@@ -35,13 +37,40 @@ def wrong(line: ArmLine) -> bool:
 
 def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
     """All figures, as results.json holds them."""
-    by = {kind: [each for each in lines if each.kind == kind] for kind in (CLEAN, KNOWN, OUTSIDE)}
+    known = [each for each in lines if each.kind == KNOWN]
+    lately = _rates(lines[-RECENT:])
+    return {
+        "arms": len(lines),
+        "recent": min(RECENT, len(lines)),
+        "versions_of_lines": sorted({each.version for each in lines}),
+        "rates": {
+            name: share.numbers()
+            | {"said": str(share), "aim": aim, "recent": lately[name][0].numbers()}
+            | {"recent_said": str(lately[name][0])}
+            for name, (share, aim) in _rates(lines).items()
+        },
+        "effects": _effects(known, lines),
+        "named_from": _named_from(known),
+        "trials": [_trial(each) for each in known if np.isfinite(each.times_limit)],
+        "outside": _outside([each for each in lines if each.kind == OUTSIDE]),
+        "called": _called(lines),
+        "names": _track(lines),
+        "commits": _commits(lines),
+        "median_seconds": _median(each.seconds for each in lines),
+    }
+
+
+def _rates(lines: Sequence[ArmLine]) -> dict[str, tuple[Share, str]]:
+    """Each rate, with what it should be."""
+    clean, known, outside = ([x for x in lines if x.kind == k] for k in (CLEAN, KNOWN, OUTSIDE))
     faulty = [each for each in lines if each.kind != CLEAN]
-    strong = [each for each in by[KNOWN] if each.times_limit >= STRONG]
+    strong = [each for each in known if each.times_limit >= STRONG]
+    sized = [each for each in outside if np.isfinite(each.off)]
+    found = [each for each in outside if each.discovered]
     held = Share(sum(each.held for each in lines), sum(each.intervals for each in lines))
-    found = {
-        "false alarms": (_share(by[CLEAN], names_of), "at most 1 %"),
-        "clean arms called unexplained": (_share(by[CLEAN], lambda x: x.unexplained), "none"),
+    return {
+        "false alarms": (_share(clean, names_of), "at most 1 %"),
+        "clean arms called unexplained": (_share(clean, lambda x: x.unexplained), "none"),
         "a name that is not there": (_share(faulty, wrong), "at most 2 %"),
         "named, from twice the detection limit on that its trace stated": (
             _share(strong, lambda x: x.right),
@@ -49,46 +78,24 @@ def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
         ),
         "true strength in its 95 % interval": (held, "93 … 97 %"),
         "an effect of the catalogue called unexplained": (
-            _share(by[KNOWN], lambda x: x.unexplained),
+            _share(known, lambda x: x.unexplained),
             "none",
         ),
         "a fault outside the catalogue discovered or called unexplained": (
-            _share(by[OUTSIDE], lambda x: x.right),
+            _share(outside, lambda x: x.right),
             "",
         ),
-        "its law and place discovered": (_share(by[OUTSIDE], lambda x: x.discovered), "80 %"),
+        "its law and place discovered": (_share(outside, lambda x: x.discovered), "80 %"),
         f"the same, of faults whose law was worth {WORTH:g} σ² or more": (
-            _share([x for x in by[OUTSIDE] if x.worth >= WORTH], lambda x: x.discovered),
+            _share([x for x in outside if x.worth >= WORTH], lambda x: x.discovered),
             "80 %",
         ),
-        "a discovered law's size within 15 %": (
-            _share([x for x in by[OUTSIDE] if np.isfinite(x.off)], lambda x: x.off <= NEAR),
-            "",
-        ),
+        "a discovered law's size within 15 %": (_share(sized, lambda x: x.off <= NEAR), ""),
         "error after it at most 1.3 times that of a complete twin": (
-            _share(
-                [x for x in by[OUTSIDE] if x.discovered],
-                lambda x: x.corrected_mm <= LEFT * x.complete_mm,
-            ),
+            _share(found, lambda x: x.corrected_mm <= LEFT * x.complete_mm),
             "",
         ),
         "traces that failed": (_share(lines, lambda x: x.called == FAILED), "none"),
-    }
-    return {
-        "arms": len(lines),
-        "versions_of_lines": sorted({each.version for each in lines}),
-        "rates": {
-            name: share.numbers() | {"said": str(share), "aim": aim}
-            for name, (share, aim) in found.items()
-        },
-        "effects": _effects(by[KNOWN], lines),
-        "named_from": _named_from(by[KNOWN]),
-        "trials": [_trial(each) for each in by[KNOWN] if np.isfinite(each.times_limit)],
-        "outside": _outside(by[OUTSIDE]),
-        "called": _called(lines),
-        "names": _track(lines),
-        "commits": _commits(lines),
-        "median_seconds": _median(each.seconds for each in lines),
     }
 
 

@@ -16,7 +16,7 @@ from experiments.confusion.expected import of_bench
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR, Trial
 from experiments.confusion.worth import true_law
 from experiments.how_often_right import __main__ as how_often_right
-from experiments.how_often_right.rates import rates
+from experiments.how_often_right.rates import RECENT, rates
 from experiments.result_rows import failed_row
 from serpent_twin import __version__
 from serpent_twin.errors import SerpentError
@@ -113,6 +113,13 @@ def test_rates_count_what_is_right():
     assert found["names"]["payload"] == {"given": 9, "right": 9}
     assert found["names"]["discovered"] == {"given": 3, "right": 2}
     json.dumps(found, allow_nan=False)
+
+
+def test_the_last_arms_are_told_besides():
+    named = replace(LINE, called="base_tilt", right=False)
+    found = rates([named, *[LINE] * RECENT])["rates"]["false alarms"]
+    assert (found["count"], found["of"]) == (1, RECENT + 1)
+    assert (found["recent"]["count"], found["recent"]["of"]) == (0, RECENT)
 
 
 def test_the_page_and_what_reports_quote_are_of_one_version(tmp_path, monkeypatch, capsys):
