@@ -98,7 +98,7 @@ def worth(traced: Trace, law: TrueLaw) -> float:
     places = case.places(base.point, some)
     assert places is not None
     wanted, several = law
-    search = Search(case, some, base, places)
+    search = Search.of(case, some, base, places)
     at = response_at(places, wanted)
     readings = places.readings
     follows = rows_of(several, readings) if wanted.reading else np.ones((1, search.F.shape[1]))

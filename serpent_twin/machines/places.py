@@ -143,6 +143,16 @@ def in_one_sensor(changed: int, channels: int) -> bool:
 
 
 @dataclass(frozen=True)
+class MissingTorques:
+    """What the joints lacked where they were measured: exact, however far the machine gave way."""
+
+    torque: Array
+    """[N m], (S, T, J)"""
+    responses: Sequence[PlaceResponse]
+    """Torques on the joints by changes at places; changes are (d, S, T, J)"""
+
+
+@dataclass(frozen=True)
 class PlacesInRow:
     """What S segments of T rows show of changes at a machine's places, each in its own row."""
 
@@ -154,6 +164,8 @@ class PlacesInRow:
     """None: the states in which segments begin show in no row"""
     twin_angles: Mapping[str, Array] = field(default_factory=dict)
     """Empty: the twin is in the measured pose"""
+    missing_torques: MissingTorques | None = None
+    """None: what is measured is no balance of torques"""
 
 
 def with_more(point: ParameterVector, law: Law, axis: int, more: float) -> ParameterVector:
@@ -182,6 +194,18 @@ class Places(Protocol):
         """Changes of the prediction by the states in which segments begin, if these are known by noisy
         readings only, (S, k, T, C).
         """
+        ...
+
+    @property
+    def twin_angles(self) -> Mapping[str, Array]:
+        """Angles of the twin's joints by name [rad], (S, T); readings have the measured ones. Empty if the
+        twin is in the measured pose.
+        """
+        ...
+
+    @property
+    def missing_torques(self) -> MissingTorques | None:
+        """What the joints lacked in the measured poses; None of a machine that does not say."""
         ...
 
 

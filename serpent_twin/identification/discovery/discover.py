@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 from serpent_twin.effects.law import Law
+from serpent_twin.identification.discovery.by_torques import screened_by_torques
 from serpent_twin.identification.discovery.candidates import (
     candidate_of,
     distinct,
@@ -26,6 +27,8 @@ WORTH = 30.0
 """What the best of some 300,000 laws must be worth where little is left: 2 ln 300,000 is chance. Where much
 is left, held-out logs decide, which took no part in the search.
 """
+_BY_TORQUES = 4
+"""And of those that missing torques show, where much is left: then the pose is no linear answer"""
 _SHARE = 0.015
 """Of the residual's squares that it must remove: of an arm that lacks nothing, the best removes 0.009"""
 _SENSOR = 0.0015, 25.0
@@ -53,10 +56,15 @@ def discover(
     ]
     made = partial(_candidate, case, places)
     new = {each.name: each for each in map(made, held_by_friction(case, some, base, places))}
-    for each in distinct(found, _TRIED):
-        alike = tuple(map(made, resembling_at_first(each, found)))
-        new.setdefault((one := made(each)).name, replace(one, alternatives=alike))
+    for several, most in ((found, _TRIED), ([] if little else _by_torques(places), _BY_TORQUES)):
+        for each in distinct(several, most):
+            alike = tuple(map(made, resembling_at_first(each, several)))
+            new.setdefault((one := made(each)).name, replace(one, alternatives=alike))
     return [each for name, each in new.items() if name not in base.point.effects]
+
+
+def _by_torques(places: Places) -> list[Composed]:
+    return [each for each in screened_by_torques(places) if each.share > _SHARE]
 
 
 def in_each_shape(case: Case[Any], training: Any, base: Fit, law: Law) -> Sequence[Candidate]:
@@ -67,7 +75,7 @@ def in_each_shape(case: Case[Any], training: Any, base: Fit, law: Law) -> Sequen
     places = case.places(base.point, some)
     if places is None:
         return ()
-    search = Search(case, some, base, places)
+    search = Search.of(case, some, base, places)
     at = response_at(places, law)
     follows = law.reading, law.where
     found = [each for each in search.at(at) if (each.law.reading, each.law.where) == follows]

@@ -78,7 +78,7 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     seen = np.mod(first * x + second, 2 * np.pi) if phase else x
     ends = (0.0, 2 * np.pi) if phase else (float(x.min()), float(x.max()))
     knots = np.linspace(*ends, _KNOTS + phase)[:_KNOTS] if phase else _spread(x)
-    search = Search(case, some, fit, places)
+    search = Search.of(case, some, fit, places)
     off, error, gain = search.together(
         response.along(along),
         _hats(seen, knots, 2 * np.pi if phase else None),

@@ -8,7 +8,7 @@ D that of the Jacobian, the pull is F h and the Gram matrix F² |R|² − w (F D
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -95,27 +95,29 @@ class Composed:
 
 def screened(case: Case[Any], pieces: Any, fit: Fit, places: Places) -> list[Composed]:
     """The best laws at each place, the best first, by the segments that a fit used."""
-    search = Search(case, pieces, fit, places)
-    responses = list(places.responses)
-    swings = search.swings(responses)
-    found = [
-        each for n, response in enumerate(responses) for each in search.at(response, swings[n])
-    ]
-    return sorted(found, key=lambda each: -each.worth)
+    return Search.of(case, pieces, fit, places).best(places.responses)
 
 
 class Search:
-    """What all places share."""
+    """What all places share: a residual (S, T, C), weighed by a scale (S, T, C), the information that it
+    holds on the free parameters, and what laws may follow.
+    """
 
-    def __init__(self, case: Case[Any], pieces: Any, fit: Fit, places: Places) -> None:
-        scale = np.where(np.isfinite(pieces.measured), 1 / case.noise, 0.0)
-        free, known = columns(places.starts, scale), Information.of(case, fit)
+    def __init__(
+        self,
+        residual: Array,
+        scale: Array,
+        known: Information,
+        readings: Mapping[tuple[str, str], Array],
+        starts: Array | None = None,
+    ) -> None:
+        free = columns(starts, scale)
         slopes = beyond(free, known.slopes.astype(float).reshape(-1, *scale.shape))
-        known = replace(known, slopes=slopes.reshape(len(slopes), -1))
-        self.readings = places.readings
+        known = replace(known, slopes=slopes.reshape(len(slopes), scale.size))
+        self.readings = readings
         self.ways, self.F = ways(self.readings)
-        self.weight, self.channels = known.weight, case.channels
-        residual = beyond(free, fit.residual.astype(float).reshape(scale.shape)).ravel()
+        self.weight, self.channels = known.weight, scale.shape[-1]
+        residual = beyond(free, residual.astype(float)).ravel()
         pull = known.weight * (known.slopes @ residual) + known.prior * known.lean
         self.total = float(residual @ residual)
         self.inverse = np.linalg.inv(known.matrix)
@@ -123,10 +125,23 @@ class Search:
             known.slopes @ known.slopes.T, rcond=FLAT**2, hermitian=True
         )
         left = residual - known.slopes.T @ (self.inverse @ pull)
-        shape = (-1, case.channels)
+        shape = (scale.size // self.channels, self.channels)
         self.rows = ResidualRows(
             left.reshape(shape), known.slopes.reshape(len(known.slopes), *shape), scale, free
         )
+
+    @classmethod
+    def of(cls, case: Case[Any], pieces: Any, fit: Fit, places: Places) -> Self:
+        """That of a fit, by the segments that it used."""
+        scale = np.where(np.isfinite(pieces.measured), 1 / case.noise, 0.0)
+        residual = fit.residual.reshape(scale.shape)
+        return cls(residual, scale, Information.of(case, fit), places.readings, places.starts)
+
+    def best(self, responses: Sequence[Response]) -> list[Composed]:
+        """The best laws at each place, the best first."""
+        swings = self.swings(responses)
+        found = [each for n, one in enumerate(responses) for each in self.at(one, swings[n])]
+        return sorted(found, key=lambda each: -each.worth)
 
     def swings(self, responses: Sequence[Response]) -> list[list[Way]]:
         """The swings by each time that are tried at each place."""

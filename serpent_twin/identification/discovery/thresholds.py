@@ -37,7 +37,7 @@ def better_thresholds(
     if places is None:
         return None
     response = response_at(places, law)
-    search = Search(case, some, _without(case, some, found, name), places)
+    search = Search.of(case, some, _without(case, some, found, name), places)
     x = places.readings[law.reading, law.where]
     tried = _finely(law, float(values[FORM]), float(values[FORM + 1]), x)
     points = []

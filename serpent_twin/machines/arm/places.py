@@ -23,8 +23,9 @@ from serpent_twin.effects.arm_places import (
     levers,
 )
 from serpent_twin.effects.law import POSITIONS, READINGS, SPRING
+from serpent_twin.machines.arm.missing_torques import missing_torques
 from serpent_twin.machines.arm.pieces import ArmPieces
-from serpent_twin.machines.places import PlaceResponse
+from serpent_twin.machines.places import MissingTorques, PlaceResponse
 from serpent_twin.sim import response
 from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.sim.statics import PASSES, gravity_stiffness, of_joints, strand_stiffness
@@ -91,6 +92,11 @@ class ArmPlaces:
     def twin_angles(self) -> Mapping[str, Array]:
         """Of all joints."""
         return dict(zip(NAMES["joint"], np.moveaxis(self.did.joint_angle, -1, 0), strict=True))
+
+    @property
+    def missing_torques(self) -> MissingTorques:
+        """Of all joints."""
+        return missing_torques(self.twin, self.pieces, self.did)
 
     def _speed(self, joint_angle: Array) -> Array:
         time = self.pieces.motors.time[..., None]

@@ -138,6 +138,11 @@ class ModelPlaces:
         return {}
 
     @property
+    def missing_torques(self) -> None:
+        """None: the sensors of a model need not show the pose."""
+        return
+
+    @property
     def _joints(self) -> list[tuple[str, int]]:
         """Names of joints, and their degrees of freedom, which are their place in the pose."""
         model = self.machine.model

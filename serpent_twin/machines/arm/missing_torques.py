@@ -1,0 +1,72 @@
+"""Say which torques the arm's joints lacked where they were measured.
+
+A slow arm passes through equilibria: where it was measured, cables and gravity balance whatever else acts on
+its joints. By as much as they do so otherwise than at the pose of a twin whose motors went the same way, that
+twin lacks a torque. However far the arm gave way, and whether cables went slack, changes nothing of that:
+the pose is no linear answer to a strong force, but the torques are the sum of what acts.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
+from serpent_twin.arrays import Array
+from serpent_twin.effects.arm_places import LINK_MASS, NAMES, centres_of_mass, levers
+from serpent_twin.effects.law import SPRING
+from serpent_twin.machines.arm.pieces import ArmPieces
+from serpent_twin.machines.places import MissingTorques, PlaceResponse
+from serpent_twin.sim.response import Response
+from serpent_twin.sim.statics import PASSES, strand_stiffness
+from serpent_twin.sim.twin_model import TwinModel
+
+_SIDES = np.tile([1.0, -1.0], N_MOTORS)
+_RADII = ARM.pulley_radii
+
+
+def missing_torques(twin: TwinModel, pieces: ArmPieces, did: Response) -> MissingTorques:
+    """Of S segments of T rows, in which a twin did so."""
+    measured = np.where(np.isfinite(pieces.joint_angle), pieces.joint_angle, did.joint_angle)
+    more = _tension_there(twin, pieces, did, measured) - did.tension
+    winding = (_RADII * (more[..., 0::2] - more[..., 1::2])) @ PASSES
+    holding = winding + _gravity(measured) - _gravity(did.joint_angle)
+    return MissingTorques(-holding, tuple(_responses(measured)))
+
+
+def _tension_there(twin: TwinModel, pieces: ArmPieces, did: Response, measured: Array) -> Array:
+    """Tension that the twin's strands would have in the measured pose [N], (S, T, 20)."""
+    stiffness = strand_stiffness(twin)
+    loose = np.minimum(_stretch(twin, pieces, did), 0.0)
+    stretch = np.where(did.tension > 0, did.tension / stiffness, loose)
+    passed = (measured - did.joint_angle) @ PASSES.T
+    stretch = stretch - _SIDES * np.repeat(_RADII * passed, 2, axis=-1)
+    return stiffness * np.maximum(stretch, 0.0)
+
+
+def _stretch(twin: TwinModel, pieces: ArmPieces, did: Response) -> Array:
+    """Of each strand in the twin's pose, by its calibrated slack [m], (S, T, 20)."""
+    ratio = 1.0 + np.asarray(twin.tolerances.winch_radius)
+    wound = ratio * pieces.motors.angle - did.joint_angle @ PASSES.T
+    wound[..., -1] -= did.jaw_angle.reshape(wound.shape[:-1])
+    slack = twin.parameters.strand_slack + np.asarray(twin.tolerances.strand_slack)
+    return _SIDES * np.repeat(_RADII * wound, 2, axis=-1) - slack
+
+
+def _gravity(q: Array) -> Array:
+    """Torque of the links' weight on the joints [N m], (…, 9)."""
+    return np.einsum("l,...ljx,x->...j", LINK_MASS, levers(q), np.array(ARM.gravity))
+
+
+def _responses(q: Array) -> Iterator[PlaceResponse]:
+    """Torques on the joints by what may act on them and on the links, in poses (S, T, 9)."""
+    for name, one in zip(NAMES["joint"], np.eye(N_JOINTS), strict=True):
+        yield PlaceResponse("joint_torque", name, np.broadcast_to(one, q.shape)[None])
+    origin, rotation = link_frames(q)
+    middle, lever = centres_of_mass(origin, rotation), levers(q)
+    for n, name in enumerate(NAMES["body"]):
+        world = np.moveaxis(lever[..., n, :, :], -1, 0)
+        yield PlaceResponse("force", name, world)
+        own = np.einsum("stxy,xstj->ystj", rotation[..., n, :, :], world)
+        yield PlaceResponse("force_in_body", name, own)
+        slack = -np.einsum("stx,xstj->stj", middle[..., n, :], world)
+        yield PlaceResponse(SPRING, name, np.concatenate([world, slack[None]]))
