@@ -14,6 +14,7 @@ from experiments.confusion.arms import BenchSource
 from experiments.confusion.config import Confusion
 from experiments.confusion.expected import of_bench
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR, Trial
+from experiments.confusion.stated_limits import stated_limits, times_limit
 from experiments.confusion.worth import true_law
 from experiments.how_often_right import __main__ as how_often_right
 from experiments.how_often_right.rates import RECENT, rates
@@ -161,6 +162,22 @@ def test_faults_that_were_worth_finding_are_counted_alone():
     found = rates(lines)["rates"]
     (name,) = [each for each in found if "worth 30" in each]
     assert (found[name]["count"], found[name]["of"]) == (1, 2)
+
+
+def test_limits_are_of_the_whole_strength_of_an_effect():
+    stated = [
+        {"name": "base_tilt", "limit": 0.01},
+        {"name": "payload", "limit": 0.02},
+        {"name": "gear_backlash", "limit": None},
+        {"name": "cable_creep", "limit": float("inf")},
+    ]
+    limits = stated_limits({"identifiability": {"effects": stated}})
+    assert limits == {"base_tilt": pytest.approx(0.01 * np.sqrt(2)), "payload": 0.02}
+    tilted = {"name": "base_tilt", "strong": ["about_y", "about_z"]}
+    tilted["parameters"] = {"about_y": 0.01, "about_z": -0.01}
+    assert times_limit(tilted, limits) == pytest.approx(1.0)
+    none = {"name": "cable_creep", "strong": ["fraction"], "parameters": {"fraction": 0.5}}
+    assert np.isnan(times_limit(none, limits))
 
 
 @pytest.mark.parametrize("name", BenchSource().outside)
