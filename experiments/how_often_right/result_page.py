@@ -54,7 +54,7 @@ def _rates(results: Mapping[str, Any]) -> Table:
     lines = [
         (name, of["aim"], of["said"], of["recent_said"]) for name, of in results["rates"].items()
     ]
-    from_where = f"stated detection limits from which on {NAMED:.0%} are named"
+    from_where = f"stated detection limits from which on {100 * NAMED:.0f} % are named"
     lines.append((from_where, "1", results["named_from"], ""))
     if results["median_seconds"]:
         lines.append(("median of a trace's time", "", f"{results['median_seconds']:.0f} s", ""))
