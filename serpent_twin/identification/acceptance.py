@@ -28,6 +28,10 @@ many at so many sensors gained 0.05; those of five that had such a fault gained 
 """
 CHANCE = 0.01
 """Greatest probability that the gain of an accepted effect is due to chance"""
+HARDLY = 0.02
+"""Relative difference on held-out logs that tells no laws of one place apart: what other parameters lack does
+as much before everything is fitted
+"""
 MATTERS = 0.02
 """Least strength of an accepted effect, in typical ones: less corrects the twin's own arithmetic"""
 SURE = 3.0
@@ -179,10 +183,11 @@ def best_trial(trials: dict[str, CandidateTrial], candidates: Mapping[str, Candi
     if not good:
         return ""
     best = max(good, key=lambda name: good[name])
-    alike = [
-        best,
-        *(name for name in good if name != best and _as_good(trials[name], trials[best])),
-    ]
+    others = [name for name in good if name != best]
+    alike = [best, *(name for name in others if _as_good(trials[name], trials[best]))]
+    own, form = candidates[best], ("place", "law", "depends_on")
+    same = [name for name in others if own.is_law_beside(candidates[name], form)]
+    alike += [name for name in same if _hardly_worse(trials[name], trials[best])]
     return min(alike, key=lambda name: (parameters(candidates[name]), -good[name]))
 
 
@@ -205,6 +210,13 @@ def _as_good(one: CandidateTrial, best: CandidateTrial) -> bool:
     if one.errors is None or best.errors is None:
         return False
     return gain(one.errors, best.errors).probability_of_chance > APART
+
+
+def _hardly_worse(one: CandidateTrial, best: CandidateTrial) -> bool:
+    """Whether one candidate's fit leaves hardly more of the held-out logs than the best one's."""
+    if one.errors is None or best.errors is None:
+        return False
+    return gain(one.errors, best.errors).relative < HARDLY
 
 
 def parameters(candidate: Candidate) -> int:

@@ -37,11 +37,13 @@ class Rival:
     """By how much the accepted one's held-out error is less, in the measure's unit; None if not fitted"""
     probability: float | None
     """That it is not less [1]"""
+    hardly: bool = False
+    """Whether both are laws at one place, and the accepted one's held-out error is less by next to nothing"""
 
     @property
     def told_apart(self) -> bool:
         """Whether the logs tell the two apart."""
-        return self.probability is not None and self.probability < APART
+        return self.probability is not None and self.probability < APART and not self.hardly
 
     def numbers(self, unit: str) -> dict[str, Any]:
         """Entries of diagnosis.json."""

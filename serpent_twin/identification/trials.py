@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.acceptance import (
+    HARDLY,
     CandidateTrial,
     PairTrial,
     Round,
@@ -192,7 +193,10 @@ class Trials:
         alike, winner = rivals(name, scores, case.candidates), done.trials[name].errors
         if case.candidates[name].composed:
             alike = {n: c for n, c in alike.items() if not _less(scores, name, n, done.base)}
-        beside = [n for n in case.candidates[name].confused_with if n in scores]
+        own = case.candidates[name]
+        beside = [n for n in own.confused_with if n in scores]
+        there = {n for n in scores if n != name and own.is_law_beside(case.candidates[n])}
+        beside += sorted(there)
         out = []
         for other in dict.fromkeys([*alike, *(n for n in beside if done.trials[n].fit)]):
             errors = done.trials[other].errors
@@ -210,7 +214,8 @@ class Trials:
                 out.append(Rival(other, alone, None, None))
                 continue
             ahead = gain(errors, winner)
-            out.append(Rival(other, alone, ahead.marker, ahead.probability_of_chance))
+            hardly = other in there and ahead.relative < HARDLY
+            out.append(Rival(other, alone, ahead.marker, ahead.probability_of_chance, hardly))
         return tuple(out)
 
     def _judged(

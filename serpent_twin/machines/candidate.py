@@ -1,6 +1,6 @@
 """Hold an effect that a machine may have and its nominal twin lacks."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -55,6 +55,11 @@ class Candidate:
         if self.composed:
             return dict(self.composed)
         return {"place": {"kind": self.place_kind, "name": self.at}} if self.at else {}
+
+    def is_law_beside(self, other: "Candidate", entries: Sequence[str] = ("place",)) -> bool:
+        """Whether both are composed laws, and equal in some of their entries of JSON."""
+        both = self.composed and other.composed
+        return bool(both) and all(self.composed[n] == other.composed[n] for n in entries)
 
 
 def candidate(name: str, **sized: Range) -> Candidate:

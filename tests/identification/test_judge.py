@@ -201,6 +201,24 @@ def test_of_candidates_that_nothing_tells_apart_the_simplest_is_taken():
     better = replace(one.errors, marker_by_block=one.errors.marker_by_block - 0.1)
     trials["complex"] = replace(trials["complex"], errors=better)
     assert best_trial(trials, known) == "complex"
+    hardly = replace(one.errors, marker_by_block=one.errors.marker_by_block * 0.99)
+    trials["complex"] = replace(trials["complex"], errors=hardly)
+    assert best_trial(trials, known) == "complex"  # by little, and beyond chance
+    law = {"place": {"kind": "body", "name": "link9"}, "law": "above", "depends_on": ["time"]}
+    known = {name: replace(each, composed=law) for name, each in known.items()}
+    assert best_trial(trials, known) == GUST
+    trials["complex"] = replace(trials["complex"], errors=better)
+    assert best_trial(trials, known) == "complex"
+
+
+def test_laws_of_one_place_that_differ_by_next_to_nothing_are_not_told_apart():
+    assert Rival("law", 0.9, 0.1, 1e-4).told_apart
+    assert not Rival("law", 0.9, 0.1, 1e-4, hardly=True).told_apart
+    law = {"place": {"kind": "body", "name": "link9"}, "law": "above", "depends_on": ["time"]}
+    one = replace(candidate("one"), composed=law)
+    other = replace(candidate("other"), composed=law | {"law": "under"})
+    assert one.is_law_beside(other) and not one.is_law_beside(other, ("place", "law"))
+    assert not one.is_law_beside(candidate("named"))
 
 
 def test_what_is_half_worth_it_is_fitted_again_before_it_is_rejected():
