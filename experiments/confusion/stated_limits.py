@@ -13,7 +13,7 @@ def stated_limits(diagnosis: Mapping[str, Any]) -> dict[str, float]:
     """The detection limit of each effect of the catalogue that the logs can show at all, in the unit of its
     strength; of an effect with several strengths, their length.
     """
-    stated = diagnosis["identifiability"]["effects"]
+    stated = diagnosis["identifiability"].get("effects", [])
     return {
         each["name"]: each["limit"] * _length(CATALOGUE[each["name"]])
         for each in stated

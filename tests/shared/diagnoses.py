@@ -16,5 +16,6 @@ def diagnosis(named=(), unexplained=False):
         "error_mm": ERRORS,
         "load_error_percent": ERRORS,
         "seconds": 1.0,
+        "identifiability": {"effects": [{"name": "payload", "limit": 0.01}]},
         "provenance": {"git_commit": "0123456789ab"},
     }
