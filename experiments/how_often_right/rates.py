@@ -17,7 +17,7 @@ NAMED = 0.90
 STRONG = 2.0
 """Times a stated detection limit from which on an effect should be named"""
 RECENT = 100
-"""Arms whose rates are told besides: as the program is by now"""
+"""The last arms, whose rates stand beside those of all arms: they are of the present program"""
 NEAR, LEFT = 0.15, 1.3
 """How far the size of a discovered law may be off, and what it may leave, of what a complete twin would"""
 _NONE = "none"

@@ -121,7 +121,10 @@ def _dots(results: Mapping[str, Any]) -> tuple[Figure, ...]:
     label_logarithmic(axes)
     tidy(axes, grid="y", labelsize=8)
     told = ", ".join(f"{mark} {n}" for mark, n in zip("●■▲◆▼", numbers, strict=False))
-    note = f"Every arm with one effect of the catalogue: named right in green, else red. Sessions: {told}."
+    note = (
+        "Each mark is an arm with one effect of the catalogue, green if that effect alone was named, else "
+        f"red. Shapes show the number of sessions: {told}."
+    )
     return (Figure("how_often_right", drawing, note),)
 
 

@@ -24,17 +24,17 @@ def of_joints(cable: Array) -> Array:
     return np.einsum("...j,ji,jk->...ik", cable, PASSES, PASSES)
 
 
+def against_gravity(joint_angle: Array) -> Array:
+    """Torque that the joints need against gravity [N m], (…, 9), at joint angles [rad], (…, 9)."""
+    return -np.einsum("l,...ljx,x->...j", LINK_MASS, levers(joint_angle), np.array(ARM.gravity))
+
+
 def gravity_stiffness(joint_angle: Array) -> Array:
     """Change of the torque that joints need against gravity, by their angles [N m/rad], (…, 9, 9), at joint
     angles [rad], (…, 9).
     """
-    gravity = np.array(ARM.gravity)
-
-    def needed(q: Array) -> Array:
-        return -np.einsum("l,...ljx,x->...j", LINK_MASS, levers(q), gravity)
-
     steps = [
-        needed(joint_angle + _STEP * one) - needed(joint_angle - _STEP * one)
+        against_gravity(joint_angle + _STEP * one) - against_gravity(joint_angle - _STEP * one)
         for one in np.eye(N_JOINTS)
     ]
     return np.stack(steps, axis=-1) / (2 * _STEP)

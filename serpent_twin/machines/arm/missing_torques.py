@@ -12,12 +12,12 @@ import numpy as np
 
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
 from serpent_twin.arrays import Array
-from serpent_twin.effects.arm_places import LINK_MASS, NAMES, centres_of_mass, levers
-from serpent_twin.effects.law import SPRING
+from serpent_twin.effects.arm_places import NAMES, centres_of_mass, levers
+from serpent_twin.machines.arm.link_forces import by_forces
 from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.places import MissingTorques, PlaceResponse
 from serpent_twin.sim.response import Response
-from serpent_twin.sim.statics import PASSES, strand_stiffness
+from serpent_twin.sim.statics import PASSES, against_gravity, strand_stiffness
 from serpent_twin.sim.twin_model import TwinModel
 
 _SIDES = np.tile([1.0, -1.0], N_MOTORS)
@@ -29,7 +29,7 @@ def missing_torques(twin: TwinModel, pieces: ArmPieces, did: Response) -> Missin
     measured = np.where(np.isfinite(pieces.joint_angle), pieces.joint_angle, did.joint_angle)
     more = _tension_there(twin, pieces, did, measured) - did.tension
     winding = (_RADII * (more[..., 0::2] - more[..., 1::2])) @ PASSES
-    holding = winding + _gravity(measured) - _gravity(did.joint_angle)
+    holding = winding - against_gravity(measured) + against_gravity(did.joint_angle)
     return MissingTorques(-holding, tuple(_responses(measured)))
 
 
@@ -52,11 +52,6 @@ def _stretch(twin: TwinModel, pieces: ArmPieces, did: Response) -> Array:
     return _SIDES * np.repeat(_RADII * wound, 2, axis=-1) - slack
 
 
-def _gravity(q: Array) -> Array:
-    """Torque of the links' weight on the joints [N m], (…, 9)."""
-    return np.einsum("l,...ljx,x->...j", LINK_MASS, levers(q), np.array(ARM.gravity))
-
-
 def _responses(q: Array) -> Iterator[PlaceResponse]:
     """Torques on the joints by what may act on them and on the links, in poses (S, T, 9)."""
     for name, one in zip(NAMES["joint"], np.eye(N_JOINTS), strict=True):
@@ -65,8 +60,4 @@ def _responses(q: Array) -> Iterator[PlaceResponse]:
     middle, lever = centres_of_mass(origin, rotation), levers(q)
     for n, name in enumerate(NAMES["body"]):
         world = np.moveaxis(lever[..., n, :, :], -1, 0)
-        yield PlaceResponse("force", name, world)
-        own = np.einsum("stxy,xstj->ystj", rotation[..., n, :, :], world)
-        yield PlaceResponse("force_in_body", name, own)
-        slack = -np.einsum("stx,xstj->stj", middle[..., n, :], world)
-        yield PlaceResponse(SPRING, name, np.concatenate([world, slack[None]]))
+        yield from by_forces(name, world, rotation[..., n, :, :], middle[..., n, :])

@@ -22,7 +22,8 @@ from serpent_twin.effects.arm_places import (
     centres_of_mass,
     levers,
 )
-from serpent_twin.effects.law import POSITIONS, READINGS, SPRING
+from serpent_twin.effects.law import POSITIONS, READINGS
+from serpent_twin.machines.arm.link_forces import by_forces
 from serpent_twin.machines.arm.missing_torques import missing_torques
 from serpent_twin.machines.arm.pieces import ArmPieces
 from serpent_twin.machines.places import MissingTorques, PlaceResponse
@@ -179,11 +180,7 @@ class ArmPlaces:
         middle = centres_of_mass(origin, rotation)
         for n, name in enumerate(NAMES["body"]):
             world = np.einsum("stjx,jstc->xstc", lever[..., n, :, :], self._by_torques)
-            yield PlaceResponse("force", name, world)
-            own = np.einsum("stxy,xstc->ystc", rotation[..., n, :, :], world)
-            yield PlaceResponse("force_in_body", name, own)
-            slack = -np.einsum("stx,xstc->stc", middle[..., n, :], world)
-            yield PlaceResponse(SPRING, name, np.concatenate([world, slack[None]]))
+            yield from by_forces(name, world, rotation[..., n, :, :], middle[..., n, :])
         inertia = -np.einsum("l,stljx,jstc->xstc", LINK_MASS, lever, self._by_torques)
         yield PlaceResponse("acceleration", NAMES["frame"][0], inertia)
 
