@@ -1,7 +1,7 @@
 PYTHON ?= python3.11
 BIN := .venv/bin
 READY := .venv/.ready
-SIDE_BY_SIDE := --numprocesses 2 --dist loadfile --no-loadscope-reorder --durations 30
+SIDE_BY_SIDE := --numprocesses logical --dist loadfile --no-loadscope-reorder --durations 30
 
 .PHONY: setup demo test test-fast lint bench faults fuzz loop sweep pages model clean
 

@@ -15,7 +15,7 @@ from serpent_twin.identification.acceptance import (
 )
 from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import Checkpoints
-from serpent_twin.identification.discovery.screen import APART
+from serpent_twin.identification.discovery.composed import APART
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
 from serpent_twin.identification.gained import gained, happens_once

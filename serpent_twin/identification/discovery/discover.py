@@ -12,8 +12,9 @@ from serpent_twin.identification.discovery.candidates import (
     distinct,
     resembling_at_first,
 )
+from serpent_twin.identification.discovery.composed import Composed
 from serpent_twin.identification.discovery.followed import Way, swinging
-from serpent_twin.identification.discovery.screen import Composed, Search, screened
+from serpent_twin.identification.discovery.screen import Search, screened
 from serpent_twin.identification.discovery.stuck import held_by_friction
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.least_squares import OnProgress

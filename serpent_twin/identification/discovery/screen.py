@@ -7,13 +7,18 @@ D that of the Jacobian, the pull is F h and the Gram matrix F² |R|² − w (F D
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import HANDLES, SHAPES, Law
+from serpent_twin.effects.law import HANDLES, Law
+from serpent_twin.identification.discovery.composed import (
+    PER_PARAMETER,
+    Composed,
+    from_then_on,
+)
 from serpent_twin.identification.discovery.followed import (
     Way,
     around,
@@ -37,60 +42,15 @@ from serpent_twin.identification.information import Information
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.places import Places, Response, in_one_sensor
 
-_EACH = 4
-"""Laws that are kept at each place"""
-_PER_PARAMETER = 8.0
-"""Squared standard errors that a parameter of a law's form must be worth"""
+_EACH, _REFINED = 4, 12
+"""Laws that are kept at each place, and those whose thresholds are sought more finely before: readings that
+move alike differ by less than the steps between the first thresholds
+"""
 _TIMES = (("time", "session"), ("runtime", "machine"))
 _MOST = 0.99
 """Share of the residual's squares that a law is taken to remove at most"""
-APART = 9.0
-"""Two laws are distinguished if one removes more than the other by this many squared standard errors"""
-_NEARLY = 0.9
-"""And, to first order, if the other removes less than this share: first order is no more exact"""
-_STEPS = ("above", "under", "within")
 _SAME = 1e-3
 """Of a change's squares, below which declared parameters do the same"""
-
-
-@dataclass(frozen=True)
-class Composed:
-    """A law at a place, with what it would remove."""
-
-    law: Law
-    size: Array
-    """Of each component"""
-    first: float
-    second: float
-    gain: float
-    """Twice the logarithm of the likelihood ratio, where the noise is what would be left [1]"""
-    share: float
-    """Of the residual's squares [1]"""
-    alone: bool = False
-    """Whether it shows in one sensor alone"""
-    declared: bool = False
-    """Whether declared parameters could do the same, were it not for their priors"""
-    shapes: Mapping[str, "Composed"] = field(default_factory=dict)
-    """The best of each other shape that changes and follows the same"""
-
-    @property
-    def alike(self) -> dict[str, tuple[float, float]]:
-        """Of a step or window: the numbers of other such shapes that first order cannot distinguish."""
-        if self.law.shape not in _STEPS:
-            return {}
-        near = {name: one for name, one in self.shapes.items() if name in _STEPS}
-        return {n: (one.first, one.second) for n, one in near.items() if self.is_like(one)}
-
-    def is_like(self, other: "Composed") -> bool:
-        """Whether first order cannot distinguish another from it."""
-        return other.gain > min(self.gain - APART, _NEARLY * self.gain)
-
-    @property
-    def worth(self) -> float:
-        """The gain less what its parameters are to be worth [1]."""
-        return self.gain - _PER_PARAMETER * (
-            self.size.size + len(SHAPES[self.law.shape].parameters)
-        )
 
 
 def screened(case: Case[Any], pieces: Any, fit: Fit, places: Places) -> list[Composed]:
@@ -164,15 +124,16 @@ class Search:
         possible = [n for n, way in enumerate(several) if _law(response, way).possible]
         if len(possible) < len(several):
             F, several = F[possible], [several[n] for n in possible]
-        kept = self._among(response, several, F)
+        kept = self._among(response, several, F, _REFINED)
         finer = [
             way for each in kept for way in around(each.law, each.first, each.second, self.readings)
         ]
         if finer:
-            kept = _best_of([*kept, *self.among(response, finer)])
+            kept = _best_of([*kept, *self.among(response, finer, _REFINED)])
+        kept = _first_few(kept)
         declared = self._declared(response)
         kept = [each if each.law.reading else replace(each, declared=declared) for each in kept]
-        return [_from_then_on(each) for each in kept]
+        return [from_then_on(each) for each in kept]
 
     def _declared(self, response: Response) -> bool:
         """Whether declared parameters could do what a constant change does, were it not for their priors."""
@@ -181,9 +142,11 @@ class Search:
         left = found.raw[0] - taken @ self.without_priors @ taken.T
         return bool(np.trace(left) < _SAME * np.trace(found.raw[0]))
 
-    def among(self, response: Response, several: Sequence[Way]) -> list[Composed]:
+    def among(
+        self, response: Response, several: Sequence[Way], most: int = _EACH
+    ) -> list[Composed]:
         """The best of some laws at a place, one for each reading."""
-        return self._among(response, several, rows_of(several, self.readings))
+        return self._among(response, several, rows_of(several, self.readings), most)
 
     def together(self, response: Response, F: Array) -> tuple[Array, Array, float]:
         """Sizes of several changes at once, (W,), of a place with one component, their standard errors, and
@@ -200,9 +163,11 @@ class Search:
         """Twice the logarithm of the likelihood ratio of what removes a share of the residual's squares."""
         return -self.weight * self.total * np.log1p(-np.minimum(share, _MOST))
 
-    def _among(self, response: Response, several: Sequence[Way], F: Array) -> list[Composed]:
+    def _among(
+        self, response: Response, several: Sequence[Way], F: Array, most: int
+    ) -> list[Composed]:
         """The best laws at a place, among some ways whose changes are F, (W, N)."""
-        return self._best(response, several, *self.beyond_free(response, F))
+        return self._best(response, several, *self.beyond_free(response, F), most)
 
     def beyond_free(self, response: Response, F: Array) -> tuple[Sums, Array]:
         """Sums over the rows of a place whose changes are F, (W, N), and their Gram matrices, (W, d, d),
@@ -222,6 +187,7 @@ class Search:
         tried: Sequence[Way],
         found: Sums,
         grams: Array,
+        most: int,
     ) -> list[Composed]:
         size, gain = solved(found.pulls, grams, found.raw)
         handle = HANDLES[response.handle]
@@ -236,7 +202,7 @@ class Search:
         gain = self.gain(share)
         if handle.only_more:  # friction that follows a swing would be negative at times
             gain = np.where([each.shape == "periodic" for each in several], 0.0, gain)
-        cost = np.array([_PER_PARAMETER * each.parameters for each in several])
+        cost = np.array([PER_PARAMETER * each.parameters for each in several])
         kept: list[Composed] = []
         alone = in_one_sensor(response.channels, self.channels)
         shapes_of = _best_shapes(several, gain)
@@ -244,7 +210,7 @@ class Search:
             way = several[n]
             if gain[n] <= cost[n]:
                 break
-            if len(kept) >= _EACH and way.reading:  # a constant is kept beside them
+            if len(kept) >= most and way.reading:  # a constant is kept beside them
                 continue
             if any((way.reading, way.where) == (k.law.reading, k.law.where) for k in kept):
                 continue
@@ -256,6 +222,11 @@ class Search:
             one = _composed(response, way, size[n], float(gain[n]), float(share[n]))
             kept.append(replace(one, alone=alone, shapes=best))
         return kept
+
+
+def _first_few(found: Sequence[Composed]) -> list[Composed]:
+    """The first laws at a place, and a constant besides."""
+    return [each for n, each in enumerate(found) if n < _EACH or not each.law.reading]
 
 
 def _best_shapes(several: Sequence[Way], gain: Array) -> dict[tuple[str, str], dict[str, int]]:
@@ -284,15 +255,3 @@ def _best_of(found: Sequence[Composed]) -> list[Composed]:
             shapes = {x.law.shape: x for x in both if x.law.shape != one.law.shape}
             best[each.law.reading, each.law.where] = replace(one, shapes=shapes)
     return list(best.values())
-
-
-def _from_then_on(found: Composed) -> Composed:
-    """A law that holds until an instant as one that holds from then on, if that gains nearly as much: what
-    was built is what there was first.
-    """
-    later = found.shapes.get("above")
-    if found.law.shape != "under" or found.law.follows_a_thing or later is None:
-        return found
-    others = {name: each for name, each in found.shapes.items() if name != "above"}
-    swapped = replace(later, shapes={**others, "under": replace(found, shapes={})})
-    return swapped if later.gain > _NEARLY * found.gain else found

@@ -9,7 +9,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import place_of
 from serpent_twin.effects.law import Law, parse
 from serpent_twin.identification.discovery.candidates import FORM
-from serpent_twin.identification.discovery.screen import APART
+from serpent_twin.identification.discovery.composed import APART
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.wording import DISCOVERED
 from serpent_twin.machines.case import Case

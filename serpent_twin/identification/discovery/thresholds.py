@@ -9,8 +9,9 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import place_of
 from serpent_twin.effects.law import SHAPES, Law, parse
 from serpent_twin.identification.discovery.candidates import FORM
+from serpent_twin.identification.discovery.composed import APART
 from serpent_twin.identification.discovery.followed import HELD, Way
-from serpent_twin.identification.discovery.screen import APART, Search
+from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters
 from serpent_twin.machines.case import Case
