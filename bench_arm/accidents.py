@@ -57,6 +57,7 @@ ACCIDENTS: Mapping[str, tuple[float, str]] = {
     "soft_stop": (0.5, "a bumper: a spring against one joint beyond an angle [N m/rad]"),
     "loose_strand": (6e-4, "a strand that is longer from an instant on [m]"),
     "slipped_winch": (0.06, "a winch that has turned on its horn from an instant on [rad]"),
+    "loose_gear": (0.05, "play in the gear of one motor [rad]"),
     "encoder_wave": (0.04, "an encoder that waves, in turns of its horn [rad]"),
     "rubbing_cable": (0.06, "friction of one motor within a window of its angle [N m]"),
     "knocked_marker": (4e-3, "a marker that sits elsewhere on its link from an instant on [m]"),
@@ -74,7 +75,7 @@ def draw(kind: str, strength: float, rng: np.random.Generator, seconds: float) -
     """An accident at a part that is drawn, in an arm that runs for so many seconds in all."""
     direction = rng.standard_normal(3)
     direction /= np.linalg.norm(direction)
-    part = {
+    parts = {
         "swinging_push": rng.integers(6, N_JOINTS + 1),
         "soft_stop": rng.integers(1, N_JOINTS + 1),
         "loose_strand": rng.integers(6),
@@ -88,11 +89,12 @@ def draw(kind: str, strength: float, rng: np.random.Generator, seconds: float) -
         "elastic_cord": rng.integers(5, N_JOINTS + 1),
         "turned_link": rng.integers(2, N_JOINTS + 1),
         "turned_cameras": 1,
-    }[kind]
+    }
+    parts["loose_gear"] = parts["encoder_wave"]  # so that seeds give the arms that they gave before
     return Accident(
         kind,
         strength,
-        int(part),
+        int(parts[kind]),
         tuple(direction.tolist()),
         begin=float(rng.uniform(0.02, 0.12)),
         width=float(rng.uniform(0.15, 0.25)),
@@ -124,6 +126,14 @@ def winch_slip(several: Several, clock: Array) -> Array:
     out = np.zeros((len(several), N_JOINTS))
     for n, each in of_kind(several, "slipped_winch"):
         out[n, each.part - 1] = each.strength * each.since(clock[n])
+    return out
+
+
+def gear_play(several: Several) -> Array:
+    """Play of single motors' gears beside that of all [rad], (R, 9)."""
+    out = np.zeros((len(several), N_JOINTS))
+    for n, each in of_kind(several, "loose_gear"):
+        out[n, each.part - 1] = each.strength
     return out
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
 
+from . import accidents
 from .effects import Effects
 from .parameters import BenchArm
 
@@ -26,7 +27,8 @@ class ServoBatch:
             for name in ("velocity_lag", "velocity_p", "velocity_i", "armature")
         )
         self.friction = np.array([arm.gear_friction for arm in arms])
-        self.half_gap = np.array([[e.gear_backlash / 2] for e in effects])
+        every = np.array([[e.gear_backlash] for e in effects])
+        self.half_gap = (every + accidents.gear_play([e.accidents for e in effects])) / 2
         shape = (len(arms), N_MOTORS)
         self.angle, self.speed = np.zeros(shape), np.zeros(shape)
         """Measured side of the play [rad], [rad/s]."""

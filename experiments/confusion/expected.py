@@ -71,6 +71,7 @@ def of_accident(happened: Accident) -> list[Answer]:
         ],
         "loose_strand": [_answer(("slack",), (strand_of(happened),), steps, clock, size)],
         "slipped_winch": [_answer(("winch_angle",), (motor,), steps, clock, size)],
+        "loose_gear": [_answer(("winch_angle",), (motor,), ("play",), own)],
         "encoder_wave": [_answer(("winch_angle",), (motor,), ("periodic",), own, size)],
         "rubbing_cable": [_answer(("gear_friction",), (motor,), steps, own, size)],
         "knocked_marker": _knocked(part, size) + last * _turned(part),

@@ -51,6 +51,9 @@ def _of_accident(happened: Accident) -> TrueLaw:
         "soft_stop": lambda: _law("joint_torque", joint, Way("beyond", *of_joint, begin, 0.0)),
         "loose_strand": lambda: _since("slack", strand_of(happened), happened),
         "slipped_winch": lambda: _since("winch_angle", motor, happened),
+        "loose_gear": lambda: _law(
+            "winch_angle", motor, Way("play", *of_motor, happened.strength, 0.0)
+        ),
         "encoder_wave": lambda: _law("winch_angle", motor, *swinging(of_motor, happened.rate)),
         "rubbing_cable": lambda: _law(
             "gear_friction", motor, Way("within", *of_motor, begin, width)

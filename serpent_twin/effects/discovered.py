@@ -14,11 +14,11 @@ from serpent_twin.effects.law import (
     HANDLES,
     JOINT_FRICTION,
     READING_SHIFT,
-    SHAPES,
     SPRING,
     Law,
     parse,
 )
+from serpent_twin.effects.law_shape import SHAPES, LawShape, dragged
 from serpent_twin.effects.links import let_hold
 
 _ANY = 1e9
@@ -52,6 +52,7 @@ class Discovered(Effect):
 
     shows_in: ClassVar[str] = "what no named effect explains"
     stage: ClassVar[int] = LOSS
+    remembers: ClassVar[bool] = False  # a play is taken up within a segment
     needs: ClassVar[frozenset[str]] = frozenset({"law_at"})
 
     def __post_init__(self) -> None:
@@ -65,6 +66,11 @@ class Discovered(Effect):
         return parse(self.at)
 
     @property
+    def shape(self) -> LawShape:
+        """How it follows its reading."""
+        return SHAPES[self.law.shape]
+
+    @property
     def strength(self) -> float:
         """The length of the vector of sizes; of a spring, its stiffness."""
         if self.at and self.law.handle == SPRING:
@@ -73,8 +79,8 @@ class Discovered(Effect):
 
     @property
     def only_seen(self) -> bool:
-        """Whether its law changes what sensors show."""
-        return HANDLES[self.law.handle].only_seen
+        """Whether its law changes what sensors show, and remembers nothing."""
+        return HANDLES[self.law.handle].only_seen and not self.shape.drags
 
     @property
     def acts_at(self) -> int:
@@ -97,12 +103,22 @@ class Discovered(Effect):
         """The whole moment: the law says where."""
         return moment
 
-    def act(self, moment: Any, memory: None) -> None:
+    def start(self, moment: Any) -> Array | None:
+        """Where that is which a reading drags along through play; None where there is no play."""
+        if not self.shape.drags:
+            return None
+        rate = moment.reading_of(self.law.rate)
+        return np.array(moment.reading_of(self.law) - np.asarray(self.first) / 2 * np.sign(rate))
+
+    def act(self, moment: Any, memory: Array | None) -> None:
         """Change what the law changes."""
         x = moment.reading_of(self.law)
         bounded = np.asarray(self.most) > np.asarray(self.least)
         x = np.where(bounded, np.clip(x, self.least, np.maximum(self.least, self.most)), x)
-        change = SHAPES[self.law.shape].form(x, self.first, self.second)
+        if memory is not None:
+            memory[...] = dragged(memory, x, self.first)
+            x = memory - x
+        change = self.shape.form(x, self.first, self.second)
         sizes: Sequence[Array | float] = (self.size, self.size_y, self.size_z, self.stiffness)
         sizes = sizes[: HANDLES[self.law.handle].components]
         moment.change(self.law, [size * change for size in sizes])

@@ -1,18 +1,17 @@
 """Compose a law: what it changes at a place of the model, and how that follows a reading."""
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
 
-_EDGE = 1e-3
-"""Half width of a threshold, in the unit of its reading: where a law sets in, it does so within that"""
 _TEXT = re.compile(r"(\w+) of (.+?): (\w+)(?: (\w+) of (.+))?")
 
 
@@ -93,73 +92,11 @@ HANDLES: Mapping[str, Handle] = {
 }
 """What laws change, by the name of the moment's quantity"""
 
-Form = Callable[[Array, Array | float, Array | float], Array]
-
-
-@dataclass(frozen=True)
-class LawShape:
-    """How a change follows a reading x, by up to two parameters."""
-
-    form: Form
-    """f(x, first, second); 1 where the change has its full size"""
-    parameters: tuple[str, ...] = ()
-    """Names of the parameters"""
-    words: str = ""
-    """With {x} for the reading, {first} and {second}"""
-    plain: str = ""
-    """The same without numbers, where the words have some"""
-
-
-def _above(x: Array, first: Array | float, second: Array | float) -> Array:
-    return np.clip((x - first) / (2 * _EDGE) + 0.5, 0.0, 1.0)
-
-
-def _within(x: Array, first: Array | float, second: Array | float) -> Array:
-    return _above(x, first, 0.0) - _above(x, first + np.abs(second), 0.0)
-
-
-SHAPES: Mapping[str, LawShape] = {
-    "constant": LawShape(lambda x, a, b: np.ones_like(x), (), "always"),
-    "linear": LawShape(lambda x, a, b: x, (), "in proportion to {x}"),
-    "beyond": LawShape(
-        lambda x, a, b: np.maximum(x - a, 0.0),
-        ("threshold",),
-        "growing with {x} beyond {first}",
-        "growing with {x} beyond a threshold",
-    ),
-    "below": LawShape(
-        lambda x, a, b: np.minimum(x - a, 0.0),
-        ("threshold",),
-        "growing with {x} below {first}",
-        "growing with {x} below a threshold",
-    ),
-    "above": LawShape(
-        _above, ("threshold",), "while {x} is above {first}", "while {x} is above a threshold"
-    ),
-    "under": LawShape(
-        lambda x, a, b: 1.0 - _above(x, a, b),
-        ("threshold",),
-        "while {x} is below {first}",
-        "while {x} is below a threshold",
-    ),
-    "within": LawShape(
-        _within,
-        ("from", "width"),
-        "while {x} is in a window that begins at {first} and is {second} wide",
-        "while {x} is in a window",
-    ),
-    "periodic": LawShape(
-        lambda x, a, b: np.sin(a * x + b),
-        ("rate", "phase"),
-        "as a sine of {x}, at {first}",
-        "as a sine of {x}",
-    ),
-}
-"""How changes follow readings, by name"""
-
 POSITIONS = ("position_x", "position_y", "position_z")
 """Readings along axes of the base frame, of a model the world's"""
 _OF_JOINTS = ("joint_angle", "joint_velocity")
+TAKES_UP = {"joint_angle": "joint_velocity", "motor_angle": "motor_velocity"}
+"""Readings that may take up play, with their rates"""
 CLOCKS = ("session", "machine")
 """Kinds of what time is of"""
 READINGS: Mapping[str, tuple[str, str]] = {
@@ -199,8 +136,12 @@ class Law:
     @property
     def possible(self) -> bool:
         """Whether what it changes may follow its reading: commands, which are changed before anything moves,
-        follow commands, and nothing else does; readings, which are changed after that, follow joints.
+        follow commands, and nothing else does; readings, which are changed after that, follow joints. Play is
+        taken up by the angle of the thing that is changed.
         """
+        if SHAPES[self.shape].drags:
+            own = self.of_itself or self.place == self.where
+            return own and self.reading in TAKES_UP and self.handle != READING_SHIFT
         if self.handle == READING_SHIFT and self.follows_a_thing:
             return self.reading in _OF_JOINTS
         alike = (self.reading == ACTUATOR_COMMAND) == (self.handle == ACTUATOR_COMMAND)
@@ -210,6 +151,11 @@ class Law:
     def follows_a_thing(self) -> bool:
         """Whether it follows a reading of a part of the machine: neither a clock nor nothing."""
         return bool(self.reading) and READINGS[self.reading][0] not in CLOCKS
+
+    @property
+    def rate(self) -> "Law":
+        """The same with the rate of its reading, of one that takes up play."""
+        return replace(self, reading=TAKES_UP[self.reading])
 
     @property
     def of_itself(self) -> bool:
@@ -244,7 +190,7 @@ class Law:
         """
         of = of or (READINGS[self.reading][1] if self.reading else "1")
         size = size or HANDLES[self.handle].unit
-        if self.shape in ("linear", "beyond", "below"):
+        if self.shape in ("linear", "beyond", "below", "play"):
             size = f"{size} per {of}"
         first, second = {"periodic": (f"rad per {of}", "rad")}.get(self.shape, (of, of))
         return {"size": size, "first": first, "second": second, "bound": of}

@@ -5,6 +5,7 @@ from textwrap import fill
 import numpy as np
 
 from serpent_twin.effects.law import HANDLES
+from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.discovery.free_curve import FreeCurve
 from serpent_twin.reporting.plot_style import COLOURS, INK, sheet, tidy
 from serpent_twin.reporting.report import Figure
@@ -28,6 +29,8 @@ def composed_law(curve: FreeCurve, number: int) -> Figure:
         label="a free curve, 95 %",
     )
     x = f"phase of {law.depends_on} [rad]" if curve.folded else law.depends_on
+    if SHAPES[law.shape].drags:
+        x = f"what it drags along, behind {x}"
     x += "" if curve.folded else f" [{curve.units['bound']}]"
     unit = curve.units["size"].partition(" per ")[0]
     panel.set(xlabel=x, ylabel=fill(f"{HANDLES[law.handle].told(law.place)} [{unit}]", _LABEL))

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from serpent_twin.effects import law_of, place_of
-from serpent_twin.effects.law import HANDLES, SHAPES, SPRING, parse
+from serpent_twin.effects.law import HANDLES, SPRING, parse
+from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.estimates import ParameterEstimate, length_of
 
 DISCOVERED = "discovered"

@@ -6,6 +6,7 @@ from bench_by_hand import machine
 
 from bench_arm import NONE, TYPICAL, BenchArm, Effects, SessionSpec, inject, simulate
 from bench_arm.accidents import ACCIDENTS, CORD, Accident, cord, draw, loads, shifts, strand_slack
+from bench_arm.servo import ServoBatch
 from bench_arm.session import RATE, SETTLE
 
 SILENT = BenchArm(load_noise=0.0, marker_noise=0.0, marker_loss=0.0)
@@ -50,6 +51,17 @@ def test_a_knocked_marker_alone_moves_with_its_link(plain):
     assert np.linalg.norm(moved[ran > 3.3, 2], axis=1) == pytest.approx(4e-3)
     assert not moved[ran < 3.0].any()
     assert not np.delete(moved, 2, axis=1).any()
+
+
+def test_the_play_of_one_gear_holds_its_winch_back():
+    """By half the play, to either side."""
+    loose = Effects(accidents=(Accident("loose_gear", 0.2, 3),))
+    servo = ServoBatch([SILENT], [loose])
+    for command, side in ((1.0, -0.1), (-1.0, 0.1)):
+        for _ in range(2000):
+            servo.step(np.full((1, 10), command), np.zeros((1, 10)), 1e-3)
+        behind = servo.winch - servo.angle[:, :9]
+        assert behind[0] == pytest.approx(np.where(np.arange(9) == 2, side, 0.0), abs=1e-12)
 
 
 def test_moved_cameras_see_all_markers_moved_alike():

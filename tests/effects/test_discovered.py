@@ -1,6 +1,7 @@
 """A composed law against its formula, the virtual work of its forces, and every way of running."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from serpent_twin.arm.geometry import ARM, link_frames, markers, motor_from_join
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.effects import KNOWN
 from serpent_twin.effects.discovered import Discovered
-from serpent_twin.effects.law import HANDLES, SHAPES, Law, parse
+from serpent_twin.effects.law import HANDLES, Law, parse
+from serpent_twin.effects.law_shape import SHAPES, behind
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import PrescribedMotion, impose
@@ -79,6 +81,39 @@ def test_a_torque_follows_a_joints_angle_by_its_law(shape, first, second, expect
     assert_allclose(after.joint_torque[clear, 2], 0.2 * expected(q)[clear], atol=1e-12)
     others = np.delete(after.joint_torque, 2, axis=1)
     assert not others.any()
+
+
+def test_play_of_one_motor_is_that_of_a_gear():
+    """Along a random walk, beside the play operator of `gear_backlash`."""
+    rng = np.random.default_rng(0)
+    law = Discovered(1.0, at="winch_angle of motor3: play motor_angle of motor3", first=0.3)
+    gears, path = KNOWN["gear_backlash"](0.3), rng.normal(0, 0.1, (200, 2, 10)).cumsum(axis=0)
+    memories: list[Any] = [None, None]
+    for t, angle in enumerate(path):
+        winches = []
+        for n, effect in enumerate((law, gears)):
+            now = moment(2, motor_angle=angle, motor_velocity=np.sign(path[1] - path[0]))
+            if t == 0:
+                memories[n] = effect.start(now)
+            effect.act(now, memories[n])
+            winches.append(now.winch_angle)
+        assert_allclose(winches[0][:, 2], winches[1][:, 2], atol=1e-12)
+        assert_allclose(np.delete(winches[0], 2, axis=1), np.delete(angle, 2, axis=1))
+        if t:
+            told = behind(path[: t + 1, :, 2].T, 0.3)
+            assert_allclose(winches[0][:, 2] - angle[:, 2], told[:, -1], atol=1e-12)
+
+
+def test_play_is_taken_up_by_the_thing_itself_and_by_angles_alone():
+    laws = {
+        "joint_torque of joint2: play joint_angle of joint2": True,
+        "slack of cable3_plus: play motor_angle of motor3": True,
+        "joint_torque of elbow: play joint_angle of elbow": True,
+        "joint_torque of joint2: play joint_angle of joint3": False,
+        "joint_torque of joint2: play joint_velocity of joint2": False,
+        "reading_shift of elbow: play joint_angle of elbow": False,
+    }
+    assert {at: parse(at).possible for at in laws} == laws
 
 
 def test_beyond_the_readings_of_its_logs_a_law_stays_as_at_their_ends():

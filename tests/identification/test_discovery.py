@@ -9,7 +9,8 @@ from paths import DATA
 
 from serpent_twin import machines
 from serpent_twin.effects.discovered import Discovered
-from serpent_twin.effects.law import HANDLES, SHAPES, Law, parse
+from serpent_twin.effects.law import HANDLES, Law, parse
+from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.discovery import steps_alike
 from serpent_twin.identification.discovery.candidates import candidate_of
 from serpent_twin.identification.discovery.followed import around
@@ -33,6 +34,7 @@ LAWS = (
     Discovered(
         0.3, at="joint_torque of joint1: periodic motor_angle of motor1", first=3.0, second=1.0
     ),
+    Discovered(0.8, at="joint_torque of joint1: play joint_angle of joint1", first=0.9),
 )
 
 
@@ -50,7 +52,7 @@ def test_a_law_that_made_a_residual_is_found_first(law):
     made = Made(law)
     x = made.readings.get((wanted.reading, wanted.where), np.zeros((S, T)))
     found, there = (
-        np.outer(size, SHAPES[wanted.shape].form(x, first, second)).ravel()
+        np.outer(size, SHAPES[wanted.shape].followed(x, first, second)).ravel()
         for size, first, second in (
             (best.size, best.first, best.second),
             ([law.size, law.size_y, law.size_z][: best.size.size], law.first, law.second),

@@ -7,7 +7,8 @@ import pytest
 from made_residual import C, M, Made, S
 
 from serpent_twin.effects.discovered import Discovered
-from serpent_twin.effects.law import SHAPES, parse
+from serpent_twin.effects.law import parse
+from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.discovery import better_thresholds
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from serpent_twin import machines
-from serpent_twin.effects.law import SHAPES, parse
+from serpent_twin.effects.law import parse
+from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import read_logs

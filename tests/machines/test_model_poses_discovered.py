@@ -8,7 +8,8 @@ from hanging_models import lever, pulls
 from scipy.optimize import root
 
 from serpent_twin import machines
-from serpent_twin.effects.law import HANDLES, SHAPES, parse
+from serpent_twin.effects.law import HANDLES, parse
+from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification import Trace, trace
 from serpent_twin.machines.machine import ParameterVector

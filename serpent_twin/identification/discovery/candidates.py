@@ -8,7 +8,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Range, law_of, place_of
-from serpent_twin.effects.law import HANDLES, SHAPES, parse
+from serpent_twin.effects.law import HANDLES, parse
+from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.discovery.composed import Composed
 from serpent_twin.identification.wording import DISCOVERED
 from serpent_twin.machines.candidate import Candidate
@@ -17,11 +18,13 @@ from serpent_twin.machines.case import Case
 _WIDE = 30.0
 """Range of a size, in what the screening found"""
 _SHARE = 0.2
-"""Finite differences of a size to itself"""
+"""Finite differences of a size, or of a play, to itself"""
 _STEPS = 60.0
 """Finite differences of a threshold to the range of its reading"""
 _RATES = 30
 """Finite differences of a rate to either end of its range: more than a period in the logs"""
+_LEAST_PLAY = 1e-4
+"""Width of a play to the range of the angle that takes it up, at least"""
 _OTHER_SHAPE = 0.75
 """Of what a law is worth, what another shape of it must be to be tried, too"""
 _NEARLY = 0.95
@@ -121,7 +124,8 @@ def _forms(found: Composed, ends: _Reading, units: Mapping[str, str]) -> dict[st
         out[name or key] = Range(
             units[key], low, high, value, fitted=bool(name), step=step, form=True
         )
-    bounded = law.reading and law.shape != "periodic" and law.reading not in ("time", "runtime")
+    bounded = law.reading and law.shape not in ("periodic", "play")
+    bounded = bounded and law.reading not in ("time", "runtime")
     for key, value in (("least_reading", ends.least), ("most_reading", ends.most)):
         end = value if bounded else 0.0
         out[key] = Range(units["bound"], end, end, end, fitted=False, form=True)
@@ -135,6 +139,8 @@ def _room(name: str, value: float, ends: _Reading) -> tuple[float, float, float]
     if name == "rate":
         step = 0.3 / max(ends.wide, 1e-9)
         return max(step, value - _RATES * step), value + _RATES * step, step
+    if name == "gap":
+        return ends.wide * _LEAST_PLAY, ends.wide / 2, value * _SHARE
     if name == "width":
         return ends.wide / _STEPS, ends.wide, ends.wide / _STEPS
     if name:

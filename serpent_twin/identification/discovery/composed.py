@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import SHAPES, Law
+from serpent_twin.effects.law import Law
+from serpent_twin.effects.law_shape import SHAPES
 
 PER_PARAMETER = 8.0
 """Squared standard errors that a parameter of a law's form must be worth"""

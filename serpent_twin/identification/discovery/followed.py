@@ -7,7 +7,8 @@ from itertools import combinations
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import READINGS, SHAPES, Law
+from serpent_twin.effects.law import READINGS, TAKES_UP, Law
+from serpent_twin.effects.law_shape import SHAPES
 
 _LEVELS = 9
 """Thresholds of a reading, at even steps of its rank"""
@@ -27,6 +28,8 @@ _PERIODS = 3
 _PEAKS = 2
 """Frequencies of a swing that are tried at each place"""
 _AT_ONCE = 500
+_PLAYS = 2.0 ** -np.arange(2, 9)
+"""Widths of a play that are tried, to the range of the angle that takes it up"""
 _FINER = 9
 """Thresholds that are tried around each of the best"""
 HELD = 0.01
@@ -61,16 +64,19 @@ def ways(readings: Mapping[tuple[str, str], Array]) -> tuple[list[Way], Array]:
     for (reading, where), x in readings.items():
         if np.ptp(x) < _STILL:
             continue
-        for shape, first, second in _parameters(reading, x):
+        moves = (TAKES_UP.get(reading, ""), where) in readings  # in poses at rest, nothing does
+        for shape, first, second in _parameters(reading, x, moves):
             several.append(Way(shape, reading, where, first, second))
-            rows.append(SHAPES[shape].form(x.ravel(), first, second).astype(np.float32))
+            rows.append(SHAPES[shape].followed(x, first, second).ravel().astype(np.float32))
     return several, np.array(rows)
 
 
-def _parameters(reading: str, x: Array) -> Iterator[tuple[str, float, float]]:
+def _parameters(reading: str, x: Array, moves: bool) -> Iterator[tuple[str, float, float]]:
     """Shapes with their parameters for the values (S, T) of a reading; swings by time are sought apart."""
     kind = READINGS[reading][0]
     yield "linear", 0.0, 0.0
+    for gap in np.ptp(x) * _PLAYS if moves else ():
+        yield "play", float(gap), 0.0
     levels = np.quantile(x, np.linspace(0.05, 0.95, _LEVELS))
     for level in map(float, levels):
         yield "above", level, 0.0
@@ -97,6 +103,9 @@ def around(
     if not names or law.shape == "periodic":
         return []
     x = readings[law.reading, law.where]
+    if SHAPES[law.shape].drags:
+        wider = np.geomspace(0.5, 2.0, _FINER)
+        return [Way(law.shape, law.reading, law.where, first * by, 0.0) for by in wider.tolist()]
     levels = np.quantile(x, np.linspace(HELD, 1 - HELD, 2 * _LEVELS + 1))
     if law.shape in _RAMPS:
         finer = _between(levels, first)
@@ -147,7 +156,7 @@ def swinging(time: tuple[str, str], rate: float) -> list[Way]:
 def rows_of(several: Sequence[Way], readings: Mapping[tuple[str, str], Array]) -> Array:
     """The change of each of some ways, (W, N)."""
     each = [
-        SHAPES[f.shape].form(readings[f.reading, f.where].ravel(), f.first, f.second)
+        SHAPES[f.shape].followed(readings[f.reading, f.where], f.first, f.second).ravel()
         for f in several
     ]
     return np.array(each, np.float32)

@@ -7,7 +7,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import place_of
-from serpent_twin.effects.law import SHAPES, Law, parse
+from serpent_twin.effects.law import Law, parse
+from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.discovery.candidates import FORM
 from serpent_twin.identification.discovery.composed import APART
 from serpent_twin.identification.discovery.followed import HELD, Way
@@ -31,7 +32,8 @@ def better_thresholds(
     They are sought, to first order, in what the twin leaves of the logs without the law.
     """
     law, values = parse(place_of(name)), found.point.effects[name]
-    if not SHAPES[law.shape].parameters or law.shape == "periodic":
+    shape = SHAPES[law.shape]
+    if not shape.parameters or shape.drags or law.shape == "periodic":
         return None
     some = case.take(training, found.used)
     places = case.places(found.point, some)
