@@ -5,7 +5,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import law_of
+from serpent_twin.effects import law_of, place_of
+from serpent_twin.effects.law import parse
+from serpent_twin.effects.law_causes import look_for
 from serpent_twin.identification.acceptance import PairTrial
 from serpent_twin.identification.bars import Bars
 from serpent_twin.identification.discovery.free_curve import FreeCurve
@@ -135,6 +137,7 @@ class Diagnosis:
             if entry["name"] == each.name:
                 return entry
             tested = self.curves[each.name].numbers() if each.name in self.curves else {}
+            tested["look_for"] = look_for(parse(place_of(each.name)))
             alike = [placed({"name": name}) for name in self._alike(each.name)]
             return entry | tested | {"equivalent": alike}
 

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 
 from serpent_twin.effects import law_of
+from serpent_twin.effects.law import parse
+from serpent_twin.effects.law_causes import look_for
 from serpent_twin.identification import tables
 from serpent_twin.identification.diagnosis import Diagnosis, Named
 from serpent_twin.identification.law_figure import composed_law
@@ -47,6 +49,7 @@ def _about(
     ]
     said = (
         f"{capital(spaced(effect.name))}. {candidate.about}",
+        f"Look for {look_for(parse(candidate.at))}." if candidate.composed else "",
         f"It shows in {candidate.shows_in}." if candidate.shows_in else "",
         f"It can be confused with {listed(alike)}." if alike else "",
         _record(*record.get(law_of(effect.name), (0, 0))),

@@ -34,6 +34,7 @@ def test_a_bumper_is_composed_at_its_joint(traced):
     assert law["place"] == {"kind": "joint", "name": "elbow"}
     assert (law["changes"], law["law"]) == ("joint_torque", "beyond")
     assert law["depends_on"] == ["joint angle of elbow"]
+    assert law["look_for"] == "a bumper, a hose or a spring"
     size, threshold = (law["parameters"][name] for name in ("size", "threshold"))
     assert size["value"] == pytest.approx(-STOP, rel=0.15)
     assert size["low"] < -STOP < size["high"]
