@@ -20,6 +20,10 @@ from serpent_twin.sim.twin_model import TwinModel
 
 _TRUST = 2.0  # prior widths are so many standard errors of the cable laws, which ignore mismatch
 _STIFFNESS, _SLACK, _WINCH = 0.02, 0.02, 0.1  # [log], [mm], [%] at least
+_ALIKE = 0.15
+"""Share by which strands of one arm differ, or as much as the cable laws show: logs of fast motion hardly
+determine the slack of the last cables, which then take up whatever the twin lacks
+"""
 _MARKER = 0.5  # [mm] at least: a camera or marker that moved in a log takes all places along
 _APART = 0.3  # [log] hinges differ
 _TRANSITION = 0.02  # [rad/s]
@@ -150,16 +154,26 @@ def vector(
     return Vector(TwinModel(parameters, tolerances), _declare(laws, 1e3 * offset_error))
 
 
+def _apart(values: Array, least: float) -> float:
+    """How much most of some values differ, as a standard deviation, if by more than the least."""
+    off = np.abs(values - np.median(values)) if values.size else np.zeros(1)
+    return max(least, 1.4826 * float(np.median(off)))
+
+
 def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Declared, ...]:
     rows = []
+    known = [law for law in laws if law]
+    differ = _apart(np.log([law.stiffness for law in known]), _ALIKE) if known else np.inf
     for n, name in enumerate(NAMES["stiffness"]):
         law = laws[n // 2]
         width = max(_STIFFNESS, _TRUST * law.stiffness_error[n % 2]) if law else _UNKNOWN_STIFFNESS
-        rows.append(Declared(name, "log N/m", min(width, 0.3), 0.03))
+        rows.append(Declared(name, "log N/m", min(width, differ), 0.03))
+    slack = 1e3 * np.array([law.slack for law in known])
+    differ = _apart(slack, max(_SLACK, _ALIKE * float(np.abs(slack).mean()))) if known else np.inf
     for n, name in enumerate(NAMES["slack"]):
         law = laws[n // 2]
         width = max(_SLACK, _TRUST * 1e3 * law.slack_error[n % 2]) if law else _UNKNOWN_SLACK
-        rows.append(Declared(name, "mm", min(width, 0.4), 0.02))
+        rows.append(Declared(name, "mm", min(width, differ), 0.02))
     for name, law in zip(NAMES["winch"], laws, strict=True):
         width = max(_WINCH, _TRUST * 1e2 * law.winch_error) if law else _UNKNOWN_WINCH
         rows.append(Declared(name, "% of radius", min(width, 1.0), 0.2))
