@@ -156,8 +156,7 @@ def vector(
 
 def _apart(values: Array, least: float) -> float:
     """How much most of some values differ, as a standard deviation, if by more than the least."""
-    off = np.abs(values - np.median(values)) if values.size else np.zeros(1)
-    return max(least, 1.4826 * float(np.median(off)))
+    return max(least, 1.4826 * float(np.median(np.abs(values - np.median(values)))))
 
 
 def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Declared, ...]:
@@ -169,7 +168,9 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
         width = max(_STIFFNESS, _TRUST * law.stiffness_error[n % 2]) if law else _UNKNOWN_STIFFNESS
         rows.append(Declared(name, "log N/m", min(width, differ), 0.03))
     slack = 1e3 * np.array([law.slack for law in known])
-    differ = _apart(slack, max(_SLACK, _ALIKE * float(np.abs(slack).mean()))) if known else np.inf
+    differ = (
+        _apart(slack, max(_SLACK, _ALIKE * float(np.median(np.abs(slack))))) if known else np.inf
+    )
     for n, name in enumerate(NAMES["slack"]):
         law = laws[n // 2]
         width = max(_SLACK, _TRUST * 1e3 * law.slack_error[n % 2]) if law else _UNKNOWN_SLACK
