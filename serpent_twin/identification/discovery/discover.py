@@ -25,7 +25,7 @@ from serpent_twin.machines.places import Places, response_at
 _TRIED = 8
 """Composed candidates that are simulated"""
 WORTH = 30.0
-"""What the best of some 300,000 laws must be worth where little is left: 2 ln 300,000 is chance. Where much
+"""What the best of some 800,000 laws must be worth where little is left: 2 ln 800,000 is chance. Where much
 is left, held-out logs decide, which took no part in the search.
 """
 _BY_TORQUES = 4
