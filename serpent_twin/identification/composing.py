@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from serpent_twin.identification.absorbed import without_move
 from serpent_twin.identification.acceptance import CandidateTrial, Round, best_trial
 from serpent_twin.identification.discovery import (
     better_thresholds,
@@ -19,6 +20,7 @@ from serpent_twin.identification.discovery import (
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors
+from serpent_twin.identification.moved import moved
 from serpent_twin.identification.proxies import needless
 from serpent_twin.identification.steps import BEATS, Tracer
 from serpent_twin.identification.wording import spaced
@@ -46,6 +48,8 @@ class ComposingTracer(Tracer):
         effect and all after it do takes their place, and so does one law for two at one place: as soon as
         there is a law, because laws on top of a wrong effect are wrong, too.
         """
+        if law := self._absorbed(base, rounds):
+            base = law
         named = len(rounds)
         found, something = self._composed(base, rounds, 1)
         if not something:
@@ -59,6 +63,28 @@ class ComposingTracer(Tracer):
         if found.point.effects and not self._little_left(found):
             return self._anew(found, len(rounds))
         return found
+
+    def _absorbed(self, base: Fit, rounds: list[Round]) -> Fit | None:
+        """The fit of a law instead of the parameter that the calibration moved furthest beyond reason, which
+        may stand for it, as friction of a whole joint for friction in a window of its angle. None if there is
+        no such parameter, or no law that is better.
+        """
+        if not (several := moved(self.case, base, ())):
+            return None
+        weighed, before = self.case, self.errors(base.point)
+        self.on_progress(f"laws in place of {several[0].name}")
+        begun, blind = without_move(self.case, self.training, base, several[0].coordinate)
+        if names := self._known(discover(self.case, self.training, blind, False, self.on_progress)):
+            stage = f"{len(rounds) + 1}_absorbed_{_mark(names)}"
+            trials = self.trials.each(
+                names, self.case, begun, base, before, stage, _FITTED, beside=_NEAR
+            )
+            best = best_trial(trials, self.case.candidates)
+            rounds.append(Round(base, before, trials, (best,) if best else ()))
+            if law := self._stands(rounds):
+                return law
+        self.case = replace(self.case, noise=weighed.noise)
+        return None
 
     def _replaced(self, several: Fit, rounds: list[Round], named: int) -> Fit | None:
         """The fit in which one law replaces an accepted effect and all after it; None if none is better."""
