@@ -36,5 +36,11 @@ def test_one_that_is_unlike_the_others_makes_nothing_of_them_uncertain():
     assert found[1] == pytest.approx(found[0])
 
 
+def test_a_gear_whose_law_has_no_friction_begins_with_some():
+    laws = [replace(LAW, gear_friction=each) for each in (0.0, *[0.05] * 8, 0.2)]
+    found = vector(laws, np.zeros((9, 3)), np.zeros((9, 3)), 4e-3, 0.01).start.tolerances
+    assert np.exp(found.gear_friction) == pytest.approx([0.3, *[1.0] * 8, 4.0])
+
+
 def test_of_cables_that_never_moved_much_is_unknown():
     assert (priors([None] * 10, "slack") == 0.3).all()

@@ -24,6 +24,10 @@ _ALIKE = 0.15
 """Share by which strands of one arm differ, or as much as the cable laws show: logs of fast motion hardly
 determine the slack of the last cables, which then take up whatever the twin lacks
 """
+_LEAST_GEAR = 0.3
+"""Of the gears' median friction, with which a gear begins at least: play hides friction from its cable law,
+and from none at all no fit would come back
+"""
 _MARKER = 0.5  # [mm] at least: a camera or marker that moved in a log takes all places along
 _APART = 0.3  # [log] hinges differ
 _TRANSITION = 0.02  # [rad/s]
@@ -147,7 +151,8 @@ def vector(
         jaw_held=(0.0 if laws[-1] is None else 1.0,),
         winch_radius=tuple(law.winch if law else 0.0 for law in laws),
         gear_friction=tuple(
-            float(np.log(max(law.gear_friction, 1e-4) / gear)) if law else 0.0 for law in laws
+            float(np.log(max(law.gear_friction / gear, _LEAST_GEAR))) if law else 0.0
+            for law in laws
         ),
         marker=tuple(map(float, offset.ravel())),
     )
