@@ -48,9 +48,9 @@ class ComposingTracer(Tracer):
         effect and all after it do takes their place, and so does one law for two at one place: as soon as
         there is a law, because laws on top of a wrong effect are wrong, too.
         """
+        named = len(rounds)
         if law := self._absorbed(base, rounds):
             base = law
-        named = len(rounds)
         found, something = self._composed(base, rounds, 1)
         if not something:
             return found
