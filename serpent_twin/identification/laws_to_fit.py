@@ -32,14 +32,16 @@ def laws_to_fit(
 
     What shows in one sensor is small in all that is measured, and is not asked for `least`. Which is right, a
     force in the base's frame or in its link's, only fits can tell. Of those that remove as much as the best,
-    the simplest come first.
+    the simplest come first, and last those of which a direction shows nowhere.
     """
     known = case.candidates
     several = [s for s in found.values() if s.share > least or sensor_of(case, s) is not None]
     best = max((each.share for each in several), default=0.0)
     worth = worth_fitting(several, known, _OTHER * best, len(several))
     worth.sort(
-        key=lambda n: parameters(known[n]) if found[n].share > _ALIKE * best else np.inf
+        key=lambda n: (
+            (parameters(known[n]), known[n].flat) if found[n].share > _ALIKE * best else (np.inf,)
+        )
     )  # stable: others stay in the order of what they remove
     worth = _of_each_change([found[name] for name in worth])
     first = [name for name in worth if found[name].share > beside * best][:most]

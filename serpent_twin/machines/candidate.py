@@ -37,6 +37,8 @@ class Candidate:
     """Entries of JSON that say which law it is; empty for an effect that has a name"""
     alike: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Other shapes of its law that fit the logs as well to first order, with their numbers"""
+    flat: bool = False
+    """Whether a direction of its vector shows nowhere, so that a fit leaves it open"""
     places: tuple[str, ...] = ()
     """Other places at which its law could be"""
     alternatives: tuple["Candidate", ...] = ()

@@ -1,5 +1,6 @@
 """Which laws are fitted, of those that were screened."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,7 @@ from made_residual import Made
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import Law
 from serpent_twin.identification.discovery import in_each_shape
-from serpent_twin.identification.discovery.sizes import solved
+from serpent_twin.identification.discovery.sizes import shows_flat, solved
 from serpent_twin.identification.laws_to_fit import laws_to_fit
 from serpent_twin.identification.score_test import Score
 from serpent_twin.machines.candidate import Candidate
@@ -38,6 +39,24 @@ def test_of_laws_that_make_one_change_one_is_fitted():
     case = SimpleNamespace(candidates=candidates, channels=CHANNELS)
     assert laws_to_fit(case, found, 0.01, 2, 0.8) == ["torque", "nearly", "slack"]
     assert laws_to_fit(case, found, 0.01, 1, 0.8) == ["torque", "nearly"]
+
+
+def test_of_laws_that_make_one_change_one_that_shows_in_every_direction_comes_first():
+    change = RNG.standard_normal(40 * CHANNELS).astype(np.float32)
+    turn = replace(composed("turn", "link_turn"), flat=True)
+    candidates = {"turn": turn, "shift": composed("shift", "marker_shift")}
+    found = {
+        name: Score(name, 0.3, 1.0, np.ones(1), change=change, beyond=change) for name in candidates
+    }
+    case = SimpleNamespace(candidates=candidates, channels=CHANNELS)
+    assert laws_to_fit(case, found, 0.01, 2, 0.8) == ["shift"]
+
+
+def test_a_direction_that_shows_nowhere_is_noticed():
+    """A turn about the line through the joint and the one marker."""
+    marker = np.array([0.08, 0.025, 0.0])
+    moved = np.array([np.cross(axis, marker) for axis in np.eye(3)])
+    assert shows_flat(moved @ moved.T) and not shows_flat(np.eye(3))
 
 
 def test_a_change_is_sized_in_the_directions_that_nothing_else_takes_up():

@@ -76,6 +76,7 @@ def candidate_of(
             "depends_on": [law.depends_on] if law.reading else [],
         },
         alike=found.alike,
+        flat=found.flat,
         places=tuple(place for place in places if place != law.place),
     )
 

@@ -33,6 +33,8 @@ class Composed:
     """Whether it shows in one sensor alone"""
     declared: bool = False
     """Whether declared parameters could do the same, were it not for their priors"""
+    flat: bool = False
+    """Whether a direction of its vector shows nowhere, as a turn about the line from a joint to one marker"""
     shapes: Mapping[str, "Composed"] = field(default_factory=dict)
     """The best of each other shape that changes and follows the same"""
 

@@ -27,7 +27,7 @@ from serpent_twin.identification.discovery.followed import (
     swings,
     ways,
 )
-from serpent_twin.identification.discovery.sizes import FLAT, of_one_phase, solved
+from serpent_twin.identification.discovery.sizes import FLAT, of_one_phase, shows_flat, solved
 from serpent_twin.identification.discovery.sums import (
     ResidualRows,
     Sums,
@@ -220,7 +220,8 @@ class Search:
                 if shape != way.shape
             }
             one = _composed(response, way, size[n], float(gain[n]), float(share[n]))
-            kept.append(replace(one, alone=alone, shapes=best))
+            flat = n < len(tried) and shows_flat(found.raw[n])
+            kept.append(replace(one, alone=alone, flat=flat, shapes=best))
         return kept
 
 

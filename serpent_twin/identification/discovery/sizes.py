@@ -26,6 +26,12 @@ def solved(pulls: Array, grams: Array, raw: Array) -> tuple[Array, Array]:
     return np.einsum("wdk,wk->wd", axes, size), -(size * along).sum(axis=1)
 
 
+def shows_flat(raw: Array) -> bool:
+    """Whether a direction shows next to nothing, of the products of components with each other, (d, d)."""
+    values = np.linalg.eigvalsh(raw)
+    return bool(values[0] < FLAT * values.mean())
+
+
 def of_one_phase(
     several: Sequence[Way], found: Sums, grams: Array
 ) -> list[tuple[Way, Array, float]]:
