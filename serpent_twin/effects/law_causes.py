@@ -6,7 +6,7 @@ from enum import Enum, auto
 from serpent_twin.effects.law import CLOCKS, READINGS, Law
 
 
-class Form(Enum):
+class LawForm(Enum):
     """What sort of law it is, to somebody who looks for its cause."""
 
     ALWAYS = auto()
@@ -31,103 +31,103 @@ class Form(Enum):
 _RAMPS = ("linear", "beyond", "below")
 
 
-def form_of(law: Law) -> Form:
+def form_of(law: Law) -> LawForm:
     """The form of a law."""
     if not law.reading:
-        return Form.ALWAYS
+        return LawForm.ALWAYS
     if READINGS[law.reading][0] in CLOCKS:
-        by_clock = {"periodic": Form.SWINGING} | dict.fromkeys(_RAMPS, Form.SLOWLY)
-        return by_clock.get(law.shape, Form.ONCE)
+        by_clock = {"periodic": LawForm.SWINGING} | dict.fromkeys(_RAMPS, LawForm.SLOWLY)
+        return by_clock.get(law.shape, LawForm.ONCE)
     if law.shape in ("periodic", "play"):
-        return Form.WAVES if law.shape == "periodic" else Form.PLAY
+        return LawForm.WAVES if law.shape == "periodic" else LawForm.PLAY
     if law.reading.endswith("velocity"):
-        return Form.MOVING
-    return Form.GROWING if law.shape in _RAMPS else Form.THERE
+        return LawForm.MOVING
+    return LawForm.GROWING if law.shape in _RAMPS else LawForm.THERE
 
 
 _PULLS = {
-    Form.ALWAYS: "a weight, a hose or a wire that pulls",
-    Form.ONCE: "something that was hung on, taken off or leaned against it then",
-    Form.SLOWLY: "a hose that fills or stiffens",
-    Form.SWINGING: "a fan, a pump or a machine beside it that shakes it",
-    Form.MOVING: "something that is dragged along",
-    Form.THERE: "a hose, a wire or an obstacle that touches it there",
-    Form.GROWING: "a hose, a cord or an obstacle that gives",
+    LawForm.ALWAYS: "a weight, a hose or a wire that pulls",
+    LawForm.ONCE: "something that was hung on, taken off or leaned against it then",
+    LawForm.SLOWLY: "a hose that fills or stiffens",
+    LawForm.SWINGING: "a fan, a pump or a machine beside it that shakes it",
+    LawForm.MOVING: "something that is dragged along",
+    LawForm.THERE: "a hose, a wire or an obstacle that touches it there",
+    LawForm.GROWING: "a hose, a cord or an obstacle that gives",
 }
 _SEEN = {
-    Form.ALWAYS: "a frame that was calibrated elsewhere",
-    Form.ONCE: "a camera that was knocked",
-    Form.SLOWLY: "a stand that sinks, or cameras that warm up",
-    Form.SWINGING: "a stand that shakes",
-    Form.GROWING: "lenses that were calibrated for another part of the room",
+    LawForm.ALWAYS: "a frame that was calibrated elsewhere",
+    LawForm.ONCE: "a camera that was knocked",
+    LawForm.SLOWLY: "a stand that sinks, or cameras that warm up",
+    LawForm.SWINGING: "a stand that shakes",
+    LawForm.GROWING: "lenses that were calibrated for another part of the room",
 }
-_CAUSES: Mapping[str, tuple[str, Mapping[Form, str]]] = {
+_CAUSES: Mapping[str, tuple[str, Mapping[LawForm, str]]] = {
     "joint_torque": (
         "something that pulls across the joint",
         {
-            Form.ALWAYS: "a spring, a hose or a harness that is tensioned across the joint",
-            Form.ONCE: "a spring, a hose or a harness that tore or was tied across the joint then",
-            Form.SWINGING: "a fan, a pump or a machine beside it that shakes it",
-            Form.PLAY: "rubber, nylon or a seal that springs back before it slides",
-            Form.MOVING: "grease or a seal that resists",
-            Form.THERE: "a catch, a stop or a harness that touches there",
-            Form.GROWING: "a bumper, a hose or a spring",
+            LawForm.ALWAYS: "a spring, a hose or a harness that is tensioned across the joint",
+            LawForm.ONCE: "a spring, a hose or a harness that tore or was tied across the joint then",
+            LawForm.SWINGING: "a fan, a pump or a machine beside it that shakes it",
+            LawForm.PLAY: "rubber, nylon or a seal that springs back before it slides",
+            LawForm.MOVING: "grease or a seal that resists",
+            LawForm.THERE: "a catch, a stop or a harness that touches there",
+            LawForm.GROWING: "a bumper, a hose or a spring",
         },
     ),
     "joint_friction": (
         "a bearing that is tight or dry",
         {
-            Form.ONCE: "a screw that was tightened, or dirt that came in then",
-            Form.SLOWLY: "a bearing that runs dry",
-            Form.THERE: "a burr, dirt or a cover that rubs there",
-            Form.GROWING: "a bearing that jams under load",
+            LawForm.ONCE: "a screw that was tightened, or dirt that came in then",
+            LawForm.SLOWLY: "a bearing that runs dry",
+            LawForm.THERE: "a burr, dirt or a cover that rubs there",
+            LawForm.GROWING: "a bearing that jams under load",
         },
     ),
     "gear_friction": (
         "a gear or a cable that rubs",
         {
-            Form.ONCE: "a cable that left its groove, or a gear that was damaged then",
-            Form.SLOWLY: "a gear that runs dry",
-            Form.THERE: "a damaged tooth, or a cable that rubs there",
-            Form.GROWING: "a gear that jams under load",
+            LawForm.ONCE: "a cable that left its groove, or a gear that was damaged then",
+            LawForm.SLOWLY: "a gear that runs dry",
+            LawForm.THERE: "a damaged tooth, or a cable that rubs there",
+            LawForm.GROWING: "a gear that jams under load",
         },
     ),
     "motor_torque": (
         "a spring on the horn, or a current sensor that errs",
         {
-            Form.WAVES: "a bent shaft, a winch off its centre or a damaged tooth",
-            Form.PLAY: "a gear or a cable that springs back before it slides",
-            Form.MOVING: "grease that resists",
+            LawForm.WAVES: "a bent shaft, a winch off its centre or a damaged tooth",
+            LawForm.PLAY: "a gear or a cable that springs back before it slides",
+            LawForm.MOVING: "grease that resists",
         },
     ),
     "winch_angle": (
         "a winch that does not turn with its encoder",
         {
-            Form.ALWAYS: "a horn that was mounted turned",
-            Form.ONCE: "a set screw that came loose, or a horn that slipped then",
-            Form.SLOWLY: "a set screw that works loose",
-            Form.WAVES: "an encoder's magnet or a winch off its centre",
-            Form.PLAY: "play in the gear, or between horn and winch",
-            Form.MOVING: "an encoder that reads late, or play in the gear",
-            Form.GROWING: "a winch of another radius, or a shaft that twists",
+            LawForm.ALWAYS: "a horn that was mounted turned",
+            LawForm.ONCE: "a set screw that came loose, or a horn that slipped then",
+            LawForm.SLOWLY: "a set screw that works loose",
+            LawForm.WAVES: "an encoder's magnet or a winch off its centre",
+            LawForm.PLAY: "play in the gear, or between horn and winch",
+            LawForm.MOVING: "an encoder that reads late, or play in the gear",
+            LawForm.GROWING: "a winch of another radius, or a shaft that twists",
         },
     ),
     "command": (
         "a drive of another scale or zero",
         {
-            Form.ONCE: "a drive that was set otherwise then",
-            Form.GROWING: "a gear or a drum of another radius",
+            LawForm.ONCE: "a drive that was set otherwise then",
+            LawForm.GROWING: "a gear or a drum of another radius",
         },
     ),
     "slack": (
         "a strand that gives way",
         {
-            Form.ALWAYS: "a strand that was tied otherwise",
-            Form.ONCE: "a clamp that slipped, or a knot that came loose then",
-            Form.SLOWLY: "a strand that creeps, or a clamp that slips",
-            Form.PLAY: "a guide or a pulley that is loose",
-            Form.THERE: "a strand that leaves its groove there",
-            Form.GROWING: "a guide that gives, or a pulley of another radius",
+            LawForm.ALWAYS: "a strand that was tied otherwise",
+            LawForm.ONCE: "a clamp that slipped, or a knot that came loose then",
+            LawForm.SLOWLY: "a strand that creeps, or a clamp that slips",
+            LawForm.PLAY: "a guide or a pulley that is loose",
+            LawForm.THERE: "a strand that leaves its groove there",
+            LawForm.GROWING: "a guide that gives, or a pulley of another radius",
         },
     ),
     "force": ("something that pulls or pushes", _PULLS),
@@ -136,46 +136,46 @@ _CAUSES: Mapping[str, tuple[str, Mapping[Form, str]]] = {
     "link_turn": (
         "a link that gives",
         {
-            Form.ALWAYS: "a link that was built bent or turned",
-            Form.ONCE: "a screw that worked loose, or a link that was bent then",
-            Form.SLOWLY: "a screw that works loose, or a link that creeps",
-            Form.THERE: "a link that is loose and tips over there",
+            LawForm.ALWAYS: "a link that was built bent or turned",
+            LawForm.ONCE: "a screw that worked loose, or a link that was bent then",
+            LawForm.SLOWLY: "a screw that works loose, or a link that creeps",
+            LawForm.THERE: "a link that is loose and tips over there",
         },
     ),
     "marker_shift": (
         "a marker that is loose or partly hidden",
         {
-            Form.ALWAYS: "a marker that sits elsewhere",
-            Form.ONCE: "a marker that was knocked",
-            Form.SLOWLY: "a marker whose glue creeps",
+            LawForm.ALWAYS: "a marker that sits elsewhere",
+            LawForm.ONCE: "a marker that was knocked",
+            LawForm.SLOWLY: "a marker whose glue creeps",
         },
     ),
     "load_shift": (
         "a current sensor that errs",
         {
-            Form.ALWAYS: "a current sensor whose zero is off",
-            Form.ONCE: "a current sensor whose zero jumped",
-            Form.SLOWLY: "a current sensor that drifts as it warms up",
-            Form.WAVES: "a bent shaft, a winch off its centre or a damaged tooth",
-            Form.GROWING: "a current sensor of another scale",
+            LawForm.ALWAYS: "a current sensor whose zero is off",
+            LawForm.ONCE: "a current sensor whose zero jumped",
+            LawForm.SLOWLY: "a current sensor that drifts as it warms up",
+            LawForm.WAVES: "a bent shaft, a winch off its centre or a damaged tooth",
+            LawForm.GROWING: "a current sensor of another scale",
         },
     ),
     "load_scale": (
         "a current sensor or a motor of another scale",
         {
-            Form.ONCE: "a current sensor that failed in part then",
-            Form.SLOWLY: "a current sensor that fades, or a supply that weakens",
+            LawForm.ONCE: "a current sensor that failed in part then",
+            LawForm.SLOWLY: "a current sensor that fades, or a supply that weakens",
         },
     ),
     "reading_shift": (
         "a sensor that errs",
         {
-            Form.ALWAYS: "a sensor whose zero is off",
-            Form.ONCE: "a sensor that slipped then",
-            Form.SLOWLY: "a sensor that drifts",
-            Form.WAVES: "an encoder's magnet off its centre",
-            Form.MOVING: "a sensor that reads late",
-            Form.GROWING: "a sensor of another scale",
+            LawForm.ALWAYS: "a sensor whose zero is off",
+            LawForm.ONCE: "a sensor that slipped then",
+            LawForm.SLOWLY: "a sensor that drifts",
+            LawForm.WAVES: "an encoder's magnet off its centre",
+            LawForm.MOVING: "a sensor that reads late",
+            LawForm.GROWING: "a sensor of another scale",
         },
     ),
     "camera_shift": ("cameras that do not stand still", _SEEN),
@@ -183,10 +183,10 @@ _CAUSES: Mapping[str, tuple[str, Mapping[Form, str]]] = {
     "acceleration": (
         "a base that moves",
         {
-            Form.ALWAYS: "a base that leans",
-            Form.ONCE: "a base that was tilted then",
-            Form.SLOWLY: "a base that sinks",
-            Form.SWINGING: "a base that shakes",
+            LawForm.ALWAYS: "a base that leans",
+            LawForm.ONCE: "a base that was tilted then",
+            LawForm.SLOWLY: "a base that sinks",
+            LawForm.SWINGING: "a base that shakes",
         },
     ),
 }

@@ -3,7 +3,7 @@
 import pytest
 
 from serpent_twin.effects.law import HANDLES, READINGS, Law, parse
-from serpent_twin.effects.law_causes import Form, form_of, look_for
+from serpent_twin.effects.law_causes import LawForm, form_of, look_for
 from serpent_twin.effects.law_shape import SHAPES
 
 
@@ -18,16 +18,16 @@ def test_something_is_said_of_every_law(handle):
 @pytest.mark.parametrize(
     ("law", "form", "words"),
     [
-        ("winch_angle of motor5: play motor_angle of motor5", Form.PLAY, "play in the gear"),
-        ("winch_angle of motor5: above runtime of machine", Form.ONCE, "set screw"),
-        ("marker_shift of marker3: under runtime of machine", Form.ONCE, "knocked"),
-        ("joint_torque of joint5: beyond joint_angle of joint5", Form.GROWING, "bumper"),
-        ("joint_friction of joint2: within joint_angle of joint2", Form.THERE, "burr"),
-        ("joint_torque of joint5: linear joint_velocity of joint5", Form.MOVING, "grease"),
-        ("force of link9: periodic runtime of machine", Form.SWINGING, "fan"),
-        ("load_scale of motor1_load: linear time of session", Form.SLOWLY, "fades"),
-        ("load_shift of motor1_load: periodic motor_angle of motor1", Form.WAVES, "tooth"),
-        ("spring of link7: constant", Form.ALWAYS, "tether"),
+        ("winch_angle of motor5: play motor_angle of motor5", LawForm.PLAY, "play in the gear"),
+        ("winch_angle of motor5: above runtime of machine", LawForm.ONCE, "set screw"),
+        ("marker_shift of marker3: under runtime of machine", LawForm.ONCE, "knocked"),
+        ("joint_torque of joint5: beyond joint_angle of joint5", LawForm.GROWING, "bumper"),
+        ("joint_friction of joint2: within joint_angle of joint2", LawForm.THERE, "burr"),
+        ("joint_torque of joint5: linear joint_velocity of joint5", LawForm.MOVING, "grease"),
+        ("force of link9: periodic runtime of machine", LawForm.SWINGING, "fan"),
+        ("load_scale of motor1_load: linear time of session", LawForm.SLOWLY, "fades"),
+        ("load_shift of motor1_load: periodic motor_angle of motor1", LawForm.WAVES, "tooth"),
+        ("spring of link7: constant", LawForm.ALWAYS, "tether"),
     ],
 )
 def test_the_form_of_a_law_says_where_to_look(law, form, words):
