@@ -18,8 +18,9 @@ from serpent_twin.effects.law import (
     Law,
     parse,
 )
-from serpent_twin.effects.law_shape import SHAPES, LawShape, dragged
+from serpent_twin.effects.law_shape import SHAPES, LawShape
 from serpent_twin.effects.links import let_hold
+from serpent_twin.effects.play import dragged, dragged_from_afar
 
 _ANY = 1e9
 
@@ -107,8 +108,8 @@ class Discovered(Effect):
         """Where that is which a reading drags along through play; None where there is no play."""
         if not self.shape.drags:
             return None
-        rate = moment.reading_of(self.law.rate)
-        return np.array(moment.reading_of(self.law) - np.asarray(self.first) / 2 * np.sign(rate))
+        x, rate = (moment.reading_of(each) for each in (self.law, self.law.rate))
+        return dragged_from_afar(x, rate, self.first)
 
     def act(self, moment: Any, memory: Array | None) -> None:
         """Change what the law changes."""

@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import WINDING, Effect, parameter
 from serpent_twin.effects.moment import Wound
+from serpent_twin.effects.play import dragged, dragged_from_afar
 
 
 @dataclass(frozen=True)
@@ -33,10 +32,9 @@ class GearBacklash(Effect):
 
     def start(self, moment: Wound) -> Array:
         """Winches dragged along by motors that move, in the middle of the gap by others [rad], (n, 10)."""
-        return moment.winch_angle - self.gap / 2 * np.sign(moment.motor_velocity)
+        return dragged_from_afar(moment.winch_angle, moment.motor_velocity, self.gap)
 
     def act(self, moment: Wound, memory: Array) -> None:
         """Drag the winches along."""
-        m, half = moment.winch_angle, self.gap / 2
-        np.clip(memory, m - half, m + half, out=memory)
+        memory[...] = dragged(memory, moment.winch_angle, self.gap)
         moment.winch_angle = memory.copy()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.effects.play import behind
 
 _EDGE = 1e-3
 """Half width of a threshold, in the unit of its reading: where a law sets in, it does so within that"""
@@ -33,24 +34,6 @@ class LawShape:
     def followed(self, x: Array, first: float, second: float) -> Array:
         """The change in rows of runs in which a reading was x, (…, T)."""
         return self.form(behind(x, first) if self.drags else x, first, second)
-
-
-def dragged(memory: Array, x: Array, gap: Array | float) -> Array:
-    """What x drags along through a play of some width, which was at `memory`."""
-    half = np.asarray(gap) / 2
-    return np.clip(memory, x - half, x + half)
-
-
-def behind(x: Array, gap: float) -> Array:
-    """By how much what x drags along through a play is behind it in rows of runs, (…, T); at first, as if x
-    had come from afar in its first direction.
-    """
-    out = np.zeros(x.shape)
-    at = x[..., 0] - gap / 2 * np.sign(x[..., min(1, x.shape[-1] - 1)] - x[..., 0])
-    for t in range(x.shape[-1]):
-        at = dragged(at, x[..., t], gap)
-        out[..., t] = at - x[..., t]
-    return out
 
 
 def _above(x: Array, first: Array | float, second: Array | float) -> Array:

@@ -3,10 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters
+from serpent_twin.identification.objective import cost_at
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
@@ -20,9 +19,7 @@ def without_move(case: Case[Any], training: Any, base: Fit, coordinate: str) -> 
     declared[k] = 0.0
     point = ParameterVector(declared, base.point.effects)
     residual = case.residual([point], case.take(training, base.used))[0]
-    squares = (residual.astype(float) ** 2).sum() / base.variance_inflation
-    priors = np.array([each.prior for each in case.declared])
-    cost = float(squares + ((declared / priors) ** 2).sum())
+    cost = cost_at(case, point, residual, base.variance_inflation)
     begun = replace(base, point=point, residual=residual, cost=cost)
     row = base.free.declared.index(k)
     others = tuple(each for each in base.free.declared if each != k)

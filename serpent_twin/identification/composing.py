@@ -21,6 +21,7 @@ from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.moved import moved
+from serpent_twin.identification.objective import cost_at
 from serpent_twin.identification.proxies import needless
 from serpent_twin.identification.steps import BEATS, Tracer
 from serpent_twin.identification.wording import spaced
@@ -233,10 +234,9 @@ class ComposingTracer(Tracer):
         """Whether a fit leaves less than a share of another's cost, by that one's weights."""
         case = replace(self.case, noise=found.noise)
         some = case.take(self.training, found.used)
-        squares = (case.residual([again.point], some)[0].astype(float) ** 2).sum()
-        priors = np.array([each.prior for each in case.declared])
-        lean = ((again.point.declared / priors) ** 2).sum()
-        return bool(squares / found.variance_inflation + lean < share * found.cost)
+        residual = case.residual([again.point], some)[0]
+        cost = cost_at(case, again.point, residual, found.variance_inflation)
+        return cost < share * found.cost
 
     def _resembling(
         self,

@@ -43,6 +43,13 @@ def variance_inflation(residual: Array, channels: int) -> float:
     return float(max(1.0, together * lasting))
 
 
+def cost_at(case: Case[Any], point: ParameterVector, residual: Array, inflation: float) -> float:
+    """Cost of a parameter vector whose declared coordinates are all free, from its residual."""
+    priors = np.array([each.prior for each in case.declared])
+    squares = float((residual.astype(float) ** 2).sum()) / inflation
+    return squares + float(((point.declared / priors) ** 2).sum())
+
+
 @dataclass(frozen=True)
 class At:
     """A parameter vector with its residual."""

@@ -14,7 +14,8 @@ from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.effects import KNOWN
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import HANDLES, Law, parse
-from serpent_twin.effects.law_shape import SHAPES, behind
+from serpent_twin.effects.law_shape import SHAPES
+from serpent_twin.effects.play import behind
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import PrescribedMotion, impose

@@ -125,8 +125,8 @@ def _forms(found: Composed, ends: _Reading, units: Mapping[str, str]) -> dict[st
         out[name or key] = Range(
             units[key], low, high, value, fitted=bool(name), step=step, form=True
         )
-    bounded = law.reading and law.shape not in ("periodic", "play")
-    bounded = bounded and law.reading not in ("time", "runtime")
+    unbounded = law.shape == "periodic" or SHAPES[law.shape].drags
+    bounded = law.reading not in ("", "time", "runtime") and not unbounded
     for key, value in (("least_reading", ends.least), ("most_reading", ends.most)):
         end = value if bounded else 0.0
         out[key] = Range(units["bound"], end, end, end, fitted=False, form=True)

@@ -9,7 +9,8 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects import place_of
 from serpent_twin.effects.law import HANDLES, Law, parse
-from serpent_twin.effects.law_shape import SHAPES, behind
+from serpent_twin.effects.law_shape import SHAPES
+from serpent_twin.effects.play import behind
 from serpent_twin.identification.discovery.candidates import FORM
 from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.fitted import Fit
