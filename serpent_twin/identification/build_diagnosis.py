@@ -149,9 +149,12 @@ def _stands_in(error: Mapping[str, float], bar: Bars) -> bool:
 
 
 def _moved(case: Case, selection: Selection) -> tuple[Moved, ...]:
-    """What the last round's twin had moved too far, beside the candidates that it was to be told from."""
-    last = selection.rounds[-1]
-    return moved(case, last.base, [trial.score for trial in last.trials.values()])
+    """What the last round's twin had moved too far, beside the candidates that it was to be told from: named
+    effects, and laws that were tried from the same twin.
+    """
+    base = selection.rounds[-1].base
+    alike = [each.trials for each in selection.rounds if each.base is base]
+    return moved(case, base, [trial.score for several in alike for trial in several.values()])
 
 
 def estimates(case: Case, fit: Fit, name: str) -> dict[str, ParameterEstimate]:

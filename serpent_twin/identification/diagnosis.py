@@ -252,7 +252,7 @@ class Diagnosis:
         if not self.moved:
             return ""
         more = f"; {len(self.moved) - _LISTED} more likewise" if len(self.moved) > _LISTED else ""
-        like = [name for each in self.moved[:1] for name in each.stands_for]
+        like = [_short(name) for each in self.moved[:1] for name in each.stands_for]
         may = (
             f" It may stand for {' or '.join(like)}, which changes the logs likewise."
             if like
