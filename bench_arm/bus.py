@@ -103,15 +103,14 @@ class BenchBus:
 
     @property
     def frames(self) -> tuple[Array, Array]:
-        """Where the links truly are: origins [m], (9, 3), and rotations, (9, 3, 3), in the base frame."""
+        """Where the links truly are: origins [m], (9, 3), and rotations, (9, 3, 3), in the cameras' frame."""
         origin, rotation = self.machine.frames(self.machine.q)
-        return origin[0], rotation[0]
+        return self.machine.seen(origin)[0], self.machine.camera_turn[0] @ rotation[0]
 
     def take_up(self, mass: float, place: float = 0.09) -> None:
         """From now on the last link carries a mass [kg] more, so far from its joint [m]."""
         payload = Payloads(np.array([mass]), np.array([8]), np.array([place]))
-        offset = np.array([self._arm.marker_offset])
-        self.machine.chain = chain(payload, offset, self._effects.flexes)
+        self.machine.chain = chain([self._arm], payload, self._effects.flexes)
 
     def _advance(self, seconds: float) -> Period:
         steps = max(1, round(seconds / STEP))

@@ -1,11 +1,14 @@
 """Compute mass matrix and bias forces of many chains of hinges side by side."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from serpent_twin.arm.geometry import ARM, N_JOINTS
 from serpent_twin.arrays import Array
+
+from .parameters import BenchArm
 
 GRAVITY = 9.81
 
@@ -31,14 +34,14 @@ class Pose:
 
 @dataclass(frozen=True)
 class Chain:
-    """R chains of H hinges and B bodies: what differs by row is the body that carries a payload."""
+    """R chains of H hinges and B bodies, each with its own lengths, axes and masses."""
 
     turn: tuple[Array, Array, Array]
-    """Rotation of a hinge = turn[0] + cos q turn[1] + sin q turn[2], (H, 3, 3) each."""
+    """Rotation of a hinge = turn[0] + cos q turn[1] + sin q turn[2], (R, H, 3, 3) each."""
     axis: Array
-    """Each hinge's axis in its own frame, (H, 3)."""
+    """Each hinge's axis in its own frame, (R, H, 3)."""
     step: Array
-    """From each hinge to the next one, in the frame behind the first [m], (H, 3)."""
+    """From each hinge to the next one, in the frame behind the first [m], (R, H, 3)."""
     carrier: np.ndarray
     """The hinge behind which a body sits, (B,)."""
     mass: Array
@@ -50,12 +53,12 @@ class Chain:
     joint: np.ndarray
     """Which hinges are the arm's nine joints, (9,); the others are links that flex."""
     marker: tuple[tuple[np.ndarray, Array], ...]
-    """Hinge (9,) and place behind it [m], (9, 3); a marker sits at the mean over the entries."""
+    """Hinge (9,) and place behind it [m], (R, 9, 3); a marker sits at the mean over the entries."""
 
     @property
     def n_hinges(self) -> int:
         """H."""
-        return len(self.axis)
+        return self.axis.shape[1]
 
     def pose(self, q: Array) -> Pose:
         """Forward kinematics at hinge angles q [rad], (R, H)."""
@@ -152,43 +155,53 @@ class Payloads:
     """Behind that link's joint [m], (R,)."""
 
 
-def chain(payload: Payloads, marker_offset: Array, flexes: str = "") -> Chain:
-    """The arm with payloads and misplaced markers [m], (R, 9, 3).
+def chain(arms: Sequence[BenchArm], payload: Payloads, flexes: str = "") -> Chain:
+    """Arms with payloads.
 
     Where links flex, each is cut at its middle into two equal halves (together they have the
     link's mass, centre and inertia) joined by hinges about the axes `flexes`, such as "zy" to bend.
     """
-    length, mass = np.array(ARM.link_length), np.array(ARM.link_mass)
+    length = np.array(ARM.link_length) * [a.length_ratio for a in arms]
+    mass = np.array(ARM.link_mass) * [a.mass_ratio for a in arms]
     part = length / 2 if flexes else length
     per_link = ("joint", *flexes)
     kinds = [("zy"[i % 2] if k == "joint" else k) for i in range(N_JOINTS) for k in per_link]
     stride = len(per_link)
-    axis = np.eye(3)[["xyz".index(k) for k in kinds]]
-    step = np.zeros((len(kinds), 3))
-    step[::stride, 0] = part
-    if flexes:
-        step[stride - 1 :: stride, 0] = part
     joint = np.arange(N_JOINTS) * stride
     end = joint + stride - 1
+    axis = np.tile(np.eye(3)[["xyz".index(k) for k in kinds]], (len(arms), 1, 1))
+    axis[:, joint] = _tilted(axis[:, joint], np.array([a.axis_tilt for a in arms]))
+    step = np.zeros((len(arms), len(kinds), 3))
+    step[:, ::stride, 0] = part
+    if flexes:
+        step[:, stride - 1 :: stride, 0] = part
     carrier = np.stack([joint, end], 1).ravel() if flexes else joint
     pieces = 2 if flexes else 1
-    body_mass = np.tile(np.repeat(mass / pieces, pieces), (len(payload.mass), 1))
-    body_length = np.repeat(part, pieces)
+    body_mass = np.repeat(mass / pieces, pieces, axis=1)
+    body_length = np.repeat(part, pieces, axis=1)
     com = np.zeros((*body_mass.shape, 3))
     com[..., 0] = body_length / 2
     inertia = body_mass[..., None] * np.array([ARM.inertia_along, *2 * [ARM.inertia_across]])
     inertia[..., 1:] += (body_mass * body_length**2 / 12)[..., None]
-    beyond = payload.at > part[payload.link] if flexes else np.zeros(len(payload.at), bool)
+    middle = part[np.arange(len(arms)), payload.link]
+    beyond = payload.at > middle if flexes else np.zeros(len(payload.at), bool)
     body = pieces * payload.link + beyond
-    _load(body_mass, com, inertia, payload.mass, body, payload.at - beyond * part[payload.link])
-    at = ARM.markers_in_links + marker_offset
+    _load(body_mass, com, inertia, payload.mass, body, payload.at - beyond * middle)
+    at = ARM.markers_in_links + np.array([a.marker_offset for a in arms])
     marker = ((joint, at),)
     if flexes:
-        far = (end, at - np.stack([part, 0 * part, 0 * part], 1))
-        beyond = ARM.markers_in_links[:, 0] > part
-        near = (np.where(beyond, far[0], joint), np.where(beyond[:, None], far[1], at))
+        far = (end, at - np.stack([part, 0 * part, 0 * part], -1))
+        outer = ARM.markers_in_links[:, 0] > np.array(ARM.link_length) / 2
+        near = (np.where(outer, far[0], joint), np.where(outer[:, None], far[1], at))
         marker = (near, far)
     return Chain(_turns(axis), axis, step, carrier, body_mass, com, inertia, joint, marker)
+
+
+def _tilted(axis: Array, tilt: Array) -> Array:
+    """Unit axes (R, 9, 3) that lean by tilts (R, 9, 2) along their links and across both."""
+    along = np.array([1.0, 0.0, 0.0])
+    leaning = axis + tilt[..., :1] * along + tilt[..., 1:] * np.cross(along, axis)
+    return leaning / np.linalg.norm(leaning, axis=-1, keepdims=True)
 
 
 def _load(
@@ -204,8 +217,8 @@ def _load(
 
 
 def _turns(axis: Array) -> tuple[Array, Array, Array]:
-    """Rodrigues' formula for hinges about `axis`, (H, 3)."""
-    along = axis[..., None] * axis[:, None]
+    """Rodrigues' formula for hinges about `axis`, (R, H, 3)."""
+    along = axis[..., None] * axis[..., None, :]
     return along, np.eye(3) - along, _skew(axis)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
@@ -40,7 +41,9 @@ class ArmBatch:
             np.array([e.payload_link - 1 for e in effects]),
             np.array([e.payload_at for e in effects]),
         )
-        self.chain = chain(payload, np.array([a.marker_offset for a in arms]), effects[0].flexes)
+        self.chain = chain(arms, payload, effects[0].flexes)
+        self.camera_shift = np.array([[a.camera_shift] for a in arms])
+        self.camera_turn = Rotation.from_rotvec([a.camera_turn for a in arms]).as_matrix()
         self.joint = self.chain.joint
         self.strands, self.servos = Strands(arms, effects), ServoBatch(arms, effects)
         self.ratio = np.array([a.radius_ratio for a in arms])
@@ -98,6 +101,10 @@ class ArmBatch:
         torque = np.zeros((len(self.q), N_JOINTS + 1))
         torque[:, :N_JOINTS] = self.ratio * RADIUS * (self.tension[:, 0] - self.tension[:, 1])
         return torque
+
+    def seen(self, place: Array) -> Array:
+        """Places in the base frame (R, …, 3) as the cameras' frame has them [m]."""
+        return place @ self.camera_turn.swapaxes(1, 2) + self.camera_shift
 
     def markers(self, q: Array) -> Array:
         """Marker places [m], (R, 9, 3), at hinge angles q (R, H)."""

@@ -33,6 +33,16 @@ class BenchArm:
     """Winch radius over the radius of the cable's pulleys."""
     marker_offset: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),) * N_JOINTS
     """Each marker's misplacement in its link's frame [m]."""
+    length_ratio: tuple[float, ...] = (1.0,) * N_JOINTS
+    """Each link's length over the drawn one."""
+    mass_ratio: tuple[float, ...] = (1.0,) * N_JOINTS
+    """Each link's mass over the drawn one."""
+    axis_tilt: tuple[tuple[float, float], ...] = ((0.0, 0.0),) * N_JOINTS
+    """By how much each hinge's axis leans along its link's x, and across both [rad]."""
+    camera_shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the cameras see the base's origin [m]."""
+    camera_turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Rotation vector by which they see the base turned [rad]."""
     armature: float = 0.005
     """Rotor inertia at the horn [kg m²]."""
     velocity_lag: float = 0.03
@@ -51,6 +61,9 @@ class BenchArm:
 
 def draw(rng: np.random.Generator) -> BenchArm:
     """An arm as workshops build them: every number within its tolerance of a common value."""
+    (shape,) = rng.spawn(
+        1
+    )  # so that seeds give the cables, servos and sensors that they gave before
     return BenchArm(
         strand_stiffness=_spread(rng, np.exp(rng.uniform(*np.log([2e3, 2e4]))), 0.15, STRANDS),
         strand_slack=_spread(rng, rng.uniform(0.2e-3, 0.8e-3), 0.20, STRANDS),
@@ -60,6 +73,11 @@ def draw(rng: np.random.Generator) -> BenchArm:
         gear_friction=_spread(rng, rng.uniform(0.03, 0.09), 0.10, N_MOTORS),
         radius_ratio=tuple((1 + 0.003 * rng.standard_normal(N_JOINTS)).tolist()),
         marker_offset=_triples(0.3e-3 * rng.standard_normal((N_JOINTS, 3))),
+        length_ratio=tuple((1 + 0.02 * shape.standard_normal(N_JOINTS)).tolist()),
+        mass_ratio=tuple((1 + 0.03 * shape.standard_normal(N_JOINTS)).tolist()),
+        axis_tilt=tuple((a, b) for a, b in (5e-3 * shape.standard_normal((N_JOINTS, 2))).tolist()),
+        camera_shift=_triples(1.5e-3 * shape.standard_normal((1, 3)))[0],
+        camera_turn=_triples(3e-3 * shape.standard_normal((1, 3)))[0],
         armature=rng.uniform(0.004, 0.007),
         velocity_lag=rng.uniform(0.020, 0.040),
         velocity_p=rng.uniform(1.5, 3.0),

@@ -88,7 +88,7 @@ def read(machine: ArmBatch, path: Period, seen: Sequence[Sensors], t: int) -> di
     several = machine.accidents
     if any(several):
         marker += accidents.shifts(several, machine.clock, marker, *machine.frames(hinges))
-    marker = marker + np.stack([s.marker[t] for s in seen])
+    marker = machine.seen(marker) + np.stack([s.marker[t] for s in seen])
     marker[np.stack([s.lost[t] for s in seen])] = np.nan
     motors = delayed(path.motors, path.seconds, [s.effects.motor_latency for s in seen])
     angle, speed, load = motors.swapaxes(0, 1)

@@ -87,9 +87,8 @@ def moment(arm: str, session: Session, corrected: twin_model.TwinModel) -> Snaps
     whole = np.isfinite(session.marker).all(axis=(1, 2)) & (np.arange(len(session)) >= _DROP)
     rows = np.flatnonzero(whole) if whole.any() else np.arange(len(session))
     row = rows[np.argmin(np.abs(gain[rows] - np.quantile(gain[rows], _CLEARLY)))]
-    offset = corrected.tolerances.marker_offset
     start = joint_from_motor(session.motor_position[row, :N_JOINTS])
-    seen = joints_from_markers(session.marker[row], start, offset)
+    seen = joints_from_markers(session.marker[row], start, corrected.built)
     joint = {MEASURED: seen} | {name: twin.joint_angle[row] for name, twin in twins.items()}
     marker = {MEASURED: session.marker[row]} | {n: t.marker[row] for n, t in twins.items()}
     means = {name: float(np.nanmean(each[_DROP:])) for name, each in off.items()}

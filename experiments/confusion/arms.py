@@ -13,7 +13,7 @@ from experiments.confusion.expected import of_bench, of_twin
 from experiments.confusion.outside import OUTSIDE, place
 from experiments.confusion.plan import SESSIONS, Trial, confusable, plan
 from serpent_twin.arm.control import random_targets
-from serpent_twin.arm.deviations import EXACT, Deviations
+from serpent_twin.arm.deviations import EXACT, GEOMETRY, Deviations
 from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.effects import Effect, by_name, ranges, strengths
@@ -110,8 +110,14 @@ def draw(rng: np.random.Generator) -> TwinModel:
         "winch_radius": 0.003,
         "gear_friction": 0.08,
         "marker": 0.3e-3,
+        "link_length": 0.02,
+        "link_mass": 0.03,
+        "axis_tilt": 5e-3,
+        "camera_pose": np.repeat([1.5e-3, 3e-3], 3),
     }
-    each = {f.name: spread[f.name] * rng.standard_normal(len(getattr(EXACT, f.name)))
+    (shape,) = rng.spawn(1)  # so that seeds give the cables that they gave before
+    of = {name: shape if name in GEOMETRY else rng for name in spread}
+    each = {f.name: spread[f.name] * of[f.name].standard_normal(len(getattr(EXACT, f.name)))
             for f in fields(Deviations)}  # fmt: skip
     return TwinModel(parameters, Deviations(**{n: tuple(v.tolist()) for n, v in each.items()}))
 

@@ -10,7 +10,7 @@ import numpy as np
 from experiments.stiffness_sweep.plan import SweepPlan
 from serpent_twin import machines, reservoir
 from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_from_motor
-from serpent_twin.arm.inverse_kinematics import marker_offsets
+from serpent_twin.arm.kinematic_calibration import calibrate
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -97,7 +97,7 @@ def noise(sessions: Sequence[Session]) -> float:
     marker = np.concatenate([session.marker for session in sessions])
     motor = np.concatenate([session.motor_position for session in sessions])
     few = slice(None, None, max(1, len(marker) // _FEW))
-    return float(marker_offsets(marker[few], joint_from_motor(motor[few, :N_JOINTS]))[2])
+    return calibrate(marker[few], joint_from_motor(motor[few, :N_JOINTS])).rms
 
 
 def errors(sessions: Sequence[Session], names: Sequence[str]) -> dict[str, float]:

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from serpent_twin.arrays import Array
 
@@ -91,6 +92,25 @@ class Arm:
     jaw_range: float = np.pi / 2
     """The jaw moves within ± this [rad]. A"""
     servo: Servo = Servo()
+    axis_tilt: tuple[float, ...] = (0.0,) * (2 * N_JOINTS)
+    """By how much each joint's axis leans along its link, and across both [rad], joint 1's first"""
+    camera_pose: tuple[float, ...] = (0.0,) * 6
+    """Where the cameras see the base: its shift [m], and its turn as a rotation vector [rad]"""
+
+    @cached_property
+    def joint_axes(self) -> Array:
+        """Unit vectors of the joints' axes in their link frames, (9, 3)."""
+        drawn = np.array([joint_axis(i) for i in range(N_JOINTS)])
+        along, tilt = np.array([1.0, 0.0, 0.0]), np.reshape(self.axis_tilt, (N_JOINTS, 2))
+        if not tilt.any():
+            return drawn
+        leaning = drawn + tilt[:, :1] * along + tilt[:, 1:] * np.cross(along, drawn)
+        return leaning / np.linalg.norm(leaning, axis=-1, keepdims=True)
+
+    @cached_property
+    def camera_turn(self) -> Array:
+        """Rotation from the base's frame into the cameras', (3, 3)."""
+        return Rotation.from_rotvec(self.camera_pose[3:]).as_matrix()
 
     @cached_property
     def joint_offset(self) -> Array:
@@ -149,10 +169,17 @@ def joint_from_motor(m: ArrayLike) -> Array:
     return np.diff(np.asarray(m, float), axis=-1, prepend=0.0)
 
 
-def joint_rotation(q: ArrayLike) -> Array:
-    """Rotation of each link in the frame of the one before, (..., 9, 3, 3), at joint angles q [rad]."""
+def joint_rotation(q: ArrayLike, arm: Arm = ARM) -> Array:
+    """Rotation of each link in the frame of the one before, (..., 9, 3, 3), at joint angles q [rad]; of as
+    many as there are joint angles.
+    """
     q = np.asarray(q, float)
     c, s = np.cos(q), np.sin(q)
+    if any(arm.axis_tilt):  # Rodrigues' formula
+        axis = arm.joint_axes[: q.shape[-1]]
+        across, along = _cross(axis), axis[:, :, None] * axis[:, None]
+        c, s = c[..., None, None], s[..., None, None]
+        return along + c * (np.eye(3) - along) + s * across
     rotation = np.zeros((*q.shape, 3, 3))
     rotation[..., 0, 0] = c
     odd, even = slice(0, None, 2), slice(1, None, 2)
@@ -163,13 +190,21 @@ def joint_rotation(q: ArrayLike) -> Array:
     return rotation
 
 
+def _cross(v: Array) -> Array:
+    """The matrices of v ×, (..., 3, 3)."""
+    return np.swapaxes(np.cross(v[..., None, :], np.eye(3)), -1, -2)
+
+
 def link_frames(q: ArrayLike, arm: Arm = ARM) -> tuple[Array, Array]:
-    """Origins [m], (..., 9, 3), and rotations, (..., 9, 3, 3), of the links in the base frame; of as many as
-    there are joint angles.
+    """Origins [m], (..., 9, 3), and rotations, (..., 9, 3, 3), of the links as the cameras see them, which is
+    the base frame of an arm as drawn; of as many as there are joint angles.
     """
-    step, offset = joint_rotation(q), arm.joint_offset
+    step, offset = joint_rotation(q, arm), arm.joint_offset
     origin, rotation = np.empty(step.shape[:-1]), np.empty_like(step)
     origin[..., 0, :], rotation[..., 0, :, :] = offset[0], step[..., 0, :, :]
+    if any(arm.camera_pose):
+        origin[..., 0, :] = arm.camera_pose[:3]
+        rotation[..., 0, :, :] = arm.camera_turn @ step[..., 0, :, :]
     for i in range(1, step.shape[-3]):
         np.matmul(rotation[..., i - 1, :, :], step[..., i, :, :], out=rotation[..., i, :, :])
     beyond = offset[1 : step.shape[-3], :, None]

@@ -2,40 +2,38 @@
 
 import numpy as np
 
-from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm, joint_axis, link_frames
+from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm, link_frames, markers_on
 from serpent_twin.arrays import Array
 
 _LEAN = 1e-6  # [m²] (0.2 mm of noise over 0.2 rad)²: the prior of the first guess, for lost markers
 _LONGEST_STEP = 0.2  # [rad] Gauss-Newton overshoots from far away
 
 
-def marker_jacobian(q: Array, offset: Array, arm: Arm = ARM) -> tuple[Array, Array, Array]:
+def marker_jacobian(q: Array, arm: Arm = ARM) -> tuple[Array, Array, Array]:
     """Markers [m], (..., 9, 3), their derivative by joint angles [m/rad], (..., 27, 9), and the
-    links' rotations, (..., 9, 3, 3), at q [rad], (..., 9); `offset` moves markers in their links.
+    links' rotations, (..., 9, 3, 3), at q [rad], (..., 9).
     """
     origin, rotation = link_frames(q, arm)
-    marker = origin + (rotation @ (arm.markers_in_links + offset)[:, :, None])[..., 0]
+    marker = markers_on(origin, rotation, arm)
     slope = np.zeros((*q.shape[:-1], N_JOINTS, 3, N_JOINTS))
     for i in range(N_JOINTS):
-        axis = rotation[..., i, :, :] @ joint_axis(i)
+        axis = rotation[..., i, :, :] @ arm.joint_axes[i]
         arm_of_lever = marker[..., i:, :] - origin[..., i, None, :]
         slope[..., i:, :, i] = np.cross(axis[..., None, :], arm_of_lever)
     return marker, slope.reshape(*q.shape[:-1], 3 * N_JOINTS, N_JOINTS), rotation
 
 
-def joints_from_markers(
-    marker: Array, start: Array, offset: Array | None = None, arm: Arm = ARM, iterations: int = 12
-) -> Array:
+def joints_from_markers(marker: Array, start: Array, arm: Arm = ARM, iterations: int = 12) -> Array:
     """Joint angles [rad], (..., 9), that put the markers nearest to measured ones [m], (..., 9, 3).
 
     NaN markers do not count; what they leave open stays near `start`, such as A⁻¹ of the motor angles,
     (..., 9), from which Gauss-Newton begins.
     """
-    q, offset = start.copy(), np.zeros((N_JOINTS, 3)) if offset is None else offset
+    q = start.copy()
     seen = np.isfinite(marker).reshape(*q.shape[:-1], -1)
     lean = np.where(seen.all(axis=-1), 0.0, _LEAN)[..., None]
     for _ in range(iterations):
-        at, slope, _ = marker_jacobian(q, offset, arm)
+        at, slope, _ = marker_jacobian(q, arm)
         error = np.where(seen, (marker - at).reshape(seen.shape), 0.0)
         slope = slope * seen[..., None]
         normal = np.swapaxes(slope, -1, -2) @ slope + lean[..., None] * np.eye(N_JOINTS)
@@ -45,15 +43,13 @@ def joints_from_markers(
     return q
 
 
-def linearised(
-    marker: Array, q: Array, offset: Array, arm: Arm = ARM
-) -> tuple[Array, Array, Array, Array]:
-    """Measured markers (N, 9, 3) against those at joint angles q (N, 9) and offsets (9, 3): errors [m],
-    (N, 27), their Jacobian by joint angles, (N, 27, 9), its regularised inverse,
-    (N, 9, 27), and the Jacobian by offsets, (N, 27, 27). Zero where a marker is NaN.
+def linearised(marker: Array, q: Array, arm: Arm = ARM) -> tuple[Array, Array, Array, Array]:
+    """Measured markers (N, 9, 3) against those at joint angles q (N, 9): errors [m], (N, 27), their Jacobian
+    by joint angles, (N, 27, 9), its regularised inverse, (N, 9, 27), and the Jacobian by the markers' places
+    in their links, (N, 27, 27). Zero where a marker is NaN.
     """
     n, seen = len(q), np.isfinite(marker).reshape(len(q), -1)
-    at, slope, rotation = marker_jacobian(q, offset, arm)
+    at, slope, rotation = marker_jacobian(q, arm)
     error = np.where(seen, (marker - at).reshape(n, -1), 0.0)
     slope = slope * seen[..., None]
     moves = np.zeros((n, 3 * N_JOINTS, 3 * N_JOINTS))
@@ -63,36 +59,3 @@ def linearised(
     normal = np.swapaxes(slope, 1, 2) @ slope + _LEAN * np.eye(N_JOINTS)
     solve = np.linalg.solve(normal, np.swapaxes(slope, 1, 2))
     return error, slope, solve, moves
-
-
-def marker_offsets(
-    marker: Array,
-    start: Array,
-    prior: float = 5e-4,
-    noise: float = 2e-4,
-    arm: Arm = ARM,
-    iterations: int = 10,
-) -> tuple[Array, Array, float]:
-    """Where markers sit on their links: offsets [m], (9, 3), their standard errors, and the rms [m] of
-    what no rigid arm explains, from rows (N, 9, 3) and first guesses of the joint angles, (N, 9).
-
-    Least squares over offsets and all poses, the poses eliminated row by row. An offset that acts
-    as a turn of its joint cannot be told apart from the pose; `prior` [m] determines those.
-    """
-    offset, n = np.zeros((N_JOINTS, 3)), len(start)
-    q = joints_from_markers(marker, start, offset, arm)  # both at once may diverge
-    seen = np.isfinite(marker).reshape(n, -1)
-    for _ in range(iterations):
-        error, slope, solve, moves = linearised(marker, q, offset, arm)
-        free = moves - slope @ (solve @ moves)
-        information = np.einsum("nki,nkj->ij", free, free) / noise**2
-        information += np.eye(3 * N_JOINTS) / prior**2
-        gradient = np.einsum("nki,nk->i", free, error) / noise**2 - offset.ravel() / prior**2
-        step = np.linalg.solve(information, gradient)
-        q = q + (solve @ (error - moves @ step)[..., None])[..., 0]
-        offset = offset + step.reshape(N_JOINTS, 3)
-    at, _, _ = marker_jacobian(q, offset, arm)
-    left = np.where(seen, (marker - at).reshape(n, -1), 0.0)
-    rms = float(np.sqrt((left**2).sum() / max(1, seen.sum() - n * N_JOINTS)))
-    error_of_offset = np.sqrt(np.diag(np.linalg.inv(information))).reshape(N_JOINTS, 3)
-    return offset, error_of_offset, rms

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, Arm
@@ -56,7 +57,7 @@ def build(
     lengths by what the motors wind (see `prescribed_motion.py`).
     """
     if not drawn:
-        document = _document(arm, parameters, tolerances, motors=motors)
+        document = _document(tolerances.built(arm), parameters, tolerances, motors=motors)
         return mujoco.MjSpec.from_string(_text(document))
     from serpent_twin.arm import (  # trimesh is slow to import, needed here only
         meshes,
@@ -65,7 +66,7 @@ def build(
     )
 
     parts = meshes.parts(arm)
-    document = _text(_document(arm, parameters, tolerances, parts))
+    document = _text(_document(tolerances.built(arm), parameters, tolerances, parts))
     spec = mujoco.MjSpec.from_string(document, assets=_mesh_files(parts))
     routing.draw(spec, arm)
     scene.furnish(spec)
@@ -185,17 +186,18 @@ def _add_bodies(
     size = np.array(arm.robot_size) - [sum(arm.link_length), 0, 0]
     mass = arm.robot_mass - sum(arm.link_mass) - N_MOTORS * arm.horn_mass
     _add_inertial(base, mass, -size[0] / 2, mass / 12 * ((size**2).sum() - size**2))
-    _add(base, "site", name="base")
+    _add(base, "site", name="base", **_seen_from(arm))
     bodies = {"base": base}
     for j in range(N_MOTORS if motors else 0):
         friction = _off(parameters.gear_friction, tolerances.gear_friction[j], "frictionloss")
         bodies[f"motor{j + 1}"] = _add_motor(base, j, arm, friction)
     link = base
     for i in range(N_JOINTS):
-        resist = _off(parameters.joint_friction, tolerances.joint_friction[i], "frictionloss")
+        resist: dict[str, Any] = _off(
+            parameters.joint_friction, tolerances.joint_friction[i], "frictionloss"
+        )
         resist |= _off(parameters.joint_damping, tolerances.joint_damping[i], "damping")
-        offset = tolerances.marker[3 * i : 3 * i + 3]
-        link = bodies[f"link{i + 1}"] = _add_link(link, i, arm, resist, np.array(offset))
+        link = bodies[f"link{i + 1}"] = _add_link(link, i, arm, resist)
     held = {"frictionloss": _HELD, "armature": _HELD} if tolerances.jaw_held[0] else {}
     bodies["jaw"] = _add_jaw(link, arm, held)
     return bodies
@@ -218,16 +220,25 @@ def _add_motor(base: ET.Element, j: int, arm: Arm, friction: dict[str, float]) -
     return horn
 
 
-def _add_link(
-    parent: ET.Element, i: int, arm: Arm, resist: dict[str, float], marker_offset: Array
-) -> ET.Element:
+def _seen_from(arm: Arm) -> dict[str, Any]:
+    """Attributes of the frame in which cameras see, if that is not the base's."""
+    if not any(arm.camera_pose):
+        return {}
+    back = Rotation.from_matrix(arm.camera_turn.T)
+    quaternion = back.as_quat(scalar_first=True)
+    return {"pos": -back.apply(arm.camera_pose[:3]), "quat": quaternion}
+
+
+def _add_link(parent: ET.Element, i: int, arm: Arm, resist: dict[str, Any]) -> ET.Element:
     link = _add(parent, "body", name=f"link{i + 1}", pos=arm.joint_offset[i])
     if i < N_JOINTS - 1:
         _add_inertial(link, arm.link_mass[i], arm.link_length[i] / 2, arm.link_inertia(i))
     else:
         _add_inertial(link, *_without_jaw(arm))
+    if any(arm.axis_tilt[2 * i : 2 * i + 2]):
+        resist |= {"axis": arm.joint_axes[i]}
     _add(link, "joint", class_="even" if i % 2 else "odd", name=f"joint{i + 1}", **resist)
-    _add(link, "site", name=f"marker{i + 1}", pos=np.array(arm.marker[i]) + marker_offset)
+    _add(link, "site", name=f"marker{i + 1}", pos=arm.marker[i])
     return link
 
 

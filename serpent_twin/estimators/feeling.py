@@ -106,9 +106,9 @@ class LiveFeeling(LiveObserver):
         spread = np.einsum("l,ljk->jk", share, each + apart[:, :, None] * apart[:, None, :])
         spread += (1 - felt.contact) * np.outer(turned, turned)
         angle = self.members.joint_angle + turned
-        offset = self._observer.arm.tolerances.marker_offset
+        built = self._observer.arm.built
         (before, _, _), (after, slope, _) = (
-            marker_jacobian(at, offset) for at in (self.members.joint_angle, angle)
+            marker_jacobian(at, built) for at in (self.members.joint_angle, angle)
         )
         by_joint = slope.reshape(-1, 3, len(turned))
         unknown = by_joint @ spread @ np.swapaxes(by_joint, -1, -2)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor, markers
 from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_jacobian
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -154,7 +154,7 @@ class Observer(TrainedEstimator):
         """Covariance of the markers in poses [rad], (N, 9), while joints err by `doubt` times the variance
         of the validation sessions; (N, 9, 3, 3).
         """
-        slope = marker_jacobian(joint_angle, self.arm.tolerances.marker_offset)[1]
+        slope = marker_jacobian(joint_angle, self.arm.built)[1]
         each = slope.reshape(-1, N_JOINTS, 3, N_JOINTS)
         of_joints = each @ self.learned["joint"] @ np.swapaxes(each, -1, -2)
         return self.learned.get("scale", 1.0) * (doubt * of_joints + self.learned["rest"])
@@ -171,10 +171,9 @@ class Observer(TrainedEstimator):
         moved = np.concatenate([row.marker for row in rows])
         turns = np.abs(session.bus.velocity[-len(rows) :]) > TURNING
         load = session.bus.load[-len(rows) :] - np.concatenate([row.load for row in rows])
-        offset = self.arm.tolerances.marker_offset
-        angle = joints_from_markers(session.marker, at, offset)
+        angle = joints_from_markers(session.marker, at, self.arm.built)
         angle[~np.isfinite(session.marker).all(axis=(1, 2))] = np.nan
-        rest = session.marker - marker_jacobian(angle, offset)[0]
+        rest = session.marker - markers(angle, self.arm.built)
         return at, angle - at, rest, np.where(turns, load, np.nan), session.marker - moved
 
     def _spread(self, validate: Windows) -> Array:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from serpent_twin.arm.geometry import joint_from_motor
+from serpent_twin.arm.geometry import ARM, Arm, joint_from_motor
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.following.path import PathToFollow
@@ -42,6 +42,8 @@ class PathPlan:
     """[rad], (T, 9)"""
     rehearsal: Rehearsal
     """How the twin does this"""
+    arm: Arm = ARM
+    """The twin's geometry"""
 
     @property
     def rows(self) -> int:
@@ -51,7 +53,8 @@ class PathPlan:
     @property
     def short(self) -> Array:
         """How far the twin's tip is from its point in the rehearsal [m], (T,)."""
-        return np.linalg.norm(tips(self.rehearsal.response.joint_angle) - self.tip, axis=1)
+        did = tips(self.rehearsal.response.joint_angle, self.arm)
+        return np.linalg.norm(did - self.tip, axis=1)
 
 
 def planned(
@@ -67,30 +70,30 @@ def planned(
     """
     period = 1 / rate_hz
     time = np.arange(int(np.floor(path.duration / period + 1e-9)) + 1) * period
-    along = _poses(path, time, bounds)
+    arm = twin.built
+    along = _poses(path, time, bounds, arm)
     _refuse_fast(path, along, period, limits)
     there = _way_there(along[0], period)
     joint_angle = np.concatenate([there, along])
-    wanted = path.at(time) if path.of_tip else tips(along)
+    wanted = path.at(time) if path.of_tip else tips(along, arm)
     rehearsal = rehearsed(twin, joint_angle, period, prior_runtime)
-    plan = PathPlan(
-        period, len(there), np.concatenate([tips(there), wanted]), joint_angle, rehearsal
-    )
+    tip = np.concatenate([tips(there, arm), wanted])
+    plan = PathPlan(period, len(there), tip, joint_angle, rehearsal, arm)
     _refuse_load(path, plan, limits)
     _refuse_unmet(path, plan)
     return plan
 
 
-def _poses(path: PathToFollow, time: Array, bounds: JointBounds) -> Array:
+def _poses(path: PathToFollow, time: Array, bounds: JointBounds, arm: Arm) -> Array:
     """Joint angles along a path at some times, (T, 9)."""
     if not path.of_tip:
         _refuse_beyond(path, bounds)
         return path.at(time)
     count = max(2, int(np.ceil(path.duration / _KNOTS)) + 1)
     knots = np.linspace(0.0, path.duration, count)  # whatever the rate, the poses are the same
-    found, short = all_reached(path.at(knots), bounds)
+    found, short = all_reached(path.at(knots), bounds, arm)
     if (short > NEAR).any():
-        _refuse_unreached(path, float(knots[np.argmax(short > NEAR)]), bounds)
+        _refuse_unreached(path, float(knots[np.argmax(short > NEAR)]), bounds, arm)
     return CubicSpline(knots, found)(time)
 
 
@@ -106,9 +109,9 @@ def _way_there(pose: Array, period: float) -> Array:
     return np.concatenate([share * pose, np.repeat(pose[None], rest, axis=0)])
 
 
-def _refuse_unreached(path: PathToFollow, time: float, bounds: JointBounds) -> None:
+def _refuse_unreached(path: PathToFollow, time: float, bounds: JointBounds, arm: Arm) -> None:
     point = path.at(np.array([time]))[0]
-    near = tips(reached(point, bounds))
+    near = tips(reached(point, bounds, arm), arm)
     far = 1e3 * np.linalg.norm(near - point)
     raise SerpentError(
         f"{path.file}: at {time:.2f} s the path is at {_mm(point)} mm, and the gripper's end comes no "

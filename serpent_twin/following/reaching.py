@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from serpent_twin.arm.control import target_bounds
-from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_axis, link_frames
+from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm, link_frames
 from serpent_twin.arrays import Array
 
 TIP: Array = np.array([ARM.link_length[-1], 0.0, 0.0])
@@ -43,22 +43,26 @@ class JointBounds:
         return (self.low + self.high) / 2
 
 
-def tips(joint_angle: Array) -> Array:
+def tips(joint_angle: Array, arm: Arm = ARM) -> Array:
     """The gripper's end [m], (…, 3), at joint angles [rad], (…, 9)."""
-    origin, rotation = link_frames(joint_angle)
+    origin, rotation = link_frames(joint_angle, arm)
     return origin[..., -1, :] + rotation[..., -1, :, :] @ TIP
 
 
-def tip_jacobian(joint_angle: Array) -> tuple[Array, Array]:
+def tip_jacobian(joint_angle: Array, arm: Arm = ARM) -> tuple[Array, Array]:
     """The gripper's end [m], (3,), and its derivative by the joint angles [m/rad], (3, 9), at (9,) [rad]."""
-    origin, rotation = link_frames(joint_angle)
+    origin, rotation = link_frames(joint_angle, arm)
     tip = origin[-1] + rotation[-1] @ TIP
-    axes = np.stack([rotation[i] @ joint_axis(i) for i in range(N_JOINTS)])
+    axes = np.einsum("nxy,ny->nx", rotation, arm.joint_axes)
     return tip, np.cross(axes, tip - origin).T
 
 
 def reached(
-    point: Array, bounds: JointBounds, start: Array | None = None, preferred: Array | None = None
+    point: Array,
+    bounds: JointBounds,
+    arm: Arm = ARM,
+    start: Array | None = None,
+    preferred: Array | None = None,
 ) -> Array:
     """Joint angles within bounds [rad], (9,), whose tip is nearest to a point [m], (3,), from a first guess.
 
@@ -68,7 +72,7 @@ def reached(
     preferred = bounds.preferred if preferred is None else preferred
     q = np.clip(preferred if start is None else start, bounds.low, bounds.high)
     for _ in range(_STEPS):
-        tip, slope = tip_jacobian(q)
+        tip, slope = tip_jacobian(q, arm)
         low = np.maximum(bounds.low - q, -_LONGEST_STEP)
         high = np.minimum(bounds.high - q, _LONGEST_STEP)
         matrix = np.vstack([slope, _PREFERRED * np.eye(N_JOINTS)])
@@ -80,14 +84,14 @@ def reached(
     return q
 
 
-def all_reached(points: Array, bounds: JointBounds) -> tuple[Array, Array]:
+def all_reached(points: Array, bounds: JointBounds, arm: Arm = ARM) -> tuple[Array, Array]:
     """Joint angles along a path of points [m], (T, 3), as `reached` finds them one after the other, (T, 9)
     [rad], and how far each tip is from its point [m], (T,). Each pose is near the one before, so that joints
     do not jump, and drawn a little towards the preferred one.
     """
-    angles = [reached(points[0], bounds)]
+    angles = [reached(points[0], bounds, arm)]
     for point in points[1:]:
         q = angles[-1]
-        angles.append(reached(point, bounds, q, q + _DRAWN * (bounds.preferred - q)))
+        angles.append(reached(point, bounds, arm, q, q + _DRAWN * (bounds.preferred - q)))
     found = np.stack(angles)
-    return found, np.linalg.norm(tips(found) - points, axis=-1)
+    return found, np.linalg.norm(tips(found, arm) - points, axis=-1)

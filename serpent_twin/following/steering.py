@@ -3,7 +3,8 @@
 import numpy as np
 
 from serpent_twin.arm.control import on_stiff_cables
-from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_jacobian
+from serpent_twin.arm.geometry import markers
+from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.following.planning import PathPlan
 from serpent_twin.following.reaching import tips
@@ -42,7 +43,7 @@ class PathSteering:
         """
         self.plan, self._follower = plan, follower
         self._gain, self._feedback = min(gain, 0.4 / plan.period), feedback
-        self._offset = twin.tolerances.marker_offset
+        self._built = twin.built
         self._more = gives_way(twin, plan.joint_angle)
         angle = plan.rehearsal.motor_angle
         self._speed = np.diff(angle, axis=0, append=angle[-1:]) / plan.period
@@ -56,7 +57,7 @@ class PathSteering:
     @property
     def markers_wanted(self) -> Array:
         """Where the markers are to be [m], (T, 9, 3)."""
-        return marker_jacobian(self.plan.joint_angle, self._offset)[0]
+        return markers(self.plan.joint_angle, self._built)
 
     @property
     def rows(self) -> int:
@@ -71,8 +72,8 @@ class PathSteering:
         belief = self._follower.update(now)
         interval, self._before = now.time - self._before, now.time
         if belief is not None:
-            self._joint = joints_from_markers(belief.marker, self._joint[None], self._offset)[0]
-            self.estimated[now.number] = tips(self._joint)
+            self._joint = joints_from_markers(belief.marker, self._joint[None], self._built)[0]
+            self.estimated[now.number] = tips(self._joint, self._built)
             lacking = on_stiff_cables(self._more[row] @ (plan.joint_angle[row] - self._joint))
             share = 1 - np.exp(-self._feedback * interval)
             added = self._added + share * (position + lacking - wanted - self._added)

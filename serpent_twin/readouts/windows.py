@@ -234,7 +234,7 @@ def find_start(session: Session, arm: Arm = ARM) -> Start:
         )
     row = int(np.argmax(seen))
     motor = session.motor_position[row, :N_JOINTS]
-    angle = joints_from_markers(session.marker[row], joint_from_motor(motor), arm=arm)
+    angle = joints_from_markers(session.marker[row], joint_from_motor(motor), arm)
     return Start(angle, motor)
 
 

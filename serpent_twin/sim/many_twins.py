@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from serpent_twin.arm.geometry import markers
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.runs.processes import threads
@@ -82,7 +83,7 @@ def differentiate(
 ) -> tuple[Response, Array, Array]:
     """Simulate a twin model in prescribed motion, with the changes that others make to it, to first order.
 
-    The others differ in cables and hinges alone. Returns the response, and the changes of markers [m],
+    The others differ in cables, hinges and links alone. Returns the response, and the changes of markers [m],
     (P, B, R, 9, 3), and of loads, as shares of the stall torque, (P, B, R, 10).
     """
     model = design.spec(motors=False).compile()
@@ -92,7 +93,12 @@ def differentiate(
     for _ in run.rows():
         changes.append(run.arms.changes())
     marker, load = (np.stack(each, axis=2) for each in zip(*changes, strict=True))
-    return run.response(), marker, load
+    did = run.response()
+    for n, other in enumerate(others):
+        if other.built != design.built:
+            marker[n] += markers(did.joint_angle[0], other.built)
+            marker[n] -= markers(did.joint_angle[0], design.built)
+    return did, marker, load
 
 
 def hasten(model: mujoco.MjModel) -> None:

@@ -2,15 +2,17 @@
 
 The arm obeys M a = τ(q, v) + f(a, v), with the hinges' friction f. A small change of a parameter moves it
 by δq and δv, which obey the same equation made linear: strands that pull are springs, slack ones nothing;
-a hinge that creeps is a damper, one that slides a constant torque. So one motion is simulated in place of
+a hinge that creeps is a damper, one that slides a constant torque; links of other masses and axes need
+other torques for the same motion. So one motion is simulated in place of
 one for each parameter (forward sensitivities: Hairer, Nørsett and Wanner, Solving Ordinary Differential
 Equations I, section I.14). The answer of effects that act to δq and δv is left out.
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -19,11 +21,13 @@ from mujoco.batch import Batch
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arm.hinge_friction import softness
 from serpent_twin.arrays import Array
+from serpent_twin.sim.stepper import field
 from serpent_twin.sim.twin_model import TwinModel
 
 _NUDGE = 1e-5  # of angles, velocities and accelerations, for derivatives of inverse dynamics
 _NEAR = 1e-4  # relative change of a slope, for the derivative by it
 _SLIDES = 1 - 1e-6  # share of its friction from which a hinge slides
+_PARTS = 4  # of the time between two rows, in each of which other links need one torque
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
 
 
@@ -43,6 +47,8 @@ class Differences:
     """Relative, of its friction by velocity near rest [1], (nv, P)"""
     damping: Array
     """Of each degree of freedom [N m s/rad], (nv, P)"""
+    links: Mapping[int, mujoco.MjModel]
+    """Models, by their number, whose links are of other masses or lengths, or whose axes lean otherwise"""
 
 
 def differences(base: TwinModel, model: mujoco.MjModel, others: Sequence[TwinModel]) -> Differences:
@@ -62,7 +68,14 @@ def differences(base: TwinModel, model: mujoco.MjModel, others: Sequence[TwinMod
         (friction - model.dof_frictionloss).T,
         (slope / _slope(model) - 1).T,
         (damping - model.dof_damping).T,
+        {n: each for n, each in enumerate(models) if _other_links(each, model)},
     )
+
+
+def _other_links(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
+    """Whether links of two models move otherwise."""
+    names = ("body_mass", "body_pos", "jnt_axis")
+    return any((field(one, name) != field(other, name)).any() for name in names)
 
 
 def _slope(model: mujoco.MjModel) -> Array:
@@ -102,8 +115,6 @@ class _Steps:
     """Theirs at rest and beyond [1], (2, S, nv)"""
     force: Array
     """What the constraints did during the step [N m], (S, nv)"""
-    acceleration: Array
-    """[rad/s²], (S, nv)"""
 
 
 class Tangents:
@@ -113,7 +124,8 @@ class Tangents:
         self._model, self._by, self._data = model, by, mujoco.MjData(model)
         mujoco.mj_forward(model, self._data)
         self._along = _tendon_jacobian(model, self._data)
-        self._bare = _without_cables(model)
+        self._bare, self._data_of_bare = _without_cables(model), mujoco.MjData(model)
+        self._others = {n: _without_cables(each) for n, each in by.links.items()}
         self._state = [batch.bind(name) for name in ("qpos", "qvel")]
         self._springs = [
             batch.expand("tendon_lengthspring")[:, :, 1],
@@ -126,7 +138,7 @@ class Tangents:
             batch.expand("dof_solref")[:, :, 0],
             np.moveaxis(impedance[:, :, :2], -1, 0),
         ]
-        self._outcome = [batch.bind(name) for name in ("qfrc_constraint", "qacc")]
+        self._outcome = [batch.bind("qfrc_constraint")]
         self._noted: list[list[Array]] = []
         self._dt = model.opt.timestep
         self._position = np.zeros((batch.nsim, model.nv, by.slack.shape[1]))
@@ -159,6 +171,7 @@ class Tangents:
         by, eye = self._by, np.eye(self._model.nv)
         slope, tension = self._strands(s.position, s.rest, s.stiffness, s.bend)
         mass, turned, braked = self._inverse_dynamics(s)
+        more = self._of_other_links(s)
         sticks = np.abs(s.force) < s.limit * _SLIDES
         time = np.maximum(s.time_constant, 2 * s.dt)  # MuJoCo allows no shorter one
         added = _mass(s.impedance[:, 0], self._model.dof_invweight0)
@@ -176,6 +189,7 @@ class Tangents:
             force = slides[k][..., None] * by.friction - s.velocity[k][..., None] * by.damping
             force -= less[k][..., None] * by.slope + self._along.T @ pull
             force -= spring[k] @ self._position + damper[k] @ self._velocity
+            force -= more[k * _PARTS // len(s.dt)]
             self._velocity += s.dt[k][..., None] * (answer[k] @ force)
             self._position += s.dt[k][..., None] * self._velocity
             self._recent.appendleft(self._position.copy())
@@ -231,8 +245,9 @@ class Tangents:
         """Derivatives of the torques that a motion needs beside cables, friction and constant forces, by
         acceleration, position and velocity, amid the steps; each (S, nv, nv).
         """
-        model, data = self._bare
-        middle, acceleration = len(s.dt) // 2, s.acceleration.mean(axis=0)
+        model, data = self._bare, self._data_of_bare
+        middle = len(s.dt) // 2
+        acceleration = (self._state[1] - s.velocity[0]) / s.dt.sum(axis=0)
         out = np.empty((3, len(acceleration), model.nv, model.nv))
         for n in range(len(acceleration)):
             data.qpos[:], data.qvel[:] = s.position[middle, n], s.velocity[middle, n]
@@ -242,6 +257,26 @@ class Tangents:
             mujoco.mjd_inverseFD(model, data, _NUDGE, True, by_q, by_v, by_a, *nothing)
         mass, turned, braked = np.swapaxes(out, -1, -2)
         return mass, turned, braked
+
+    def _of_other_links(self, s: _Steps) -> Array:
+        """How much more torque other links need for the same motion [N m], in each of some parts of the time,
+        (parts, S, nv, P).
+        """
+        data, bare, ends = self._data_of_bare, self._bare, np.linspace(0, len(s.dt), _PARTS + 1)
+        velocity = np.concatenate([s.velocity, self._state[1][None]])
+        more = np.zeros((_PARTS, *self._position.shape))
+        for part, (first, last) in enumerate(pairwise(ends.astype(int))):
+            middle, took = (first + last) // 2, s.dt[first:last].sum(axis=0)
+            acceleration = (velocity[last] - velocity[first]) / took
+            for n in range(len(acceleration)):
+                data.qpos[:], data.qvel[:] = s.position[middle, n], s.velocity[middle, n]
+                data.qacc[:] = acceleration[n]
+                mujoco.mj_inverse(bare, data)
+                here = data.qfrc_inverse.copy()
+                for p, model in self._others.items():
+                    mujoco.mj_inverse(model, data)
+                    more[part, n, :, p] = data.qfrc_inverse - here
+        return more
 
     def _by_slope(self, s: _Steps, creep: Array) -> Array:
         """Derivative of friction near rest by the logarithm of its slope [N m], (K, S, nv)."""
@@ -258,9 +293,9 @@ def _tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     return out
 
 
-def _without_cables(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:
+def _without_cables(model: mujoco.MjModel) -> mujoco.MjModel:
     """The same links without cables and dry friction."""
     bare = copy(model)
     bare.tendon_stiffness[:], bare.tendon_stiffnesspoly[:] = 0.0, 0.0
     bare.dof_frictionloss[:] = 0.0
-    return bare, mujoco.MjData(bare)
+    return bare

@@ -14,7 +14,7 @@ from msgspec import field
 
 from serpent_twin import effects, stored
 from serpent_twin.arm import hinge_friction, mjcf
-from serpent_twin.arm.deviations import EXACT, Deviations
+from serpent_twin.arm.deviations import EXACT, GEOMETRY, Deviations
 from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
@@ -24,7 +24,7 @@ from serpent_twin.runs import files
 
 KIND = "serpent_twin design"
 """What twin.json says it is."""
-VERSION = 2
+VERSION = 3
 """Of twin.json"""
 _LATER = (
     {("parameters", "servo_lag"): 0.0},
@@ -35,6 +35,8 @@ _LATER = (
     },
 )
 """Keys that were added while files had no version, the last first, and what held before"""
+_SINCE_2 = {("tolerances", name): list(getattr(EXACT, name)) for name in GEOMETRY}
+"""Keys that files of version 2 lack, and what held then"""
 _ADVICE = "Give the twin.json that `python -m serpent_twin.trace` wrote."
 
 E = TypeVar("E", bound=Effect)
@@ -57,6 +59,11 @@ class TwinModel:
     def active(self) -> Several:
         """The effects that are present."""
         return tuple(effect for effect in self.effects if not effect.absent)
+
+    @cached_property
+    def built(self) -> Arm:
+        """Geometry and masses as built."""
+        return self.tolerances.built(self.arm)
 
     @property
     def transition_velocity(self) -> Array:
@@ -113,7 +120,7 @@ class TwinFile(stored.Form, frozen=True):
     """What twin.json holds."""
 
     kind: str
-    schema_version: Literal[2]
+    schema_version: Literal[3]
     parameters: Parameters
     tolerances: Deviations
     effects: tuple[effects.Stored, ...]
@@ -179,18 +186,28 @@ def read_file(path: Path) -> TwinFile:
 def _taken(values: dict[str, Any], where: str) -> TwinFile:
     stored.require_kind(values, KIND, where, _ADVICE)
     if "schema_version" not in values:
-        values = _of_now(values)
+        values = _of_version_2(values)
+    if values["schema_version"] == 2:
+        values = _completed(values, _SINCE_2) | {"schema_version": VERSION}
     return stored.take(values, TwinFile, where, _ADVICE)
 
 
-def _of_now(values: dict[str, Any]) -> dict[str, Any]:
-    """Content of a file without a version, completed by the keys added since."""
-    groups = [name for name, value in values.items() if isinstance(value, dict)]
-    values = {n: dict(v) if n in groups else v for n, v in values.items()}
+def _of_version_2(values: dict[str, Any]) -> dict[str, Any]:
+    """Content of a file without a version, completed by the keys that were added until version 2."""
     for added in _LATER:
-        if any(group in groups and key in values[group] for group, key in added):
+        before, values = values, _completed(values, added)
+        if values is before:
             break
-        for (group, key), before in added.items():
-            if group in groups:
-                values[group][key] = before
-    return values | {"schema_version": VERSION}
+    return values | {"schema_version": 2}
+
+
+def _completed(values: dict[str, Any], added: Mapping[tuple[str, str], Any]) -> dict[str, Any]:
+    """A file's content with keys that were added since, by group and name, unless it has one of them."""
+    groups = [name for name, value in values.items() if isinstance(value, dict)]
+    if any(group in groups and key in values[group] for group, key in added):
+        return values
+    values = {n: dict(v) if n in groups else v for n, v in values.items()}
+    for (group, key), before in added.items():
+        if group in groups:
+            values[group][key] = before
+    return values

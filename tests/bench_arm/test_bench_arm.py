@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from bench_by_hand import LOOSE, SMOOTH, G, calm, com_places, hold_at, machine, run, weight_moments
+from scipy.spatial.transform import Rotation
 
 from bench_arm import (
     NONE,
@@ -27,6 +28,8 @@ from serpent_twin.arm.geometry import ARM, markers
 from serpent_twin.errors import SerpentError
 from serpent_twin.sessions import examine, read_session
 
+BENT = draw(np.random.default_rng(3))
+
 
 def payloads(mass, link, at):
     return Payloads(*map(np.array, (mass, link, at)))
@@ -36,7 +39,7 @@ def payloads(mass, link, at):
 def test_a_free_chain_keeps_its_energy(flexes):
     rng = np.random.default_rng(0)
     held = payloads([0.0, 0.05, 0.05], [8, 8, 3], [0.09, 0.09, 0.04])
-    arms = chain(held, np.zeros((3, 9, 3)), flexes)
+    arms = chain([BENT, BenchArm(), BENT], held, flexes)
     gravity = np.array([G, [9.0, 1.0, -2.0], G])
     q, dq = rng.normal(0, 0.3, (2, 3, arms.n_hinges)) * np.array([1.0, 5.0])[:, None, None]
     start, h = arms.energy(q, dq, gravity), 5e-4
@@ -58,8 +61,25 @@ def test_a_free_chain_keeps_its_energy(flexes):
     assert np.ptp(q) > 0.5
 
 
+def test_links_and_axes_are_where_rotations_one_by_one_put_them():
+    """Of a straight arm, each joint turns all beyond it about its leaning axis."""
+    q = np.random.default_rng(2).normal(0, 0.4, 9)
+    place, seen = np.zeros(3), []
+    turn = Rotation.identity()
+    for i, (ratio, (along, across)) in enumerate(
+        zip(BENT.length_ratio, BENT.axis_tilt, strict=True)
+    ):
+        axis = np.array([along, -across, 1.0] if i % 2 == 0 else [along, 1.0, across])
+        turn *= Rotation.from_rotvec(q[i] * axis / np.linalg.norm(axis))
+        seen.append(place + turn.apply(ARM.markers_in_links[i] + BENT.marker_offset[i]))
+        place = place + turn.apply([ratio * ARM.link_length[i], 0, 0])
+    seen = Rotation.from_rotvec(BENT.camera_turn).apply(seen) + BENT.camera_shift
+    m = machine(BENT)
+    assert m.seen(m.markers(q[None]))[0] == pytest.approx(seen, abs=1e-12)
+
+
 def test_kinetic_energy_is_that_of_the_moving_bodies():
-    arms = chain(payloads([0.03], [8], [0.09]), np.zeros((1, 9, 3)))
+    arms = chain([BenchArm()], payloads([0.03], [8], [0.09]))
     rng = np.random.default_rng(1)
     q, dq, e = rng.normal(0, 0.4, (1, 9)), rng.normal(0, 1, (1, 9)), 1e-6
     (c1, _, _, tip1), (c2, _, _, tip2) = com_places((q - e * dq)[0]), com_places((q + e * dq)[0])

@@ -5,15 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from serpent_twin.arm.deviations import EXACT
+from serpent_twin.arm.kinematic_calibration import Kinematics
 from serpent_twin.machines.arm.cable_law import CableLaw
 from serpent_twin.machines.arm.vector import vector
 
+BUILT = Kinematics(EXACT, np.zeros((9, 3)), 0.0)
 LAW = CableLaw((8e3, 8e3), (4e-4, 4e-4), 0.0, 0.05, (0.01, 0.4), (1e-5, 5e-4), 1e-3, 0.9)
 
 
 def priors(laws, kind):
     """Of the + and the − strand of all cables, (10, 2)."""
-    found = vector(laws, np.zeros((9, 3)), np.zeros((9, 3)), 4e-3, 0.01)
+    found = vector(laws, BUILT, 4e-3, 0.01)
     return np.reshape([x.prior for x in found.declared if x.name.startswith(kind)], (-1, 2))
 
 
@@ -38,7 +41,7 @@ def test_one_that_is_unlike_the_others_makes_nothing_of_them_uncertain():
 
 def test_a_gear_whose_law_has_no_friction_begins_with_some():
     laws = [replace(LAW, gear_friction=each) for each in (0.0, *[0.05] * 8, 0.2)]
-    found = vector(laws, np.zeros((9, 3)), np.zeros((9, 3)), 4e-3, 0.01).start.tolerances
+    found = vector(laws, BUILT, 4e-3, 0.01).start.tolerances
     assert np.exp(found.gear_friction) == pytest.approx([0.3, *[1.0] * 8, 4.0])
 
 

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from serpent_twin.arm import mjcf
+from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.geometry import ARM
+from serpent_twin.arm.kinematic_calibration import Kinematics
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.identification.build_diagnosis import _calibrated
 from serpent_twin.identification.fitted import Fit
@@ -33,7 +35,9 @@ def arm():
         CableLaw((9e3 + 400 * j, 11e3), (2e-4, 3e-4), 0.01, 0.02 + 1e-3 * j, **sure, explains=0.5)
         for j in range(9)
     ]
-    return vector([*laws, None], RNG.normal(0, 1e-3, (9, 3)), np.full((9, 3), 1e-4), 4e-3, 4e-3)
+    parts = {"marker": 27, "link_length": 9, "link_mass": 9, "axis_tilt": 18, "camera_pose": 6}
+    built = Deviations(**{name: tuple(RNG.normal(0, 1e-3, n)) for name, n in parts.items()})
+    return vector([*laws, None], Kinematics(built, np.full((9, 3), 1e-4), 0.0), 4e-3, 4e-3)
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.2])
@@ -55,10 +59,21 @@ def test_the_arms_table_holds_the_numbers_of_its_design(arm, spread):
         velocity = 1e3 * design.transition_velocity[i]
         assert found[f"transition velocity, joint {i + 1}"] == pytest.approx(velocity)
         for k, axis in enumerate("xyz"):
-            place = 1e3 * (ARM.markers_in_links[i] + t.marker_offset[i])[k]
+            place = 1e3 * (ARM.marker[i][k] + t.marker[3 * i + k])
             assert found[f"place of marker {i + 1}, {axis} in its link's frame"] == pytest.approx(
                 place
             )
+        mass = 1e3 * ARM.link_mass[i] * np.exp(t.link_mass[i])
+        assert found[f"mass of link {i + 1}"] == pytest.approx(mass)
+        for k, way in enumerate(("along its link", "across")):
+            lean = 1e3 * t.axis_tilt[2 * i + k]
+            assert found[f"lean of axis {i + 1}, {way}"] == pytest.approx(lean)
+    for i in range(8):
+        length = 1e3 * ARM.link_length[i] * (1 + t.link_length[i])
+        assert found[f"length of link {i + 1}"] == pytest.approx(length)
+    for k, axis in enumerate("xyz"):
+        for n, way in enumerate(("along", "about")):
+            assert found[f"cameras {way} {axis}"] == pytest.approx(1e3 * t.camera_pose[3 * n + k])
     for j in range(10):
         winch = 1e3 * ARM.pulley_radius[j] * (1 + t.winch_radius[j])
         assert found[f"winch radius, motor {j + 1}"] == pytest.approx(winch)

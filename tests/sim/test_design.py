@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from serpent_twin.arm import mjcf
-from serpent_twin.arm.deviations import EXACT, Deviations
+from serpent_twin.arm.deviations import EXACT, GEOMETRY, Deviations
+from serpent_twin.arm.geometry import ARM, markers
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import KNOWN
 from serpent_twin.errors import SerpentError
@@ -41,7 +42,7 @@ def test_twin_xml_stands_alone(tmp_path):
     text = (tmp_path / "twin.xml").read_text()
     assert "twin.json holds: cable_friction." in text.splitlines()[0]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))
-    bare = mjcf.build().compile().body("link9").mass[0]
+    bare = unlike().built.link_mass[8] - ARM.jaw_mass
     assert model.body("link9").mass[0] == pytest.approx(bare + 0.04, rel=1e-5)
 
 
@@ -64,7 +65,26 @@ def test_tolerances_reach_the_parts_that_they_name():
     )
     assert model.dof_damping[joints] == pytest.approx(p.joint_damping * np.exp(t.joint_damping))
     sites = np.array([model.site(f"marker{i}").pos for i in range(1, 10)])
-    assert sites == pytest.approx(np.array(arm.arm.marker) + t.marker_offset, abs=1e-9)
+    moved = np.reshape(t.marker, (9, 3))
+    assert sites == pytest.approx(np.array(arm.arm.marker) + moved, abs=1e-9)
+    bodies = [model.body(f"link{i}") for i in range(1, 10)]
+    masses = np.array([each.mass[0] for each in bodies])
+    masses[8] += model.body("jaw").mass[0] - PAYLOAD.mass
+    assert masses == pytest.approx(arm.arm.link_mass * np.exp(t.link_mass))
+    places = [each.pos[0] for each in bodies[1:]]
+    assert places == pytest.approx(
+        np.array(arm.arm.link_length[:-1]) * (1 + np.array(t.link_length[:-1]))
+    )
+
+
+def test_its_markers_are_seen_where_its_geometry_says():
+    arm, joint = unlike(), np.random.default_rng(1).normal(0, 0.3, 9)
+    model = arm.spec(motors=False).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:9] = joint
+    mujoco.mj_forward(model, data)
+    seen = data.sensordata[: 3 * 9].reshape(9, 3)
+    assert seen == pytest.approx(markers(joint, arm.built), abs=1e-8)
 
 
 def test_with_effect_adds_or_replaces():
@@ -105,8 +125,8 @@ def having(value, *path):
     ("values", "message"),
     [
         (having("a cake", "kind"), 'kind is the text "a cake"; it must be "serpent_twin design"'),
-        (having(1, "schema_version"), "schema_version is 1; it must be 2. Give the twin.json"),
-        (having(3, "schema_version"), "schema_version is 3; it must be 2. A newer version of serp"),
+        (having(1, "schema_version"), "schema_version is 1; it must be 3. Give the twin.json"),
+        (having(4, "schema_version"), "schema_version is 4; it must be 3. A newer version of serp"),
         (having([{"kind": "payload"}], "effects"), r"effects\[0\] lacks name"),
         (
             having([{"name": "gremlins"}], "effects"),
@@ -163,8 +183,12 @@ def test_a_twin_that_lacks_any_key_is_refused_by_name(tmp_path, versioned):
 
 
 def test_the_earliest_files_are_read_as_what_they_said(tmp_path):
-    """From before hinges crept, jaws were held and servos lagged."""
+    """From before hinges crept, jaws were held, servos lagged and geometry was calibrated."""
     values = stored()
+    for name in GEOMETRY:
+        del values["tolerances"][name]
+    (tmp_path / "twin.json").write_text(json.dumps(values | {"schema_version": 2}))
+    assert twin_model.read(tmp_path / "twin.json") == NOMINAL_TWIN.with_effect(PAYLOAD)
     del values["schema_version"], values["parameters"]["servo_lag"]
     del values["parameters"]["transition_velocity"], values["tolerances"]["transition_velocity"]
     del values["tolerances"]["jaw_held"]

@@ -26,25 +26,25 @@ def changed(base, field, index, by):
     return replace(base, tolerances=replace(base.tolerances, **{field: tuple(map(float, values))}))
 
 
-def some(base, share=1.0):
-    """Twin models that differ from one in a parameter of each kind."""
-    return [
-        changed(base, field, index, share * by)
-        for field, index, by in (
-            ("strand_stiffness", 4, SMALL),
-            ("strand_slack", 9, SMALL * 1e-3),
-            ("winch_radius", 5, SMALL * 1e-2),
-            ("joint_friction", 3, SMALL),
-            ("transition_velocity", 6, SMALL),
-            ("joint_damping", 1, SMALL),
-        )
-    ]
+CABLES = (
+    ("strand_stiffness", 4, SMALL),
+    ("strand_slack", 9, SMALL * 1e-3),
+    ("winch_radius", 5, SMALL * 1e-2),
+    ("joint_friction", 3, SMALL),
+    ("transition_velocity", 6, SMALL),
+    ("joint_damping", 1, SMALL),
+)
+LINKS = (("link_mass", 6, SMALL), ("link_length", 3, SMALL), ("axis_tilt", 5, SMALL))
 
 
-def compared(base, stretches, timestep=0.005):
+def compared(base, stretches, parts=CABLES, timestep=0.005):
     """Changes of markers and loads along the motion, and by central differences, (kinds, numbers) each."""
-    response, marker, load = differentiate(base, some(base), stretches, timestep)
-    ends = [impose([*some(base, side), base], stretches, timestep) for side in (1.0, -1.0)]
+
+    def others(share):
+        return [changed(base, field, index, share * by) for field, index, by in parts]
+
+    response, marker, load = differentiate(base, others(1.0), stretches, timestep)
+    ends = [impose([*others(side), base], stretches, timestep) for side in (1.0, -1.0)]
     np.testing.assert_array_equal(response.marker[0], ends[0].marker[-1])
     np.testing.assert_array_equal(response.load[0], ends[0].load[-1])
     for found, of in ((marker, "marker"), (load, "load")):
@@ -59,6 +59,36 @@ def test_an_arm_without_dry_friction_or_slack_is_differentiated_to_a_twentieth()
         smooth = [0, 2, 5]  # at no slack, a change of it is not
         error = np.linalg.norm((found - told)[smooth], axis=1)
         assert (error < 0.05 * np.linalg.norm(told[smooth], axis=1)).all(), error
+
+
+def test_other_links_change_a_smooth_motion_as_differences_do():
+    """Their torques are taken as constant for a quarter of the time between rows."""
+    taut = replace(ARM, strand_slack=0.0, joint_friction=0.0, joint_damping=0.05)
+    of_markers, of_loads = compared(TwinModel(taut), wander(rows=40), LINKS)
+    for (found, told), most in ((of_markers, 0.06), (of_loads, 0.25)):
+        error = np.linalg.norm(found - told, axis=1)
+        assert (error < most * np.linalg.norm(told, axis=1)).all(), error
+
+
+def test_other_links_change_logged_motion_as_differences_do():
+    sessions = MACHINE.read(DATA / "arm_a")[:2]
+    case = MACHINE.open(sessions)
+    some = case.take(case.pieces(sessions), [0, 3])
+    start, names = ParameterVector(np.zeros(len(case.declared))), [d.name for d in case.declared]
+    told = case.machine.derivatives(start, some, case.noise)
+    for name in (
+        "mass of link 9",
+        "length of link 5",
+        "axis of joint 6 across",
+        "turn of the cameras about y",
+    ):
+        step = case.declared[names.index(name)].prior * np.eye(len(names))[names.index(name)]
+        ends = case.machine.respond([start.after(step), start.after(-step)], some)[..., :27]
+        change, along = (ends[0] - ends[1]).ravel(), told[name][..., :27].ravel()
+        assert change @ along > 0.97 * np.linalg.norm(change) * np.linalg.norm(along), name
+        assert np.linalg.norm(2 * step.max() * along) == pytest.approx(
+            np.linalg.norm(change), rel=0.1
+        )
 
 
 @pytest.mark.parametrize(
@@ -99,5 +129,7 @@ def test_where_effects_answer_to_a_change_differences_tell():
     unknown = np.isnan(case.jacobian(slips, some)).any(axis=(1, 2))
     names = [each.name for each in case.declared]
     assert [name for name, lacks in zip(names, unknown, strict=True) if lacks] == [
-        name for name in names if not name.startswith(("gear friction", "place of marker"))
+        name
+        for name in names
+        if not name.startswith(("gear friction", "place of marker", "shift of", "turn of"))
     ]

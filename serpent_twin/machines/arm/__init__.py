@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_from_motor
-from serpent_twin.arm.inverse_kinematics import joints_from_markers, marker_offsets
+from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, joint_from_motor
+from serpent_twin.arm.inverse_kinematics import joints_from_markers
+from serpent_twin.arm.kinematic_calibration import calibrate
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.arm.cable_law import cable_laws
@@ -24,7 +25,7 @@ from serpent_twin.sim.prescribed_motion import STANDING
 _FRICTIONS = (0.0015, 0.004, 0.01)  # [N m] of each hinge, tried with
 _DAMPINGS = (0.001, 0.004, 0.015)  # [N m s/rad]
 _MOVES = 0.02  # share of rows in which a motor must turn for its cable and gear to be identified
-_ROWS = 600  # rows used to find the marker offsets
+_ROWS = 600  # rows used to calibrate the kinematics
 _MARKER_NOISE, _LOAD_NOISE = 1e-3, 5e-3  # [m], [fraction of stall] that a first guess leaves
 _TRIED = 4  # segments to find the hinges' friction
 
@@ -49,7 +50,7 @@ class ArmRig:
         return sessions
 
     def open(self, training: Sequence[Session]) -> Case[ArmPieces]:
-        """First guesses: marker places and cable laws from poses and loads alone, then the hinges'
+        """First guesses: built geometry and cable laws from poses and loads alone, then the hinges'
         friction and damping by trying nine of each.
         """
         refuse_damaged(list(training))
@@ -59,11 +60,11 @@ class ArmRig:
         )
         start = joint_from_motor(motor[:, :N_JOINTS])
         few = slice(None, None, max(1, len(marker) // _ROWS))
-        offset, error, rms = marker_offsets(marker[few], start[few])
-        joint = joints_from_markers(marker, start, offset)
+        found = calibrate(marker[few], start[few])
+        joint = joints_from_markers(marker, start, found.deviations.built(ARM))
         laws = cable_laws(joint, motor, velocity, load)
-        about = vector(laws, offset, error, _FRICTIONS[1], _DAMPINGS[1])
-        parameters = recorded_by(about.start.parameters, training, rms)
+        about = vector(laws, found, _FRICTIONS[1], _DAMPINGS[1])
+        parameters = recorded_by(about.start.parameters, training, found.rms)
         about = replace(about, start=replace(about.start, parameters=parameters))
         noise = np.r_[np.full(3 * N_JOINTS, _MARKER_NOISE), np.full(N_MOTORS, _LOAD_NOISE)]
         known = candidates()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, joint_axis, link_frames
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, link_frames, markers
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.effects.discovered import Discovered
@@ -85,7 +85,7 @@ class ArmMachine:
 
     def pieces(self, sessions: Sequence[Session]) -> ArmPieces:
         """Cut sessions into segments of 40 s."""
-        return cut(sessions, self.vector.start.tolerances.marker_offset)
+        return cut(sessions, self.vector.start.built)
 
     def alike(self, points: Sequence[ParameterVector]) -> Sequence[list[int]]:
         """Those whose models have one structure."""
@@ -174,13 +174,14 @@ class ArmMachine:
         return by if trusted else {}
 
     def _still(self, point: ParameterVector, pieces: ArmPieces) -> dict[str, Array]:
-        """Derivatives by gear friction and marker places, which move nothing."""
-        friction = self.vector.design(point)
-        gear = friction.parameters.gear_friction * np.exp(friction.tolerances.gear_friction)
-        gear = gear / friction.arm.servo.stall_torque
+        """Derivatives by gear friction and by the places of markers and cameras, which move nothing."""
+        here = self.vector.design(point)
+        gear = here.parameters.gear_friction * np.exp(here.tolerances.gear_friction)
+        gear = gear / here.arm.servo.stall_torque
         turning = np.tanh(pieces.motors.velocity / (STANDING / 3))
-        _, rotation = link_frames(pieces.joint_angle)
+        _, rotation = link_frames(pieces.joint_angle, here.built)
         names, none, found = self.vector.names, np.zeros_like(pieces.measured), {}
+        by = {each.name: n for n, each in enumerate(self.declared)}
         for j, name in enumerate(names["gear"]):
             found[name] = none.copy()
             found[name][..., 3 * N_JOINTS + j] = gear[j] * turning[..., j]
@@ -188,13 +189,20 @@ class ArmMachine:
             i, axis = divmod(k, 3)
             found[name] = none.copy()
             found[name][..., 3 * i : 3 * i + 3] = 1e-3 * rotation[..., i, :, axis]
+        seen, one = markers(pieces.joint_angle, here.built), np.eye(len(self.declared))
+        for name in (*names["camera_shift"], *names["camera_turn"]):
+            other = self.vector.design(point.after(one[by[name]])).built
+            moved = markers(pieces.joint_angle, other) - seen
+            found[name] = none.copy()
+            found[name][..., : 3 * N_JOINTS] = moved.reshape(*none.shape[:2], -1)
         return found
 
     def compare(self, point: ParameterVector | None, pieces: ArmPieces) -> Comparison:
         """Measured beside predicted, with the quantities on which the residual may depend."""
         did = self.simulate([point], pieces) if point else self._nominal(pieces)
-        anchor, rotation = link_frames(did.joint_angle[0])
-        axis = np.stack([rotation[..., i, :, :] @ joint_axis(i) for i in range(N_JOINTS)], axis=-2)
+        arm = self.vector.design(point).built if point else self.vector.start.arm
+        anchor, rotation = link_frames(did.joint_angle[0], arm)
+        axis = (rotation @ arm.joint_axes[..., None])[..., 0]
         return Comparison(
             session=pieces.session,
             time=pieces.motors.time,
@@ -231,9 +239,9 @@ class ArmMachine:
         """Joint angles at the start from markers with the cameras' noise."""
         noise = camera_noise(pieces) * rng.standard_normal(pieces.marker.shape)
         joint = pieces.joint_angle.copy()
-        offset = self.vector.design(point).tolerances.marker_offset
+        arm = self.vector.design(point).built
         seen = (pieces.marker + noise)[:, 0]
-        joint[:, 0] = joints_from_markers(seen, pieces.joint_angle[:, 0], offset)
+        joint[:, 0] = joints_from_markers(seen, pieces.joint_angle[:, 0], arm)
         return replace(pieces, joint_angle=joint)
 
     def propose(
@@ -257,7 +265,7 @@ class ArmMachine:
             ]
 
         kinds, targets, done = kept_ones(list(motions.KINDS), count, make, keep, "the arm's")
-        pieces = cut(done, self.vector.start.tolerances.marker_offset, seconds)
+        pieces = cut(done, self.vector.start.built, seconds)
         return Proposals(kinds, motions.columns(), targets, pieces, motions.LIMITS)
 
     def write(

@@ -6,12 +6,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from serpent_twin.arm.geometry import N_JOINTS, joint_from_motor
-from serpent_twin.arm.inverse_kinematics import (
-    joints_from_markers,
-    marker_jacobian,
-    marker_offsets,
-)
+from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm, joint_from_motor, markers
+from serpent_twin.arm.inverse_kinematics import joints_from_markers
+from serpent_twin.arm.kinematic_calibration import calibrate
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.residual.noise import FEWEST, GAIN, ORDER
@@ -77,11 +74,11 @@ class ArmPieces:
         return np.abs(self.motors.velocity) > 2 * STANDING
 
 
-def cut(sessions: Sequence[Session], offset: Array, seconds: float = SEGMENT) -> ArmPieces:
+def cut(sessions: Sequence[Session], arm: Arm, seconds: float = SEGMENT) -> ArmPieces:
     """All whole segments of sessions without gaps in time, the last of each ending with its session."""
     rows, parts = segments(sessions, seconds)
     prior_runtime = {s.name: s.prior_runtime for s in sessions}
-    runs = {s.name: _run(s, offset) for s in sessions}
+    runs = {s.name: _run(s, arm) for s in sessions}
     velocity = {name: run.joint_velocity() for name, run in runs.items()}
 
     def of(name: str) -> Array:
@@ -122,9 +119,9 @@ def camera_noise(pieces: ArmPieces) -> float:
     some = pieces.marker[few]
     marker = some.reshape(-1, N_JOINTS, 3)
     joint = pieces.joint_angle[few].reshape(-1, N_JOINTS)
-    offset, _, rms = marker_offsets(marker, joint)
-    pose = joints_from_markers(marker, joint, offset)
-    left = (marker - marker_jacobian(pose, offset)[0]).reshape(some.shape)
+    found = calibrate(marker, joint)
+    arm, rms = found.deviations.built(ARM), found.rms
+    left = (marker - markers(joints_from_markers(marker, joint, arm), arm)).reshape(some.shape)
     change = np.diff(left, ORDER, axis=1)
     if np.isfinite(change).sum() < FEWEST:
         return rms
@@ -140,10 +137,10 @@ def segment_starts(time: Array, rows: int) -> list[int]:
     return starts
 
 
-def _run(session: Session, offset: Array) -> MeasuredMotion:
+def _run(session: Session, arm: Arm) -> MeasuredMotion:
     motors = MotorTrajectory(session.time, session.motor_position, session.motor_velocity)
     start = joint_from_motor(motors.angle[:, :N_JOINTS])
-    return MeasuredMotion(motors, joints_from_markers(session.marker, start, offset))
+    return MeasuredMotion(motors, joints_from_markers(session.marker, start, arm))
 
 
 def past(pieces: ArmPieces) -> MeasuredMotion:

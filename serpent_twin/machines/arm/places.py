@@ -106,7 +106,7 @@ class ArmPlaces:
     @cached_property
     def _frames(self) -> tuple[Array, Array]:
         """Where the links are, as `link_frames` says."""
-        return link_frames(self.did.joint_angle)
+        return link_frames(self.did.joint_angle, self.twin.built)
 
     @cached_property
     def _strand(self) -> Array:

@@ -28,7 +28,7 @@ class _Kind:
     per_si: float
     """Such units in one of SI"""
     scale: float = 0.0
-    """SI per unit of the coordinate, of a winch as a share of its radius; 0 for a logarithm"""
+    """SI per unit of the coordinate, of a winch and a link as a share of its size; 0 for a logarithm"""
     tolerance: float = float("nan")
     """Of parts as built: of a logarithm, else in the unit"""
     alike: bool = True
@@ -44,6 +44,8 @@ _STRANDS = [_strand(name) for name in mjcf.STRANDS]
 _MOTORS = [str(j) for j in range(1, N_MOTORS + 1)]
 _HINGES = ["all joints", *(f"joint {i}" for i in range(1, N_JOINTS + 1))]
 _PLACES = [f"{i}, {axis} in its link's frame" for i in range(1, N_JOINTS + 1) for axis in "xyz"]
+_LINKS = [str(i) for i in range(1, N_JOINTS + 1)]
+_LEANS = [f"{i}, {way}" for i in _LINKS for way in ("along its link", "across")]
 _KINDS: Mapping[str, _Kind] = {
     "stiffness": _Kind("strand stiffness {}", _STRANDS, "kN/m", 1 / _MILLI, tolerance=0.15),
     "slack": _Kind("strand slack {}", _STRANDS, "mm", _MILLI, 1e-3, tolerance=0.2),
@@ -55,8 +57,16 @@ _KINDS: Mapping[str, _Kind] = {
     "damping": _Kind("hinge damping, {}", _HINGES, "mN m s/rad", _MILLI, tolerance=0.5),
     "gear": _Kind("gear friction, motor {}", _MOTORS, "mN m", _MILLI, tolerance=0.3),
     "marker": _Kind("place of marker {}", _PLACES, "mm", _MILLI, 1e-3, tolerance=1.0, alike=False),
+    "length": _Kind(
+        "length of link {}", _LINKS[:-1], "mm", _MILLI, 1e-2, tolerance=1.1, alike=False
+    ),
+    "mass": _Kind("mass of link {}", _LINKS, "g", _MILLI, tolerance=0.03, alike=False),
+    "axis": _Kind("lean of axis {}", _LEANS, "mrad", _MILLI, 1e-3, tolerance=6.0, alike=False),
+    "camera_shift": _Kind("cameras along {}", "xyz", "mm", _MILLI, 1e-3, 2.0, alike=False),
+    "camera_turn": _Kind("cameras about {}", "xyz", "mrad", _MILLI, 1e-3, 5.0, alike=False),
 }
-"""Tolerances are assumed: 0.1 mm of printed parts, 1 mm of markers, the rest as parts of one kind differ"""
+"""Tolerances are assumed: 0.1 mm of printed parts, 1 mm of markers, 2 % of lengths, the
+rest as parts of one kind differ"""
 
 
 def quantities(of: Vector) -> tuple[Quantity, ...]:
@@ -65,11 +75,8 @@ def quantities(of: Vector) -> tuple[Quantity, ...]:
     found = []
     for block, names in of.names.items():
         kind = _KINDS[block]
-        by = (
-            kind.scale
-            * kind.per_si
-            * np.array(of.start.arm.pulley_radius if block == "winch" else 1.0)
-        )
+        shares = {"winch": of.start.arm.pulley_radius, "length": of.start.arm.link_length[:-1]}
+        by = kind.scale * kind.per_si * np.array(shares.get(block, 1.0))
         scales = np.broadcast_to(by, len(kind.parts))
         for k, part in enumerate(kind.parts):
             together = (names[0], names[k]) if kind.parts is _HINGES and k else (names[k],)
@@ -90,7 +97,7 @@ def quantities(of: Vector) -> tuple[Quantity, ...]:
 
 def _si(design: TwinModel) -> dict[str, Array]:
     """The numbers of each block; of hinges, the common part first."""
-    p, t = design.parameters, design.tolerances
+    p, t, built = design.parameters, design.tolerances, design.built
 
     def hinges(common: float, each: Sequence[float]) -> Array:
         return common * np.exp(np.r_[0.0, each])
@@ -103,5 +110,10 @@ def _si(design: TwinModel) -> dict[str, Array]:
         "transition": hinges(p.transition_velocity, t.transition_velocity),
         "damping": hinges(p.joint_damping, t.joint_damping),
         "gear": p.gear_friction * np.exp(t.gear_friction),
-        "marker": (design.arm.markers_in_links + t.marker_offset).ravel(),
+        "marker": built.markers_in_links.ravel(),
+        "length": np.array(built.link_length[:-1]),
+        "mass": np.array(built.link_mass),
+        "axis": np.array(built.axis_tilt),
+        "camera_shift": np.array(built.camera_pose[:3]),
+        "camera_turn": np.array(built.camera_pose[3:]),
     }

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serpent_twin.arm import mjcf
-from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
+from serpent_twin.arm.kinematic_calibration import PRIORS, Kinematics
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
@@ -30,6 +30,7 @@ and from none at all no fit would come back
 """
 _MARKER = 0.5  # [mm] at least: a camera or marker that moved in a log takes all places along
 _APART = 0.3  # [log] hinges differ
+_MASS = 0.03  # [log] printed links differ
 _TRANSITION = 0.02  # [rad/s]
 _UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable not in any log
 
@@ -49,9 +50,14 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "damping": _of_joints("damping"),
     "gear": tuple(f"gear friction of motor {j}" for j in _MOTORS),
     "marker": tuple(f"place of marker {i} along {axis}" for i in _JOINTS for axis in "xyz"),
+    "length": tuple(f"length of link {i}" for i in range(1, N_JOINTS)),
+    "mass": tuple(f"mass of link {i}" for i in _JOINTS),
+    "axis": tuple(f"axis of joint {i} {way}" for i in _JOINTS for way in ("along", "across")),
+    "camera_shift": tuple(f"shift of the cameras along {axis}" for axis in "xyz"),
+    "camera_turn": tuple(f"turn of the cameras about {axis}" for axis in "xyz"),
 }
-"""The coordinates of each kind of parameter"""
-_STILL = ("gear", "marker")  # kinds that move nothing
+"""The coordinates of each kind of parameter; the last link's length moves nothing that cameras see"""
+_STILL = ("gear", "marker", "camera_shift", "camera_turn")  # kinds that move nothing
 
 
 @dataclass(frozen=True)
@@ -90,6 +96,10 @@ class Vector:
             joint_damping=_plus(t.joint_damping, x["damping"][0] + x["damping"][1:]),
             gear_friction=_plus(t.gear_friction, x["gear"]),
             marker=_plus(t.marker, 1e-3 * x["marker"]),
+            link_length=_plus(t.link_length, 1e-2 * np.r_[x["length"], 0.0]),
+            link_mass=_plus(t.link_mass, x["mass"]),
+            axis_tilt=_plus(t.axis_tilt, 1e-3 * x["axis"]),
+            camera_pose=_plus(t.camera_pose, 1e-3 * np.r_[x["camera_shift"], x["camera_turn"]]),
         )
         effects = effects_at(point)
         parameters = self._without_age(effects)
@@ -113,13 +123,12 @@ def candidates() -> dict[str, Candidate]:
 
 def vector(
     laws: Sequence[CableLaw | None],
-    offset: Array,
-    offset_error: Array,
+    built: Kinematics,
     friction: float,
     damping: float,
 ) -> Vector:
-    """Coordinates around first guesses: cable laws (10), marker offsets [m] with errors, (9, 3), and
-    the hinges' friction [N m] and damping [N m s/rad].
+    """Coordinates around first guesses: cable laws (10), the built geometry, and the hinges' friction [N m]
+    and damping [N m s/rad].
     """
     known = [law for law in laws if law]
     stiffness = (
@@ -139,7 +148,8 @@ def vector(
         transition_velocity=_TRANSITION,
         joint_damping=damping,
     )
-    tolerances = Deviations(
+    tolerances = replace(
+        built.deviations,
         strand_stiffness=tuple(
             float(np.log(law.stiffness[side] / stiffness)) if law else 0.0
             for law in laws
@@ -154,9 +164,8 @@ def vector(
             float(np.log(max(law.gear_friction / gear, _LEAST_GEAR))) if law else 0.0
             for law in laws
         ),
-        marker=tuple(map(float, offset.ravel())),
     )
-    return Vector(TwinModel(parameters, tolerances), _declare(laws, 1e3 * offset_error))
+    return Vector(TwinModel(parameters, tolerances), _declare(laws, 1e3 * built.marker_error))
 
 
 def _apart(values: Array, least: float) -> float:
@@ -194,4 +203,12 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
     widths = np.maximum(_MARKER, _TRUST * offset_error.ravel())
     for name, width in zip(NAMES["marker"], widths, strict=True):
         rows.append(Declared(name, "mm", width, 0.1))
+    for kind, unit, width, step in (
+        ("length", "% of length", 1e2 * PRIORS["link_length"][0], 0.2),
+        ("mass", "log kg", _MASS, 0.02),
+        ("axis", "mrad", 1e3 * PRIORS["axis_tilt"][0], 1.0),
+        ("camera_shift", "mm", 1e3 * PRIORS["camera_pose"][0], 0.1),
+        ("camera_turn", "mrad", 1e3 * PRIORS["camera_pose"][-1], 0.1),
+    ):
+        rows += [Declared(name, unit, width, step) for name in NAMES[kind]]
     return tuple(rows)

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from serpent_twin.arm.geometry import N_JOINTS
+from serpent_twin.arm.deviations import Deviations
+from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm
 from serpent_twin.arm.inverse_kinematics import joints_from_markers, linearised
 from serpent_twin.arrays import Array
 from serpent_twin.hardware.base_frame import IDENTITY, Rigid
@@ -69,7 +70,7 @@ def fit(
 
     `marker` (N, 9, 3) [m], NaN where lost; `start` (N, 9) are first guesses of the joint angles [rad], as
     `to_base` and `scaled` are of frame and scale. Priors hold what the rows do not show. The poses are
-    eliminated row by row, as in `pose.marker_offsets`.
+    eliminated row by row, as in `kinematic_calibration`.
     """
     n, offset = len(start), np.zeros((N_JOINTS, 3))
     free = np.r_[[frame] * 5, scale, [True] * (3 * N_JOINTS)]
@@ -78,7 +79,7 @@ def fit(
     joint = joints_from_markers(to_base.apply(marker / scaled), start)
     for _ in range(_STEPS):
         place = to_base.apply(marker / scaled)
-        error, by_joint, solve, by_offset = linearised(place, joint, offset)
+        error, by_joint, solve, by_offset = linearised(place, joint, _with(offset))
         slope = np.concatenate([_by_frame(place), by_offset], axis=-1)
         left = slope - by_joint @ (solve @ slope)
         square = weight * np.einsum("nki,nkj->ij", left, left, optimize=True) + np.diag(prior**-2)
@@ -89,9 +90,14 @@ def fit(
         joint = joint + np.clip((solve @ (error - slope @ step)[..., None])[..., 0], -0.2, 0.2)
         offset = offset + step[_GLOBAL:].reshape(N_JOINTS, 3)
         to_base, scaled = _moved_by(to_base, scaled, step)
-    error, *_ = linearised(to_base.apply(marker / scaled), joint, offset)
+    error, *_ = linearised(to_base.apply(marker / scaled), joint, _with(offset))
     freedom = max(1, np.isfinite(marker).sum() - n * N_JOINTS)
     return MarkerFit(offset, float(np.sqrt((error**2).sum() / freedom)), to_base, scaled, joint)
+
+
+def _with(offset: Array) -> Arm:
+    """The arm with its markers elsewhere."""
+    return Deviations(marker=tuple(offset.ravel().tolist())).built(ARM)
 
 
 def _by_frame(place: Array) -> Array:

@@ -1,0 +1,77 @@
+"""Calibrate an arm's kinematics: where its joints, axes, markers and cameras are, by measured markers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from serpent_twin.arm.deviations import Deviations
+from serpent_twin.arm.geometry import ARM, N_JOINTS, markers
+from serpent_twin.arm.inverse_kinematics import joints_from_markers, linearised
+from serpent_twin.arrays import Array
+
+PRIORS: Mapping[str, Array] = {
+    "marker": np.full(3 * N_JOINTS, 0.5e-3),
+    "link_length": np.full(N_JOINTS, 0.02),
+    "axis_tilt": np.full(2 * N_JOINTS, 6e-3),
+    "camera_pose": np.repeat([2e-3, 5e-3], 3),
+}
+"""How far parts are from what is drawn, as standard deviations, in the units of `Deviations`"""
+_NOISE = 2e-4  # [m] of a marker's coordinate: with less, priors hold nothing
+_STEPS = 10
+_NUDGE = 1e-6  # [m], [rad] and of a length: markers are nearly linear in all of them
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """What was found."""
+
+    deviations: Deviations
+    """Of markers, lengths, axes and cameras"""
+    marker_error: Array
+    """Standard errors of the markers' places [m], (9, 3)"""
+    rms: float
+    """Of what no rigid arm explains [m]"""
+
+
+def calibrate(marker: Array, start: Array) -> Kinematics:
+    """Where the parts of an arm are, from rows of markers (N, 9, 3) [m], NaN where lost, and first guesses of
+    the joint angles, (N, 9) [rad].
+
+    Least squares over all parts and all poses, the poses eliminated row by row. What a turn of a joint does
+    as well, such as a marker's place around the joint, cannot be told from the pose: `PRIORS` hold it.
+    """
+    width = np.concatenate(list(PRIORS.values()))
+    x, n = np.zeros(len(width)), len(start)
+    q = joints_from_markers(marker, start)  # both at once may diverge
+    for _ in range(_STEPS):
+        error, slope, solve, _ = linearised(marker, q, _deviations(x).built(ARM))
+        moves = _by_parts(x, q) * np.isfinite(marker).reshape(n, -1, 1)
+        free = moves - slope @ (solve @ moves)
+        information = np.einsum("nki,nkj->ij", free, free, optimize=True) / _NOISE**2
+        information += np.diag(width**-2)
+        gradient = np.einsum("nki,nk->i", free, error) / _NOISE**2 - x / width**2
+        step = np.linalg.solve(information, gradient)
+        q = q + (solve @ (error - moves @ step)[..., None])[..., 0]
+        x = x + step
+    error, *_ = linearised(marker, q, _deviations(x).built(ARM))
+    freedom = max(1, np.isfinite(marker).sum() - n * N_JOINTS)
+    known = np.sqrt(np.diag(np.linalg.inv(information)))[: 3 * N_JOINTS]
+    rms = float(np.sqrt((error**2).sum() / freedom))
+    return Kinematics(_deviations(x), known.reshape(N_JOINTS, 3), rms)
+
+
+def _deviations(x: Array) -> Deviations:
+    ends = np.cumsum([len(each) for each in PRIORS.values()])[:-1]
+    each = zip(PRIORS, np.split(x, ends), strict=True)
+    return Deviations(**{name: tuple(values.tolist()) for name, values in each})
+
+
+def _by_parts(x: Array, q: Array) -> Array:
+    """Derivatives of the markers by all parts at joint angles (N, 9), (N, 27, P)."""
+
+    def seen(at: Array) -> Array:
+        return markers(q, _deviations(at).built(ARM)).reshape(len(q), -1)
+
+    here = seen(x)
+    return np.stack([(seen(x + nudge) - here) / _NUDGE for nudge in _NUDGE * np.eye(len(x))], -1)
