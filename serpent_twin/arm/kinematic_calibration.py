@@ -17,7 +17,7 @@ PRIORS: Mapping[str, Array] = {
     "camera_pose": np.repeat([2e-3, 5e-3], 3),
 }
 """How far parts are from what is drawn, as standard deviations, in the units of `Deviations`"""
-_NOISE = 2e-4  # [m] of a marker's coordinate: with less, priors hold nothing
+_LEAST_NOISE = 2e-4  # [m] of a marker's coordinate: with less, priors hold nothing
 _STEPS = 10
 _NUDGE = 1e-6  # [m], [rad] and of a length: markers are nearly linear in all of them
 
@@ -39,23 +39,25 @@ def calibrate(marker: Array, start: Array) -> Kinematics:
     the joint angles, (N, 9) [rad].
 
     Least squares over all parts and all poses, the poses eliminated row by row. What a turn of a joint does
-    as well, such as a marker's place around the joint, cannot be told from the pose: `PRIORS` hold it.
+    as well, such as a marker's place around the joint, cannot be told from the pose: `PRIORS` hold it against
+    noise as large as what is left.
     """
     width = np.concatenate(list(PRIORS.values()))
     x, n = np.zeros(len(width)), len(start)
+    freedom = max(1, np.isfinite(marker).sum() - n * N_JOINTS)
     q = joints_from_markers(marker, start)  # both at once may diverge
     for _ in range(_STEPS):
         error, slope, solve, _ = linearised(marker, q, _deviations(x).built(ARM))
         moves = _by_parts(x, q) * np.isfinite(marker).reshape(n, -1, 1)
+        noise = max(_LEAST_NOISE, float(np.sqrt((error**2).sum() / freedom)))
         free = moves - slope @ (solve @ moves)
-        information = np.einsum("nki,nkj->ij", free, free, optimize=True) / _NOISE**2
+        information = np.einsum("nki,nkj->ij", free, free, optimize=True) / noise**2
         information += np.diag(width**-2)
-        gradient = np.einsum("nki,nk->i", free, error) / _NOISE**2 - x / width**2
+        gradient = np.einsum("nki,nk->i", free, error) / noise**2 - x / width**2
         step = np.linalg.solve(information, gradient)
         q = q + (solve @ (error - moves @ step)[..., None])[..., 0]
         x = x + step
     error, *_ = linearised(marker, q, _deviations(x).built(ARM))
-    freedom = max(1, np.isfinite(marker).sum() - n * N_JOINTS)
     known = np.sqrt(np.diag(np.linalg.inv(information)))[: 3 * N_JOINTS]
     rms = float(np.sqrt((error**2).sum() / freedom))
     return Kinematics(_deviations(x), known.reshape(N_JOINTS, 3), rms)

@@ -6,7 +6,7 @@ import pytest
 from bench_arm import NONE, ArmBatch, draw
 from serpent_twin.arm.geometry import ARM, markers
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
-from serpent_twin.arm.kinematic_calibration import calibrate
+from serpent_twin.arm.kinematic_calibration import PRIORS, calibrate
 
 NOISE = 0.4e-3
 
@@ -40,6 +40,15 @@ def test_lengths_are_found(measured):
     off = share[:8] - np.array(arm.length_ratio[:8]) + 1
     assert np.sqrt(np.mean(off**2)) < 0.01
     assert share[8] == 0.0
+
+
+def test_noise_of_the_cameras_does_not_bend_an_arm():
+    joint, rng = np.random.default_rng(2).uniform(-0.39, 0.39, (300, 9)), np.random.default_rng(3)
+    seen = markers(joint) + 5e-3 * rng.standard_normal((300, 9, 3))
+    found = calibrate(seen, joint)
+    assert found.rms == pytest.approx(5e-3, rel=0.03)
+    for name, width in PRIORS.items():
+        assert np.abs(getattr(found.deviations, name) / width).max() < 2.5, name
 
 
 def test_an_arm_as_drawn_is_found_as_drawn():

@@ -59,7 +59,7 @@ def score_test(logs):
     """Strength of the effect in a score test on the calibrated twin, and its standard error."""
     case, pieces, opening, effect = opened(logs)
     start, free = opening.point, free_parameters(case, ())
-    first = fit(case, pieces, start, free, 1, case.segments[0], known=opening)
+    first = fit(case, pieces, start, free, 4, case.segments[0], known=opening)
     case = case.reweighted(first.point, pieces)
     base = fit(case, pieces, first.point, free, 0, case.segments[0], carried=first)
     (found,) = scores(case, pieces, base, [effect])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from paths import DATA
 
-from serpent_twin.arm.geometry import markers
+from serpent_twin.arm.geometry import ARM, markers
 from serpent_twin.machines.arm.pieces import ArmPieces, camera_noise, cut
 from serpent_twin.sessions import read_session
 
@@ -17,7 +17,7 @@ NOISE = 2.5e-4  # [m]
 def rigid() -> ArmPieces:
     """The poses of a logged arm, its markers where rigid links have them, and white noise."""
     log = read_session(DATA / "arm_a" / "session_01.parquet")[:800]
-    pieces = cut([log], np.zeros((9, 3)))
+    pieces = cut([log], ARM)
     where = markers(pieces.joint_angle)
     return replace(
         pieces, marker=where + NOISE * np.random.default_rng(1).standard_normal(where.shape)
