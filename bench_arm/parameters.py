@@ -61,9 +61,8 @@ class BenchArm:
 
 def draw(rng: np.random.Generator) -> BenchArm:
     """An arm as workshops build them: every number within its tolerance of a common value."""
-    (shape,) = rng.spawn(
-        1
-    )  # so that seeds give the cables, servos and sensors that they gave before
+    # Geometry has its own stream: seeds give the cables, servos and sensors that they gave before.
+    (shape,) = rng.spawn(1)
     return BenchArm(
         strand_stiffness=_spread(rng, np.exp(rng.uniform(*np.log([2e3, 2e4]))), 0.15, STRANDS),
         strand_slack=_spread(rng, rng.uniform(0.2e-3, 0.8e-3), 0.20, STRANDS),

@@ -57,7 +57,6 @@ class Deviations:
     """Logarithm of each gearbox's friction over the nominal one [1]"""
     marker: Annotated[tuple[_Offset, ...], many(3 * N_JOINTS)] = (0.0,) * (3 * N_JOINTS)
     """Added to the markers' places in their link frames [m]: x, y, z of marker 1, 2, …"""
-
     link_length: Annotated[tuple[_Length, ...], many(N_JOINTS)] = (0.0,) * N_JOINTS
     """By how much each link is longer than drawn, as a share [1]"""
     link_mass: Joints = (0.0,) * N_JOINTS

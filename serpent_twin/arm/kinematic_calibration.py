@@ -19,6 +19,7 @@ PRIORS: Mapping[str, Array] = {
 """How far parts are from what is drawn, as standard deviations, in the units of `Deviations`"""
 _LEAST_NOISE = 2e-4  # [m] of a marker's coordinate: with less, priors hold nothing
 _STEPS = 10
+_MARKERS = len(PRIORS["marker"])
 _NUDGE = 1e-6  # [m], [rad] and of a length: markers are nearly linear in all of them
 
 
@@ -47,8 +48,9 @@ def calibrate(marker: Array, start: Array) -> Kinematics:
     freedom = max(1, np.isfinite(marker).sum() - n * N_JOINTS)
     q = joints_from_markers(marker, start)  # both at once may diverge
     for _ in range(_STEPS):
-        error, slope, solve, _ = linearised(marker, q, _deviations(x).built(ARM))
-        moves = _by_parts(x, q) * np.isfinite(marker).reshape(n, -1, 1)
+        error, slope, solve, by_markers = linearised(marker, q, _deviations(x).built(ARM))
+        others = _by_others(x, q) * np.isfinite(marker).reshape(n, -1, 1)
+        moves = np.concatenate([by_markers, others], axis=-1)
         noise = max(_LEAST_NOISE, float(np.sqrt((error**2).sum() / freedom)))
         free = moves - slope @ (solve @ moves)
         information = np.einsum("nki,nkj->ij", free, free, optimize=True) / noise**2
@@ -58,7 +60,7 @@ def calibrate(marker: Array, start: Array) -> Kinematics:
         q = q + (solve @ (error - moves @ step)[..., None])[..., 0]
         x = x + step
     error, *_ = linearised(marker, q, _deviations(x).built(ARM))
-    known = np.sqrt(np.diag(np.linalg.inv(information)))[: 3 * N_JOINTS]
+    known = np.sqrt(np.diag(np.linalg.inv(information)))[:_MARKERS]
     rms = float(np.sqrt((error**2).sum() / freedom))
     return Kinematics(_deviations(x), known.reshape(N_JOINTS, 3), rms)
 
@@ -69,11 +71,13 @@ def _deviations(x: Array) -> Deviations:
     return Deviations(**{name: tuple(values.tolist()) for name, values in each})
 
 
-def _by_parts(x: Array, q: Array) -> Array:
-    """Derivatives of the markers by all parts at joint angles (N, 9), (N, 27, P)."""
+def _by_others(x: Array, q: Array) -> Array:
+    """Derivatives of the markers by all but their own places at joint angles (N, 9), (N, 27, P − 27)."""
 
     def seen(at: Array) -> Array:
         return markers(q, _deviations(at).built(ARM)).reshape(len(q), -1)
 
     here = seen(x)
-    return np.stack([(seen(x + nudge) - here) / _NUDGE for nudge in _NUDGE * np.eye(len(x))], -1)
+    return np.stack(
+        [(seen(x + nudge) - here) / _NUDGE for nudge in _NUDGE * np.eye(len(x))[_MARKERS:]], -1
+    )

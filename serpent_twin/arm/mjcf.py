@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, Arm
@@ -193,9 +192,7 @@ def _add_bodies(
         bodies[f"motor{j + 1}"] = _add_motor(base, j, arm, friction)
     link = base
     for i in range(N_JOINTS):
-        resist: dict[str, Any] = _off(
-            parameters.joint_friction, tolerances.joint_friction[i], "frictionloss"
-        )
+        resist = _off(parameters.joint_friction, tolerances.joint_friction[i], "frictionloss")
         resist |= _off(parameters.joint_damping, tolerances.joint_damping[i], "damping")
         link = bodies[f"link{i + 1}"] = _add_link(link, i, arm, resist)
     held = {"frictionloss": _HELD, "armature": _HELD} if tolerances.jaw_held[0] else {}
@@ -203,7 +200,7 @@ def _add_bodies(
     return bodies
 
 
-def _off(nominal: float, logarithm: float, name: str) -> dict[str, float]:
+def _off(nominal: float, logarithm: float, name: str) -> dict[str, Any]:
     """An attribute that overrides the class's, if the part deviates."""
     return {name: nominal * np.exp(logarithm)} if logarithm else {}
 
@@ -224,9 +221,8 @@ def _seen_from(arm: Arm) -> dict[str, Any]:
     """Attributes of the frame in which cameras see, if that is not the base's."""
     if not any(arm.camera_pose):
         return {}
-    back = Rotation.from_matrix(arm.camera_turn.T)
-    quaternion = back.as_quat(scalar_first=True)
-    return {"pos": -back.apply(arm.camera_pose[:3]), "quat": quaternion}
+    turn = arm.camera_turn
+    return {"pos": -turn.T @ arm.camera_pose[:3], "xyaxes": turn[:2].ravel()}
 
 
 def _add_link(parent: ET.Element, i: int, arm: Arm, resist: dict[str, Any]) -> ET.Element:

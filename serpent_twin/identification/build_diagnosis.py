@@ -149,8 +149,8 @@ def _stands_in(error: Mapping[str, float], bar: Bars) -> bool:
 
 
 def _moved(case: Case, selection: Selection) -> tuple[Moved, ...]:
-    """What the last round's twin had moved too far, beside the candidates that it was to be told from: named
-    effects, and laws that were tried from the same twin.
+    """The declared parameters that the last round's twin had moved too far. Each is compared with everything
+    that was tried from this twin: named effects, and laws.
     """
     base = selection.rounds[-1].base
     alike = [each.trials for each in selection.rounds if each.base is base]

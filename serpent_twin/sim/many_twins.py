@@ -94,10 +94,10 @@ def differentiate(
         changes.append(run.arms.changes())
     marker, load = (np.stack(each, axis=2) for each in zip(*changes, strict=True))
     did = run.response()
+    here = markers(did.joint_angle[0], design.built)
     for n, other in enumerate(others):
         if other.built != design.built:
-            marker[n] += markers(did.joint_angle[0], other.built)
-            marker[n] -= markers(did.joint_angle[0], design.built)
+            marker[n] += markers(did.joint_angle[0], other.built) - here
     return did, marker, load
 
 

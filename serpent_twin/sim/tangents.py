@@ -3,13 +3,13 @@
 The arm obeys M a = τ(q, v) + f(a, v), with the hinges' friction f. A small change of a parameter moves it
 by δq and δv, which obey the same equation made linear: strands that pull are springs, slack ones nothing;
 a hinge that creeps is a damper, one that slides a constant torque; links of other masses and axes need
-other torques for the same motion. So one motion is simulated in place of
-one for each parameter (forward sensitivities: Hairer, Nørsett and Wanner, Solving Ordinary Differential
-Equations I, section I.14). The answer of effects that act to δq and δv is left out.
+other torques for the same motion. So one motion is simulated in place of one for each parameter (forward
+sensitivities: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, section I.14). The
+answer of effects that act to δq and δv is left out.
 """
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,7 +21,6 @@ from mujoco.batch import Batch
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arm.hinge_friction import softness
 from serpent_twin.arrays import Array
-from serpent_twin.sim.stepper import field
 from serpent_twin.sim.twin_model import TwinModel
 
 _NUDGE = 1e-5  # of angles, velocities and accelerations, for derivatives of inverse dynamics
@@ -75,7 +74,7 @@ def differences(base: TwinModel, model: mujoco.MjModel, others: Sequence[TwinMod
 def _other_links(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
     """Whether links of two models move otherwise."""
     names = ("body_mass", "body_pos", "jnt_axis")
-    return any((field(one, name) != field(other, name)).any() for name in names)
+    return any((getattr(one, name) != getattr(other, name)).any() for name in names)
 
 
 def _slope(model: mujoco.MjModel) -> Array:
@@ -246,15 +245,11 @@ class Tangents:
         acceleration, position and velocity, amid the steps; each (S, nv, nv).
         """
         model, data = self._bare, self._data_of_bare
-        middle = len(s.dt) // 2
-        acceleration = (self._state[1] - s.velocity[0]) / s.dt.sum(axis=0)
-        out = np.empty((3, len(acceleration), model.nv, model.nv))
-        for n in range(len(acceleration)):
-            data.qpos[:], data.qvel[:] = s.position[middle, n], s.velocity[middle, n]
-            data.qacc[:] = acceleration[n]
+        out = np.empty((3, len(self._position), model.nv, model.nv))
+        for n, motion in enumerate(self._amid(s, 0, len(s.dt))):
+            data.qpos[:], data.qvel[:], data.qacc[:] = motion
             by_q, by_v, by_a = out[1, n], out[2, n], out[0, n]
-            nothing = [None] * 4
-            mujoco.mjd_inverseFD(model, data, _NUDGE, True, by_q, by_v, by_a, *nothing)
+            mujoco.mjd_inverseFD(model, data, _NUDGE, True, by_q, by_v, by_a, *[None] * 4)
         mass, turned, braked = np.swapaxes(out, -1, -2)
         return mass, turned, braked
 
@@ -262,21 +257,24 @@ class Tangents:
         """How much more torque other links need for the same motion [N m], in each of some parts of the time,
         (parts, S, nv, P).
         """
-        data, bare, ends = self._data_of_bare, self._bare, np.linspace(0, len(s.dt), _PARTS + 1)
-        velocity = np.concatenate([s.velocity, self._state[1][None]])
+        data, ends = self._data_of_bare, np.linspace(0, len(s.dt), _PARTS + 1).astype(int)
         more = np.zeros((_PARTS, *self._position.shape))
-        for part, (first, last) in enumerate(pairwise(ends.astype(int))):
-            middle, took = (first + last) // 2, s.dt[first:last].sum(axis=0)
-            acceleration = (velocity[last] - velocity[first]) / took
-            for n in range(len(acceleration)):
-                data.qpos[:], data.qvel[:] = s.position[middle, n], s.velocity[middle, n]
-                data.qacc[:] = acceleration[n]
-                mujoco.mj_inverse(bare, data)
+        for part, (first, last) in enumerate(pairwise(ends)):
+            for n, motion in enumerate(self._amid(s, first, last)):
+                data.qpos[:], data.qvel[:], data.qacc[:] = motion
+                mujoco.mj_inverse(self._bare, data)
                 here = data.qfrc_inverse.copy()
                 for p, model in self._others.items():
                     mujoco.mj_inverse(model, data)
                     more[part, n, :, p] = data.qfrc_inverse - here
         return more
+
+    def _amid(self, s: _Steps, first: int, last: int) -> Iterator[tuple[Array, Array, Array]]:
+        """Each run's position and velocity amid some steps, and its mean acceleration during them, (nv,)."""
+        middle = (first + last) // 2
+        after = s.velocity[last] if last < len(s.dt) else self._state[1]
+        acceleration = (after - s.velocity[first]) / s.dt[first:last].sum(axis=0)
+        return zip(s.position[middle], s.velocity[middle], acceleration, strict=True)
 
     def _by_slope(self, s: _Steps, creep: Array) -> Array:
         """Derivative of friction near rest by the logarithm of its slope [N m], (K, S, nv)."""

@@ -132,7 +132,7 @@ def test_logs_of_another_machine_are_refused(logs, tmp_path):
     foreign = changed(
         logs["none"], tmp_path / "foreign", lambda s: replace(s, marker=1.2 * s.marker)
     )
-    with pytest.raises(SerpentError, match=r"1\.(19|20)\d times as far apart"):
+    with pytest.raises(SerpentError, match=r"1\.195 times as far apart"):
         trace(Trace((foreign,), tmp_path / "out"))
 
 
