@@ -60,14 +60,16 @@ def moved(
 
 
 def room(case: Case[Any], point: ParameterVector, free: FreeParameters) -> tuple[Array, Array]:
-    """The longest steps downwards and upwards within the effects' ranges, (len(free),) each."""
+    """The longest steps downwards and upwards within the ranges of parameters and effects, (len(free),) each."""
     ends = []
+    for k in free.declared:
+        farthest, value = case.declared[k].farthest, point.declared[k]
+        ends.append((min(-farthest - value, 0.0), max(farthest - value, 0.0)))
     for name, k in free.effects:
         allowed, value = list(case.candidates[name].ranges.values())[k], point.effects[name][k]
         ends.append((min(allowed.least - value, 0.0), max(allowed.high - value, 0.0)))
     low, high = np.reshape(ends, (-1, 2)).T
-    open_ = np.full(len(free.declared), np.inf)
-    return np.r_[-open_, low], np.r_[open_, high]
+    return low, high
 
 
 def between(before: ParameterVector, after: ParameterVector, free: FreeParameters) -> Array:

@@ -32,6 +32,8 @@ class Declared:
     """Standard deviation within which it is expected"""
     step: float
     """Finite difference"""
+    farthest: float = np.inf
+    """How far from 0 a fit takes it: beyond that, something is there that no part of this kind is"""
 
 
 @dataclass(frozen=True)
