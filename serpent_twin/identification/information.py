@@ -16,6 +16,11 @@ from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
 
+_AT_ITS_END = 1 - 1e-6
+"""Share of the way to its bound from which a parameter is at it"""
+_HELD = 1e8
+"""Times its prior's inverse variance, for a parameter that is held"""
+
 
 @dataclass(frozen=True, eq=False)
 class Information:
@@ -33,16 +38,20 @@ class Information:
     @classmethod
     def of(cls, case: Case[Any], fit: Fit) -> "Information":
         """That of a fit: its declared parameters have priors, those of its effects the width of their ranges,
-        without a mean, as in the fit: a strength at its limit changes nothing of the residual.
+        without a mean, as in the fit: a strength at its limit changes nothing of the residual. What the fit took
+        as far as it may go is held there.
         """
         declared, known = list(fit.free.declared), case.candidates
+        farthest = np.array([case.declared[k].farthest for k in declared])
+        priors = np.array([case.declared[k].prior for k in declared])
+        held = np.abs(fit.point.declared[declared]) > _AT_ITS_END * farthest
         several = [list(known[name].ranges.values())[k] for name, k in fit.free.effects]
         wide = [(allowed.high - allowed.low) ** -2 for allowed in several]
         return cls(
             fit.jacobian.reshape(len(fit.free), -1),
             1 / fit.variance_inflation,
-            np.r_[[1 / case.declared[k].prior ** 2 for k in declared], wide],
-            np.r_[fit.point.declared[declared], np.zeros(len(wide))],
+            np.r_[np.where(held, _HELD, 1.0) / priors**2, wide],
+            np.r_[np.where(held, 0.0, fit.point.declared[declared]), np.zeros(len(wide))],
         )
 
     def without(self, k: int) -> "Information":

@@ -30,7 +30,11 @@ and from none at all no fit would come back
 """
 _MARKER = 0.5  # [mm] at least: a camera or marker that moved in a log takes all places along
 _APART = 0.3  # [log] hinges differ
-_MASS, _HEAVIEST = 0.03, 0.06  # [log] printed links differ, and hardly by more: a payload is not one
+_MASS = 0.03  # [log] printed links differ
+_FARTHEST: Mapping[str, float] = {"length": 3.0, "mass": 2.0, "axis": 3.0}
+"""Standard deviations of a part as built at which a fit holds it: links that went further stood for a payload,
+heavier by it or longer, with their markers moved back
+"""
 _TRANSITION = 0.02  # [rad/s]
 _UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable not in any log
 
@@ -210,6 +214,6 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
         ("camera_shift", "mm", 1e3 * PRIORS["camera_pose"][0], 0.1),
         ("camera_turn", "mrad", 1e3 * PRIORS["camera_pose"][-1], 0.1),
     ):
-        farthest = _HEAVIEST if kind == "mass" else np.inf
+        farthest = _FARTHEST.get(kind, np.inf) * width
         rows += [Declared(name, unit, width, step, farthest) for name in NAMES[kind]]
     return tuple(rows)
