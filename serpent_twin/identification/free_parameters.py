@@ -60,7 +60,7 @@ def moved(
 
 
 def room(case: Case[Any], point: ParameterVector, free: FreeParameters) -> tuple[Array, Array]:
-    """The longest steps downwards and upwards within the ranges of parameters and effects, (len(free),) each."""
+    """The longest steps down and up within the ranges of parameters and effects, (len(free),) each."""
     ends = []
     for k in free.declared:
         farthest, value = case.declared[k].farthest, point.declared[k]

@@ -38,8 +38,8 @@ class Information:
     @classmethod
     def of(cls, case: Case[Any], fit: Fit) -> "Information":
         """That of a fit: its declared parameters have priors, those of its effects the width of their ranges,
-        without a mean, as in the fit: a strength at its limit changes nothing of the residual. What the fit took
-        as far as it may go is held there.
+        without a mean, as in the fit: a strength at its limit changes nothing of the residual. What the
+        fit took as far as it may go is held there.
         """
         declared, known = list(fit.free.declared), case.candidates
         farthest = np.array([case.declared[k].farthest for k in declared])

@@ -32,8 +32,8 @@ _MARKER = 0.5  # [mm] at least: a camera or marker that moved in a log takes all
 _APART = 0.3  # [log] hinges differ
 _MASS = 0.03  # [log] printed links differ
 _FARTHEST: Mapping[str, float] = {"length": 3.0, "mass": 2.0, "axis": 3.0}
-"""Standard deviations of a part as built at which a fit holds it: links that went further stood for a payload,
-heavier by it or longer, with their markers moved back
+"""Standard deviations of a part as built at which a fit holds it: links that went further, heavier or longer, stood
+for a payload
 """
 _TRANSITION = 0.02  # [rad/s]
 _UNKNOWN_STIFFNESS, _UNKNOWN_SLACK, _UNKNOWN_WINCH = 0.25, 0.3, 0.5  # of a cable not in any log
