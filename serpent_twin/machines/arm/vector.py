@@ -32,7 +32,7 @@ _MARKER = 0.5  # [mm] at least: a camera or marker that moved in a log takes all
 _APART = 0.3  # [log] hinges differ
 _MASS = 0.03  # [log] printed links differ
 _FARTHEST: Mapping[str, float] = {"length": 3.0, "mass": 2.0, "axis": 3.0}
-"""Standard deviations of a part as built at which a fit holds it: links that went further, heavier or longer, stood
+"""Standard deviations of a part as built at which a fit holds it: links that went further stood
 for a payload
 """
 _TRANSITION = 0.02  # [rad/s]
