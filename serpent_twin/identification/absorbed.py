@@ -1,13 +1,40 @@
-"""Take back what a calibration moved beyond reason: a law may have been absorbed by it."""
+"""Take back what a calibration moved beyond reason, or as far as it may: something may have been absorbed
+by it.
+"""
 
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import FreeParameters
+from serpent_twin.identification.free_parameters import FreeParameters, at_its_end
 from serpent_twin.identification.objective import cost_at
+from serpent_twin.identification.score_test import stronger
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
+
+_STRONGER = (1.0, 1.2, 1.4, 1.7, 2.0)
+"""Times an effect's strength at which a fit begins again without what stood for a part of it"""
+
+
+def without_ends(case: Case[Any], training: Any, found: Fit, name: str) -> ParameterVector | None:
+    """Where a fit with an effect may begin again: what it took as far as it may is where it was declared, and
+    the effect is as much stronger as is best there. None if nothing is at its end.
+    """
+    ended = at_its_end(case, found.point, found.free)
+    if not ended.any():
+        return None
+    declared = found.point.declared.copy()
+    declared[np.array(found.free.declared)[ended]] = 0.0
+    point = ParameterVector(declared, found.point.effects)
+    values = [stronger(case.candidates[name], point.effects[name], by) for by in _STRONGER]
+    points = [point.having(name, each) for each in values]
+    left = case.residual(points, case.take(training, found.used))
+    costs = [
+        cost_at(case, *each, found.variance_inflation) for each in zip(points, left, strict=True)
+    ]
+    return points[int(np.argmin(costs))]
 
 
 def without_move(case: Case[Any], training: Any, base: Fit, coordinate: str) -> tuple[Fit, Fit]:

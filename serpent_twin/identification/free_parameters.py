@@ -18,6 +18,8 @@ _SHARES = (1.0, 0.1, 0.01)
 _FAIR, _AIM = (0.02, 1.0), 0.2
 """Share of the residual that a difference of an effect may change, and that a resized one should"""
 _RESIZED = (0.02, 20.0)  # times the usual difference
+_NEARLY = 1 - 1e-6
+"""Share of the way to its bound from which a parameter is at it"""
 
 
 class UnstableStartError(SerpentError):
@@ -70,6 +72,12 @@ def room(case: Case[Any], point: ParameterVector, free: FreeParameters) -> tuple
         ends.append((min(allowed.least - value, 0.0), max(allowed.high - value, 0.0)))
     low, high = np.reshape(ends, (-1, 2)).T
     return low, high
+
+
+def at_its_end(case: Case[Any], point: ParameterVector, free: FreeParameters) -> np.ndarray:
+    """Which declared parameters a fit took as far as it may, (len(free.declared),)."""
+    farthest = np.array([case.declared[k].farthest for k in free.declared])
+    return np.asarray(np.abs(point.declared[list(free.declared)]) > _NEARLY * farthest)
 
 
 def between(before: ParameterVector, after: ParameterVector, free: FreeParameters) -> Array:

@@ -14,10 +14,9 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.free_parameters import at_its_end
 from serpent_twin.machines.case import Case
 
-_AT_ITS_END = 1 - 1e-6
-"""Share of the way to its bound from which a parameter is at it"""
 _HELD = 1e8
 """Times its prior's inverse variance, for a parameter that is held"""
 
@@ -42,9 +41,8 @@ class Information:
         fit took as far as it may go is held there.
         """
         declared, known = list(fit.free.declared), case.candidates
-        farthest = np.array([case.declared[k].farthest for k in declared])
         priors = np.array([case.declared[k].prior for k in declared])
-        held = np.abs(fit.point.declared[declared]) > _AT_ITS_END * farthest
+        held = at_its_end(case, fit.point, fit.free)
         several = [list(known[name].ranges.values())[k] for name, k in fit.free.effects]
         wide = [(allowed.high - allowed.low) ** -2 for allowed in several]
         return cls(

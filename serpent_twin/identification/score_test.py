@@ -280,13 +280,18 @@ def _starts(candidate: Candidate, values: Array) -> list[Array]:
     ranges, strong = list(candidate.ranges.values()), strengths(candidate)
     out = []
     for factor in (0.3, 1.0, 2.0):
-        out.append(_times(ranges, values, strong, factor))
+        out.append(stronger(candidate, values, factor))
     if any(ranges[k].limit for k in strong):
         limit = values.copy()
         limit[strong] = [ranges[k].high for k in strong]
         others = [k for k, each in enumerate(ranges) if each.fitted and k not in strong]
         out += [_times(ranges, limit, others, factor) for factor in (0.5, 1.0, 2.0, 4.0)]
     return out
+
+
+def stronger(candidate: Candidate, values: Array, factor: float) -> Array:
+    """A candidate's parameters with its strengths times a factor, within their ranges."""
+    return _times(list(candidate.ranges.values()), values, strengths(candidate), factor)
 
 
 def _times(ranges: Sequence[Range], values: Array, which: Sequence[int], factor: float) -> Array:

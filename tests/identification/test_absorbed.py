@@ -1,12 +1,15 @@
-"""What a calibration moved beyond reason, taken back, shows what it had absorbed."""
+"""What a calibration moved beyond reason, or as far as it may, taken back, shows what it had absorbed."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from linear_case import GUST, NUMBERS, SEGMENTS, START, case, every
 
-from serpent_twin.identification.absorbed import without_move
-from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.absorbed import without_ends, without_move
+from serpent_twin.identification.free_parameters import at_its_end, free_parameters
 from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.score_test import scores
 
 TAKEN = 6.0
 """Of the second parameter, by which the calibration imitates the gust"""
@@ -38,3 +41,43 @@ def test_a_fit_from_there_finds_it(calibrated):
     found = fit(made, every(), start, free_parameters(made, [GUST]), 2, 99, known=begun)
     assert found.point.effects[GUST][0] == pytest.approx(TAKEN, abs=0.1)
     assert found.point.declared == pytest.approx([1.0, -2.0], abs=0.1)
+
+
+@pytest.fixture
+def ended():
+    """A gust like the second parameter, which is really 0 and goes no further than 1.5."""
+    made = case(strength=0.0)
+    made.g[...] = made.X[..., 1] * (np.arange(NUMBERS) < 0.8 * NUMBERS)
+    made.y[...] += 2.0 * made.X[..., 1] + TAKEN * made.g
+    one, two = made.declared
+    made = replace(made, declared=(one, replace(two, prior=0.5, farthest=1.5)))
+    return made, fit(made, every(), START, free_parameters(made, ()), 3, 99)
+
+
+def test_a_fit_goes_no_further_than_declared(ended):
+    made, base = ended
+    one, two = made.X.reshape(-1, 2).T
+    best = one @ (made.y.ravel() - 1.5 * two) / (one @ one)
+    assert base.point.declared == pytest.approx([best, 1.5], rel=1e-4)
+    assert list(at_its_end(made, base.point, base.free)) == [False, True]
+
+
+def test_what_is_at_its_end_takes_up_no_more_of_a_candidate(ended):
+    made, base = ended
+    (held,) = scores(made, every(), base, [made.candidates[GUST]])
+    free = replace(made, declared=(made.declared[0], replace(made.declared[1], farthest=np.inf)))
+    (other,) = scores(free, every(), base, [made.candidates[GUST]])
+    assert held.start[0] == pytest.approx(TAKEN - 1.5, abs=0.1)
+    assert held.share > 0.5 and held.share > 1.2 * other.share
+
+
+def test_a_fit_may_begin_again_without_it(ended):
+    made, base = ended
+    point = base.point.having(GUST, np.array([TAKEN - 1.5]))
+    with_gust = replace(base, point=point, free=free_parameters(made, [GUST]))
+    again = without_ends(made, every(), with_gust, GUST)
+    assert again.declared == pytest.approx([base.point.declared[0], 0.0])
+    assert again.effects[GUST][0] == pytest.approx(1.4 * (TAKEN - 1.5))
+    found = fit(made, every(), again, with_gust.free, 2, 99)
+    assert found.point.effects[GUST][0] == pytest.approx(TAKEN, abs=0.1)
+    assert without_ends(made, every(), found, GUST) is None
