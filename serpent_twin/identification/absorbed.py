@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import FreeParameters, at_its_end
+from serpent_twin.identification.free_parameters import FreeParameters, at_its_end, between
+from serpent_twin.identification.least_squares import bettered
 from serpent_twin.identification.objective import cost_at
 from serpent_twin.identification.score_test import stronger
 from serpent_twin.machines.case import Case
@@ -35,6 +36,23 @@ def without_ends(case: Case[Any], training: Any, found: Fit, name: str) -> Param
         cost_at(case, *each, found.variance_inflation) for each in zip(points, left, strict=True)
     ]
     return points[int(np.argmin(costs))]
+
+
+def told_together(case: Case[Any], training: Any, found: Fit, other: Fit) -> Fit:
+    """The better of two fits of the same parameters, whose derivative explains what the residual does on the
+    way to the other. Where an effect and parameters stand for each other, that is little, and derivatives
+    that are a little off would say much.
+    """
+    left = case.residual([other.point], case.take(training, found.used))[0]
+    if cost_at(case, other.point, left, found.variance_inflation) < found.cost:
+        found, other, left = (
+            other,
+            found,
+            case.residual([found.point], case.take(training, other.used))[0],
+        )
+    step = between(found.point, other.point, found.free)
+    change, inflation = left - found.residual, found.variance_inflation
+    return replace(found, jacobian=bettered(found.jacobian.copy(), change, step, inflation))
 
 
 def without_move(case: Case[Any], training: Any, base: Fit, coordinate: str) -> tuple[Fit, Fit]:

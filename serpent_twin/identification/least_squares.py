@@ -74,7 +74,7 @@ def fit(
             if taken is None:
                 break
             gained, step = at.cost - taken.cost, between(at.point, taken.point, free)
-            jacobian = _bettered(
+            jacobian = bettered(
                 jacobian, taken.residual - at.residual, step, problem.variance_inflation
             )
             at = taken
@@ -86,8 +86,8 @@ def fit(
             else "first steps"
         )
         on_progress(f"{what}: cost {before:.0f} → {at.cost:.0f}")
-        bettered = before - at.cost
-        settled = steps > 0 and bettered < max(2 * _SETTLED, _SETTLED_SHARE * at.cost)
+        fell = before - at.cost
+        settled = steps > 0 and fell < max(2 * _SETTLED, _SETTLED_SHARE * at.cost)
         if (settled or at.cost > near) and (n or not carried):
             break
     if rounds:
@@ -116,7 +116,7 @@ def _spread(segments: int, most: int, used: Sequence[int] = ()) -> tuple[int, ..
     return tuple(sorted(chosen))
 
 
-def _bettered(jacobian: Array, change: Array, step: Array, each: float) -> Array:
+def bettered(jacobian: Array, change: Array, step: Array, each: float) -> Array:
     """The derivative, changed in place to explain the change along the step (Broyden 1965)."""
     flat = jacobian.reshape(len(jacobian), -1)
     metric = (flat**2).sum(axis=1) / each

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.identification.absorbed import without_ends
+from serpent_twin.identification.absorbed import told_together, without_ends
 from serpent_twin.identification.acceptance import (
     CandidateTrial,
     Round,
@@ -29,7 +29,6 @@ from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.least_squares import OnProgress, fit
-from serpent_twin.identification.objective import cost_at
 from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.case import Case
@@ -112,14 +111,12 @@ class Tracer:
         return None
 
     def _from_within(self, found: Fit, name: str, stage: str) -> Fit:
-        """The better of a fit with an effect and of one that begins where no parameter is at its end."""
+        """A fit with an effect, and what one tells that begins where no parameter is at its end."""
         start = without_ends(self.case, self.training, found, name)
         if start is None:
             return found
         again = self._fit(f"{stage}_from_within", start, found.free, 3)
-        left = self.case.residual([again.point], self.case.take(self.training, found.used))[0]
-        cost = cost_at(self.case, again.point, left, found.variance_inflation)
-        return again if cost < found.cost else found
+        return told_together(self.case, self.training, found, again)
 
     def _more(self, base: Fit, rounds: list[Round]) -> Fit:
         """The fit with what explains the rest; named effects alone explain no more."""

@@ -43,7 +43,7 @@ class Made:
         if knows is not None:
             slopes[0] = -change.reshape(S, -1)
         residual = (change + noise * rng.standard_normal((S, T, C))).reshape(S, -1)
-        priors = [SimpleNamespace(prior=10.0)] * M
+        priors = [SimpleNamespace(prior=10.0, farthest=np.inf)] * M
         self.case = SimpleNamespace(channels=C, noise=np.ones(C), declared=priors, candidates={})
         self.pieces = SimpleNamespace(measured=np.zeros((S, T, C)))
         free = SimpleNamespace(declared=tuple(range(M)), effects=())
