@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from linear_case import GUST, NUMBERS, SEGMENTS, START, case, every
 
-from serpent_twin.identification.absorbed import without_ends, without_move
-from serpent_twin.identification.free_parameters import at_its_end, free_parameters
+from serpent_twin.identification.absorbed import told_together, without_ends, without_move
+from serpent_twin.identification.free_parameters import at_its_end, between, free_parameters
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.score_test import scores
 
@@ -81,3 +81,23 @@ def test_a_fit_may_begin_again_without_it(ended):
     found = fit(made, every(), again, with_gust.free, 2, 99)
     assert found.point.effects[GUST][0] == pytest.approx(TAKEN, abs=0.1)
     assert without_ends(made, every(), found, GUST) is None
+
+
+def test_of_two_fits_the_better_one_is_told_what_lies_between(ended):
+    made, _ = ended
+    free = free_parameters(made, [GUST])
+    start = START.having(GUST, np.array([TAKEN]))
+    best = fit(made, every(), start, free, 3, 99)
+    worse_at = replace(best.point, declared=best.point.declared + [0.0, 0.8])
+    worse_at = worse_at.having(GUST, best.point.effects[GUST] - 1.0)
+    residual = made.residual([worse_at], every())[0]
+    worse = replace(best, point=worse_at, residual=residual, cost=best.cost + 100.0)
+    off = np.random.default_rng(1).standard_normal(best.jacobian.shape).astype(np.float32)
+    best, worse = (replace(each, jacobian=each.jacobian + 0.3 * off) for each in (best, worse))
+    step, change = between(best.point, worse.point, free), worse.residual - best.residual
+    missed = np.linalg.norm(np.tensordot(step, best.jacobian, 1) - change)
+    for pair in ((best, worse), (worse, best)):
+        told = told_together(made, every(), *pair)
+        assert told.point is best.point
+        left = np.linalg.norm(np.tensordot(step, told.jacobian, 1) - change)
+        assert left < 1e-3 * missed
