@@ -18,6 +18,9 @@ from serpent_twin.machines.machine import ParameterVector
 _STRONGER = (1.0, 1.2, 1.4, 1.7, 2.0)
 """Times an effect's strength at which a fit begins again without what stood for a part of it"""
 
+_AS_GOOD = 0.005
+"""Share of its cost by which a fit may differ where it comes in: joints that stick make it rough"""
+
 
 def without_ends(case: Case[Any], training: Any, found: Fit, name: str) -> ParameterVector | None:
     """Where a fit with an effect may begin again: what it took as far as it may is where it was declared, and
@@ -38,21 +41,17 @@ def without_ends(case: Case[Any], training: Any, found: Fit, name: str) -> Param
     return points[int(np.argmin(costs))]
 
 
-def told_together(case: Case[Any], training: Any, found: Fit, other: Fit) -> Fit:
-    """The better of two fits of the same parameters, whose derivative explains what the residual does on the
-    way to the other. Where an effect and parameters stand for each other, that is little, and derivatives
-    that are a little off would say much.
+def told_together(case: Case[Any], training: Any, ended: Fit, within: Fit) -> Fit:
+    """The better of two fits of the same parameters, one of which has some at their end; of two that are as
+    good, the one within. The logs then tell nothing of the way between them: its derivative says that, too.
     """
-    left = case.residual([other.point], case.take(training, found.used))[0]
-    if cost_at(case, other.point, left, found.variance_inflation) < found.cost:
-        found, other, left = (
-            other,
-            found,
-            case.residual([found.point], case.take(training, other.used))[0],
-        )
-    step = between(found.point, other.point, found.free)
-    change, inflation = left - found.residual, found.variance_inflation
-    return replace(found, jacobian=bettered(found.jacobian.copy(), change, step, inflation))
+    left = case.residual([within.point], case.take(training, ended.used))[0]
+    cost = cost_at(case, within.point, left, ended.variance_inflation)
+    if abs(cost - ended.cost) > _AS_GOOD * ended.cost:
+        return within if cost < ended.cost else ended
+    step, unseen = between(within.point, ended.point, within.free), np.zeros_like(within.residual)
+    slopes = bettered(within.jacobian.copy(), unseen, step, within.variance_inflation)
+    return replace(within, jacobian=slopes)
 
 
 def without_move(case: Case[Any], training: Any, base: Fit, coordinate: str) -> tuple[Fit, Fit]:

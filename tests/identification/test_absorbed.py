@@ -9,6 +9,7 @@ from linear_case import GUST, NUMBERS, SEGMENTS, START, case, every
 from serpent_twin.identification.absorbed import told_together, without_ends, without_move
 from serpent_twin.identification.free_parameters import at_its_end, between, free_parameters
 from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.objective import cost_at
 from serpent_twin.identification.score_test import scores
 
 TAKEN = 6.0
@@ -83,21 +84,37 @@ def test_a_fit_may_begin_again_without_it(ended):
     assert without_ends(made, every(), found, GUST) is None
 
 
-def test_of_two_fits_the_better_one_is_told_what_lies_between(ended):
+@pytest.fixture
+def best(ended):
+    """A fit of the gust with all else."""
     made, _ = ended
-    free = free_parameters(made, [GUST])
     start = START.having(GUST, np.array([TAKEN]))
-    best = fit(made, every(), start, free, 3, 99)
-    worse_at = replace(best.point, declared=best.point.declared + [0.0, 0.8])
-    worse_at = worse_at.having(GUST, best.point.effects[GUST] - 1.0)
-    residual = made.residual([worse_at], every())[0]
-    worse = replace(best, point=worse_at, residual=residual, cost=best.cost + 100.0)
-    off = np.random.default_rng(1).standard_normal(best.jacobian.shape).astype(np.float32)
-    best, worse = (replace(each, jacobian=each.jacobian + 0.3 * off) for each in (best, worse))
-    step, change = between(best.point, worse.point, free), worse.residual - best.residual
-    missed = np.linalg.norm(np.tensordot(step, best.jacobian, 1) - change)
-    for pair in ((best, worse), (worse, best)):
-        told = told_together(made, every(), *pair)
-        assert told.point is best.point
-        left = np.linalg.norm(np.tensordot(step, told.jacobian, 1) - change)
-        assert left < 1e-3 * missed
+    return made, fit(made, every(), start, free_parameters(made, [GUST]), 3, 99)
+
+
+def moved(made, found, by):
+    """A fit that ended elsewhere."""
+    point = replace(found.point, declared=found.point.declared + [0.0, by])
+    point = point.having(GUST, point.effects[GUST] - 1.25 * by)
+    residual = made.residual([point], every())[0]
+    cost = cost_at(made, point, residual, found.variance_inflation)
+    return replace(found, point=point, residual=residual, cost=cost)
+
+
+def test_of_two_fits_the_better_one_is_taken(best):
+    made, found = best
+    worse = moved(made, found, 0.8)
+    assert worse.cost > 1.1 * found.cost
+    assert told_together(made, every(), worse, found) is found
+    assert told_together(made, every(), found, worse) is found
+
+
+def test_of_two_as_good_the_one_within_is_and_its_way_to_the_other_is_not_told(best):
+    made, found = best
+    within = moved(made, found, -0.02)
+    assert within.cost == pytest.approx(found.cost, rel=1e-3)
+    told = told_together(made, every(), found, within)
+    assert told.point is within.point
+    step = between(within.point, found.point, found.free)
+    seen = np.linalg.norm(np.tensordot(step, within.jacobian, 1))
+    assert np.linalg.norm(np.tensordot(step, told.jacobian, 1)) < 0.01 * seen
