@@ -4,8 +4,7 @@ All is to first order at a fit without any step, from the Jacobian J by the decl
 changes c of the residual by each effect. What all of them together leave of the residual weighs the channels
 anew, and the information matrix w J Jᵀ + Λ then gives each parameter's posterior covariance. The strength of
 an effect, relative to the one that makes the change c, is known to within 1/√(w cᵀ b), b being what the
-parameters cannot take up of c. A parameter that goes no further than a bound, and changes the residual as
-the effect does, takes it up until there: the effect must be so much stronger, and shows beside the others.
+parameters cannot take up of c.
 """
 
 from collections.abc import Sequence
@@ -27,7 +26,6 @@ from serpent_twin.identification.identifiability import (
 )
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit
-from serpent_twin.identification.moved import LIKE
 from serpent_twin.identification.objective import variance_inflation
 from serpent_twin.identification.score_test import Score, strengths
 from serpent_twin.identification.weak_directions import (
@@ -133,38 +131,18 @@ class _Effect:
         known = explained.known
         self.at = _strongest(self.candidate, score)
         change = score.change.astype(float) * explained.scale
-        self.taken = known.weight * np.linalg.solve(known.matrix, known.slopes @ change)
-        """By how much each parameter takes it up, (P,)"""
-        self.hidden, known = _until_a_bound(case, known, change, self.taken)
-        """Times its strength that parameters take up before one is at its bound"""
         self.beyond = known.beyond(change)
         self.information = known.weight * float(self.beyond @ change)
         self.size, self.left = float(change @ change), float(self.beyond @ self.beyond)
         if self.information <= _SEEN * known.weight * self.size:
             self.information, self.beyond = 0.0, np.zeros_like(change)
+        self.taken = known.weight * np.linalg.solve(known.matrix, known.slopes @ change)
+        """By how much each parameter takes it up, (P,)"""
 
     @property
     def typical(self) -> float:
         """The strength of its best variant."""
         return abs(float(self.score.tried[self.at]))
-
-
-def _until_a_bound(
-    case: Case[Any], known: Information, change: Array, taken: Array
-) -> tuple[float, Information]:
-    """How many times a change goes into the bounded parameter that is most like it, and the information on
-    the others; 0 and all of it where none is like it beyond the others.
-    """
-    best, hidden, others = LIKE, 0.0, known
-    for k, bounded in enumerate(case.declared):
-        if not (np.isfinite(bounded.farthest) and taken[k]):
-            continue
-        without = known.without(k)
-        ours, theirs = without.beyond(known.slopes[k].astype(float)), without.beyond(change)
-        cosine = abs(float(ours @ theirs)) / np.sqrt(float(ours @ ours) * float(theirs @ theirs))
-        if cosine > best:
-            best, hidden, others = cosine, bounded.farthest / abs(float(taken[k])), without
-    return hidden, others
 
 
 def _detection(
@@ -179,8 +157,7 @@ def _detection(
         return size if size < max(allowed.high, -allowed.low) else np.inf
 
     scatter = SURE / np.sqrt(of.information) if of.information > 0 else np.inf
-    worth = _worth(case, explained, of.beyond)
-    both = strength(of.hidden + float(scatter)), strength(of.hidden + worth)
+    both = strength(float(scatter)), strength(_worth(case, explained, of.beyond))
     why = "" if np.isfinite(max(both)) else "no strength within its range would show"
     return EffectIdentifiability(
         of.score.name,
