@@ -11,7 +11,7 @@ from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, at_its_end, between
 from serpent_twin.identification.least_squares import bettered
 from serpent_twin.identification.objective import cost_at
-from serpent_twin.identification.score_test import stronger
+from serpent_twin.identification.score_test import times_strength
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
@@ -32,7 +32,7 @@ def without_ends(case: Case[Any], training: Any, found: Fit, name: str) -> Param
     declared = found.point.declared.copy()
     declared[np.array(found.free.declared)[ended]] = 0.0
     point = ParameterVector(declared, found.point.effects)
-    values = [stronger(case.candidates[name], point.effects[name], by) for by in _STRONGER]
+    values = [times_strength(case.candidates[name], point.effects[name], by) for by in _STRONGER]
     points = [point.having(name, each) for each in values]
     left = case.residual(points, case.take(training, found.used))
     costs = [
@@ -42,8 +42,10 @@ def without_ends(case: Case[Any], training: Any, found: Fit, name: str) -> Param
 
 
 def told_together(case: Case[Any], training: Any, ended: Fit, within: Fit) -> Fit:
-    """The better of two fits of the same parameters, one of which has some at their end; of two that are as
-    good, the one within. The logs then tell nothing of the way between them: its derivative says that, too.
+    """Choose between a fit with parameters at their bounds, and one that began with none there.
+
+    The better one; if both are as good, the one that began within. Then the logs do not tell the two apart,
+    and the derivative of the chosen fit is changed to say so.
     """
     left = case.residual([within.point], case.take(training, ended.used))[0]
     cost = cost_at(case, within.point, left, ended.variance_inflation)

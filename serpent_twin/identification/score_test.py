@@ -162,14 +162,7 @@ def _weaker_point(
 ) -> ParameterVector:
     """Parameter vector number k with a share of the candidate's strengths."""
     values = points[k].effects[candidate.name]
-    return base.point.having(candidate.name, _weaker(candidate, values, share))
-
-
-def _weaker(candidate: Candidate, values: Array, share: float) -> Array:
-    """Values with a share of their strengths."""
-    out = values.copy()
-    out[strengths(candidate)] *= share
-    return out
+    return base.point.having(candidate.name, times_strength(candidate, values, share))
 
 
 def _columns(candidate: Candidate) -> list[Array]:
@@ -267,7 +260,7 @@ def full_fit(
             start = points[int(np.argmin(np.where(stable, cost, np.inf)))]
             break
     else:
-        weak = _weaker(case.candidates[found.name], found.start, _WEAK)
+        weak = times_strength(case.candidates[found.name], found.start, _WEAK)
         start = base.point.having(found.name, weak)
     free = free_parameters(case, names)
     return fit(case, pieces, start, free, _DERIVATIVES, 1, on_progress, known=base, near=near)
@@ -280,7 +273,7 @@ def _starts(candidate: Candidate, values: Array) -> list[Array]:
     ranges, strong = list(candidate.ranges.values()), strengths(candidate)
     out = []
     for factor in (0.3, 1.0, 2.0):
-        out.append(stronger(candidate, values, factor))
+        out.append(times_strength(candidate, values, factor))
     if any(ranges[k].limit for k in strong):
         limit = values.copy()
         limit[strong] = [ranges[k].high for k in strong]
@@ -289,7 +282,7 @@ def _starts(candidate: Candidate, values: Array) -> list[Array]:
     return out
 
 
-def stronger(candidate: Candidate, values: Array, factor: float) -> Array:
+def times_strength(candidate: Candidate, values: Array, factor: float) -> Array:
     """A candidate's parameters with its strengths times a factor, within their ranges."""
     return _times(list(candidate.ranges.values()), values, strengths(candidate), factor)
 

@@ -111,7 +111,7 @@ class Tracer:
         return None
 
     def _from_within(self, found: Fit, name: str, stage: str) -> Fit:
-        """A fit with an effect, and what one tells that begins where no parameter is at its end."""
+        """The fit, or the one that begins again with no parameter at its bound if that is as good."""
         start = without_ends(self.case, self.training, found, name)
         if start is None:
             return found

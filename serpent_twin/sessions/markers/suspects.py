@@ -24,9 +24,7 @@ GLUED = "Put it back where it belongs, or label it again."
 AXES = "xyz"
 ROWS = 16  # rows on which each suspect is tried
 UNITS = {1e3: "millimetres", 1e2: "centimetres", 1 / 0.0254: "inches", 1e-3: "kilometres"}
-ODD_SCALE = (
-    0.028  # reported from here: links that are built 2 % off make an arm up to 2.1 % larger of 80
-)
+ODD_SCALE = 0.028  # reported from here: links built 2 % off make one of 80 arms 2.1 % larger
 ODD_TURN, ODD_SHIFT = np.radians(6), 6e-3  # rad, m: reported from these values
 ALIKE, SPARE = 1.5, 5e-4  # a simpler fault may leave this many times the least, + m
 
