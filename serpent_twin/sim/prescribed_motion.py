@@ -13,12 +13,13 @@ from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Moment
 from serpent_twin.sim.cable_dynamics import CableDynamics
+from serpent_twin.sim.differences import Differences
 from serpent_twin.sim.history import History
 from serpent_twin.sim.motor_trajectory import MotorTrajectory
 from serpent_twin.sim.pushed_statics import Pushed, PushedStatics
 from serpent_twin.sim.response import Response
 from serpent_twin.sim.stepper import addresses, set_timestep, side_by_side
-from serpent_twin.sim.tangents import Differences, Tangents
+from serpent_twin.sim.tangents import Tangents
 from serpent_twin.sim.twin_model import TwinModel
 from serpent_twin.sim.variation import Variation
 

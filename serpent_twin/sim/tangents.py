@@ -9,7 +9,7 @@ answer of effects that act to δq and δv is left out.
 """
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,71 +21,13 @@ from mujoco.batch import Batch
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arm.hinge_friction import softness
 from serpent_twin.arrays import Array
-from serpent_twin.sim.twin_model import TwinModel
+from serpent_twin.sim.differences import Differences, friction_inertia
 
 _NUDGE = 1e-5  # of angles, velocities and accelerations, for derivatives of inverse dynamics
 _NEAR = 1e-4  # relative change of a slope, for the derivative by it
 _SLIDES = 1 - 1e-6  # share of its friction from which a hinge slides
-_PARTS = 4  # of the time between two rows, in each of which other links need one torque
+_PARTS = 8  # of the time between two rows, in each of which other links need one torque
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
-
-
-@dataclass(frozen=True)
-class Differences:
-    """By how much P twin models differ from a first one."""
-
-    stiffness: Array
-    """Relative, of each strand [1], (20, P)"""
-    slack: Array
-    """Of each strand [m], (20, P)"""
-    winch_radius: Array
-    """Of each strand's winch [m], (20, P)"""
-    friction: Array
-    """Of each degree of freedom [N m], (nv, P)"""
-    slope: Array
-    """Relative, of its friction by velocity near rest [1], (nv, P)"""
-    damping: Array
-    """Of each degree of freedom [N m s/rad], (nv, P)"""
-    links: Mapping[int, mujoco.MjModel]
-    """Models, by their number, whose links are of other masses or lengths, or whose axes lean otherwise"""
-
-
-def differences(base: TwinModel, model: mujoco.MjModel, others: Sequence[TwinModel]) -> Differences:
-    """By how much twin models differ from one that is compiled already, in cables and hinges."""
-    models = [other.spec(motors=False).compile() for other in others]
-    stiffness = np.array([each.tendon_stiffness for each in models])
-    slack = np.array([each.tendon_lengthspring[:, 1] for each in models])
-    winch = np.array([other.tolerances.winch_radius for other in others])
-    winch = np.repeat((winch - base.tolerances.winch_radius) * base.arm.pulley_radius, 2, axis=1)
-    friction = np.array([each.dof_frictionloss for each in models])
-    damping = np.array([each.dof_damping for each in models])
-    slope = np.array([_slope(each) for each in models])
-    return Differences(
-        (stiffness / model.tendon_stiffness - 1).T,
-        (slack - model.tendon_lengthspring[:, 1]).T,
-        winch.T,
-        (friction - model.dof_frictionloss).T,
-        (slope / _slope(model) - 1).T,
-        (damping - model.dof_damping).T,
-        {n: each for n, each in enumerate(models) if _other_links(each, model)},
-    )
-
-
-def _other_links(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
-    """Whether links of two models move otherwise."""
-    names = ("body_mass", "body_pos", "jnt_axis")
-    return any((getattr(one, name) != getattr(other, name)).any() for name in names)
-
-
-def _slope(model: mujoco.MjModel) -> Array:
-    """Of friction by velocity near rest [N m s/rad], (nv,)."""
-    impedance, time = model.dof_solimp, model.dof_solref[:, 0]
-    return _mass(impedance[:, 0], model.dof_invweight0) * 2 / (impedance[:, 1] * time)
-
-
-def _mass(impedance: Array, inverse_inertia: Array) -> Array:
-    """Inertia that a friction constraint near rest adds to a hinge [kg m²]."""
-    return impedance / ((1 - impedance) * inverse_inertia)
 
 
 @dataclass(frozen=True)
@@ -173,7 +115,7 @@ class Tangents:
         more = self._of_other_links(s)
         sticks = np.abs(s.force) < s.limit * _SLIDES
         time = np.maximum(s.time_constant, 2 * s.dt)  # MuJoCo allows no shorter one
-        added = _mass(s.impedance[:, 0], self._model.dof_invweight0)
+        added = friction_inertia(s.impedance[:, 0], self._model.dof_invweight0)
         creep = added * 2 / (s.impedance[:, 1] * time)
         held, crept = np.where(sticks, added, 0.0), np.where(sticks, creep, 0.0)
         free = np.linalg.inv(mass + s.dt[..., None] * self._model.dof_damping * eye)
@@ -262,11 +204,9 @@ class Tangents:
         for part, (first, last) in enumerate(pairwise(ends)):
             for n, motion in enumerate(self._amid(s, first, last)):
                 data.qpos[:], data.qvel[:], data.qacc[:] = motion
-                mujoco.mj_inverse(self._bare, data)
-                here = data.qfrc_inverse.copy()
+                here = _links_torque(self._bare, data)
                 for p, model in self._others.items():
-                    mujoco.mj_inverse(model, data)
-                    more[part, n, :, p] = data.qfrc_inverse - here
+                    more[part, n, :, p] = _links_torque(model, data) - here
         return more
 
     def _amid(self, s: _Steps, first: int, last: int) -> Iterator[tuple[Array, Array, Array]]:
@@ -279,7 +219,10 @@ class Tangents:
     def _by_slope(self, s: _Steps, creep: Array) -> Array:
         """Derivative of friction near rest by the logarithm of its slope [N m], (K, S, nv)."""
         weight, viscous = self._model.dof_invweight0, creep * s.velocity
-        masses = [_mass(softness(by * creep, weight, 1.0)[1], weight) for by in (1.0, 1.0 + _NEAR)]
+        masses = [
+            friction_inertia(softness(by * creep, weight, 1.0)[1], weight)
+            for by in (1.0, 1.0 + _NEAR)
+        ]
         return viscous - np.log(masses[1] / masses[0]) / _NEAR * (s.force + viscous)
 
 
@@ -288,6 +231,16 @@ def _tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     out = np.empty((model.ntendon, model.nv))
     places = model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
     mujoco.mju_sparse2dense(out, data.ten_J, *places)
+    return out
+
+
+def _links_torque(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """What a motion asks of the joints for its links' weight and inertia alone [N m], (nv,)."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_comVel(model, data)
+    out = np.empty(model.nv)
+    mujoco.mj_rne(model, data, 1, out)
     return out
 
 
