@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as csv
 
+from experiments.confusion.arms import GENERATION
 from experiments.confusion.config import Confusion
 from experiments.confusion.plan import KNOWN, OUTSIDE, Trial
 from experiments.confusion.score import Row, called, coverage, discovered, off, right
@@ -39,6 +40,8 @@ class ArmLine:
     """Of the arm, the one that judged included"""
     steps: int
     """Of each session"""
+    generation: int
+    """Of the arms that are drawn, as `confusion.arms` counts them"""
     arm: str
     """The trial's name in the study"""
     kind: str
@@ -105,6 +108,7 @@ def line_of(row: Row, trial: Trial, config: Confusion) -> ArmLine:
         seed=config.seed,
         sessions=trial.sessions,
         steps=config.steps,
+        generation=GENERATION,
         arm=trial.id,
         kind=trial.kind,
         there=trial.name,

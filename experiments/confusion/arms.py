@@ -27,6 +27,8 @@ from serpent_twin.sim.twin_model import TwinModel
 
 RATE_HZ = 4.0
 MARKER_LOSS = 0.002
+GENERATION = 2
+"""Of the arms that are drawn: links, axes and cameras of the first were exactly as drawn"""
 Truth = dict[str, Any]
 """The truth of a recording: `effects`, each as from `_truth`, and the arm."""
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from experiments.confusion.arm_line import BETWEEN, FAILED, ArmLine
+from experiments.confusion.arms import GENERATION
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE
 from experiments.confusion.score import NOTHING, UNEXPLAINED, Share, detection_limit
 from serpent_twin.identification.discovery.discover import WORTH
@@ -16,8 +17,6 @@ NAMED = 0.90
 """Rate at which effects are named from the strength on that is sought"""
 STRONG = 2.0
 """Times a stated detection limit from which on an effect should be named"""
-RECENT = 100
-"""The last arms, whose rates stand beside those of all arms: they are of the present program"""
 NEAR, LEFT = 0.15, 1.3
 """How far the size of a discovered law may be off, and what it may leave, of what a complete twin would"""
 _NONE = "none"
@@ -38,15 +37,16 @@ def wrong(line: ArmLine) -> bool:
 def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
     """All figures, as results.json holds them."""
     known = [each for each in lines if each.kind == KNOWN]
-    lately = _rates(lines[-RECENT:])
+    newest = [each for each in lines if each.generation == GENERATION]
+    as_built = _rates(newest)
     return {
         "arms": len(lines),
-        "recent": min(RECENT, len(lines)),
+        "as_built": len(newest),
         "versions_of_lines": sorted({each.version for each in lines}),
         "rates": {
             name: share.numbers()
-            | {"said": str(share), "aim": aim, "recent": lately[name][0].numbers()}
-            | {"recent_said": str(lately[name][0])}
+            | {"said": str(share), "aim": aim, "as_built": as_built[name][0].numbers()}
+            | {"as_built_said": str(as_built[name][0])}
             for name, (share, aim) in _rates(lines).items()
         },
         "effects": _effects(known, lines),

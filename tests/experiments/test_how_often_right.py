@@ -10,14 +10,14 @@ import pytest
 import bench_arm
 from benchmarks.right_names import chosen, trial_of
 from experiments.confusion.arm_line import ArmLine, add, line_of, read
-from experiments.confusion.arms import BenchSource
+from experiments.confusion.arms import GENERATION, BenchSource
 from experiments.confusion.config import Confusion
 from experiments.confusion.expected import of_bench
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR, Trial
 from experiments.confusion.stated_limits import stated_limits, times_limit
 from experiments.confusion.worth import true_law
 from experiments.how_often_right import __main__ as how_often_right
-from experiments.how_often_right.rates import RECENT, rates
+from experiments.how_often_right.rates import rates
 from experiments.result_rows import failed_row
 from serpent_twin import __version__
 from serpent_twin.errors import SerpentError
@@ -30,6 +30,7 @@ LINE = ArmLine(
     seed=0,
     sessions=2,
     steps=600,
+    generation=GENERATION,
     arm="clean-00-0",
     kind=CLEAN,
     there="none",
@@ -116,11 +117,11 @@ def test_rates_count_what_is_right():
     json.dumps(found, allow_nan=False)
 
 
-def test_the_last_arms_are_told_besides():
-    named = replace(LINE, called="base_tilt", right=False)
-    found = rates([named, *[LINE] * RECENT])["rates"]["false alarms"]
-    assert (found["count"], found["of"]) == (1, RECENT + 1)
-    assert (found["recent"]["count"], found["recent"]["of"]) == (0, RECENT)
+def test_arms_as_built_are_told_besides():
+    drawn = replace(LINE, called="base_tilt", right=False, generation=1)
+    found = rates([drawn, LINE, LINE])["rates"]["false alarms"]
+    assert (found["count"], found["of"]) == (1, 3)
+    assert (found["as_built"]["count"], found["as_built"]["of"]) == (0, 2)
 
 
 def test_the_page_and_what_reports_quote_are_of_one_version(tmp_path, monkeypatch, capsys):
