@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import FreeParameters, at_its_end, between
+from serpent_twin.identification.free_parameters import at_its_end, between
 from serpent_twin.identification.least_squares import bettered
 from serpent_twin.identification.objective import cost_at
 from serpent_twin.identification.score_test import times_strength
@@ -68,7 +68,4 @@ def without_move(case: Case[Any], training: Any, base: Fit, coordinate: str) -> 
     cost = cost_at(case, point, residual, base.variance_inflation)
     begun = replace(base, point=point, residual=residual, cost=cost)
     row = base.free.declared.index(k)
-    others = tuple(each for each in base.free.declared if each != k)
-    kept = [n for n in range(len(base.free)) if n != row]
-    free = FreeParameters(others, base.free.effects)
-    return begun, replace(begun, free=free, jacobian=base.jacobian[kept])
+    return begun, begun.only([n for n in range(len(base.free)) if n != row])

@@ -1,7 +1,7 @@
 """Hold a fitted twin, with the standard errors of its parameters."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,6 +44,17 @@ class Fit:
         at = [self.free.declared.index(k) for k in coordinates if k in self.free.declared]
         error = self.error[at]
         return float(np.sqrt(error @ self.correlation[np.ix_(at, at)] @ error))
+
+    def only(self, kept: Sequence[int]) -> "Fit":
+        """The same as if of its free parameters, by their numbers, only some were free."""
+        some = np.array(kept, int)
+        return replace(
+            self,
+            free=self.free.only(kept),
+            error=self.error[some],
+            correlation=self.correlation[np.ix_(some, some)],
+            jacobian=self.jacobian[some],
+        )
 
     def interval(self, name: str, index: int) -> tuple[float, float, float]:
         """An effect's parameter with its 95 % interval, from scatter and from model error."""

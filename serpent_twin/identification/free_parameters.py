@@ -36,6 +36,12 @@ class FreeParameters:
     def __len__(self) -> int:
         return len(self.declared) + len(self.effects)
 
+    def only(self, kept: Sequence[int]) -> "FreeParameters":
+        """Some of them, by their numbers."""
+        first = len(self.declared)
+        effects = (self.effects[n - first] for n in kept if n >= first)
+        return FreeParameters(tuple(self.declared[n] for n in kept if n < first), tuple(effects))
+
 
 def free_parameters(case: Case[Any], names: Sequence[str]) -> FreeParameters:
     """All declared parameters, and the fitted ones of the named effects."""

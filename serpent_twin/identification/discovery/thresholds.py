@@ -14,7 +14,6 @@ from serpent_twin.identification.discovery.composed import APART
 from serpent_twin.identification.discovery.followed import HELD, Way
 from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import FreeParameters
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.places import response_at
@@ -71,15 +70,9 @@ def _finely(law: Law, first: float, second: float, x: Array) -> list[Way]:
 
 def _without(case: Case[Any], some: Any, found: Fit, name: str) -> Fit:
     """A fit as if one of its effects had been neither simulated nor free."""
-    effects = {n: v for n, v in found.point.effects.items() if n != name}
-    point = ParameterVector(found.point.declared, effects)
-    of_others = [(k, each) for k, each in enumerate(found.free.effects) if each[0] != name]
+    others = {n: values for n, values in found.point.effects.items() if n != name}
+    point = ParameterVector(found.point.declared, others)
     first = len(found.free.declared)
-    kept = [*range(first), *(first + k for k, _ in of_others)]
-    return replace(
-        found,
-        point=point,
-        free=FreeParameters(found.free.declared, tuple(each for _, each in of_others)),
-        jacobian=found.jacobian[kept],
-        residual=case.residual([point], some)[0],
-    )
+    of_others = [first + k for k, (n, _) in enumerate(found.free.effects) if n != name]
+    held = found.only([*range(first), *of_others])
+    return replace(held, point=point, residual=case.residual([point], some)[0])
