@@ -12,13 +12,13 @@ from serpent_twin.identification.left_out import better_left_out
 from serpent_twin.identification.score_test import Score
 from serpent_twin.machines.case import Case
 
-_LASTING = ("above", "under")
-"""Laws of the machine's runtime that are the same in a whole session, but for one"""
+_LASTING = ("above", "under", "within")
+"""Laws of the machine's runtime that are the same in a whole session, but for one or two"""
 
 
 def happens_once(name: str) -> bool:
-    """Whether a candidate is a law that changes at one instant of the machine's life: sessions after it, and
-    those before it, cannot show the change.
+    """Whether a candidate is a law that changes at an instant of the machine's life, or for a while: sessions
+    after it, and those before it, cannot show the change.
     """
     law = composed_law(name)
     return law is not None and law.reading == "runtime" and law.shape in _LASTING
@@ -36,16 +36,18 @@ def gained(
 
     A law that shows in one sensor alone is judged by that sensor, since all others say nothing of it. One
     that happens once is judged by training segments that were left out, if held-out logs are better with it
-    but do not suffice: these may lie after it, and a calibration has taken that state for what was built.
+    but do not suffice: these may lie after it, and a calibration has taken that state for what was built. Where
+    they show a part of it, both together say how likely chance is.
     """
     on_held_out = _gained(case, score, *errors, selected)
     if not happens_once(score.name) or on_held_out.relative <= 0 or not weakness(on_held_out):
         return on_held_out
     each = better_left_out(case, *fits, sensor_of(case, score))
+    by_chance = chance(each) if selected is None else selected
     return replace(
         on_held_out,
         by_block=each,
-        probability_of_chance=chance(each) if selected is None else selected,
+        probability_of_chance=min(by_chance, on_held_out.probability_of_chance),
         everywhere=on_held_out.whole,
         left_out=True,
     )

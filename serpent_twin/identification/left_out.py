@@ -6,6 +6,7 @@ nothing is simulated.
 """
 
 from collections.abc import Hashable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,12 @@ from serpent_twin.identification.information import Information
 from serpent_twin.machines.case import Case
 
 
+_SHOWS = 0.1
+"""Share of the largest change between two fits' predictions, in squares, from which a block shows their
+difference
+"""
+
+
 def chance_of_selection(
     case: Case[Any],
     before: Fit,
@@ -25,17 +32,22 @@ def chance_of_selection(
     part: Sequence[Hashable],
     among: int,
     channels: NDArray[np.bool_] | None = None,
+    once: bool = False,
 ) -> float:
     """Probability that `after`, the best of so many, predicts parts that were left out no better than
     `before`: of one paired test times their number (Bonferroni). Both used the same segments; `part` says of
     all segments in which part, such as a session, they are. Each block is judged by its own size, as a few
-    segments may hold most of the squares; with `channels`, a mask (C,), by these alone.
+    segments may hold most of the squares; with `channels`, a mask (C,), by these alone. What happens `once`
+    is judged by the blocks that can show it: before it, or after it, all blocks are alike.
     """
     without, beside = (
         np.sqrt(left_out(case, fit, part, after.noise, channels)) for fit in (before, after)
     )
     with np.errstate(invalid="ignore"):
         share = 2 * (without - beside) / (without + beside)
+    if once:
+        apart = _in_blocks(case, after, after.noise, channels, before)
+        share[apart < _SHOWS * np.nanmax(apart)] = np.nan
     return min(1.0, among * chance(share))
 
 
@@ -78,5 +90,22 @@ def left_out(
         step = -np.linalg.lstsq(matrix, pull[others].sum(axis=0) + known.prior * known.lean)[0]
         for s in np.flatnonzero(~others):
             residual[s] = found.residual[s] + step @ slopes[:, s]
-    weighed = residual.reshape(len(of), -1, case.channels) * found.noise / noise
-    return blocks(weighed[..., slice(None) if channels is None else channels] ** 2)
+    return _in_blocks(case, replace(found, residual=residual), noise, channels)
+
+
+def _in_blocks(
+    case: Case[Any],
+    found: Fit,
+    noise: Array,
+    channels: NDArray[np.bool_] | None,
+    other: Fit | None = None,
+) -> Array:
+    """Mean squares of a fit's residual over a noise, (C,), in blocks, (S, B), as in `left_out`; of its
+    difference from another fit's residual.
+    """
+
+    def weighed(fit: Fit) -> Array:
+        return fit.residual.reshape(len(fit.used), -1, case.channels) * fit.noise / noise
+
+    rows = weighed(found) - (weighed(other) if other else 0.0)
+    return blocks(rows[..., slice(None) if channels is None else channels] ** 2)

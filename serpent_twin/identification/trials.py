@@ -229,7 +229,8 @@ class Trials:
             return CandidateTrial(replace(score, unstable=True), None, None, before.marker)
         once = happens_once(score.name)
         parts = range(len(self.training)) if once else self.training.session
-        selected = chance_of_selection(case, base, fitted, parts, among, sensor_of(case, score))
+        sensor = sensor_of(case, score)
+        selected = chance_of_selection(case, base, fitted, parts, among, sensor, once)
         better = gained(case, score, (base, fitted), (before, after), selected)
         return CandidateTrial(score, fitted, better, after.marker, selected, after)
 
