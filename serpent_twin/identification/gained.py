@@ -36,8 +36,8 @@ def gained(
 
     A law that shows in one sensor alone is judged by that sensor, since all others say nothing of it. One
     that happens once is judged by training segments that were left out, if held-out logs are better with it
-    but do not suffice: these may lie after it, and a calibration has taken that state for what was built. Where
-    they show a part of it, both together say how likely chance is.
+    but do not suffice: these may lie after it, and a calibration has taken that state for what was built.
+    Where they show a part of it, both together say how likely chance is.
     """
     on_held_out = _gained(case, score, *errors, selected)
     if not happens_once(score.name) or on_held_out.relative <= 0 or not weakness(on_held_out):

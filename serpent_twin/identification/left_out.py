@@ -18,7 +18,6 @@ from serpent_twin.identification.held_out import blocks, chance
 from serpent_twin.identification.information import Information
 from serpent_twin.machines.case import Case
 
-
 _SHOWS = 0.1
 """Share of the largest change between two fits' predictions, in squares, from which a block shows their
 difference
