@@ -29,8 +29,8 @@ many at so many sensors gained 0.05; those of five that had such a fault gained 
 CHANCE = 0.01
 """Greatest probability that the gain of an accepted effect is due to chance"""
 HARDLY = 0.02
-"""Laws of one place count as equivalent if their held-out errors differ by a smaller share than this: as long
-as other parameters are not fitted with them, these make such a difference
+"""Laws that look alike count as equivalent if their held-out errors differ by a smaller share than this: as
+long as other parameters are not fitted with them, these make such a difference
 """
 MATTERS = 0.02
 """Least strength of an accepted effect, in typical ones: less corrects the twin's own arithmetic"""

@@ -38,7 +38,7 @@ class Rival:
     probability: float | None
     """That it is not less [1]"""
     hardly: bool = False
-    """Whether both are laws at one place, and the accepted one's held-out error is less by next to nothing"""
+    """Whether both are composed laws, and the accepted one's held-out error is less by next to nothing"""
 
     @property
     def told_apart(self) -> bool:

@@ -214,7 +214,8 @@ class Trials:
                 out.append(Rival(other, alone, None, None))
                 continue
             ahead = gain(errors, winner)
-            hardly = other in there and ahead.relative < HARDLY
+            laws = own.composed and case.candidates[other].composed
+            hardly = laws and ahead.relative < HARDLY
             out.append(Rival(other, alone, ahead.marker, ahead.probability_of_chance, hardly))
         return tuple(out)
 
