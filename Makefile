@@ -3,7 +3,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 SIDE_BY_SIDE := --numprocesses logical --dist loadfile --no-loadscope-reorder --durations 30
 
-.PHONY: setup demo test test-fast lint bench faults fuzz loop sweep pages model clean
+.PHONY: setup demo test test-all lint bench faults fuzz loop sweep pages model clean
 
 help:           ## Say what can be made
 	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  .*##' $(MAKEFILE_LIST) | sed 's/:.*##/ —/'
@@ -19,11 +19,11 @@ $(READY): requirements.lock pyproject.toml
 demo: setup  ## Collect, train, close the loop, replay: some five minutes, results in demo/
 	$(BIN)/python -m experiments.demo --out demo
 
-test: setup lint  ## Everything that CI runs: lint, types, all tests
-	$(BIN)/python -m pytest $(SIDE_BY_SIDE)
-
-test-fast: setup  ## The tests without the slow ones
+test: setup lint  ## What CI runs: lint, types, the tests without the slow ones
 	$(BIN)/python -m pytest -m "not slow" $(SIDE_BY_SIDE)
+
+test-all: setup lint  ## The slow tests, too, before a release: whole traces, the demo; some forty minutes
+	$(BIN)/python -m pytest $(SIDE_BY_SIDE)
 
 lint: setup  ## ruff, the layers of imports, pyright
 	$(BIN)/ruff check .
