@@ -24,7 +24,7 @@ from serpent_twin.runs import files
 
 KIND = "serpent_twin design"
 """What twin.json says it is."""
-VERSION = 3
+VERSION = 4
 """Of twin.json"""
 _LATER = (
     {("parameters", "servo_lag"): 0.0},
@@ -35,8 +35,11 @@ _LATER = (
     },
 )
 """Keys that were added while files had no version, the last first, and what held before"""
-_SINCE_2 = {("tolerances", name): list(getattr(EXACT, name)) for name in GEOMETRY}
-"""Keys that files of version 2 lack, and what held then"""
+_SINCE = {
+    2: {("tolerances", name): list(getattr(EXACT, name)) for name in GEOMETRY},
+    3: {("tolerances", "jaw_friction"): [0.0]},
+}
+"""Keys that were added since a version, and what held then"""
 _ADVICE = "Give the twin.json that `python -m serpent_twin.trace` wrote."
 
 E = TypeVar("E", bound=Effect)
@@ -120,7 +123,7 @@ class TwinFile(stored.Form, frozen=True):
     """What twin.json holds."""
 
     kind: str
-    schema_version: Literal[3]
+    schema_version: Literal[4]
     parameters: Parameters
     tolerances: Deviations
     effects: tuple[effects.Stored, ...]
@@ -187,8 +190,9 @@ def _taken(values: dict[str, Any], where: str) -> TwinFile:
     stored.require_kind(values, KIND, where, _ADVICE)
     if "schema_version" not in values:
         values = _of_version_2(values)
-    if values["schema_version"] == 2:
-        values = _completed(values, _SINCE_2) | {"schema_version": VERSION}
+    for version, added in _SINCE.items():
+        if values["schema_version"] == version:
+            values = _completed(values, added) | {"schema_version": version + 1}
     return stored.take(values, TwinFile, where, _ADVICE)
 
 

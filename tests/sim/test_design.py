@@ -125,8 +125,8 @@ def having(value, *path):
     ("values", "message"),
     [
         (having("a cake", "kind"), 'kind is the text "a cake"; it must be "serpent_twin design"'),
-        (having(1, "schema_version"), "schema_version is 1; it must be 3. Give the twin.json"),
-        (having(4, "schema_version"), "schema_version is 4; it must be 3. A newer version of serp"),
+        (having(1, "schema_version"), "schema_version is 1; it must be 4. Give the twin.json"),
+        (having(5, "schema_version"), "schema_version is 5; it must be 4. A newer version of serp"),
         (having([{"kind": "payload"}], "effects"), r"effects\[0\] lacks name"),
         (
             having([{"name": "gremlins"}], "effects"),
@@ -167,7 +167,7 @@ def test_what_is_no_twin_is_refused(tmp_path, values, message):
 
 @pytest.mark.parametrize("versioned", [True, False])
 def test_a_twin_that_lacks_any_key_is_refused_by_name(tmp_path, versioned):
-    """Without a version one may be from before servos lagged, with one it may not."""
+    """Without a version one may be from before servos lagged and jaws rubbed, with one it may not."""
     whole = stored()
     paths = [(group, key) for group in ("parameters", "tolerances") for key in whole[group]]
     for group, key in [*paths, *((None, k) for k in ("kind", "effects", "parameters"))]:
@@ -175,16 +175,20 @@ def test_a_twin_that_lacks_any_key_is_refused_by_name(tmp_path, versioned):
         if not versioned:
             del values["schema_version"]
         (tmp_path / "twin.json").write_text(json.dumps(values))
-        if not versioned and key == "servo_lag":
-            assert twin_model.read(tmp_path / "twin.json").parameters.servo_lag == 0.0
+        if not versioned and key in ("servo_lag", "jaw_friction"):
+            found = twin_model.read(tmp_path / "twin.json")
+            assert found.parameters.servo_lag == found.tolerances.jaw_friction[0] == 0.0
             continue
         with pytest.raises(SerpentError, match=f"{group or 'it'} lacks {key}"):
             twin_model.read(tmp_path / "twin.json")
 
 
 def test_the_earliest_files_are_read_as_what_they_said(tmp_path):
-    """From before hinges crept, jaws were held, servos lagged and geometry was calibrated."""
+    """From before hinges crept, jaws were held or rubbed, servos lagged and geometry was calibrated."""
     values = stored()
+    del values["tolerances"]["jaw_friction"]
+    (tmp_path / "twin.json").write_text(json.dumps(values | {"schema_version": 3}))
+    assert twin_model.read(tmp_path / "twin.json") == NOMINAL_TWIN.with_effect(PAYLOAD)
     for name in GEOMETRY:
         del values["tolerances"][name]
     (tmp_path / "twin.json").write_text(json.dumps(values | {"schema_version": 2}))

@@ -55,6 +55,7 @@ _KINDS: Mapping[str, _Kind] = {
     "friction": _Kind("hinge friction, {}", _HINGES, "mN m", _MILLI, tolerance=0.3),
     "transition": _Kind("transition velocity, {}", _HINGES, "mrad/s", _MILLI, tolerance=0.7),
     "damping": _Kind("hinge damping, {}", _HINGES, "mN m s/rad", _MILLI, tolerance=0.5),
+    "jaw": _Kind("friction of the {}", ["jaw"], "mN m", _MILLI, tolerance=1.5, alike=False),
     "gear": _Kind("gear friction, motor {}", _MOTORS, "mN m", _MILLI, tolerance=0.3),
     "marker": _Kind("place of marker {}", _PLACES, "mm", _MILLI, 1e-3, tolerance=1.0, alike=False),
     "length": _Kind(
@@ -109,6 +110,7 @@ def _si(design: TwinModel) -> dict[str, Array]:
         "friction": hinges(p.joint_friction, t.joint_friction),
         "transition": hinges(p.transition_velocity, t.transition_velocity),
         "damping": hinges(p.joint_damping, t.joint_damping),
+        "jaw": p.joint_friction * np.exp(t.jaw_friction),
         "gear": p.gear_friction * np.exp(t.gear_friction),
         "marker": built.markers_in_links.ravel(),
         "length": np.array(built.link_length[:-1]),

@@ -30,6 +30,7 @@ and from none at all no fit would come back
 """
 _MARKER = 0.5  # [mm] at least: a camera or marker that moved in a log takes all places along
 _APART = 0.3  # [log] hinges differ
+_JAW = 1.5  # [log]: a jaw may turn as lightly as none
 _MASS = 0.03  # [log] printed links differ
 _FARTHEST: Mapping[str, float] = {"length": 3.0, "mass": 2.0, "axis": 3.0}
 """Standard deviations of a part as built at which a fit holds it: links that went further stood
@@ -52,6 +53,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "friction": _of_joints("friction"),
     "transition": _of_joints("transition velocity"),
     "damping": _of_joints("damping"),
+    "jaw": ("friction of the jaw",),
     "gear": tuple(f"gear friction of motor {j}" for j in _MOTORS),
     "marker": tuple(f"place of marker {i} along {axis}" for i in _JOINTS for axis in "xyz"),
     "length": tuple(f"length of link {i}" for i in range(1, N_JOINTS)),
@@ -98,6 +100,7 @@ class Vector:
                 t.transition_velocity, x["transition"][0] + x["transition"][1:]
             ),
             joint_damping=_plus(t.joint_damping, x["damping"][0] + x["damping"][1:]),
+            jaw_friction=_plus(t.jaw_friction, x["jaw"]),
             gear_friction=_plus(t.gear_friction, x["gear"]),
             marker=_plus(t.marker, 1e-3 * x["marker"]),
             link_length=_plus(t.link_length, 1e-2 * np.r_[x["length"], 0.0]),
@@ -203,6 +206,7 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
     ):
         for k, name in enumerate(NAMES[kind]):
             rows.append(Declared(name, unit, _APART if k else together, step))
+    rows += [Declared(name, "log N m", _JAW, 0.1) for name in NAMES["jaw"]]
     rows += [Declared(name, "log N m", 0.3, 0.1) for name in NAMES["gear"]]
     widths = np.maximum(_MARKER, _TRUST * offset_error.ravel())
     for name, width in zip(NAMES["marker"], widths, strict=True):
