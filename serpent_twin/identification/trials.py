@@ -214,7 +214,7 @@ class Trials:
                 out.append(Rival(other, alone, None, None))
                 continue
             ahead = gain(errors, winner)
-            laws = own.composed and case.candidates[other].composed
+            laws = bool(own.composed and case.candidates[other].composed)
             hardly = laws and ahead.relative < HARDLY
             out.append(Rival(other, alone, ahead.marker, ahead.probability_of_chance, hardly))
         return tuple(out)
