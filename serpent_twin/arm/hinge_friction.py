@@ -32,6 +32,11 @@ def softness(
     return np.maximum(_TIME, quick / give), 1 - give
 
 
+def friction_inertia(impedance: Array, inverse_inertia: Array) -> Array:
+    """Inertia that a friction constraint near rest adds to a hinge [kg m²]."""
+    return impedance / ((1 - impedance) * inverse_inertia)
+
+
 def soften(spec: mujoco.MjSpec, transition: Mapping[str, float]) -> None:
     """Let hinges of a spec creep below velocities [rad/s]; at zero they stick, as mjcf.py has them."""
     if not any(transition.values()):

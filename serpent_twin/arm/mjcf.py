@@ -196,8 +196,9 @@ def _add_bodies(
         resist |= _off(parameters.joint_damping, tolerances.joint_damping[i], "damping")
         link = bodies[f"link{i + 1}"] = _add_link(link, i, arm, resist)
     resist = _off(parameters.joint_friction, tolerances.jaw_friction[0], "frictionloss")
-    held = {"frictionloss": _HELD, "armature": _HELD} if tolerances.jaw_held[0] else resist
-    bodies["jaw"] = _add_jaw(link, arm, held)
+    if tolerances.jaw_held[0]:
+        resist = {"frictionloss": _HELD, "armature": _HELD}
+    bodies["jaw"] = _add_jaw(link, arm, resist)
     return bodies
 
 

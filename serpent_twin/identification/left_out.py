@@ -45,8 +45,9 @@ def chance_of_selection(
     with np.errstate(invalid="ignore"):
         share = 2 * (without - beside) / (without + beside)
     if once:
-        apart = _in_blocks(case, after, after.noise, channels, before)
-        share[apart < _SHOWS * np.nanmax(apart)] = np.nan
+        apart = _rows(case, after, after.noise) - _rows(case, before, after.noise)
+        shown = _squares(apart, channels)
+        share[shown < _SHOWS * np.nanmax(shown)] = np.nan
     return min(1.0, among * chance(share))
 
 
@@ -89,22 +90,14 @@ def left_out(
         step = -np.linalg.lstsq(matrix, pull[others].sum(axis=0) + known.prior * known.lean)[0]
         for s in np.flatnonzero(~others):
             residual[s] = found.residual[s] + step @ slopes[:, s]
-    return _in_blocks(case, replace(found, residual=residual), noise, channels)
+    return _squares(_rows(case, replace(found, residual=residual), noise), channels)
 
 
-def _in_blocks(
-    case: Case[Any],
-    found: Fit,
-    noise: Array,
-    channels: NDArray[np.bool_] | None,
-    other: Fit | None = None,
-) -> Array:
-    """Mean squares of a fit's residual over a noise, (C,), in blocks, (S, B), as in `left_out`; of its
-    difference from another fit's residual.
-    """
+def _rows(case: Case[Any], found: Fit, noise: Array) -> Array:
+    """A fit's residual over a noise, (C,), row by row, (S, T, C)."""
+    return found.residual.reshape(len(found.used), -1, case.channels) * found.noise / noise
 
-    def weighed(fit: Fit) -> Array:
-        return fit.residual.reshape(len(fit.used), -1, case.channels) * fit.noise / noise
 
-    rows = weighed(found) - (weighed(other) if other else 0.0)
+def _squares(rows: Array, channels: NDArray[np.bool_] | None) -> Array:
+    """Mean squares of rows (S, T, C) in blocks, (S, B); with `channels`, a mask (C,), of these."""
     return blocks(rows[..., slice(None) if channels is None else channels] ** 2)

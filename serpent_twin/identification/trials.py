@@ -195,8 +195,7 @@ class Trials:
             alike = {n: c for n, c in alike.items() if not _less(scores, name, n, done.base)}
         own = case.candidates[name]
         beside = [n for n in own.confused_with if n in scores]
-        there = {n for n in scores if n != name and own.is_law_beside(case.candidates[n])}
-        beside += sorted(there)
+        beside += sorted(n for n in scores if n != name and own.is_law_beside(case.candidates[n]))
         out = []
         for other in dict.fromkeys([*alike, *(n for n in beside if done.trials[n].fit)]):
             errors = done.trials[other].errors

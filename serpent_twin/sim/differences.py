@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from serpent_twin.arm.hinge_friction import friction_inertia
 from serpent_twin.arrays import Array
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -61,8 +62,3 @@ def _slope(model: mujoco.MjModel) -> Array:
     """Of friction by velocity near rest [N m s/rad], (nv,)."""
     impedance, time = model.dof_solimp, model.dof_solref[:, 0]
     return friction_inertia(impedance[:, 0], model.dof_invweight0) * 2 / (impedance[:, 1] * time)
-
-
-def friction_inertia(impedance: Array, inverse_inertia: Array) -> Array:
-    """Inertia that a friction constraint near rest adds to a hinge [kg m²]."""
-    return impedance / ((1 - impedance) * inverse_inertia)

@@ -19,9 +19,9 @@ import numpy as np
 from mujoco.batch import Batch
 
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
-from serpent_twin.arm.hinge_friction import softness
+from serpent_twin.arm.hinge_friction import friction_inertia, softness
 from serpent_twin.arrays import Array
-from serpent_twin.sim.differences import Differences, friction_inertia
+from serpent_twin.sim.differences import Differences
 
 _NUDGE = 1e-5  # of angles, velocities and accelerations, for derivatives of inverse dynamics
 _NEAR = 1e-4  # relative change of a slope, for the derivative by it

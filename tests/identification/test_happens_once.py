@@ -9,7 +9,7 @@ from linear_case import GUST, START, LinearCase, case, every
 from serpent_twin.identification.acceptance import CHANCE, weakness
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.gained import gained, happens_once
-from serpent_twin.identification.held_out import Errors
+from serpent_twin.identification.held_out import Errors, gain
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.left_out import better_left_out, chance_of_selection
 from serpent_twin.identification.score_test import scores
@@ -60,7 +60,8 @@ def test_what_happened_before_the_held_out_logs_is_accepted_by_segments_left_out
     selected = chance_of_selection(arm, base, more, every(), 20, once=True)
     found = gained(arm, score, (base, more), better_by(0.01), selected)
     assert not weakness(found) and found.left_out and "left out" in str(found)
-    assert found.probability_of_chance <= selected < CHANCE
+    together = gain(*better_by(0.01), selected).probability_of_chance
+    assert found.probability_of_chance == min(selected, together) and selected < CHANCE
     assert found.relative == pytest.approx(1 - 0.5 / np.hypot(0.5, 0.7), abs=0.05)
     assert found.whole == pytest.approx(0.01, abs=0.01)  # what candidates are compared by
     assert found.marker == pytest.approx(0.01, abs=0.01)
