@@ -107,6 +107,7 @@ def draw(rng: np.random.Generator) -> TwinModel:
         "strand_slack": 0.1 * parameters.strand_slack,
         "joint_friction": 0.08,
         "transition_velocity": 0.2,
+        "jaw_friction": 0.5,
         "jaw_held": 0.0,
         "joint_damping": 0.08,
         "winch_radius": 0.003,
@@ -117,8 +118,8 @@ def draw(rng: np.random.Generator) -> TwinModel:
         "axis_tilt": 5e-3,
         "camera_pose": np.repeat([1.5e-3, 3e-3], 3),
     }
-    (shape,) = rng.spawn(1)  # so that seeds give the cables that they gave before
-    of = {name: shape if name in GEOMETRY else rng for name in spread}
+    shape, jaw = rng.spawn(2)  # so that seeds give the cables that they gave before
+    of = {name: shape if name in GEOMETRY else rng for name in spread} | {"jaw_friction": jaw}
     each = {f.name: spread[f.name] * of[f.name].standard_normal(len(getattr(EXACT, f.name)))
             for f in fields(Deviations)}  # fmt: skip
     return TwinModel(parameters, Deviations(**{n: tuple(v.tolist()) for n, v in each.items()}))
