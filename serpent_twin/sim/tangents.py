@@ -12,11 +12,11 @@ from collections import deque
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
-from itertools import pairwise
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
+from numpy.typing import NDArray
 
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arm.hinge_friction import friction_inertia, softness
@@ -112,7 +112,8 @@ class Tangents:
         by, eye = self._by, np.eye(self._model.nv)
         slope, tension = self._strands(s.position, s.rest, s.stiffness, s.bend)
         mass, turned, braked = self._inverse_dynamics(s)
-        more = self._of_other_links(s)
+        parts = np.arange(len(s.dt)) * min(_PARTS, len(s.dt)) // len(s.dt)
+        more = self._of_other_links(s, parts)
         sticks = np.abs(s.force) < s.limit * _SLIDES
         time = np.maximum(s.time_constant, 2 * s.dt)  # MuJoCo allows no shorter one
         added = friction_inertia(s.impedance[:, 0], self._model.dof_invweight0)
@@ -130,7 +131,7 @@ class Tangents:
             force = slides[k][..., None] * by.friction - s.velocity[k][..., None] * by.damping
             force -= less[k][..., None] * by.slope + self._along.T @ pull
             force -= spring[k] @ self._position + damper[k] @ self._velocity
-            force -= more[k * _PARTS // len(s.dt)]
+            force -= more[parts[k]]
             self._velocity += s.dt[k][..., None] * (answer[k] @ force)
             self._position += s.dt[k][..., None] * self._velocity
             self._recent.appendleft(self._position.copy())
@@ -195,13 +196,13 @@ class Tangents:
         mass, turned, braked = np.swapaxes(out, -1, -2)
         return mass, turned, braked
 
-    def _of_other_links(self, s: _Steps) -> Array:
+    def _of_other_links(self, s: _Steps, parts: NDArray[np.intp]) -> Array:
         """How much more torque other links need for the same motion [N m], in each of some parts of the time,
-        (parts, S, nv, P).
+        to which the steps belong, (K,); (parts, S, nv, P).
         """
-        data, ends = self._data_of_bare, np.linspace(0, len(s.dt), _PARTS + 1).astype(int)
-        more = np.zeros((_PARTS, *self._position.shape))
-        for part, (first, last) in enumerate(pairwise(ends)):
+        data, more = self._data_of_bare, np.zeros((parts[-1] + 1, *self._position.shape))
+        for part in range(len(more)):
+            first, last = np.searchsorted(parts, [part, part + 1])
             for n, motion in enumerate(self._amid(s, first, last)):
                 data.qpos[:], data.qvel[:], data.qacc[:] = motion
                 here = _links_torque(self._bare, data)
@@ -209,7 +210,7 @@ class Tangents:
                     more[part, n, :, p] = _links_torque(model, data) - here
         return more
 
-    def _amid(self, s: _Steps, first: int, last: int) -> Iterator[tuple[Array, Array, Array]]:
+    def _amid(self, s: _Steps, first: int | np.intp, last: int | np.intp) -> Iterator[tuple[Array, Array, Array]]:
         """Each run's position and velocity amid some steps, and its mean acceleration during them, (nv,)."""
         middle = (first + last) // 2
         after = s.velocity[last] if last < len(s.dt) else self._state[1]

@@ -91,6 +91,28 @@ def test_other_links_change_logged_motion_as_differences_do():
         )
 
 
+def test_derivatives_are_of_small_changes_however_large_a_parameters_step():
+    """A parameter's step may be a third: one side's secant would be off by an eighth."""
+    sessions = MACHINE.read(DATA / "arm_a")[:2]
+    case = MACHINE.open(sessions)
+    some = case.take(case.pieces(sessions), [0, 3])
+    start, names = ParameterVector(np.zeros(len(case.declared))), [d.name for d in case.declared]
+    told = case.machine.derivatives(start, some, case.noise)
+    for name in ("friction of all joints", "transition velocity of joint 3"):
+        step = 0.1 * case.declared[names.index(name)].step * np.eye(len(names))[names.index(name)]
+        ends = case.machine.respond([start.after(step), start.after(-step)], some)[..., :27]
+        change = (ends[0] - ends[1]).ravel() / (2 * step.max())
+        share = change @ told[name][..., :27].ravel() / (change @ change)
+        assert share == pytest.approx(1.0, abs=0.03), name
+
+
+def test_other_links_are_told_where_rows_are_two_steps_apart():
+    taut = replace(ARM, strand_slack=0.0, joint_friction=0.0, joint_damping=0.05)
+    (found, told), _ = compared(TwinModel(taut), wander(rows=40, dt=0.01, pace=0.002), LINKS)
+    error = np.linalg.norm(found - told, axis=1)
+    assert (error < 0.1 * np.linalg.norm(told, axis=1)).all(), error
+
+
 @pytest.mark.parametrize(
     "name",
     [

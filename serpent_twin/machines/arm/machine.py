@@ -39,6 +39,7 @@ from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 _CAMERA, _LOAD = 1e-4, 2e-3  # [m], [fraction of stall] least noise
 _PROBE = 0  # seed of the signs of the step that tests tangents
 _PROBED = 0.1  # that step, as a share of the parameters' steps
+_SLIGHT = 1e-3  # share of a parameter's step by which models differ whose tangents are taken
 _WILD = (
     0.5  # [m] by which no step moves a marker: tangents that say so grew along an unstable motion
 )
@@ -145,9 +146,10 @@ class ArmMachine:
         steps = np.array([self.declared[k].step for k in at])
         changes = np.zeros((len(at), len(names)))
         changes[range(len(at)), at] = steps
-        others = [self.vector.design(point.after(change)) for change in changes]
+        others = [self.vector.design(point.after(_SLIGHT * change)) for change in changes]
         here = self.vector.design(point)
         did, marker, load = differentiate(here, others, self._motion(pieces, [here]))
+        marker, load = marker / _SLIGHT, load / _SLIGHT
         slopes = _channels(marker, load)
         kept = np.abs(marker).reshape(len(marker), -1).max(axis=1) < _WILD
         by = {
