@@ -210,7 +210,9 @@ class Tangents:
                     more[part, n, :, p] = _links_torque(model, data) - here
         return more
 
-    def _amid(self, s: _Steps, first: int | np.intp, last: int | np.intp) -> Iterator[tuple[Array, Array, Array]]:
+    def _amid(
+        self, s: _Steps, first: int | np.intp, last: int | np.intp
+    ) -> Iterator[tuple[Array, Array, Array]]:
         """Each run's position and velocity amid some steps, and its mean acceleration during them, (nv,)."""
         middle = (first + last) // 2
         after = s.velocity[last] if last < len(s.dt) else self._state[1]

@@ -65,6 +65,7 @@ def test_of_one_link_alone_it_is_the_kalman_filter_of_a_wandering_force():
     assert last.on_link_covariance[8] == pytest.approx(spread, rel=0.02, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_chance_makes_a_contact_no_more_often_than_said():
     """In 5 hours of noise; the threshold's mean time is at least an hour."""
     rows = round(5 * ALARM / PERIOD)

@@ -78,6 +78,7 @@ def test_what_is_taken_up_on_the_way_is_weighed_without_markers(weighing):
     assert found["last_mm"] < 1.25 * found["before_mm"]
 
 
+@pytest.mark.slow
 def test_a_stand_that_leans_is_followed_as_well():
     leaning = ARM.with_effect(BaseTilt(about_y=0.04, about_z=-0.03))
     both = fitted("weighing_observer", unknown=("payload", "base_tilt"))

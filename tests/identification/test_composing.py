@@ -8,6 +8,7 @@ from hanging_models import lever
 from serpent_twin.identification import Trace, steps, trace
 
 
+@pytest.mark.slow
 def test_a_law_takes_the_place_of_a_named_effect_that_is_a_part_of_it(tmp_path, monkeypatch):
     """A weight that acts beyond an angle is a payload, and a law that takes it away before the angle."""
 

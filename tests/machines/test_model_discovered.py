@@ -27,6 +27,7 @@ def traced(tmp_path_factory):
     return folder / "trace", found
 
 
+@pytest.mark.slow
 def test_a_bumper_is_composed_at_its_joint(traced):
     _, found = traced
     (law,) = found["effects"]

@@ -267,6 +267,7 @@ def composed(folder, acting):
     return law, *(law["parameters"].get(name) for name in ("size", "size_x", "threshold"))
 
 
+@pytest.mark.slow
 def test_a_stop_is_composed_at_its_joint(tmp_path):
     law, size, _, threshold = composed(tmp_path, stop)
     assert law["place"] == {"kind": "joint", "name": "joint_3"}
@@ -278,6 +279,7 @@ def test_a_stop_is_composed_at_its_joint(tmp_path):
     assert size["unit"] == "N m per rad"
 
 
+@pytest.mark.slow
 def test_a_force_is_composed_on_a_body_that_moves_in_a_plane(tmp_path):
     law, _, size, threshold = composed(tmp_path, pushed)
     assert law["place"] == {"kind": "body", "name": "link_3"}

@@ -90,6 +90,7 @@ def test_a_vanishing_strength_leaves_the_nominal_twin(tmp_path):
         np.testing.assert_allclose(nearly, nominal, atol=1e-5, err_msg=name)
 
 
+@pytest.mark.slow
 def test_frictions_of_an_integrated_servo_are_found_again(tmp_path):
     truth = {FRICTION: (0.03, 0.006), GEARS: (0.25,)}
     made = [pendulum(kp, 0.03, 0.006, 0.25, seed=n) for n, kp in enumerate((100, 150, 300, 300))]
@@ -118,6 +119,7 @@ def test_a_trace_names_what_was_put_in(tmp_path):
 
 
 @measured
+@pytest.mark.slow
 def test_frictions_and_saturation_halve_the_error_on_an_unseen_gain():
     """Fitted to P gains 100 and 800, judged at 200; the sketch had 2.45°, its authors 1.77°."""
     rig = open_machine(TOML)

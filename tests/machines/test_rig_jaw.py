@@ -93,6 +93,7 @@ def test_a_log_of_another_machine_is_refused(tmp_path):
 
 
 @measured
+@pytest.mark.slow
 def test_stretch_and_friction_reach_what_was_published_on_pairs_never_seen():
     """Judged at 0.2 Hz and 30 %, 0.4 Hz and 10 %, 0.3 Hz and 40 %; a regression that is given the spindle's
     torque leaves 0.44° rms there, a rigid jaw with backlash 1.53°. Fits that converge leave 0.447 … 0.453°.

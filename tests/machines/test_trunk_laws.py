@@ -165,6 +165,7 @@ def test_readings_are_those_that_a_law_follows_behind_a_delay():
         np.testing.assert_allclose(found[10:], goal[6:-4], atol=2e-3)
 
 
+@pytest.mark.slow
 def test_a_winch_that_turns_further_beyond_an_angle_is_found_at_its_motor(tmp_path):
     """The log's disks are of goals that were changed by hand; its servos stand at the plain ones."""
     machine, goal = Trunk(shape()), moving(34)

@@ -38,6 +38,7 @@ def trace(tmp_path_factory):
     return Traced(folder, case, pieces, opening_fit(case, pieces), {}, "arm", 4.0, {})
 
 
+@pytest.mark.slow
 def test_a_planned_motion_tells_backlash_from_friction_better_than_random_targets(trace):
     proposals = trace.case.machine.propose(
         trace.fit.point, 12, PIECE, 4.0, np.random.default_rng(0)

@@ -40,6 +40,7 @@ def session(arm, targets, rate_hz=4.0):
     return list(record(arm, NoMocap(), TargetSteering(targets, 2.0), 1 / rate_hz))
 
 
+@pytest.mark.slow
 def test_a_hundred_sessions_in_lockstep(quick, tmp_path):
     with running("--lockstep") as device:
         real = RealArm(port=device.port, setup=tmp_path / "none.toml")

@@ -140,6 +140,7 @@ def test_an_arm_that_sticks_and_slips_is_differentiated_as_differences_do(name):
         assert (np.abs(np.log(ratio)) < 0.2).all(), ratio.round(2)
 
 
+@pytest.mark.slow
 def test_where_effects_answer_to_a_change_differences_tell():
     """Stiffer strands let their clamps slip at other instants, which tangents leave out."""
     sessions = MACHINE.read(DATA / "arm_a")[:2]

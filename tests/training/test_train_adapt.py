@@ -67,6 +67,7 @@ def test_the_scores_on_the_arm_are_those_of_the_saved_readouts(logs, arm, tmp_pa
         assert real["windows"]["residual"][count]["mean_mm"] == pytest.approx(expected)
 
 
+@pytest.mark.slow
 def test_an_interrupted_adaptation_goes_on_to_the_same_numbers(logs, arm, tmp_path):
     config = Train(logs, tmp_path, ("linear", "residual"), adapt=arm, adapt_windows="100")
     first = on_the_arm(run(config))
