@@ -195,7 +195,9 @@ def _add_bodies(
         resist = _off(parameters.joint_friction, tolerances.joint_friction[i], "frictionloss")
         resist |= _off(parameters.joint_damping, tolerances.joint_damping[i], "damping")
         link = bodies[f"link{i + 1}"] = _add_link(link, i, arm, resist)
-    resist = _off(parameters.joint_friction, tolerances.jaw_friction[0], "frictionloss")
+    lightness = tolerances.jaw_friction[0]
+    resist = _off(parameters.joint_friction, lightness, "frictionloss")
+    resist |= _off(parameters.joint_damping, lightness, "damping")
     if tolerances.jaw_held[0]:
         resist = {"frictionloss": _HELD, "armature": _HELD}
     bodies["jaw"] = _add_jaw(link, arm, resist)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,8 @@ from serpent_twin.sessions import Session, read_folder, read_session, refuse_dam
 from serpent_twin.sim.prescribed_motion import STANDING
 
 _FRICTIONS = (0.0015, 0.004, 0.01)  # [N m] of each hinge, tried with
-_DAMPINGS = (0.001, 0.004, 0.015)  # [N m s/rad]
+_DAMPINGS = (0.001, 0.004, 0.015)  # [N m s/rad], and with
+_JAWS = (0.0, -3.0)  # [log] of a jaw's frictions over a hinge's: as much, or hardly any
 _MOVES = 0.02  # share of rows in which a motor must turn for its cable and gear to be identified
 _ROWS = 600  # rows used to calibrate the kinematics
 _MARKER_NOISE, _LOAD_NOISE = 1e-3, 5e-3  # [m], [fraction of stall] that a first guess leaves
@@ -89,23 +91,26 @@ def _unseen(velocity: Array, known: Mapping[str, Candidate]) -> dict[str, str]:
 def _with_friction(
     case: Case[ArmPieces], arm: ArmMachine, training: Sequence[Session]
 ) -> Case[ArmPieces]:
-    """The case that starts from the best of the friction and damping values tried on a few segments."""
+    """The case that starts from the best frictions of hinges and jaw that were tried on a few segments."""
     pieces = case.pieces(training)
     some = case.take(pieces, range(0, len(pieces), max(1, len(pieces) // _TRIED)))
-    tried = [(f, d) for f in _FRICTIONS for d in _DAMPINGS]
+    tried = list(product(_FRICTIONS, _DAMPINGS, _JAWS))
     start, names = arm.vector.start, [each.name for each in arm.declared]
     points = []
-    for friction, damping in tried:
+    for friction, damping, jaw in tried:
         x = np.zeros(len(case.declared))
+        x[names.index("friction of the jaw")] = jaw
         x[names.index("friction of all joints")] = np.log(
             friction / start.parameters.joint_friction
         )
         x[names.index("damping of all joints")] = np.log(damping / start.parameters.joint_damping)
         points.append(ParameterVector(x))
     cost = np.nansum(case.residual(points, some) ** 2, axis=(1, 2))
-    friction, damping = tried[int(np.argmin(np.where(cost > 0, cost, np.inf)))]
+    friction, damping, jaw = tried[int(np.argmin(np.where(cost > 0, cost, np.inf)))]
     parameters = replace(start.parameters, joint_friction=friction, joint_damping=damping)
-    moved = replace(arm.vector, start=replace(start, parameters=parameters))
+    tolerances = replace(start.tolerances, jaw_friction=(jaw,))
+    start = replace(start, parameters=parameters, tolerances=tolerances)
+    moved = replace(arm.vector, start=start)
     return replace(case, machine=replace(arm, vector=moved))
 
 
