@@ -46,8 +46,8 @@ class Deviations:
     joint_friction: Joints = (0.0,) * N_JOINTS
     """Logarithm of each hinge's Coulomb friction over the nominal one [1]"""
     jaw_friction: Annotated[tuple[_Log, ...], many(1)] = (0.0,)
-    """Logarithm of the frictions, dry and viscous, of a jaw that turns over the hinges' nominal ones [1]: what
-    its cable pulls at the arm when it turns"""
+    """Logarithm of the frictions, dry and viscous, of a jaw that turns over the hinges' nominal ones [1]:
+    what its cable pulls at the arm when it turns"""
     jaw_held: Annotated[tuple[Annotated[float, within(0.0, 1.0)], ...], many(1)] = (0.0,)
     """1: the jaw is held still, so that its cable pulls at the arm as the others do; 0: it turns"""
     transition_velocity: Joints = (0.0,) * N_JOINTS

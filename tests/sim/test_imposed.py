@@ -182,6 +182,15 @@ def test_the_cable_of_a_held_jaw_bends_the_arm(held):
     assert did.jaw_angle[0, 0] == pytest.approx(0.0, abs=1e-3)
 
 
+def test_the_cable_of_a_light_jaw_hardly_pulls_however_much_hinges_are_damped():
+    damped = replace(NOMINAL, joint_damping=0.015)
+    pulls = [
+        impose([TwinModel(damped, Deviations(jaw_friction=(by,)))], sway(rows=80)).tension[..., 18:]
+        for by in (0.0, -5.0)
+    ]
+    assert pulls[1].max() < 0.1 * pulls[0].max()
+
+
 def test_motors_whose_readings_are_old_go_on_until_the_command_reaches_them():
     """The path between two readings against a motor that takes up its command late, in closed form."""
     age, lag, period, old, new = 0.06, 0.03, 0.25, 0.4, -0.7
