@@ -27,11 +27,11 @@ from serpent_twin.sessions import refuse_repeated
 
 SETTINGS = "check.json"
 _SHARES = {
-    "first guesses": 21,
-    "weights": 3,
-    "derivatives": 12,
-    "effects": 49,
-    "what the logs tell": 15,
+    "first guesses": 11,
+    "weights": 2,
+    "derivatives": 7,
+    "effects": 27,
+    "what the logs tell": 53,
 }
 """Of the time that each step takes on an arm's logs [%]"""
 

@@ -137,9 +137,9 @@ def _short(value: float) -> str:
 
 _EFFECTS = (
     f"The least strength at which an effect is {SURE:.0f} standard errors from zero and betters the error "
-    f"by {100 * WORTH_IT:.0f} %, beside what calibration and the other effects leave, all to first order. "
-    "Taken up is the share of what the effect changes that the declared parameters imitate. Delays come "
-    "first: a delay makes everything else look like something else."
+    f"by {100 * WORTH_IT:.0f} %, beside what calibration and the other effects leave, once a fit of all "
+    "parameters took up what it can. Taken up is the share of what the effect changes that the declared "
+    "parameters imitate. Delays come first: a delay makes everything else look like something else."
 )
 _PARAMETERS = (
     "The prior is what is known before the fit: the declared number, or a first guess out of the same logs. "

@@ -4,7 +4,8 @@ All is to first order at a fit without any step, from the Jacobian J by the decl
 changes c of the residual by each effect. What all of them together leave of the residual weighs the channels
 anew, and the information matrix w J Jᵀ + Λ then gives each parameter's posterior covariance. The strength of
 an effect, relative to the one that makes the change c, is known to within 1/√(w cᵀ b), b being what the
-parameters cannot take up of c.
+parameters cannot take up of c. Twice the strength that would be found by this is then taken up by a fit, and
+what that leaves decides.
 """
 
 from collections.abc import Sequence
@@ -24,6 +25,7 @@ from serpent_twin.identification.identifiability import (
     Identifiability,
     ParameterIdentifiability,
 )
+from serpent_twin.identification.imitated import Imitation
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.objective import variance_inflation
@@ -41,6 +43,8 @@ _SEEN = 1e-12
 """Share of an effect's change that must be beyond the parameters: less is rounding"""
 _LITTLE = 0.005
 """Correlation up to which two errors count as independent"""
+_SURELY = 2.0
+"""Times the limit to first order, of the strength that a fit is to take up"""
 _MOST_TIMES = 1e6
 """Typical strengths up to which a detection limit is sought"""
 
@@ -57,7 +61,7 @@ def identifiability(
     """What logs can tell by a fit of all declared parameters without any step, and score tests on it."""
     explained = _explained(case, opening, scored)
     effects = [_Effect(case, explained, score) for score in scored]
-    found = [_detection(case, explained, each, effects) for each in effects]
+    found = [_detection(case, pieces, opening, explained, each, effects) for each in effects]
     hidden = {
         each.score.name: each.score.tried
         for each, limits in zip(effects, found, strict=True)
@@ -146,26 +150,38 @@ class _Effect:
 
 
 def _detection(
-    case: Case[Any], explained: _Explained, of: _Effect, among: Sequence[_Effect]
+    case: Case[Any],
+    pieces: Any,
+    opening: Fit,
+    explained: _Explained,
+    of: _Effect,
+    among: Sequence[_Effect],
 ) -> EffectIdentifiability:
     """The detection limit of an effect beside what is left of the residual."""
     parameter = list(of.candidate.ranges)[of.at]
     allowed = of.candidate.ranges[parameter]
-
-    def strength(times: float) -> float:
-        size = of.typical * times
-        return size if size < max(allowed.high, -allowed.low) else np.inf
-
-    scatter = SURE / np.sqrt(of.information) if of.information > 0 else np.inf
-    both = strength(float(scatter)), strength(_worth(case, explained, of.beyond))
+    most = max(allowed.high, -allowed.low) / of.typical
+    by_scatter = SURE / np.sqrt(of.information) if of.information > 0 else np.inf
+    by_gain = _worth(case, explained, of.beyond)
+    share = of.left / of.size if of.size else 1.0
+    if (times := _SURELY * max(by_scatter, by_gain)) < most:
+        effect = of.score.name, of.score.sized(of.candidate, times)
+        fitted = Imitation(case, pieces, opening, explained.known, explained.scale, effect)
+        if (found := fitted.fitted(times**2 * of.information)) is not None:
+            beyond = found.left / times
+            by_scatter = SURE * times / np.sqrt(found.cost)
+            by_gain = _worth(case, explained, beyond)
+            share = min(1.0, float(beyond @ beyond) / of.size)
+    both = [of.typical * times if times < most else np.inf for times in (by_scatter, by_gain)]
     why = "" if np.isfinite(max(both)) else "no strength within its range would show"
     return EffectIdentifiability(
         of.score.name,
         parameter,
         allowed.unit,
         of.typical,
-        *both,
-        1 - of.left / of.size if of.size else 0.0,
+        both[0],
+        both[1],
+        1 - share,
         _confounded(of, among),
         "the simulation of a twin with it became unstable" if of.score.unstable else why,
     )

@@ -173,6 +173,7 @@ class Tracer:
         """What these logs can tell at all."""
         names = [name for name in self.case.candidates if name not in self.case.unseen]
         found = self.trials.scores("1_start", self.case, opening, names)
+        self.on_progress("detection limits")
         return identifiability(self.case, self.training, opening, list(found.values()))
 
     def _fit(

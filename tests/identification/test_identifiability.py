@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from linear_case import GUST, NOTHING, START, LinearCase, case, every
 
+from serpent_twin.identification import detection
 from serpent_twin.identification.acceptance import WORTH_IT
 from serpent_twin.identification.detection import identifiability
 from serpent_twin.identification.excitation import excitation
@@ -95,6 +96,32 @@ def exact():
     weights = np.tile(noise**-2, flat.shape[0] // 3) / inflation
     data = (flat * weights[:, None]).T @ flat
     return of, data, left.reshape(-1, 3)
+
+
+@dataclass(frozen=True)
+class Misled(Weighed):
+    """A machine whose derivatives are off, as those along a motion that sticks and slips are."""
+
+    off: float = 0.0
+
+    def jacobian(self, point, pieces):
+        found = super().jacobian(point, pieces)
+        return found + self.off * np.random.default_rng(7).standard_normal(found.shape)
+
+
+def test_a_limit_is_what_a_fit_takes_up_though_derivatives_say_less(monkeypatch):
+    exact = linear()
+    g = 3.0 * exact.X[..., 1] + 0.3 * exact.g
+    exact, misled = linear(g=g), replace(Misled(**vars(exact)), g=g, off=0.5)
+    right, found = (_limit(told(of), GUST) for of in (exact, misled))
+    assert found == pytest.approx(right, rel=0.25)
+    monkeypatch.setattr(detection, "_SURELY", np.inf)
+    assert _limit(told(exact), GUST) == pytest.approx(right, rel=0.02)
+    assert _limit(told(misled), GUST) < 0.6 * right
+
+
+def _limit(of, name):
+    return next(each.limit for each in of.effects if each.name == name)
 
 
 def test_standard_deviations_and_variance_inflation_are_those_of_the_joint_posterior(exact):
