@@ -55,5 +55,6 @@ def needless(trials: Trials, case: Case[Any], score: Score, less: Fit, more: Fit
     `score` is of an effect that only one of them has.
     """
     without, beside = trials.errors(case, less.point), trials.errors(case, more.point)
-    better = gained(case, score, (less, more), (without, beside))
-    return not gave_up(beside, without) and bool(weakness(better))
+    if gave_up(beside, without):
+        return False
+    return bool(weakness(gained(case, score, (less, more), (without, beside))))

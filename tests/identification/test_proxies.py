@@ -1,5 +1,6 @@
 """Test that effects which stood for others go, and with them what gained only beside them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,9 +20,8 @@ def errors(arm, point) -> Errors:
     return Errors(np.sqrt(squares.mean(axis=-1)), np.full(squares.shape[:2], np.nan))
 
 
-@pytest.mark.parametrize(("strength", "left"), [(0.7, [GUST]), (0.0, [])])
-def test_what_gains_nothing_beside_the_others_goes(strength, left):
-    """The last one too, once another has gone."""
+def left_of(strength, measured=errors):
+    """Which of two effects stay of an arm that has one of them, in such a strength, or none."""
     arm = case(strength)
     base = fit(arm, every(), START, free_parameters(arm, ()), 3, 99)
     names = [NOTHING, GUST]
@@ -32,9 +32,25 @@ def test_what_gains_nothing_beside_the_others_goes(strength, left):
         training=every(),
         notes=SimpleNamespace(fit=lambda stage, make: make()),
         on_progress=print,
-        errors=lambda of, point: errors(of, point),
+        errors=measured,
     )
     rounds = [
         SimpleNamespace(accepted=(n,), trials={n: SimpleNamespace(score=score[n])}) for n in names
     ]
-    assert list(without_proxies(trials, arm, both, rounds).point.effects) == left
+    return list(without_proxies(trials, arm, both, rounds).point.effects)
+
+
+@pytest.mark.parametrize(("strength", "left"), [(0.7, [GUST]), (0.0, [])])
+def test_what_gains_nothing_beside_the_others_goes(strength, left):
+    """The last one too, once another has gone."""
+    assert left_of(strength) == left
+
+
+def test_an_effect_without_which_the_simulation_is_unstable_stays():
+    def unstable_alone(arm, point):
+        found = errors(arm, point)
+        if len(point.effects) == 2:
+            return found
+        return replace(found, marker_by_block=np.full_like(found.marker_by_block, np.nan))
+
+    assert left_of(0.0, unstable_alone) == [NOTHING, GUST]
