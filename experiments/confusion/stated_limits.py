@@ -1,12 +1,19 @@
 """Take from a diagnosis how weak an effect of each kind it would have found: its stated detection limits."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from serpent_twin.effects import Effect, ranges, strengths
+from serpent_twin.identification import Trace
+from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.detection import identifiability, opening_fit
+from serpent_twin.identification.run import planned
+from serpent_twin.identification.score_test import scores
 from serpent_twin.machines.arm.catalogue import CATALOGUE
+from serpent_twin.machines.machine import ParameterVector
 
 
 def stated_limits(diagnosis: Mapping[str, Any]) -> dict[str, float]:
@@ -19,6 +26,28 @@ def stated_limits(diagnosis: Mapping[str, Any]) -> dict[str, float]:
         for each in stated
         if each["name"] in CATALOGUE and each["limit"] is not None and np.isfinite(each["limit"])
     }
+
+
+def limit_of(traced: Trace, effect: Mapping[str, Any]) -> float:
+    """The detection limit that a trace, whose stages are kept, would have stated of a true effect if it had
+    known its parameters other than the strength; NaN where it would have stated none.
+    """
+    rig, training, _ = planned(traced)
+    case = rig.open(training)
+    notes = Checkpoints(traced.out / "stages", case.clock)
+    pieces = case.pieces(training)
+    start = ParameterVector(np.zeros(len(case.declared)))
+    case = case.reweighted(start, pieces)
+    opening = notes.fit("opening", lambda: opening_fit(case, pieces))
+    like = case.candidates[effect["name"]]
+    values = like.variants[0].copy()
+    for k, name in enumerate(like.ranges):
+        if name not in effect["strong"]:
+            values[k] = effect["parameters"].get(name, values[k])
+    tested = scores(case, pieces, opening, [replace(like, variants=(values,))])
+    told = identifiability(case, pieces, opening, tested).effects
+    found = next(each for each in told if each.name == effect["name"])
+    return found.limit * _length(CATALOGUE[found.name]) if np.isfinite(found.limit) else np.nan
 
 
 def times_limit(effect: Mapping[str, Any], limits: Mapping[str, float]) -> float:

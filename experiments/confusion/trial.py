@@ -8,8 +8,8 @@ from typing import Any
 
 from experiments.confusion.arms import SOURCES, Length, Truth, built
 from experiments.confusion.config import Confusion
-from experiments.confusion.plan import OUTSIDE, Trial
-from experiments.confusion.stated_limits import stated_limits
+from experiments.confusion.plan import KNOWN, OUTSIDE, Trial
+from experiments.confusion.stated_limits import limit_of, stated_limits
 from experiments.confusion.worth import TrueLaw, true_law, worth
 from experiments.result_rows import failed_row
 from serpent_twin.errors import SerpentError
@@ -35,6 +35,9 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
             traced = Trace((folder / "logs",), folder / "trace", seed=config.seed)
             found = trace(traced)
             gain = worth(traced, law) if (law := _true_law(config, trial, length)) else None
+            limits = stated_limits(found)
+            for each in truth["effects"] if trial.kind == KNOWN else ():
+                limits[each["name"]] = limit_of(traced, each)
     except SerpentError as error:
         return failed_row(trial, str(error)) | {"truth": truth, "git_commit": git_commit()}
     if not config.keep:
@@ -55,7 +58,7 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         "git_commit": found["provenance"]["git_commit"],
         "recording_seconds": recorded,
         "worth": gain,
-        "limits": stated_limits(found),
+        "limits": limits,
     }
 
 

@@ -46,6 +46,7 @@ def effects(found: Identifiability) -> Table:
             _short(each.limit),
             _short(each.typical),
             "" if each.unit == "1" else each.unit,
+            each.beside,
             f"{100 * each.taken_up:.0f}",
             "yes" if each.told else "no",
             each.why or listed(spaced(name) for name in each.confounded_with),
@@ -53,7 +54,8 @@ def effects(found: Identifiability) -> Table:
         for each in found.effects
     )
     header = (
-        "effect", "least strength", "typical", "unit", "taken up [%]", "can be told", "confounded with",
+        "effect", "least strength", "typical", "unit", "with a", "taken up [%]", "can be told",
+        "confounded with",
     )  # fmt: skip
     marked = frozenset(n for n, each in enumerate(found.effects) if not each.told)
     note = "Least strength: none where these logs show the effect at no strength."

@@ -35,9 +35,11 @@ from serpent_twin.identification.weak_directions import (
     WeakDirection,
     weakest_directions,
 )
+from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.numerals import listed
 
 _SEEN = 1e-12
 """Share of an effect's change that must be beyond the parameters: less is rounding"""
@@ -172,7 +174,7 @@ def _detection(
             by_scatter = SURE * times / np.sqrt(found.cost)
             by_gain = _worth(case, explained, beyond)
             share = min(1.0, float(beyond @ beyond) / of.size)
-    both = [of.typical * times if times < most else np.inf for times in (by_scatter, by_gain)]
+    both = [of.typical * float(x) if x < most else np.inf for x in (by_scatter, by_gain)]
     why = "" if np.isfinite(max(both)) else "no strength within its range would show"
     return EffectIdentifiability(
         of.score.name,
@@ -181,10 +183,21 @@ def _detection(
         of.typical,
         both[0],
         both[1],
-        1 - share,
+        1 - float(share),
         _confounded(of, among),
         "the simulation of a twin with it became unstable" if of.score.unstable else why,
+        _beside(of.candidate, of.score),
     )
+
+
+def _beside(of: Candidate, score: Score) -> str:
+    """The fitted parameters of an effect that are not its strength, as they were tried."""
+    strong, out = strengths(of), []
+    for k, (name, allowed) in enumerate(of.ranges.items()):
+        if allowed.fitted and k not in strong:
+            unit = "" if allowed.unit == "1" else f" {allowed.unit}"
+            out.append(f"{spaced(name)} of {score.tried[k]:.2g}{unit}")
+    return listed(out)
 
 
 def _worth(case: Case[Any], explained: _Explained, beyond: Array) -> float:

@@ -63,6 +63,8 @@ class EffectIdentifiability:
     """Effects that change the same beyond the parameters, with the cosine"""
     why: str = ""
     """Why these logs cannot show it at all; else empty"""
+    beside: str = ""
+    """Its other parameters, for which the limit holds, such as `grip of 3 N`"""
 
     @property
     def limit(self) -> float:
@@ -145,7 +147,7 @@ class Identifiability:
 
 def _amount(effect: EffectIdentifiability) -> str:
     unit = "" if effect.unit == "1" else f" {effect.unit}"
-    return f"{effect.limit:.2g}{unit}"
+    return f"{effect.limit:.2g}{unit}" + (f" ({effect.beside})" if effect.beside else "")
 
 
 def _verb(names: Sequence[str]) -> str:

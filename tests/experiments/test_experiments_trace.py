@@ -154,6 +154,9 @@ def faked(monkeypatch):
         return diagnosis(unexplained=name in confusion_outside.OUTSIDE)
 
     monkeypatch.setattr(confusion_trial, "trace", fake)
+    monkeypatch.setattr(
+        confusion_trial, "limit_of", lambda traced, effect: 1.0
+    )  # as it was not traced
     return calls
 
 
