@@ -30,7 +30,7 @@ def stated_limits(diagnosis: Mapping[str, Any]) -> dict[str, float]:
 
 def limit_of(traced: Trace, effect: Mapping[str, Any]) -> float:
     """The detection limit that a trace, whose stages are kept, would have stated of a true effect if it had
-    known its parameters other than the strength; NaN where it would have stated none.
+    known its parameters but for the strength; infinite where no strength would show.
     """
     rig, training, _ = planned(traced)
     case = rig.open(training)
@@ -42,12 +42,12 @@ def limit_of(traced: Trace, effect: Mapping[str, Any]) -> float:
     like = case.candidates[effect["name"]]
     values = like.variants[0].copy()
     for k, name in enumerate(like.ranges):
-        if name not in effect["strong"]:
-            values[k] = effect["parameters"].get(name, values[k])
-    tested = scores(case, pieces, opening, [replace(like, variants=(values,))])
+        values[k] = effect["parameters"].get(name, values[k])
+    tested = scores(case, pieces, opening, [replace(like, variants=(values,), whole=True)])
     told = identifiability(case, pieces, opening, tested).effects
     found = next(each for each in told if each.name == effect["name"])
-    return found.limit * _length(CATALOGUE[found.name]) if np.isfinite(found.limit) else np.nan
+    strong = np.abs([effect["parameters"][name] for name in effect["strong"]])
+    return float(found.limit * np.linalg.norm(strong) / strong.max())
 
 
 def times_limit(effect: Mapping[str, Any], limits: Mapping[str, float]) -> float:

@@ -24,6 +24,7 @@ _ALIKE = 0.15
 """Share by which strands of one arm differ, or as much as the cable laws show: logs of fast motion hardly
 determine the slack of the last cables, which then take up whatever the twin lacks
 """
+_GEAR = 0.3  # [log] gears of one arm differ, or by what the largest first guess is larger:
 _LEAST_GEAR = 0.3
 """Of the gears' median friction, with which a gear begins at least: play hides friction from its cable law,
 and from none at all no fit would come back
@@ -142,10 +143,8 @@ def vector(
         float(np.median([law.stiffness for law in known])) if known else NOMINAL.strand_stiffness
     )
     slack = float(np.median([law.slack for law in known])) if known else NOMINAL.strand_slack
-    gear = (
-        float(np.median([law.gear_friction for law in known])) if known else NOMINAL.gear_friction
-    )
-    gear = max(gear, 1e-4)
+    gears = _gears(laws)
+    gear = float(np.median(gears))
     parameters = replace(
         NOMINAL,
         strand_stiffness=stiffness,
@@ -167,12 +166,18 @@ def vector(
         ),
         jaw_held=(0.0 if laws[-1] is None else 1.0,),
         winch_radius=tuple(law.winch if law else 0.0 for law in laws),
-        gear_friction=tuple(
-            float(np.log(max(law.gear_friction / gear, _LEAST_GEAR))) if law else 0.0
-            for law in laws
-        ),
+        gear_friction=tuple(map(float, np.log(gears / gear))),
     )
     return Vector(TwinModel(parameters, tolerances), _declare(laws, 1e3 * built.marker_error))
+
+
+def _gears(laws: Sequence[CableLaw | None]) -> Array:
+    """First guesses of the gears' friction, of a motor that never turns the others' median [N m], (10,)."""
+    known = [law.gear_friction for law in laws if law]
+    middle = max(float(np.median(known)) if known else NOMINAL.gear_friction, 1e-4)
+    return np.array(
+        [max(law.gear_friction, _LEAST_GEAR * middle) if law else middle for law in laws]
+    )
 
 
 def _apart(values: Array, least: float) -> float:
@@ -207,7 +212,10 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
         for k, name in enumerate(NAMES[kind]):
             rows.append(Declared(name, unit, _APART if k else together, step))
     rows += [Declared(name, "log N m", _JAW, 0.1) for name in NAMES["jaw"]]
-    rows += [Declared(name, "log N m", 0.3, 0.1) for name in NAMES["gear"]]
+    gears = _gears(laws)
+    for name, least in zip(NAMES["gear"], gears, strict=True):
+        width = max(_GEAR, float(np.log(gears.max() / least)))
+        rows.append(Declared(name, "log N m", width, 0.1))
     widths = np.maximum(_MARKER, _TRUST * offset_error.ravel())
     for name, width in zip(NAMES["marker"], widths, strict=True):
         rows.append(Declared(name, "mm", width, 0.1))
