@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as csv
 
-from experiments.confusion.arms import GENERATION
+from experiments.confusion.arms import BY_FIT, GENERATION
 from experiments.confusion.config import Confusion
 from experiments.confusion.plan import KNOWN, OUTSIDE, Trial
 from experiments.confusion.score import Row, called, coverage, discovered, off, right
@@ -41,7 +41,7 @@ class ArmLine:
     steps: int
     """Of each session"""
     generation: int
-    """Of the arms that are drawn, as `confusion.arms` counts them"""
+    """Of the study, as `confusion.arms` counts them"""
     arm: str
     """The trial's name in the study"""
     kind: str
@@ -74,16 +74,22 @@ class ArmLine:
     """What the true law of a fault outside the catalogue would have been worth where laws were sought
     [squared standard errors]; NaN where that was not computed"""
     times_limit: float
-    """Strength of its one effect of the catalogue, over the detection limit that the trace stated; NaN where
-    it stated none"""
+    """Strength of its one effect of the catalogue, over the detection limit that was stated of it; NaN where
+    none was"""
     limits: str
-    """The detection limits that the trace stated, in the unit of each effect's strength: NAME LIMIT, ..."""
+    """The detection limits that the trace stated, in the unit of each effect's strength: NAME LIMIT, ...;
+    of the effect that was there, for its other parameters' true values"""
 
     @property
     def stated_limits(self) -> dict[str, float]:
         """The detection limit of each effect."""
         pairs = (each.split() for each in self.limits.split(", ") if each)
         return {name: float(limit) for name, limit in pairs}
+
+    @property
+    def of_limit(self) -> float:
+        """`times_limit`, where that limit is what a fit cannot take up; else NaN."""
+        return self.times_limit if self.generation >= BY_FIT else np.nan
 
     @property
     def key(self) -> tuple[Any, ...]:

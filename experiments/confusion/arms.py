@@ -27,8 +27,11 @@ from serpent_twin.sim.twin_model import TwinModel
 
 RATE_HZ = 4.0
 MARKER_LOSS = 0.002
-GENERATION = 2
-"""Of the arms that are drawn: links, axes and cameras of the first were exactly as drawn"""
+GENERATION, AS_BUILT, BY_FIT = 3, 2, 3
+"""Of the studies; the first whose arms' links, axes and cameras are off, too; and the first whose detection
+limits are what a fit cannot take up, for the true values of an effect's other parameters: before, they were
+stated to first order, for typical values
+"""
 Truth = dict[str, Any]
 """The truth of a recording: `effects`, each as from `_truth`, and the arm."""
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from experiments.confusion.arm_line import BETWEEN, FAILED, ArmLine
-from experiments.confusion.arms import GENERATION
+from experiments.confusion.arms import AS_BUILT, BY_FIT
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE
 from experiments.confusion.score import NOTHING, UNEXPLAINED, Share, detection_limit
 from serpent_twin.identification.discovery.discover import WORTH
@@ -37,7 +37,7 @@ def wrong(line: ArmLine) -> bool:
 def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
     """All figures, as results.json holds them."""
     known = [each for each in lines if each.kind == KNOWN]
-    newest = [each for each in lines if each.generation == GENERATION]
+    newest = [each for each in lines if each.generation >= AS_BUILT]
     as_built = _rates(newest)
     return {
         "arms": len(lines),
@@ -51,7 +51,7 @@ def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
         },
         "effects": _effects(known, lines),
         "named_from": _named_from(known),
-        "trials": [_trial(each) for each in known if np.isfinite(each.times_limit)],
+        "trials": [_trial(each) for each in known if np.isfinite(each.of_limit)],
         "outside": _outside([each for each in lines if each.kind == OUTSIDE]),
         "called": _called(lines),
         "names": _track(lines),
@@ -64,7 +64,7 @@ def _rates(lines: Sequence[ArmLine]) -> dict[str, tuple[Share, str]]:
     """Each rate, with what it should be."""
     clean, known, outside = ([x for x in lines if x.kind == k] for k in (CLEAN, KNOWN, OUTSIDE))
     faulty = [each for each in lines if each.kind != CLEAN]
-    strong = [each for each in known if each.times_limit >= STRONG]
+    strong = [each for each in known if each.of_limit >= STRONG]
     sized = [each for each in outside if np.isfinite(each.off)]
     found = [each for each in outside if each.discovered]
     held = Share(sum(each.held for each in lines), sum(each.intervals for each in lines))
@@ -114,6 +114,7 @@ def _effects(lines: Sequence[ArmLine], every: Sequence[ArmLine]) -> list[dict[st
     by the number of sessions; how often it was named, and how far strengths are off.
     """
     units = {each.there: each.unit for each in lines if each.unit}
+    every = [each for each in every if each.generation >= BY_FIT]
     numbers = sorted({each.sessions for each in every if each.limits})
     out = []
     for name in sorted({each.there for each in lines}):
@@ -129,9 +130,7 @@ def _effects(lines: Sequence[ArmLine], every: Sequence[ArmLine]) -> list[dict[st
                 "unit": units.get(name, "1"),
                 "stated": {str(n): _median(several) for n, several in stated.items()},
                 "right": str(_share(some, lambda each: each.right)),
-                "strong": str(
-                    _share([x for x in some if x.times_limit >= STRONG], lambda x: x.right)
-                ),
+                "strong": str(_share([x for x in some if x.of_limit >= STRONG], lambda x: x.right)),
                 "median_off": _median(each.off for each in some),
                 "held": str(held),
             }
@@ -141,7 +140,7 @@ def _effects(lines: Sequence[ArmLine], every: Sequence[ArmLine]) -> list[dict[st
 
 def _named_from(lines: Sequence[ArmLine]) -> str:
     """From how many times its stated detection limit on `NAMED` of all effects are named, in words."""
-    known = sorted((x.times_limit, x.right) for x in lines if np.isfinite(x.times_limit))
+    known = sorted((x.of_limit, x.right) for x in lines if np.isfinite(x.of_limit))
     times, right = np.array(known).reshape(-1, 2).T
     return detection_limit(times, right.astype(bool), "1", NAMED)[1]
 
@@ -167,7 +166,7 @@ def _outside(lines: Sequence[ArmLine]) -> list[dict[str, Any]]:
 
 def _trial(line: ArmLine) -> list[Any]:
     """What a picture needs of an arm: effect, times its limit, whether it was named right, sessions."""
-    return [line.there, line.times_limit, line.right, line.sessions]
+    return [line.there, line.of_limit, line.right, line.sessions]
 
 
 def _called(lines: Sequence[ArmLine]) -> list[list[Any]]:

@@ -22,9 +22,11 @@ last column is of arms whose links, axes and cameras are off as well; those of a
 drawn. Many were traced before faults of the program were mended that they had shown. In
 brackets, 95 % intervals."""
 _LIMITS = """Every trace states, for each effect, the strength from which on it would be accepted: the
-detection limit, computed from that arm's own logs before any search. The table has its median over all arms,
-the effect present or not. Right is an arm on which this effect was named and no other. Sessions include the
-one that judged."""
+detection limit, computed from that arm's own logs before any search. The table has its median, the effect
+present or not. Limits and what is counted in them are of arms since limits are what a fit cannot take up;
+before, they were stated to first order, and promised too much. Of the effect that an arm has, the limit is
+for the true values of its other parameters, such as the grip of a clamp. Right is an arm on which this effect
+was named and no other. Sessions include the one that judged."""
 _COMPOSED = """Discovered is a fault whose law, and its place, was composed, or is among those that the report
 calls equivalent, and nothing else. What was left before and after is in errors of a complete twin; it and how
 far the law's size was off are medians over the arms on which it was discovered.
