@@ -30,7 +30,7 @@ def stated_limits(diagnosis: Mapping[str, Any]) -> dict[str, float]:
 
 def limit_of(traced: Trace, effect: Mapping[str, Any]) -> float:
     """The detection limit that a trace, whose stages are kept, would have stated of a true effect if it had
-    known its parameters but for the strength; infinite where no strength would show.
+    known its parameters but for the size of its strength; infinite where no strength would show.
     """
     rig, training, _ = planned(traced)
     case = rig.open(training)
@@ -40,14 +40,17 @@ def limit_of(traced: Trace, effect: Mapping[str, Any]) -> float:
     case = case.reweighted(start, pieces)
     opening = notes.fit("opening", lambda: opening_fit(case, pieces))
     like = case.candidates[effect["name"]]
-    values = like.variants[0].copy()
-    for k, name in enumerate(like.ranges):
-        values[k] = effect["parameters"].get(name, values[k])
+    usual = like.variants[0]
+    values = np.array(
+        [effect["parameters"].get(n, v) for n, v in zip(like.ranges, usual, strict=True)]
+    )
+    strong = [list(like.ranges).index(name) for name in effect["strong"]]
+    values[strong] *= np.linalg.norm(usual[strong]) / np.linalg.norm(values[strong])
     tested = scores(case, pieces, opening, [replace(like, variants=(values,), whole=True)])
     told = identifiability(case, pieces, opening, tested).effects
     found = next(each for each in told if each.name == effect["name"])
-    strong = np.abs([effect["parameters"][name] for name in effect["strong"]])
-    return float(found.limit * np.linalg.norm(strong) / strong.max())
+    each = np.abs(values[strong])
+    return float(found.limit * np.linalg.norm(each) / each.max())
 
 
 def times_limit(effect: Mapping[str, Any], limits: Mapping[str, float]) -> float:

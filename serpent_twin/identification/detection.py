@@ -35,11 +35,10 @@ from serpent_twin.identification.weak_directions import (
     WeakDirection,
     weakest_directions,
 )
-from serpent_twin.identification.wording import spaced
+from serpent_twin.identification.wording import tried_with
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.numerals import listed
 
 _SEEN = 1e-12
 """Share of an effect's change that must be beyond the parameters: less is rounding"""
@@ -47,6 +46,8 @@ _LITTLE = 0.005
 """Correlation up to which two errors count as independent"""
 _SURELY = 2.0
 """Times the limit to first order, of the strength that a fit is to take up"""
+_TRIES = 2
+"""The second strength is the limit by the first, if that was below it: weak effects are taken up better"""
 _MOST_TIMES = 1e6
 """Typical strengths up to which a detection limit is sought"""
 
@@ -166,14 +167,21 @@ def _detection(
     by_scatter = SURE / np.sqrt(of.information) if of.information > 0 else np.inf
     by_gain = _worth(case, explained, of.beyond)
     share = of.left / of.size if of.size else 1.0
-    if (times := _SURELY * max(by_scatter, by_gain)) < most:
+    times = _SURELY * max(by_scatter, by_gain)
+    for _ in range(_TRIES):
+        if not times < most:
+            break
         effect = of.score.name, of.score.sized(of.candidate, times)
         fitted = Imitation(case, pieces, opening, explained.known, explained.scale, effect)
-        if (found := fitted.fitted(times**2 * of.information)) is not None:
-            beyond = found.left / times
-            by_scatter = SURE * times / np.sqrt(found.cost)
-            by_gain = _worth(case, explained, beyond)
-            share = min(1.0, float(beyond @ beyond) / of.size)
+        if (found := fitted.fitted(times**2 * of.information)) is None:
+            break
+        beyond = found.left / times
+        by_scatter = SURE * times / np.sqrt(found.cost)
+        by_gain = _worth(case, explained, beyond)
+        share = min(1.0, float(beyond @ beyond) / of.size)
+        if max(by_scatter, by_gain) <= times:
+            break
+        times = max(by_scatter, by_gain)
     both = [of.typical * float(x) if x < most else np.inf for x in (by_scatter, by_gain)]
     why = "" if np.isfinite(max(both)) else "no strength within its range would show"
     return EffectIdentifiability(
@@ -186,18 +194,8 @@ def _detection(
         1 - float(share),
         _confounded(of, among),
         "the simulation of a twin with it became unstable" if of.score.unstable else why,
-        _beside(of.candidate, of.score),
+        tried_with(of.candidate.ranges, of.score.tried, strengths(of.candidate)),
     )
-
-
-def _beside(of: Candidate, score: Score) -> str:
-    """The fitted parameters of an effect that are not its strength, as they were tried."""
-    strong, out = strengths(of), []
-    for k, (name, allowed) in enumerate(of.ranges.items()):
-        if allowed.fitted and k not in strong:
-            unit = "" if allowed.unit == "1" else f" {allowed.unit}"
-            out.append(f"{spaced(name)} of {score.tried[k]:.2g}{unit}")
-    return listed(out)
 
 
 def _worth(case: Case[Any], explained: _Explained, beyond: Array) -> float:

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from serpent_twin.effects import law_of, place_of
+from serpent_twin.arrays import Array
+from serpent_twin.effects import Range, law_of, place_of
 from serpent_twin.effects.law import HANDLES, SPRING, parse
 from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.estimates import ParameterEstimate, length_of
+from serpent_twin.numerals import listed
 
 DISCOVERED = "discovered"
 """The name of an effect that was composed"""
@@ -71,3 +73,13 @@ def _swings(rate: ParameterEstimate) -> str:
         return f"{replace(rate, unit='1')} waves in a turn"
     value, low, high = (each / (2 * np.pi) for each in (rate.value, rate.low, rate.high))
     return str(ParameterEstimate(value, low, high, "Hz"))
+
+
+def tried_with(ranges: Mapping[str, Range], values: Array, strong: Sequence[int]) -> str:
+    """The fitted parameters of an effect that are not its strength, such as `grip of 3 N`."""
+    out = []
+    for k, (name, allowed) in enumerate(ranges.items()):
+        if allowed.fitted and k not in strong:
+            unit = "" if allowed.unit == "1" else f" {allowed.unit}"
+            out.append(f"{spaced(name)} of {values[k]:.2g}{unit}")
+    return listed(out)
