@@ -242,7 +242,7 @@ def test_the_page_says_how_white_the_residual_is_and_what_the_logs_can_show():
         b for b in made["Which effects these logs can show"].blocks if isinstance(b, report.Table)
     )
     assert [row[0] for row in table.rows] == ["mocap latency", "cable creep", "clamp slip"]
-    assert [row[5] for row in table.rows] == ["yes", "no", "no"]
+    assert [row[6] for row in table.rows] == ["yes", "no", "no"]
     assert table.rows[2][1] == "none" and table.rows[2][-1] == "unstable"
 
 
