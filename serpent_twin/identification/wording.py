@@ -81,5 +81,5 @@ def tried_with(ranges: Mapping[str, Range], values: Array, strong: Sequence[int]
     for k, (name, allowed) in enumerate(ranges.items()):
         if allowed.fitted and k not in strong:
             unit = "" if allowed.unit == "1" else f" {allowed.unit}"
-            out.append(f"{spaced(name)} of {values[k]:.2g}{unit}")
+            out.append(f"{spaced(name)} of {values[k]:.2g}{unit}".replace("-", "−"))
     return listed(out)
