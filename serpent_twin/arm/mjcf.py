@@ -192,16 +192,19 @@ def _add_bodies(
         bodies[f"motor{j + 1}"] = _add_motor(base, j, arm, friction)
     link = base
     for i in range(N_JOINTS):
-        resist = _off(parameters.joint_friction, tolerances.joint_friction[i], "frictionloss")
-        resist |= _off(parameters.joint_damping, tolerances.joint_damping[i], "damping")
+        resist = _resist(parameters, tolerances.joint_friction[i], tolerances.joint_damping[i])
         link = bodies[f"link{i + 1}"] = _add_link(link, i, arm, resist)
-    lightness = tolerances.jaw_friction[0]
-    resist = _off(parameters.joint_friction, lightness, "frictionloss")
-    resist |= _off(parameters.joint_damping, lightness, "damping")
+    resist = _resist(parameters, *2 * tolerances.jaw_friction)
     if tolerances.jaw_held[0]:
         resist = {"frictionloss": _HELD, "armature": _HELD}
     bodies["jaw"] = _add_jaw(link, arm, resist)
     return bodies
+
+
+def _resist(nominal: Parameters, friction: float, damping: float) -> dict[str, Any]:
+    """A hinge's dry and viscous frictions, where they deviate by these logarithms."""
+    dry = _off(nominal.joint_friction, friction, "frictionloss")
+    return dry | _off(nominal.joint_damping, damping, "damping")
 
 
 def _off(nominal: float, logarithm: float, name: str) -> dict[str, Any]:

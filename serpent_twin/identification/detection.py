@@ -47,7 +47,7 @@ _LITTLE = 0.005
 _SURELY = 2.0
 """Times the limit to first order, of the strength that a fit is to take up"""
 _TRIES = 2
-"""The second strength is the limit by the first, if that was below it: weak effects are taken up better"""
+"""Strengths at most; weak effects are taken up better, so a limit above the strength tried is tried itself"""
 _MOST_TIMES = 1e6
 """Typical strengths up to which a detection limit is sought"""
 

@@ -23,7 +23,7 @@ _STEPS = 8
 _SMALL_SHARE = 0.03
 """A step that reduces the cost by less than this share is the last: a limit then hardly changes"""
 _NEAR = 0.05
-"""And the first, if it comes as near to what is told to first order"""
+"""A first step whose cost differs from the predicted one by less than this share is the last, too"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +66,8 @@ class Imitation(Objective):
         return np.asarray((found - self._goal) * self._scale)
 
     def fitted(self, told: float) -> Imitated | None:
-        """The best of a few steps with the opening's derivative, or the first if that costs what is `told` to
-        first order; None where the effect is unstable.
+        """A few steps with the opening's derivative; one alone where its cost is the one that first order
+        predicts, `told`. None where the effect is unstable.
         """
         residual = self.residuals([self._start])[0]
         at = At(self._start, residual, self.cost(residual, self._start))

@@ -52,6 +52,16 @@ def compared(base, stretches, parts=CABLES, timestep=0.005):
         yield found.reshape(len(found), -1), told.reshape(len(found), -1)
 
 
+@pytest.fixture(scope="module")
+def logged():
+    """A case of logs, two of its segments, its start, and the derivatives there."""
+    sessions = MACHINE.read(DATA / "arm_a")[:2]
+    case = MACHINE.open(sessions)
+    some = case.take(case.pieces(sessions), [0, 3])
+    start = ParameterVector(np.zeros(len(case.declared)))
+    return case, some, start, case.machine.derivatives(start, some, case.noise)
+
+
 def test_an_arm_without_dry_friction_or_slack_is_differentiated_to_a_twentieth():
     """Then the motion is smooth in its parameters; links are taken as they stand amid two rows."""
     taut = replace(ARM, strand_slack=0.0, joint_friction=0.0, joint_damping=0.05)
@@ -70,12 +80,9 @@ def test_other_links_change_a_smooth_motion_as_differences_do():
         assert (error < most * np.linalg.norm(told, axis=1)).all(), error
 
 
-def test_other_links_change_logged_motion_as_differences_do():
-    sessions = MACHINE.read(DATA / "arm_a")[:2]
-    case = MACHINE.open(sessions)
-    some = case.take(case.pieces(sessions), [0, 3])
-    start, names = ParameterVector(np.zeros(len(case.declared))), [d.name for d in case.declared]
-    told = case.machine.derivatives(start, some, case.noise)
+def test_other_links_change_logged_motion_as_differences_do(logged):
+    case, some, start, told = logged
+    names = [d.name for d in case.declared]
     for name in (
         "mass of link 9",
         "length of link 5",
@@ -91,13 +98,10 @@ def test_other_links_change_logged_motion_as_differences_do():
         )
 
 
-def test_derivatives_are_of_small_changes_however_large_a_parameters_step():
+def test_derivatives_are_of_small_changes_however_large_a_parameters_step(logged):
     """A parameter's step may be a third: one side's secant would be off by an eighth."""
-    sessions = MACHINE.read(DATA / "arm_a")[:2]
-    case = MACHINE.open(sessions)
-    some = case.take(case.pieces(sessions), [0, 3])
-    start, names = ParameterVector(np.zeros(len(case.declared))), [d.name for d in case.declared]
-    told = case.machine.derivatives(start, some, case.noise)
+    case, some, start, told = logged
+    names = [d.name for d in case.declared]
     for name in ("friction of all joints", "transition velocity of joint 3"):
         step = 0.1 * case.declared[names.index(name)].step * np.eye(len(names))[names.index(name)]
         ends = case.machine.respond([start.after(step), start.after(-step)], some)[..., :27]
@@ -141,12 +145,9 @@ def test_an_arm_that_sticks_and_slips_is_differentiated_as_differences_do(name):
 
 
 @pytest.mark.slow
-def test_where_effects_answer_to_a_change_differences_tell():
+def test_where_effects_answer_to_a_change_differences_tell(logged):
     """Stiffer strands let their clamps slip at other instants, which tangents leave out."""
-    sessions = MACHINE.read(DATA / "arm_a")[:2]
-    case = MACHINE.open(sessions)
-    some = case.take(case.pieces(sessions), [0, 3])
-    start = ParameterVector(np.zeros(len(case.declared)))
+    case, some, start, _ = logged
     assert np.isfinite(case.jacobian(start, some)).all()
     slips = start.having("clamp_slip", [1e-4, 1.0, -1.0])
     unknown = np.isnan(case.jacobian(slips, some)).any(axis=(1, 2))

@@ -24,7 +24,7 @@ _ALIKE = 0.15
 """Share by which strands of one arm differ, or as much as the cable laws show: logs of fast motion hardly
 determine the slack of the last cables, which then take up whatever the twin lacks
 """
-_GEAR = 0.3  # [log] gears of one arm differ, or by what the largest first guess is larger:
+_GEAR = 0.3  # [log] gears of one arm differ, or as much as the largest first guess is above a gear's own
 _LEAST_GEAR = 0.3
 """Of the gears' median friction, with which a gear begins at least: play hides friction from its cable law,
 and from none at all no fit would come back
