@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import tyro
+from threadpoolctl import threadpool_limits
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from serpent_twin.command_line.option_groups import grouped
@@ -34,13 +35,14 @@ def run(
     how: Any = {"args": argv, "prog": _program(), "registry": _numbers(argv)}
     how["config"] = (tyro.conf.OmitArgPrefixes,)
     try:
-        if callable(main):
-            tyro.cli(grouped(main, _name(main)), **how)
-        else:
-            description = sys.modules["__main__"].__doc__
-            commands = {name: grouped(each, name) for name, each in main.items()}
-            tyro.extras.subcommand_cli_from_dict(commands, description=description, **how)
-        sys.stdout.flush()  # so that a closed pipe is noticed here
+        with threadpool_limits(1, "blas"):  # with small matrices, threads only wait for busy cores
+            if callable(main):
+                tyro.cli(grouped(main, _name(main)), **how)
+            else:
+                description = sys.modules["__main__"].__doc__
+                commands = {name: grouped(each, name) for name, each in main.items()}
+                tyro.extras.subcommand_cli_from_dict(commands, description=description, **how)
+            sys.stdout.flush()  # so that a closed pipe is noticed here
     except SerpentError as error:
         fail(" ".join([str(error), *getattr(error, "__notes__", ())]), error_status)
     except BrokenPipeError:  # the reader of our output, such as head, has enough

@@ -1,6 +1,6 @@
 """Check what logs can tell before a trace of them, and write the results."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +11,13 @@ from tqdm import tqdm
 from tyro.conf import arg
 
 from serpent_twin import machines
+from serpent_twin.arrays import Array
 from serpent_twin.command_line.options import ABSENT, Checked, when
 from serpent_twin.identification import check_page
 from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.score_test import scores
+from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import Log, read_logs
 from serpent_twin.numerals import listed
@@ -31,7 +33,7 @@ _SHARES = {
     "weights": 2,
     "derivatives": 7,
     "effects": 27,
-    "what the logs tell": 53,
+    "detection limits": 53,
 }
 """Of the time that each step takes on an arm's logs [%]"""
 
@@ -97,8 +99,15 @@ def _checked(rig: machines.Rig, logs: Sequence[Log]) -> Identifiability:
         begin("effects")
         seen = [each for name, each in case.candidates.items() if name not in case.unseen]
         found = scores(case, pieces, opening, seen)
-        begin("what the logs tell")
-        told = identifiability(case, pieces, opening, found)
+        begin("detection limits")
+
+        def limits(name: str, make: Callable[[], Array]) -> Array:
+            bar.set_description_str(f"detection limit of {spaced(name)}")
+            made = make()
+            bar.update(_SHARES["detection limits"] / len(found))
+            return made
+
+        told = identifiability(case, pieces, opening, found, limits)
         bar.update(bar.total - bar.n)
     return told
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 
 from serpent_twin import stored
+from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters
@@ -51,6 +52,18 @@ class Checkpoints:
         made, took = self._timed(make)
         self._told.add(path)
         _save(path, _score_arrays(made) | took)
+        return made
+
+    def numbers(self, name: str, count: int, make: Callable[[], Array]) -> Array:
+        """So many numbers of a stage, computed now or read back."""
+        path = self._folder / f"{name}.npz"
+        if path.exists():
+            wanted = {"numbers": Numbers((count,))}
+            read = stored.require_arrays(self._read(path), wanted, str(path), _AGAIN)
+            return read["numbers"]
+        made, took = self._timed(make)
+        self._told.add(path)
+        _save(path, {"numbers": made} | took)
         return made
 
     def _timed(self, make: Callable[[], T]) -> tuple[T, dict[str, Any]]:

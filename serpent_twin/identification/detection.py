@@ -8,8 +8,7 @@ parameters cannot take up of c. Twice the strength that would be found by this i
 what that leaves decides.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.identification.acceptance import SURE, WORTH_IT
 from serpent_twin.identification.excitation import advice, excitation
+from serpent_twin.identification.explained import EffectChange, Explained, explain
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.identifiability import (
@@ -28,7 +28,6 @@ from serpent_twin.identification.identifiability import (
 from serpent_twin.identification.imitated import Imitation
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit
-from serpent_twin.identification.objective import variance_inflation
 from serpent_twin.identification.score_test import Score, strengths
 from serpent_twin.identification.weak_directions import (
     NamedParameter,
@@ -40,8 +39,6 @@ from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
-_SEEN = 1e-12
-"""Share of an effect's change that must be beyond the parameters: less is rounding"""
 _LITTLE = 0.005
 """Correlation up to which two errors count as independent"""
 _SURELY = 2.0
@@ -58,13 +55,28 @@ def opening_fit(case: Case[Any], pieces: Any) -> Fit:
     return fit(case, pieces, start, free, 1, case.segments[0], steps=0)
 
 
+Keeping = Callable[[str, Callable[[], Array]], Array]
+"""Gives the limits of an effect by its name, computed now or read back"""
+
+
+def _computed(_: str, make: Callable[[], Array]) -> Array:
+    return make()
+
+
 def identifiability(
-    case: Case[Any], pieces: Any, opening: Fit, scored: Sequence[Score]
+    case: Case[Any],
+    pieces: Any,
+    opening: Fit,
+    scored: Sequence[Score],
+    keeping: Keeping = _computed,
 ) -> Identifiability:
     """What logs can tell by a fit of all declared parameters without any step, and score tests on it."""
-    explained = _explained(case, opening, scored)
-    effects = [_Effect(case, explained, score) for score in scored]
-    found = [_detection(case, pieces, opening, explained, each, effects) for each in effects]
+    explained = explain(case, opening, scored)
+    effects = [EffectChange(case, explained, score) for score in scored]
+    found = []
+    for of in effects:
+        limits = keeping(of.score.name, lambda of=of: _limits(case, pieces, opening, explained, of))
+        found.append(_detection(of, effects, limits))
     hidden = {
         each.score.name: each.score.tried
         for each, limits in zip(effects, found, strict=True)
@@ -86,90 +98,18 @@ def identifiability(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Explained:
-    """A residual of which parameters and effects took up what they can."""
-
-    known: Information
-    """On the parameters, with the new weights"""
-    left: Array
-    """What is left of the residual, by the new weights, (N,)"""
-    noise: Array
-    """The new weights, (C,)"""
-    scale: Array
-    """New numbers of the residual per old ones, (N,)"""
-
-
-def _explained(case: Case[Any], opening: Fit, scored: Sequence[Score]) -> _Explained:
-    """The residual of a fit once parameters and effects took up what they can, to first order."""
-    before, shape = Information.of(case, opening), opening.residual.shape
-    every = Information(
-        np.concatenate([before.slopes, *(each.change[None] for each in scored)]),
-        before.weight,
-        np.r_[before.prior, [_precision(case.candidates[each.name], each) for each in scored]],
-        np.r_[before.lean, np.zeros(len(scored))],
-    )
-    left = every.beyond(opening.residual.ravel().astype(float))
-    error = np.where(opening.residual == 0, np.nan, left.reshape(shape)).reshape(-1, case.channels)
-    noise = case.noise_of(case.noise * error)
-    scale = np.tile(case.noise / noise, opening.residual.size // case.channels)
-    left = left * scale
-    inflation = variance_inflation(left.reshape(shape), case.channels)
-    known = Information(before.slopes * scale, 1 / inflation, before.prior, before.lean)
-    return _Explained(known, left, noise, scale)
-
-
-def _precision(of: Candidate, score: Score) -> float:
-    """Inverse variance of times a variant's strength, as wide as the strength's range."""
-    allowed = list(of.ranges.values())[_strongest(of, score)]
-    return float((score.tried[_strongest(of, score)] / (allowed.high - allowed.low)) ** 2)
-
-
-def _strongest(of: Candidate, score: Score) -> int:
-    """Which of an effect's parameters is the strength of its best variant."""
-    return max(strengths(of), key=lambda k: abs(score.tried[k]))
-
-
-class _Effect:
-    """One effect's change of the calibrated residual, per typical strength."""
-
-    def __init__(self, case: Case[Any], explained: _Explained, score: Score) -> None:
-        self.score, self.candidate = score, case.candidates[score.name]
-        known = explained.known
-        self.at = _strongest(self.candidate, score)
-        change = score.change.astype(float) * explained.scale
-        self.beyond = known.beyond(change)
-        self.information = known.weight * float(self.beyond @ change)
-        self.size, self.left = float(change @ change), float(self.beyond @ self.beyond)
-        if self.information <= _SEEN * known.weight * self.size:
-            self.information, self.beyond = 0.0, np.zeros_like(change)
-        self.taken = known.weight * np.linalg.solve(known.matrix, known.slopes @ change)
-        """By how much each parameter takes it up, (P,)"""
-
-    @property
-    def typical(self) -> float:
-        """The strength of its best variant."""
-        return abs(float(self.score.tried[self.at]))
-
-
-def _detection(
-    case: Case[Any],
-    pieces: Any,
-    opening: Fit,
-    explained: _Explained,
-    of: _Effect,
-    among: Sequence[_Effect],
-) -> EffectIdentifiability:
-    """The detection limit of an effect beside what is left of the residual."""
-    parameter = list(of.candidate.ranges)[of.at]
-    allowed = of.candidate.ranges[parameter]
-    most = max(allowed.high, -allowed.low) / of.typical
+def _limits(
+    case: Case[Any], pieces: Any, opening: Fit, explained: Explained, of: EffectChange
+) -> Array:
+    """How many typical strengths an effect must have to be seen beside what is left of the residual, by
+    scatter and by gain, as inverses; and the share of its change that the parameters leave.
+    """
     by_scatter = SURE / np.sqrt(of.information) if of.information > 0 else np.inf
     by_gain = _worth(case, explained, of.beyond)
     share = of.left / of.size if of.size else 1.0
     times = _SURELY * max(by_scatter, by_gain)
     for _ in range(_TRIES):
-        if not times < most:
+        if not times < of.most:
             break
         effect = of.score.name, of.score.sized(of.candidate, times)
         fitted = Imitation(case, pieces, opening, explained.known, explained.scale, effect)
@@ -182,7 +122,15 @@ def _detection(
         if max(by_scatter, by_gain) <= times:
             break
         times = max(by_scatter, by_gain)
-    both = [of.typical * float(x) if x < most else np.inf for x in (by_scatter, by_gain)]
+    return np.array([1 / by_scatter, 1 / by_gain, share])
+
+
+def _detection(
+    of: EffectChange, among: Sequence[EffectChange], limits: Array
+) -> EffectIdentifiability:
+    """The detection limit of an effect, in its unit, from its `_limits`."""
+    parameter, allowed = list(of.candidate.ranges.items())[of.at]
+    both = [of.typical / float(x) if x * of.most > 1 else np.inf for x in limits[:2]]
     why = "" if np.isfinite(max(both)) else "no strength within its range would show"
     return EffectIdentifiability(
         of.score.name,
@@ -191,14 +139,14 @@ def _detection(
         of.typical,
         both[0],
         both[1],
-        1 - float(share),
+        1 - float(limits[2]),
         _confounded(of, among),
         "the simulation of a twin with it became unstable" if of.score.unstable else why,
         tried_with(of.candidate.ranges, of.score.tried, strengths(of.candidate)),
     )
 
 
-def _worth(case: Case[Any], explained: _Explained, beyond: Array) -> float:
+def _worth(case: Case[Any], explained: Explained, beyond: Array) -> float:
     """Times its strength that an effect must have to better the error by `WORTH_IT`, pose and the other
     channels weighing alike.
 
@@ -226,7 +174,7 @@ def _worth(case: Case[Any], explained: _Explained, beyond: Array) -> float:
     return high
 
 
-def _confounded(of: _Effect, among: Sequence[_Effect]) -> dict[str, float]:
+def _confounded(of: EffectChange, among: Sequence[EffectChange]) -> dict[str, float]:
     """Effects whose change beyond the parameters has a cosine with this one's above `ALIKE`."""
     out = {}
     for each in among:
@@ -248,7 +196,7 @@ def _unseen(candidate: Candidate, why: str) -> EffectIdentifiability:
 
 
 def _parameters(
-    case: Case[Any], known: Information, effects: Sequence[_Effect]
+    case: Case[Any], known: Information, effects: Sequence[EffectChange]
 ) -> tuple[tuple[ParameterIdentifiability, ...], tuple[WeakDirection, ...]]:
     """What the logs tell of each declared quantity and of their combinations.
 
@@ -278,7 +226,7 @@ def _parameters(
 
 
 def _partners(
-    names: Sequence[str], posterior: Array, adds: Array, effects: Sequence[_Effect]
+    names: Sequence[str], posterior: Array, adds: Array, effects: Sequence[EffectChange]
 ) -> list[tuple[str, float]]:
     """What each quantity's error is most correlated with: another's, or an effect's strength if it were
     fitted, too, with the correlation.

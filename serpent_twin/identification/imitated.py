@@ -12,9 +12,8 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import between
 from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import bettered
+from serpent_twin.identification.least_squares import descend
 from serpent_twin.identification.objective import At, Objective
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
@@ -73,16 +72,11 @@ class Imitation(Objective):
         at = At(self._start, residual, self.cost(residual, self._start))
         if not np.isfinite(at.cost):
             return None
-        jacobian = self._slopes.astype(np.float32)
-        for n in range(_STEPS):
-            taken = self.step(at, jacobian)
-            if taken is None:
-                break
-            step = between(at.point, taken.point, self.free)
-            change = taken.residual - at.residual
-            jacobian = bettered(jacobian, change, step, self.variance_inflation)
-            before, at = at, taken
-            as_told = n == 0 and abs(at.cost - told) < _NEAR * told
-            if as_told or before.cost - at.cost < _SMALL_SHARE * at.cost:
-                break
+        start = at
+
+        def small(before: At, after: At) -> bool:
+            as_told = before is start and abs(after.cost - told) < _NEAR * told
+            return as_told or before.cost - after.cost < _SMALL_SHARE * after.cost
+
+        at, _ = descend(self, at, self._slopes.astype(np.float32), _STEPS, small)
         return Imitated(at.residual.ravel().astype(float), at.cost)

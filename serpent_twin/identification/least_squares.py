@@ -15,7 +15,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.identification import weak_steps
 from serpent_twin.identification.fitted import NORMAL_95, Fit
 from serpent_twin.identification.free_parameters import FreeParameters, between
-from serpent_twin.identification.objective import Objective
+from serpent_twin.identification.objective import At, Objective
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
@@ -64,22 +64,17 @@ def fit(
     used = known.used if known else _spread(len(pieces), most, carried.used if carried else ())
     problem = Objective(case, case.take(pieces, used), free, known)
     at, jacobian = problem.carry(start, carried, used) if carried else problem.begin(start)
+
+    def small(before: At, after: At) -> bool:
+        least = max(_SETTLED, _SMALL_SHARE * after.cost, _SMALL_PART * (after.cost - near))
+        return before.cost - after.cost < least
+
     settled, begun = False, at.point
     for n in range(derivatives + (carried is not None)):
         if n:
             at, jacobian = problem.again(at.point)
         before, begun = at.cost, at.point
-        for _ in range(steps):
-            taken = problem.step(at, jacobian)
-            if taken is None:
-                break
-            gained, step = at.cost - taken.cost, between(at.point, taken.point, free)
-            jacobian = bettered(
-                jacobian, taken.residual - at.residual, step, problem.variance_inflation
-            )
-            at = taken
-            if gained < max(_SETTLED, _SMALL_SHARE * at.cost, _SMALL_PART * (at.cost - near)):
-                break
+        at, jacobian = descend(problem, at, jacobian, steps, small)
         what = (
             f"derivative {n + (not carried)} of {derivatives}"
             if n or not carried
@@ -100,6 +95,24 @@ def fit(
         settled = settled or bool((late < _STILL).all())
     about = (error, correlation, settled, jacobian, at.residual, used, noise)
     return Fit(at.point, free, at.cost, inflation, *about)
+
+
+def descend(
+    problem: Objective, at: At, jacobian: Array, steps: int, small: Callable[[At, At], bool]
+) -> tuple[At, Array]:
+    """So many steps at most with one derivative, until none reduces the cost or one is `small`; returns the
+    derivative as these changed it, too.
+    """
+    for _ in range(steps):
+        taken = problem.step(at, jacobian)
+        if taken is None:
+            break
+        step, change = between(at.point, taken.point, problem.free), taken.residual - at.residual
+        jacobian = bettered(jacobian, change, step, problem.variance_inflation)
+        before, at = at, taken
+        if small(before, at):
+            break
+    return at, jacobian
 
 
 def _spread(segments: int, most: int, used: Sequence[int] = ()) -> tuple[int, ...]:

@@ -6,11 +6,13 @@
 repeat with it included. (5) An error above that of a twin that lacks nothing is unexplained.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from serpent_twin.arrays import Array
 from serpent_twin.identification.absorbed import told_together, without_ends
 from serpent_twin.identification.acceptance import (
     CandidateTrial,
@@ -31,6 +33,7 @@ from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.trials import Trials
+from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
@@ -173,8 +176,12 @@ class Tracer:
         """What these logs can tell at all."""
         names = [name for name in self.case.candidates if name not in self.case.unseen]
         found = self.trials.scores("1_start", self.case, opening, names)
-        self.on_progress("detection limits")
-        return identifiability(self.case, self.training, opening, list(found.values()))
+
+        def limits(name: str, make: Callable[[], Array]) -> Array:
+            self.on_progress(f"detection limit of {spaced(name)}")
+            return self.notes.numbers(f"limits_{name}", 3, make)
+
+        return identifiability(self.case, self.training, opening, list(found.values()), limits)
 
     def _fit(
         self,

@@ -8,6 +8,7 @@ from linear_case import GUST, NUMBERS, SEGMENTS, START, LinearCase, case, every
 from scipy.stats import t as student
 
 from serpent_twin.effects import Range
+from serpent_twin.errors import SerpentError
 from serpent_twin.identification.acceptance import CandidateTrial, why_not
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.free_parameters import free_parameters
@@ -217,6 +218,15 @@ def test_a_stage_that_was_finished_is_read_back(tmp_path):
     np.testing.assert_array_equal(first.jacobian, again.jacobian)
     assert first.point.effects[GUST] == again.point.effects[GUST]
     assert (first.free, first.used, first.cost) == (again.free, again.used, again.cost)
+
+
+def test_numbers_of_a_stage_are_read_back_and_others_refused(tmp_path):
+    made = np.array([0.5, 0.0, 0.25])  # no limit by gain
+    Checkpoints(tmp_path, Stopwatch()).numbers("limits_gust", 3, made.copy)
+    again = Checkpoints(tmp_path, Stopwatch())
+    np.testing.assert_array_equal(again.numbers("limits_gust", 3, made.tolist), made)
+    with pytest.raises(SerpentError, match=r"limits_gust.npz.*numbers.*Delete it"):
+        again.numbers("limits_gust", 4, made.copy)
 
 
 @dataclass(frozen=True)
