@@ -17,9 +17,10 @@ from serpent_twin.machines.arm import ArmRig
 from serpent_twin.sessions import read_session, write_session
 from serpent_twin.sim import twin_model
 
-SESSIONS, STEPS = 2, 560
+SESSIONS = 2
 LAG = 0.03  # of the arms' servos [s]
-ARMS = {"none": 0.0, "base_tilt": 0.08, "outside_force": 0.5}
+ARMS = {"none": (0.0, 560), "base_tilt": (0.08, 330), "outside_force": (0.5, 560)}
+"""Strengths, and control steps of each session"""
 
 
 @pytest.fixture(scope="module")
@@ -27,11 +28,11 @@ def logs(tmp_path_factory):
     """A folder of sessions for each arm, by its undeclared effect."""
     root = tmp_path_factory.mktemp("bench")
     jobs = []
-    for number, (name, strength) in enumerate(ARMS.items()):
+    for number, (name, (strength, steps)) in enumerate(ARMS.items()):
         rng = np.random.default_rng([11, number])
         arm = replace(draw(rng), marker_noise=2e-4, velocity_lag=LAG)
         effects = inject(name, strength, rng) if strength else NONE
-        jobs.append(Job(root / f"arm_{number}", arm, effects, 40 + number, SESSIONS, STEPS))
+        jobs.append(Job(root / f"arm_{number}", arm, effects, 40 + number, SESSIONS, steps))
     record_many(jobs)
     return {name: job.folder for name, job in zip(ARMS, jobs, strict=True)}
 
@@ -73,7 +74,7 @@ def test_a_tilted_base_is_named_with_its_angle(diagnosis):
     assert [effect["name"] for effect in found["effects"]] == ["base_tilt"]
     tilt = found["effects"][0]
     about = [each["value"] for each in tilt["parameters"].values()]
-    assert np.hypot(*about[:2]) == pytest.approx(ARMS["base_tilt"], rel=0.1)
+    assert np.hypot(*about[:2]) == pytest.approx(ARMS["base_tilt"][0], rel=0.1)
     assert tilt["probability_of_chance"] < 0.01
     assert found["error_mm"]["corrected"] < 0.5 * found["error_mm"]["calibrated"]
     twin = twin_model.read(out / "twin.json")

@@ -45,12 +45,18 @@ def sensing(folder):
 
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
-    """Its case and segments, and what changes at its places show."""
+    """What `nominal` gives of it."""
     path, log = sensing(tmp_path_factory.mktemp("arm"))
+    return nominal(path, log)
+
+
+def nominal(path, log):
+    """A machine's case and segments, what changes at its places show, and what the nominal twin does."""
     rig = open_machine(path)
     case = rig.open(sessions := rig.read(log))
     pieces = case.pieces(sessions)
-    return case, pieces, case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+    start = ParameterVector(np.zeros(len(case.declared)))
+    return case, pieces, case.places(start, pieces), case.machine.respond([start], pieces)[0]
 
 
 LAWS = {
@@ -71,19 +77,17 @@ def shown(opened, at):
     """What a twin with a law shows beyond the nominal one, (S, T, C), and what places say of that; it begins
     in the middle of its reading and changes channels by 2 mm, mrad or mN m, rms.
     """
-    case, pieces, places = opened
-    law, nominal = parse(at), np.zeros(len(case.declared))
+    case, pieces, places, plain = opened
+    law = parse(at)
     responses = {(each.handle, each.place): each for each in places.responses}
     x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
     first = 0.3 * float(np.ptp(x)) if law.shape == "play" else float(np.median(x))
     follows = SHAPES[law.shape].followed(x, first, 0.0)
     unit = next(iter(responses[law.handle, law.place].of(follows[None])))[0]
     size = 2e-3 / np.sqrt(np.mean(unit**2))
-    with_it, plain = (
-        case.machine.respond([ParameterVector(nominal, each)], pieces)[0]
-        for each in ({f"discovered@{at}": numbers(size, first)}, {})
-    )
-    return with_it - plain, size * unit
+    effects = {f"discovered@{at}": numbers(size, first)}
+    point = ParameterVector(np.zeros(len(case.declared)), effects)
+    return case.machine.respond([point], pieces)[0] - plain, size * unit
 
 
 def agree(found, told, least):
@@ -106,24 +110,18 @@ def test_a_change_shows_to_first_order_where_a_tendon_is_prescribed(tmp_path, at
     path, time = cabled(tmp_path, "motion"), np.arange(0.0, 3.0, 0.02)
     long = 1e3 * span([0.0, 0.0]) + 30 * np.sin(3 * time)
     elsewhere = np.outer(long, np.ones(3))  # is not looked at
-    rig = open_machine(path)
-    sessions = rig.read(lines(tmp_path / "log.csv", np.c_[time, long, elsewhere, long]))
-    case = rig.open(sessions)
-    pieces = case.pieces(sessions)
-    places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
-    agree(*shown((case, pieces, places), at), 0.99)
+    log = lines(tmp_path / "log.csv", np.c_[time, long, elsewhere, long])
+    agree(*shown(nominal(path, log), at), 0.99)
 
 
 def test_what_a_prescribed_joint_takes_up_is_no_place(opened):
     """A torque there shows in nothing that MuJoCo measures."""
-    case, pieces, places = opened
+    case, pieces, places, plain = opened
     assert not [each for each in places.responses if each.place == "shoulder"]
     assert ("joint_angle", "shoulder") in places.readings
-    nominal = np.zeros(len(case.declared))
     law = {"discovered@joint_torque of shoulder: constant": numbers(0.1)}
-    with_it, plain = (
-        case.machine.respond([ParameterVector(nominal, each)], pieces) for each in (law, {})
-    )
+    point = ParameterVector(np.zeros(len(case.declared)), law)
+    with_it = case.machine.respond([point], pieces)[0]
     assert np.abs(with_it - plain).max() < 1e-4
 
 

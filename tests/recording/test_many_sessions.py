@@ -52,6 +52,7 @@ def test_a_hundred_sessions_in_lockstep(quick, tmp_path):
     assert np.abs([read_session(p).motor_position for p in paths]).max() > np.pi / 2
 
 
+@pytest.mark.slow
 def test_a_hundred_sessions_in_real_time(quick, tmp_path):
     with running("--realtime") as device:
         with connected(device.port, tmp_path) as arm:
