@@ -262,7 +262,8 @@ class ComposingTracer(Tracer):
             if not new:
                 return
             self.case, names = self.case.composing(new), [each.name for each in new]
-            which, beat = f"{stage}_resembling_{_mark(names)}", fitted(best).cost
+            which = f"{stage}_resembling_{_mark(names)}"
+            beat = fitted(best).cost_with(base.variance_inflation)  # fits that go on have another
             every.update(
                 self.trials.each(
                     names, self.case, base, base, before, which, _FITTED, beat, beside=_NEAR

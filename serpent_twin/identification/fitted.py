@@ -45,6 +45,11 @@ class Fit:
         error = self.error[at]
         return float(np.sqrt(error @ self.correlation[np.ix_(at, at)] @ error))
 
+    def cost_with(self, variance_inflation: float) -> float:
+        """Its cost if so many numbers of the residual counted as one."""
+        squares = float((self.residual.astype(float) ** 2).sum())
+        return self.cost + squares * (1 / variance_inflation - 1 / self.variance_inflation)
+
     def only(self, kept: Sequence[int]) -> "Fit":
         """The same as if of its free parameters, by their numbers, only some were free."""
         some = np.array(kept, int)

@@ -74,8 +74,8 @@ class Trials:
     ) -> dict[str, CandidateTrial]:
         """Score tests of candidates on top of a fit, and full fits of the selected ones, judged against the
         base. One that is not below the cost `beat` after its first derivative is fitted no further. With a
-        share `beside` of what the best removes, others must remove that much, and no fit goes on; beside the
-        `most` best, the best of those that change something else is fitted, too.
+        share `beside` of what the best removes, others must remove that much, and fits go on only where much
+        is left; beside the `most` best, the best of those that change something else is fitted, too.
         """
         found = self.placed(stage, case, begun, self.scores(stage, case, begun, names))
         trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
@@ -97,10 +97,11 @@ class Trials:
             best = min(best, fitted.cost)
             trials[name] = self._judged(case, found[name], base, fitted, before, len(chosen))
         near = min(beat, begun.cost - _NEAR * (begun.cost - best))
-        for name in () if beside else chosen:
+        for name in () if beside and self.little(case, before) else chosen:
             fitted = trials[name].fit
             if fitted and not fitted.converged and fitted.cost < near:
-                further = self._further(case, fitted, f"fit_{stage}_{name}_further")
+                rounds = 0 if beside else _ROUNDS
+                further = self._further(case, fitted, f"fit_{stage}_{name}_further", rounds)
                 trials[name] = self._judged(case, found[name], base, further, before, len(chosen))
         return trials
 
@@ -126,9 +127,9 @@ class Trials:
         except UnstableStartError:
             return None
 
-    def _further(self, case: Case[Any], begun: Fit, stage: str) -> Fit:
-        """A fit that its last derivative still bettered, gone on with derivatives by all parameters: what is
-        compared with others should not be half-way.
+    def _further(self, case: Case[Any], begun: Fit, stage: str, rounds: int) -> Fit:
+        """A fit that its last derivative still bettered, gone on with derivatives by all parameters, and in
+        so many rounds along its weakest directions: what is compared with others should not be half-way.
         """
         self.on_progress(f"fitting {' and '.join(map(spaced, begun.point.effects))} further")
         most, free = len(begun.used), begun.free
@@ -143,7 +144,7 @@ class Trials:
                 most,
                 self.on_progress,
                 carried=begun,
-                rounds=min(_ROUNDS, case.weak_rounds),
+                rounds=min(rounds, case.weak_rounds),
             ),
         )
 
