@@ -17,6 +17,7 @@ import numpy as np
 from serpent_twin.arm.deviations import EXACT, Deviations
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, Arm
 from serpent_twin.arm.hinge_friction import STICKS
+from serpent_twin.arm.mjcf_text import add, text, word
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
 
@@ -57,7 +58,7 @@ def build(
     """
     if not drawn:
         document = _document(tolerances.built(arm), parameters, tolerances, motors=motors)
-        return mujoco.MjSpec.from_string(_text(document))
+        return mujoco.MjSpec.from_string(text(document))
     from serpent_twin.arm import (  # trimesh is slow to import, needed here only
         meshes,
         routing,
@@ -65,7 +66,7 @@ def build(
     )
 
     parts = meshes.parts(arm)
-    document = _text(_document(tolerances.built(arm), parameters, tolerances, parts))
+    document = text(_document(tolerances.built(arm), parameters, tolerances, parts))
     spec = mujoco.MjSpec.from_string(document, assets=_mesh_files(parts))
     routing.draw(spec, arm)
     scene.furnish(spec)
@@ -78,7 +79,7 @@ def write(folder: Path = MODEL, arm: Arm = ARM, parameters: Parameters = NOMINAL
 
     parts = meshes.parts(arm)
     files: dict[str, str | bytes] = {
-        "serpent.xml": _text(_document(arm, parameters, EXACT, parts)),
+        "serpent.xml": text(_document(arm, parameters, EXACT, parts)),
         "scene.xml": build(arm, parameters, drawn=True).to_xml(),
     }
     files |= {f"assets/{name}": data for name, data in _mesh_files(parts).items()}
@@ -100,23 +101,6 @@ def _mesh_files(parts: "list[Part]") -> dict[str, bytes]:
     return {f"{part.name}.stl": export_stl(part.mesh) for part in parts}
 
 
-def _text(document: ET.Element) -> str:
-    ET.indent(document)
-    return ET.tostring(document, encoding="unicode") + "\n"
-
-
-def _add(parent: ET.Element, tag: str, **attributes: Any) -> ET.Element:
-    """Append an element; numbers and vectors are written with nine digits."""
-    words = {name.rstrip("_"): _word(value) for name, value in attributes.items()}
-    return ET.SubElement(parent, tag, words)
-
-
-def _word(value: Any) -> str:
-    if isinstance(value, str):
-        return value
-    return " ".join(f"{number + 0.0:.9g}" for number in np.atleast_1d(np.round(value, 12)))
-
-
 def _document(
     arm: Arm,
     parameters: Parameters,
@@ -126,54 +110,54 @@ def _document(
 ) -> ET.Element:
     root = ET.Element("mujoco", model="serpent")
     root.append(ET.Comment(_HEADER))
-    _add(root, "compiler", angle="radian", meshdir="assets")
+    add(root, "compiler", angle="radian", meshdir="assets")
     gravity = world_from_base() @ np.array(arm.gravity)
-    option = _add(root, "option", timestep=TIMESTEP, integrator="implicitfast", gravity=gravity)
-    _add(option, "flag", contact="disable")
+    option = add(root, "option", timestep=TIMESTEP, integrator="implicitfast", gravity=gravity)
+    add(option, "flag", contact="disable")
     _add_defaults(root, arm, parameters)
     _add_assets(root, parts or [])
-    bodies = _add_bodies(_add(root, "worldbody"), arm, parameters, tolerances, motors)
+    bodies = _add_bodies(add(root, "worldbody"), arm, parameters, tolerances, motors)
     for part in parts or []:
-        look = {"class": "visual", "mesh": part.name, "rgba": _word(part.rgba)}
-        _add(bodies[part.body], "geom", **look)
-    _add_strands(_add(root, "tendon"), arm, parameters, tolerances, motors)
+        look = {"class": "visual", "mesh": part.name, "rgba": word(part.rgba)}
+        add(bodies[part.body], "geom", **look)
+    _add_strands(add(root, "tendon"), arm, parameters, tolerances, motors)
     if motors:
-        _add_servos(_add(root, "actuator"))
-    _add_sensors(_add(root, "sensor"), motors)
+        _add_servos(add(root, "actuator"))
+    _add_sensors(add(root, "sensor"), motors)
     return root
 
 
 def _add_defaults(root: ET.Element, arm: Arm, parameters: Parameters) -> None:
     p, servo = parameters, arm.servo
-    default = _add(root, "default")
-    _add(default, "joint", type="hinge", solimpfriction=(STICKS, STICKS))
-    _add(default, "site", size=0.004, group="3")
-    motor = _add(default, "default", class_="motor")
-    _add(motor, "joint", axis=(0, 0, 1), armature=servo.armature, frictionloss=p.gear_friction)
+    default = add(root, "default")
+    add(default, "joint", type="hinge", solimpfriction=(STICKS, STICKS))
+    add(default, "site", size=0.004, group="3")
+    motor = add(default, "default", class_="motor")
+    add(motor, "joint", axis=(0, 0, 1), armature=servo.armature, frictionloss=p.gear_friction)
     nominal = (servo.voltage, servo.stall_torque, servo.no_load_speed)
     gains = (servo.velocity_i, 0, servo.velocity_p, 0, 0, servo.voltage)
-    _add(motor, "dcmotor", nominal=nominal, input="pos vel", controller=gains)
+    add(motor, "dcmotor", nominal=nominal, input="pos vel", controller=gains)
     for name, axis, reach, armature in (
         ("odd", (0, 0, 1), arm.joint_range, 0.0),
         ("even", (0, 1, 0), arm.joint_range, 0.0),
         ("jaw", (0, 1, 0), arm.jaw_range, arm.jaw_armature),
     ):
-        hinge = _add(default, "default", class_=name)
+        hinge = add(default, "default", class_=name)
         resist = {"damping": p.joint_damping, "frictionloss": p.joint_friction}
         resist |= {"armature": armature} if armature else {}
-        _add(hinge, "joint", axis=axis, limited="true", range=(-reach, reach), **resist)
+        add(hinge, "joint", axis=axis, limited="true", range=(-reach, reach), **resist)
     dead_band = (_NEVER, p.strand_slack)
-    strand = _add(default, "default", class_="strand")
-    _add(strand, "tendon", stiffness=p.strand_stiffness, springlength=dead_band)
-    visual = _add(default, "default", class_="visual")
-    _add(visual, "geom", type="mesh", contype="0", conaffinity="0", mass="0", group="2")
+    strand = add(default, "default", class_="strand")
+    add(strand, "tendon", stiffness=p.strand_stiffness, springlength=dead_band)
+    visual = add(default, "default", class_="visual")
+    add(visual, "geom", type="mesh", contype="0", conaffinity="0", mass="0", group="2")
 
 
 def _add_assets(root: ET.Element, parts: "list[Part]") -> None:
     if parts:
-        asset = _add(root, "asset")
+        asset = add(root, "asset")
         for part in parts:
-            _add(asset, "mesh", name=part.name, file=f"{part.name}.stl", inertia="shell")
+            add(asset, "mesh", name=part.name, file=f"{part.name}.stl", inertia="shell")
 
 
 def _add_bodies(
@@ -181,11 +165,11 @@ def _add_bodies(
 ) -> dict[str, ET.Element]:
     """All bodies by name: the base with its motors, the chain of links, the jaw."""
     half = np.sqrt(0.5)
-    base = _add(world, "body", name="base", quat=(half, 0, half, 0))
+    base = add(world, "body", name="base", quat=(half, 0, half, 0))
     size = np.array(arm.robot_size) - [sum(arm.link_length), 0, 0]
     mass = arm.robot_mass - sum(arm.link_mass) - N_MOTORS * arm.horn_mass
     _add_inertial(base, mass, -size[0] / 2, mass / 12 * ((size**2).sum() - size**2))
-    _add(base, "site", name="base", **_seen_from(arm))
+    add(base, "site", name="base", **_seen_from(arm))
     bodies = {"base": base}
     for j in range(N_MOTORS if motors else 0):
         friction = _off(parameters.gear_friction, tolerances.gear_friction[j], "frictionloss")
@@ -213,14 +197,14 @@ def _off(nominal: float, logarithm: float, name: str) -> dict[str, Any]:
 
 
 def _add_inertial(body: ET.Element, mass: float, centre: float, inertia: Array) -> None:
-    _add(body, "inertial", pos=(centre, 0, 0), mass=mass, diaginertia=inertia)
+    add(body, "inertial", pos=(centre, 0, 0), mass=mass, diaginertia=inertia)
 
 
 def _add_motor(base: ET.Element, j: int, arm: Arm, friction: dict[str, float]) -> ET.Element:
     name, m, r = f"motor{j + 1}", arm.horn_mass, arm.pulley_radius[j]
-    horn = _add(base, "body", name=name, pos=arm.motor_place[j])
+    horn = add(base, "body", name=name, pos=arm.motor_place[j])
     _add_inertial(horn, m, 0.0, m * r**2 * np.array([0.25, 0.25, 0.5]))
-    _add(horn, "joint", class_="motor", name=name, **friction)
+    add(horn, "joint", class_="motor", name=name, **friction)
     return horn
 
 
@@ -233,15 +217,15 @@ def _seen_from(arm: Arm) -> dict[str, Any]:
 
 
 def _add_link(parent: ET.Element, i: int, arm: Arm, resist: dict[str, Any]) -> ET.Element:
-    link = _add(parent, "body", name=f"link{i + 1}", pos=arm.joint_offset[i])
+    link = add(parent, "body", name=f"link{i + 1}", pos=arm.joint_offset[i])
     if i < N_JOINTS - 1:
         _add_inertial(link, arm.link_mass[i], arm.link_length[i] / 2, arm.link_inertia(i))
     else:
         _add_inertial(link, *_without_jaw(arm))
     if any(arm.axis_tilt[2 * i : 2 * i + 2]):
         resist |= {"axis": arm.joint_axes[i]}
-    _add(link, "joint", class_="even" if i % 2 else "odd", name=f"joint{i + 1}", **resist)
-    _add(link, "site", name=f"marker{i + 1}", pos=arm.marker[i])
+    add(link, "joint", class_="even" if i % 2 else "odd", name=f"joint{i + 1}", **resist)
+    add(link, "site", name=f"marker{i + 1}", pos=arm.marker[i])
     return link
 
 
@@ -263,9 +247,9 @@ def _without_jaw(arm: Arm) -> tuple[float, float, Array]:
 
 def _add_jaw(link: ET.Element, arm: Arm, resist: dict[str, Any]) -> ET.Element:
     m, size, inertia = _jaw(arm)
-    jaw = _add(link, "body", name="jaw", pos=(arm.jaw_joint, 0, 0))
+    jaw = add(link, "body", name="jaw", pos=(arm.jaw_joint, 0, 0))
     _add_inertial(jaw, m, size / 2, inertia)
-    _add(jaw, "joint", class_="jaw", name="jaw", **resist)
+    add(jaw, "joint", class_="jaw", name="jaw", **resist)
     return jaw
 
 
@@ -278,19 +262,19 @@ def _add_strands(
         off = _off(parameters.strand_stiffness, tolerances.strand_stiffness[n], "stiffness")
         if more := tolerances.strand_slack[n]:
             off |= {"springlength": np.array([_NEVER, parameters.strand_slack + more])}
-        strand = _add(tendon, "fixed", class_="strand", name=name, **off)
+        strand = add(tendon, "fixed", class_="strand", name=name, **off)
         if motors:
             winch = reach * (1 + tolerances.winch_radius[j - 1])
-            _add(strand, "joint", joint=f"motor{j}", coef=winch)
+            add(strand, "joint", joint=f"motor{j}", coef=winch)
         for i in range(1, min(j, N_JOINTS) + 1):
-            _add(strand, "joint", joint=f"joint{i}", coef=-reach)
+            add(strand, "joint", joint=f"joint{i}", coef=-reach)
         if j == N_MOTORS:
-            _add(strand, "joint", joint="jaw", coef=-reach)
+            add(strand, "joint", joint="jaw", coef=-reach)
 
 
 def _add_servos(actuator: ET.Element) -> None:
     for j in range(1, N_MOTORS + 1):
-        _add(actuator, "dcmotor", class_="motor", name=f"motor{j}", joint=f"motor{j}")
+        add(actuator, "dcmotor", class_="motor", name=f"motor{j}", joint=f"motor{j}")
 
 
 def _add_sensors(sensor: ET.Element, motors: bool) -> None:
@@ -300,7 +284,7 @@ def _add_sensors(sensor: ET.Element, motors: bool) -> None:
         ("actuatorfrc", "torque", "actuator"),
     ):
         for j in range(1, N_MOTORS + 1 if motors else 1):
-            _add(sensor, kind, name=f"motor{j}_{reads}", **{of: f"motor{j}"})
+            add(sensor, kind, name=f"motor{j}_{reads}", **{of: f"motor{j}"})
     seen = {"objtype": "site", "reftype": "site", "refname": "base"}
     for i in range(1, N_JOINTS + 1):
-        _add(sensor, "framepos", name=f"marker{i}", objname=f"marker{i}", **seen)
+        add(sensor, "framepos", name=f"marker{i}", objname=f"marker{i}", **seen)

@@ -168,7 +168,9 @@ def vector(
         winch_radius=tuple(law.winch if law else 0.0 for law in laws),
         gear_friction=tuple(map(float, np.log(gears / gear))),
     )
-    return Vector(TwinModel(parameters, tolerances), _declare(laws, 1e3 * built.marker_error))
+    return Vector(
+        TwinModel(parameters, tolerances), _declare(laws, gears, 1e3 * built.marker_error)
+    )
 
 
 def _gears(laws: Sequence[CableLaw | None]) -> Array:
@@ -185,7 +187,9 @@ def _apart(values: Array, least: float) -> float:
     return max(least, 1.4826 * float(np.median(np.abs(values - np.median(values)))))
 
 
-def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Declared, ...]:
+def _declare(
+    laws: Sequence[CableLaw | None], gears: Array, offset_error: Array
+) -> tuple[Declared, ...]:
     rows = []
     known = [law for law in laws if law]
     differ = _apart(np.log([law.stiffness for law in known]), _ALIKE) if known else np.inf
@@ -212,7 +216,6 @@ def _declare(laws: Sequence[CableLaw | None], offset_error: Array) -> tuple[Decl
         for k, name in enumerate(NAMES[kind]):
             rows.append(Declared(name, unit, _APART if k else together, step))
     rows += [Declared(name, "log N m", _JAW, 0.1) for name in NAMES["jaw"]]
-    gears = _gears(laws)
     for name, least in zip(NAMES["gear"], gears, strict=True):
         width = max(_GEAR, float(np.log(gears.max() / least)))
         rows.append(Declared(name, "log N m", width, 0.1))
