@@ -35,6 +35,7 @@ class LinearCase:
     clock: Stopwatch = field(default_factory=Stopwatch)
     channels: int = 3
     segments: tuple = (99, 99)
+    weak_rounds: int = 0
     noise: np.ndarray = field(default_factory=lambda: np.ones(3))
 
     @property
