@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import at_its_end, between
+from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import bettered
 from serpent_twin.identification.objective import cost_at
 from serpent_twin.identification.score_test import times_strength
@@ -18,6 +20,10 @@ from serpent_twin.machines.machine import ParameterVector
 _STRONGER = (1.0, 1.2, 1.4, 1.7, 2.0)
 """Times an effect's strength at which a fit begins again without what stood for a part of it"""
 
+_SAME = 0.03
+"""Of a change's squares, below which declared parameters do the same: segments begin at measured poses, where
+a marker that is elsewhere shows less
+"""
 _AS_GOOD = 0.005
 """Share of its cost by which a fit may differ where it comes in: joints that stick make it rough"""
 
@@ -69,3 +75,10 @@ def without_move(case: Case[Any], training: Any, base: Fit, coordinate: str) -> 
     begun = replace(base, point=point, residual=residual, cost=cost)
     row = base.free.declared.index(k)
     return begun, begun.only([n for n in range(len(base.free)) if n != row])
+
+
+def by_parameters(case: Case[Any], begun: Fit, change: Array) -> bool:
+    """Whether declared parameters would make a change of the residual, (N,), were it not for their priors."""
+    slopes = Information.of(case, begun).slopes.T.astype(float)
+    left = change - slopes @ np.linalg.lstsq(slopes, change)[0]
+    return bool(left @ left < _SAME * (change @ change))

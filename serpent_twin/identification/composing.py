@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from serpent_twin.identification.absorbed import without_move
+from serpent_twin.identification.absorbed import by_parameters, without_move
 from serpent_twin.identification.acceptance import CandidateTrial, Round, best_trial
 from serpent_twin.identification.discovery import (
     better_thresholds,
@@ -68,14 +68,15 @@ class ComposingTracer(Tracer):
     def _absorbed(self, base: Fit, rounds: list[Round]) -> Fit | None:
         """The fit of a law instead of the parameter that the calibration moved furthest beyond reason, which
         may stand for it, as friction of a whole joint for friction in a window of its angle. None if there is
-        no such parameter, or no law that is better.
+        no such parameter, or no law that is better. A law that is the parameter itself is none.
         """
         if not (several := moved(self.case, base, ())):
             return None
         weighed, before = self.case, self.errors(base.point)
         self.on_progress(f"laws in place of {several[0].name}")
         begun, blind = without_move(self.case, self.training, base, several[0].coordinate)
-        if names := self._known(discover(self.case, self.training, blind, False, self.on_progress)):
+        found = self._known(discover(self.case, self.training, blind, False, self.on_progress))
+        if names := self._beyond_parameters(begun, found, f"{len(rounds) + 1}_constant"):
             stage = f"{len(rounds) + 1}_absorbed_{_mark(names)}"
             trials = self.trials.each(
                 names, self.case, begun, base, before, stage, _FITTED, beside=_NEAR
@@ -86,6 +87,14 @@ class ComposingTracer(Tracer):
                 return law
         self.case = replace(self.case, noise=weighed.noise)
         return None
+
+    def _beyond_parameters(self, begun: Fit, names: Sequence[str], stage: str) -> list[str]:
+        """The names of some laws without constants that declared parameters could do."""
+        constant = [name for name in names if (law := composed_law(name)) and not law.reading]
+        tested = self.trials.scores(stage, self.case, begun, constant) if constant else {}
+        changes = {name: each.change.astype(float) for name, each in tested.items()}
+        done = [name for name, each in changes.items() if by_parameters(self.case, begun, each)]
+        return [name for name in names if name not in done]
 
     def _replaced(self, several: Fit, rounds: list[Round], named: int) -> Fit | None:
         """The fit in which one law replaces an accepted effect and all after it; None if none is better."""

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from linear_case import GUST, NUMBERS, SEGMENTS, START, case, every
 
-from serpent_twin.identification.absorbed import told_together, without_ends, without_move
+from serpent_twin.identification.absorbed import (
+    by_parameters,
+    told_together,
+    without_ends,
+    without_move,
+)
 from serpent_twin.identification.free_parameters import at_its_end, between, free_parameters
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.objective import cost_at
@@ -118,3 +123,11 @@ def test_of_two_as_good_the_one_within_is_and_its_way_to_the_other_is_not_told(b
     step = between(within.point, found.point, found.free)
     seen = np.linalg.norm(np.tensordot(step, within.jacobian, 1))
     assert np.linalg.norm(np.tensordot(step, told.jacobian, 1)) < 0.01 * seen
+
+
+def test_what_a_parameter_does_is_no_law_in_its_place(ended):
+    """Be it nearly the same change, whatever its prior; what the parameters do not do is one."""
+    made, base = ended
+    one, other = made.X[..., 0].ravel(), made.other.ravel()
+    assert by_parameters(made, base, 30.0 * one + 0.1 * other)
+    assert not by_parameters(made, base, one + other)
