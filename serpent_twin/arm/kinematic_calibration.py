@@ -17,7 +17,12 @@ PRIORS: Mapping[str, Array] = {
     "camera_pose": np.repeat([2e-3, 5e-3], 3),
 }
 """How far parts are from what is drawn, as standard deviations, in the units of `Deviations`"""
+_WIDTH = np.concatenate(list(PRIORS.values()))
 _LEAST_NOISE = 2e-4  # [m] of a marker's coordinate: with less, priors hold nothing
+_FARTHEST, _LESS, _LEAST = 5.0, 0.5, 1e-3
+"""Standard deviations beyond which a part is not what was built; by how much less markers are then trusted,
+again and again; and how little at least
+"""
 _STEPS = 10
 _MARKERS = len(PRIORS["marker"])
 _NUDGE = 1e-6  # [m], [rad] and of a length: markers are nearly linear in all of them
@@ -41,9 +46,22 @@ def calibrate(marker: Array, start: Array) -> Kinematics:
 
     Least squares over all parts and all poses, the poses eliminated row by row. What a turn of a joint does
     as well, such as a marker's place around the joint, cannot be told from the pose: `PRIORS` hold it against
-    noise as large as what is left.
+    noise as large as what is left. Where parts would then be further off than any that are built, something
+    else moves markers, such as a knock at one of them, and they are trusted less until no part is.
     """
-    width = np.concatenate(list(PRIORS.values()))
+    trust = 1.0
+    while True:
+        x, found = _calibrated(marker, start, trust)
+        if np.abs(x / _WIDTH).max() < _FARTHEST or trust < _LEAST:
+            return found
+        trust *= _LESS
+
+
+def _calibrated(marker: Array, start: Array, trust: float) -> tuple[Array, Kinematics]:
+    """The deviations, as in `PRIORS` one after the other, and what `calibrate` gives, if markers have so many
+    times the noise that is left as `trust` is below 1.
+    """
+    width = _WIDTH
     x, n = np.zeros(len(width)), len(start)
     freedom = max(1, np.isfinite(marker).sum() - n * N_JOINTS)
     q = joints_from_markers(marker, start)  # both at once may diverge
@@ -51,7 +69,7 @@ def calibrate(marker: Array, start: Array) -> Kinematics:
         error, slope, solve, by_markers = linearised(marker, q, _deviations(x).built(ARM))
         others = _by_others(x, q) * np.isfinite(marker).reshape(n, -1, 1)
         moves = np.concatenate([by_markers, others], axis=-1)
-        noise = max(_LEAST_NOISE, float(np.sqrt((error**2).sum() / freedom)))
+        noise = max(_LEAST_NOISE, float(np.sqrt((error**2).sum() / freedom))) / trust
         free = moves - slope @ (solve @ moves)
         information = np.einsum("nki,nkj->ij", free, free, optimize=True) / noise**2
         information += np.diag(width**-2)
@@ -62,7 +80,7 @@ def calibrate(marker: Array, start: Array) -> Kinematics:
     error, *_ = linearised(marker, q, _deviations(x).built(ARM))
     known = np.sqrt(np.diag(np.linalg.inv(information)))[:_MARKERS]
     rms = float(np.sqrt((error**2).sum() / freedom))
-    return Kinematics(_deviations(x), known.reshape(N_JOINTS, 3), rms)
+    return x, Kinematics(_deviations(x), known.reshape(N_JOINTS, 3), rms)
 
 
 def _deviations(x: Array) -> Deviations:

@@ -9,6 +9,7 @@ import numpy as np
 from serpent_twin.identification.absorbed import by_parameters, without_move
 from serpent_twin.identification.acceptance import CandidateTrial, Round, best_trial
 from serpent_twin.identification.discovery import (
+    always,
     better_thresholds,
     composed_law,
     discover,
@@ -155,13 +156,14 @@ class ComposingTracer(Tracer):
         return None
 
     def _either_way(self, several: Fit, done: Round) -> list[str]:
-        """The names of a fit's steps, as fitted, and of those that hold where these do not, the other way
-        round: beside something constant they are the same.
+        """The names of a fit's steps, as fitted, of those that hold where these do not, the other way round,
+        and of what always holds: beside something constant they are nearly the same.
         """
         known, found = self.case.candidates, []
         for name, values in several.point.effects.items():
             if other := turned(known[name], values):
-                found += [replace(known[name], variants=(values,), alternatives=()), other]
+                fitted = replace(known[name], variants=(values,), alternatives=())
+                found += [fitted, other, always(self.case, name, values)]
         return self._known(found)
 
     def _other_laws(self, several: Fit, done: Round) -> list[str]:

@@ -6,7 +6,7 @@ import pytest
 from bench_arm import NONE, ArmBatch, draw
 from serpent_twin.arm.geometry import ARM, markers
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
-from serpent_twin.arm.kinematic_calibration import PRIORS, calibrate
+from serpent_twin.arm.kinematic_calibration import PRIORS, _calibrated, calibrate
 
 NOISE = 0.4e-3
 
@@ -56,3 +56,19 @@ def test_an_arm_as_drawn_is_found_as_drawn():
     found = calibrate(markers(joint), joint)
     for name, value in vars(found.deviations).items():
         assert np.abs(value).max() < 1e-7, name
+
+
+def test_a_knock_at_one_marker_moves_no_other_part(measured):
+    """Least squares alone would take some further off than any that are built."""
+    _, joint, _, seen = measured
+    order = np.argsort(joint[:, 8])
+    joint, knocked = joint[order], seen[order]
+    knocked[200:, 8] += [0.0, 10e-3, 7e-3]
+    assert farthest(_calibrated(knocked, joint, trust=1.0)[1]) > 9
+    assert farthest(calibrate(knocked, joint)) < 5
+
+
+def farthest(found):
+    """How far a part is from what is drawn, in standard deviations."""
+    off = (getattr(found.deviations, name) / width for name, width in PRIORS.items())
+    return max(np.abs(each).max() for each in off)

@@ -1,6 +1,6 @@
 """Compose effects that no catalogue lists: a law at a place, found in what the twin leaves of the logs."""
 
-from serpent_twin.identification.discovery.candidates import with_laws
+from serpent_twin.identification.discovery.candidates import always, with_laws
 from serpent_twin.identification.discovery.discover import discover, in_each_shape
 from serpent_twin.identification.discovery.free_curve import FreeCurve, free_curve
 from serpent_twin.identification.discovery.resembling import (
@@ -15,6 +15,7 @@ from serpent_twin.identification.discovery.thresholds import better_thresholds
 
 __all__ = [
     "FreeCurve",
+    "always",
     "better_thresholds",
     "composed_law",
     "discover",

@@ -1,7 +1,7 @@
 """Make candidates of composed laws, with sensible ranges and without those that look alike."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -85,6 +85,13 @@ def with_laws(case: Case[Any], effects: Mapping[str, Array]) -> Case[Any]:
     """A case with the composed laws among effects that were fitted to it before, by name, as candidates."""
     several = [_remade(case, n, v) for n, v in effects.items() if law_of(n) == DISCOVERED]
     return case.composing(several)
+
+
+def always(case: Case[Any], name: str, values: Array) -> Candidate:
+    """The candidate of a fitted law's sizes at all times, from its parameters, (8,)."""
+    law = replace(parse(place_of(name)), shape="constant", reading="", where="")
+    constant = np.where(np.arange(len(values)) < FORM, values, 0.0)
+    return _remade(case, f"{DISCOVERED}@{law}", constant)
 
 
 def _remade(case: Case[Any], name: str, values: Array) -> Candidate:
