@@ -77,7 +77,7 @@ class ComposingTracer(Tracer):
         self.on_progress(f"laws in place of {several[0].name}")
         begun, blind = without_move(self.case, self.training, base, several[0].coordinate)
         found = self._known(discover(self.case, self.training, blind, False, self.on_progress))
-        if names := self._beyond_parameters(begun, found, f"{len(rounds) + 1}_constant"):
+        if names := self._beyond_parameters(begun, found, len(rounds) + 1):
             stage = f"{len(rounds) + 1}_absorbed_{_mark(names)}"
             trials = self.trials.each(
                 names, self.case, begun, base, before, stage, _FITTED, beside=_NEAR
@@ -89,10 +89,13 @@ class ComposingTracer(Tracer):
         self.case = replace(self.case, noise=weighed.noise)
         return None
 
-    def _beyond_parameters(self, begun: Fit, names: Sequence[str], stage: str) -> list[str]:
+    def _beyond_parameters(self, begun: Fit, names: Sequence[str], number: int) -> list[str]:
         """The names of some laws without constants that declared parameters could do."""
         constant = [name for name in names if (law := composed_law(name)) and not law.reading]
-        tested = self.trials.scores(stage, self.case, begun, constant) if constant else {}
+        if not constant:
+            return list(names)
+        stage = f"{number}_constant_{_mark(constant)}"
+        tested = self.trials.scores(stage, self.case, begun, constant)
         changes = {name: each.change.astype(float) for name, each in tested.items()}
         done = [name for name, each in changes.items() if by_parameters(self.case, begun, each)]
         return [name for name in names if name not in done]
