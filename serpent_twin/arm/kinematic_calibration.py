@@ -61,8 +61,7 @@ def _calibrated(marker: Array, start: Array, trust: float) -> tuple[Array, Kinem
     """The deviations, as in `PRIORS` one after the other, and what `calibrate` gives, if markers have so many
     times the noise that is left as `trust` is below 1.
     """
-    width = _WIDTH
-    x, n = np.zeros(len(width)), len(start)
+    x, n = np.zeros(len(_WIDTH)), len(start)
     freedom = max(1, np.isfinite(marker).sum() - n * N_JOINTS)
     q = joints_from_markers(marker, start)  # both at once may diverge
     for _ in range(_STEPS):
@@ -72,8 +71,8 @@ def _calibrated(marker: Array, start: Array, trust: float) -> tuple[Array, Kinem
         noise = max(_LEAST_NOISE, float(np.sqrt((error**2).sum() / freedom))) / trust
         free = moves - slope @ (solve @ moves)
         information = np.einsum("nki,nkj->ij", free, free, optimize=True) / noise**2
-        information += np.diag(width**-2)
-        gradient = np.einsum("nki,nk->i", free, error) / noise**2 - x / width**2
+        information += np.diag(_WIDTH**-2)
+        gradient = np.einsum("nki,nk->i", free, error) / noise**2 - x / _WIDTH**2
         step = np.linalg.solve(information, gradient)
         q = q + (solve @ (error - moves @ step)[..., None])[..., 0]
         x = x + step

@@ -39,20 +39,14 @@ class Checkpoints:
         path = self._folder / f"{name}.npz"
         if path.exists():
             return _read_fit(path, self._read(path))
-        made, took = self._timed(make)
-        self._told.add(path)
-        _save(path, _fit_arrays(made) | took)
-        return made
+        return self._made(path, make, _fit_arrays)
 
     def scores(self, name: str, make: Callable[[], list[Score]]) -> list[Score]:
         """The score tests of a stage, made now or read back."""
         path = self._folder / f"{name}.npz"
         if path.exists():
             return _read_scores(path, self._read(path))
-        made, took = self._timed(make)
-        self._told.add(path)
-        _save(path, _score_arrays(made) | took)
-        return made
+        return self._made(path, make, _score_arrays)
 
     def numbers(self, name: str, count: int, make: Callable[[], Array]) -> Array:
         """So many numbers of a stage, computed now or read back."""
@@ -61,16 +55,16 @@ class Checkpoints:
             wanted = {"numbers": Numbers((count,))}
             read = stored.require_arrays(self._read(path), wanted, str(path), _AGAIN)
             return read["numbers"]
-        made, took = self._timed(make)
-        self._told.add(path)
-        _save(path, {"numbers": made} | took)
-        return made
+        return self._made(path, make, lambda made: {"numbers": made})
 
-    def _timed(self, make: Callable[[], T]) -> tuple[T, dict[str, Any]]:
+    def _made(self, path: Path, make: Callable[[], T], arrays: Callable[[T], dict[str, Any]]) -> T:
+        """A stage made now; its arrays and its cost are kept."""
         began, simulated = time.perf_counter(), self._clock.seconds
         made = make()
         took = time.perf_counter() - began, self._clock.seconds - simulated
-        return made, {"took": np.array(took)}
+        self._told.add(path)
+        _save(path, arrays(made) | {"took": np.array(took)})
+        return made
 
     def _read(self, path: Path) -> stored.Arrays:
         """The arrays of a stage; its cost is counted once."""

@@ -44,7 +44,7 @@ _LITTLE = 0.005
 _SURELY = 2.0
 """Times the limit to first order, of the strength that a fit is to take up"""
 _TRIES = 2
-"""Strengths at most; weak effects are taken up better, so a limit above the strength tried is tried itself"""
+"""Strengths tried at most: fits take up weak effects better, so a limit above the one tried is tried, too"""
 _MOST_TIMES = 1e6
 """Typical strengths up to which a detection limit is sought"""
 
