@@ -23,18 +23,27 @@ ARMS = {"none": (0.0, 560), "base_tilt": (0.08, 330), "outside_force": (0.5, 560
 """Strengths, and control steps of each session"""
 
 
-@pytest.fixture(scope="module")
-def logs(tmp_path_factory):
-    """A folder of sessions for each arm, by its undeclared effect."""
-    root = tmp_path_factory.mktemp("bench")
-    jobs = []
-    for number, (name, (strength, steps)) in enumerate(ARMS.items()):
+class Recorded(dict[str, Path]):
+    """A folder of sessions for each arm, by its undeclared effect, recorded when it is asked for."""
+
+    def __init__(self, root: Path) -> None:
+        super().__init__()
+        self.root = root
+
+    def __missing__(self, name: str) -> Path:
+        number, (strength, steps) = [*ARMS].index(name), ARMS[name]
         rng = np.random.default_rng([11, number])
         arm = replace(draw(rng), marker_noise=2e-4, velocity_lag=LAG)
         effects = inject(name, strength, rng) if strength else NONE
-        jobs.append(Job(root / f"arm_{number}", arm, effects, 40 + number, SESSIONS, steps))
-    record_many(jobs)
-    return {name: job.folder for name, job in zip(ARMS, jobs, strict=True)}
+        job = Job(self.root / f"arm_{number}", arm, effects, 40 + number, SESSIONS, steps)
+        record_many([job])
+        self[name] = job.folder
+        return job.folder
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    return Recorded(tmp_path_factory.mktemp("bench"))
 
 
 @pytest.fixture(scope="module")

@@ -46,6 +46,7 @@ def test_a_bumper_is_composed_at_its_joint(traced):
     assert not found["unexplained"]["is"]
 
 
+@pytest.mark.slow
 def test_the_twin_and_the_plan_know_a_composed_law(traced):
     folder, _ = traced
     twin = json.loads((folder / "twin.json").read_text())
