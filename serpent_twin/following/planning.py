@@ -10,7 +10,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.following.path import PathToFollow
 from serpent_twin.following.reaching import NEAR, JointBounds, all_reached, reached, tips
-from serpent_twin.following.rehearsal import Rehearsal, rehearsed
+from serpent_twin.following.rehearsal import FEW, TIMES, Rehearsal, rehearsed
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -22,6 +22,10 @@ _KNOTS = 0.1
 """Between poses that are sought along a path, at most [s]; those between are interpolated"""
 _SHARE = 0.9
 """Of a limit that a plan may use"""
+_EASED, _EASE, _MARGIN = 6, 1.2, 0.05
+"""Poses are sought so often at most, each time nearer by so many times what motors turn too far; and this
+[rad] is what a few rehearsals may not show
+"""
 _FAR = 10e-3
 """From its path, which a rehearsed tip must not be [m]"""
 _SLACK = 0.02
@@ -67,21 +71,45 @@ def planned(
 ) -> PathPlan:
     """How the arm of a twin follows a path, from where it hangs straight; raises a `SerpentError` that says
     where and why it cannot.
+
+    Of the poses that put the tip on the path, those are taken for which no motor has to turn a joint further
+    than it may.
     """
     period = 1 / rate_hz
     time = np.arange(int(np.floor(path.duration / period + 1e-9)) + 1) * period
-    arm = twin.built
-    along = _poses(path, time, bounds, arm)
+    along, closer = _poses(path, time, bounds, twin.built), bounds
     _refuse_fast(path, along, period, limits)
-    there = _way_there(along[0], period)
-    joint_angle = np.concatenate([there, along])
-    wanted = path.at(time) if path.of_tip else tips(along, arm)
-    rehearsal = rehearsed(twin, joint_angle, period, prior_runtime)
-    tip = np.concatenate([tips(there, arm), wanted])
-    plan = PathPlan(period, len(there), tip, joint_angle, rehearsal, arm)
+    for _ in range(_EASED if path.of_tip else 0):
+        tried = _rehearsed(path, time, along, twin, prior_runtime, FEW)
+        excess = _excess(tried, limits)
+        closer = _eased(closer, tried, excess)
+        found, short = _reached(path, time, closer, twin.built)
+        if not excess.any() or (short > NEAR).any():
+            break
+        along = found
+    plan = _rehearsed(path, time, along, twin, prior_runtime, TIMES)
+    _refuse_fast(path, along, period, limits)
     _refuse_load(path, plan, limits)
     _refuse_unmet(path, plan)
     return plan
+
+
+def _rehearsed(
+    path: PathToFollow,
+    time: Array,
+    along: Array,
+    twin: TwinModel,
+    prior_runtime: float,
+    times: int,
+) -> PathPlan:
+    """The plan that leads along some poses, (T, 9), rehearsed so many times at most."""
+    period, arm = float(time[1] - time[0]), twin.built
+    there = _way_there(along[0], period)
+    joint_angle = np.concatenate([there, along])
+    wanted = path.at(time) if path.of_tip else tips(along, arm)
+    rehearsal = rehearsed(twin, joint_angle, period, prior_runtime, times)
+    tip = np.concatenate([tips(there, arm), wanted])
+    return PathPlan(period, len(there), tip, joint_angle, rehearsal, arm)
 
 
 def _poses(path: PathToFollow, time: Array, bounds: JointBounds, arm: Arm) -> Array:
@@ -89,12 +117,37 @@ def _poses(path: PathToFollow, time: Array, bounds: JointBounds, arm: Arm) -> Ar
     if not path.of_tip:
         _refuse_beyond(path, bounds)
         return path.at(time)
+    found, short = _reached(path, time, bounds, arm)
+    if (short > NEAR).any():
+        first = int(np.argmax(short > NEAR))
+        _refuse_unreached(path, path.duration * first / (len(short) - 1), bounds, arm)
+    return found
+
+
+def _reached(path: PathToFollow, time: Array, bounds: JointBounds, arm: Arm) -> tuple[Array, Array]:
+    """Joint angles along a tip's path at some times, (T, 9), and how far off the tip is at poses between
+    which they are interpolated [m].
+    """
     count = max(2, int(np.ceil(path.duration / _KNOTS)) + 1)
     knots = np.linspace(0.0, path.duration, count)  # whatever the rate, the poses are the same
     found, short = all_reached(path.at(knots), bounds, arm)
-    if (short > NEAR).any():
-        _refuse_unreached(path, float(knots[np.argmax(short > NEAR)]), bounds, arm)
-    return CubicSpline(knots, found)(time)
+    return CubicSpline(knots, found)(time), short
+
+
+def _excess(plan: PathPlan, limits: Limits) -> Array:
+    """By how much motors would turn each joint further than they may, on stiff cables [rad], (T, 9)."""
+    turned = joint_from_motor(plan.rehearsal.motor_angle[:, :-1])
+    most = _SHARE * limits.joint_angle - _MARGIN
+    return turned - np.clip(turned, -most, most)
+
+
+def _eased(bounds: JointBounds, plan: PathPlan, excess: Array) -> JointBounds:
+    """Bounds nearer to where no joint is turned, by what motors would turn joints too far."""
+    eased = plan.joint_angle - _EASE * excess
+    most = np.where(excess > 0, eased, np.inf).min(axis=0)
+    least = np.where(excess < 0, eased, -np.inf).max(axis=0)
+    low, high = np.maximum(bounds.low, least), np.minimum(bounds.high, most)
+    return JointBounds(np.minimum(low, high), np.maximum(low, high))
 
 
 def _way_there(pose: Array, period: float) -> Array:

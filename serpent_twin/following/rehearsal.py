@@ -14,10 +14,12 @@ from serpent_twin.sim.response import Response
 from serpent_twin.sim.statics import gives_way
 from serpent_twin.sim.twin_model import TwinModel
 
-_TIMES = 10
-"""Rehearsals at most"""
-_SETTLED = 0.95
-"""One that leaves more than this part of what the one before left is the last"""
+TIMES, FEW = 30, 4
+"""Rehearsals at most, and what tells roughly how far the motors must turn"""
+_SETTLED, _PATIENCE = 0.95, 4
+"""So many that leave more than this part of what the best before left are the last: while a joint that sticks
+is not yet moved, learning shows nothing
+"""
 _SMOOTH = 0.375
 """Standard deviation of the smoothing of what is learned [s], so that what sticks and slips is not learned"""
 _REST = 2.0
@@ -35,7 +37,11 @@ class Rehearsal:
 
 
 def rehearsed(
-    twin: TwinModel, joint_angle: Array, period: float, prior_runtime: float = 0.0
+    twin: TwinModel,
+    joint_angle: Array,
+    period: float,
+    prior_runtime: float = 0.0,
+    times: int = TIMES,
 ) -> Rehearsal:
     """The motors' angles along which a twin's joints go through some [rad], (T, 9), a period apart [s].
 
@@ -45,8 +51,8 @@ def rehearsed(
     as learning function and a low-pass as Q-filter.
     """
     motors, more = on_stiff_cables(joint_angle), gives_way(twin, joint_angle)
-    best, least = None, np.inf
-    for _ in range(_TIMES):
+    best, least, mark, since = None, np.inf, np.inf, 0
+    for _ in range(times):
         response = _moved(twin, motors, joint_angle[0], period, prior_runtime)
         short = joint_angle - response.joint_angle
         rms = float(np.sqrt((short**2).mean()))
@@ -55,10 +61,10 @@ def rehearsed(
                 "the twin's simulation became unstable in the rehearsal of this path. Check the twin with "
                 "python -m serpent_twin.trace, and that the path is of this arm."
             )
-        before = least
         if rms < least:
             best, least = Rehearsal(motors, response), rms
-        if not rms < _SETTLED * before:
+        mark, since = (rms, 0) if rms < _SETTLED * mark else (mark, since + 1)
+        if since == _PATIENCE or not np.isfinite(rms):
             break
         learned = gaussian_filter1d(
             (more @ short[..., None])[..., 0], _SMOOTH / period, axis=0, mode="nearest"

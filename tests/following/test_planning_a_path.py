@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from serpent_twin.arm.control import on_stiff_cables
+from serpent_twin.arm.geometry import joint_from_motor
 from serpent_twin.effects.payload import Payload
 from serpent_twin.errors import SerpentError
 from serpent_twin.following.path import PathToFollow
@@ -56,6 +57,19 @@ def test_the_path_does_not_depend_on_the_rate():
     np.testing.assert_allclose(
         slow.joint_angle[slow.begins :], fast.joint_angle[fast.begins :: 10], atol=2e-3
     )
+
+
+def test_where_motors_turn_a_joint_too_far_other_joints_do_its_part():
+    path = line((0.48, -0.05, -0.2), (0.48, 0.05, -0.2))
+    usual = plan_of(path)
+    turned = np.abs(joint_from_motor(usual.rehearsal.motor_angle[:, :-1])).max(axis=0)
+    joint = int(turned.argmax())
+    most = turned[joint] - 0.1
+    eased = planned(path, SOFT, 4.0, BOUNDS, Limits(joint_angle=most / 0.9))
+    assert np.abs(joint_from_motor(eased.rehearsal.motor_angle[:, :-1])).max() <= most
+    off = tips(eased.joint_angle[eased.begins :]) - path.at(np.arange(25) / 4)
+    assert np.linalg.norm(off, axis=1).max() < 2e-4
+    assert np.abs(eased.joint_angle[:, joint]).max() < np.abs(usual.joint_angle[:, joint]).max()
 
 
 def test_out_of_reach_is_named_with_place_and_time():
