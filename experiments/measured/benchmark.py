@@ -41,7 +41,6 @@ BENCHMARKS: Mapping[str, Benchmark] = {
         reference=1.77,
         sketch=2.45,
         origin="github.com/Rhoban/bam, branch xl330, commit af22604",
-        description="xl330.toml",
     ),
     "jaw": Benchmark(
         RMSE,

@@ -26,7 +26,7 @@ def _xl330(run: Recording) -> Array:
     at = np.maximum(np.arange(len(run))[:, None] - rows, 0)
     goal, on = c["goal_position"][at], c["torque_enable"][at]
     base = np.concatenate([goal * on, np.sin(goal) * on, on], axis=1)
-    return np.concatenate([base, np.log(run.metadata["stated"]["kp"]) * base], axis=1)
+    return np.concatenate([base, np.log(run.metadata["kp"]) * base], axis=1)
 
 
 def _jaw(run: Recording) -> Array:

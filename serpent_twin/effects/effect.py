@@ -33,6 +33,8 @@ class Range:
     """The law that its high end is, in words; nothing: an effect that runs there stands for another"""
     form: bool = False
     """Whether it sets the form of a law and is no strength, whatever its unit"""
+    strength: bool = False
+    """Whether it is a strength, whatever its unit"""
 
     @property
     def least(self) -> float:
@@ -208,12 +210,14 @@ def ranges(kind: type[Effect]) -> dict[str, Range]:
 
 
 def strengths(known: Mapping[str, Range]) -> tuple[str, ...]:
-    """Names of the parameters that are an effect's strength: the first, and the fitted ones of its unit."""
+    """Names of the parameters that are an effect's strength: the first, the fitted ones of its unit, and what
+    says so.
+    """
     first = next(iter(known))
     return tuple(
         n
         for n, r in known.items()
-        if n == first or (r.fitted and not r.form and r.unit == known[first].unit)
+        if n == first or (r.fitted and not r.form and (r.strength or r.unit == known[first].unit))
     )
 
 

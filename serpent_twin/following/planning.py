@@ -54,6 +54,10 @@ class PathPlan:
         """Control steps."""
         return len(self.tip)
 
+    def time(self, row: int | np.intp) -> float:
+        """The time of a row on the path [s]; negative on the way to its first point."""
+        return float(row - self.begins) * self.period
+
     @property
     def short(self) -> Array:
         """How far the twin's tip is from its point in the rehearsal [m], (T,)."""
@@ -77,18 +81,28 @@ def planned(
     """
     period = 1 / rate_hz
     time = np.arange(int(np.floor(path.duration / period + 1e-9)) + 1) * period
+    if len(time) < 2:
+        raise SerpentError(
+            f"{path.file}: the path lasts {path.duration:.3g} s, less than a control step of {period:.3g} s. "
+            "Give it more time, or raise --rate-hz."
+        )
     along, closer = _poses(path, time, bounds, twin.built), bounds
-    _refuse_fast(path, along, period, limits)
+    _refuse_fast(path, np.cumsum(along, axis=1), 0, period, limits)
+
+    def rehearsed_in(times: int) -> PathPlan:
+        return _rehearsed(path, period, along, twin, prior_runtime, times)
+
     for _ in range(_EASED if path.of_tip else 0):
-        tried = _rehearsed(path, time, along, twin, prior_runtime, FEW)
-        excess = _excess(tried, limits)
+        tried = rehearsed_in(FEW)
+        if not (excess := _excess(tried, limits)).any():
+            break
         closer = _eased(closer, tried, excess)
         found, short = _reached(path, time, closer, twin.built)
-        if not excess.any() or (short > NEAR).any():
+        if (short > NEAR).any():
             break
         along = found
-    plan = _rehearsed(path, time, along, twin, prior_runtime, TIMES)
-    _refuse_fast(path, along, period, limits)
+    plan = rehearsed_in(TIMES)
+    _refuse_fast(path, plan.rehearsal.motor_angle, plan.begins, period, limits)
     _refuse_load(path, plan, limits)
     _refuse_unmet(path, plan)
     return plan
@@ -96,17 +110,16 @@ def planned(
 
 def _rehearsed(
     path: PathToFollow,
-    time: Array,
+    period: float,
     along: Array,
     twin: TwinModel,
     prior_runtime: float,
     times: int,
 ) -> PathPlan:
     """The plan that leads along some poses, (T, 9), rehearsed so many times at most."""
-    period, arm = float(time[1] - time[0]), twin.built
-    there = _way_there(along[0], period)
+    there, arm = _way_there(along[0], period), twin.built
     joint_angle = np.concatenate([there, along])
-    wanted = path.at(time) if path.of_tip else tips(along, arm)
+    wanted = path.at(np.arange(len(along)) * period) if path.of_tip else tips(along, arm)
     rehearsal = rehearsed(twin, joint_angle, period, prior_runtime, times)
     tip = np.concatenate([tips(there, arm), wanted])
     return PathPlan(period, len(there), tip, joint_angle, rehearsal, arm)
@@ -184,16 +197,16 @@ def _refuse_beyond(path: PathToFollow, bounds: JointBounds) -> None:
         )
 
 
-def _refuse_fast(path: PathToFollow, along: Array, period: float, limits: Limits) -> None:
-    """Refuse a path on which a motor would turn faster than it may, on stiff cables."""
-    if len(along) < 2:
-        return
-    speed = np.abs(np.diff(np.cumsum(along, axis=1), axis=0)) / period
+def _refuse_fast(
+    path: PathToFollow, motors: Array, begins: int, period: float, limits: Limits
+) -> None:
+    """Refuse a path on which a motor would turn faster than it may, by the motors' angles, (T, M)."""
+    speed = np.abs(np.diff(motors, axis=0)) / period
     most = _SHARE * limits.velocity
     if speed.max() > most:
         row, motor = np.unravel_index(int(speed.argmax()), speed.shape)
         raise SerpentError(
-            f"{path.file}: at {row * period:.2f} s motor {motor + 1} would have to turn at "
+            f"{path.file}: {_when((row - begins) * period)} motor {motor + 1} would have to turn at "
             f"{speed.max():.2f} rad/s, and {most:.2f} rad/s is what it may. Near a singular pose a small way "
             f"of the tip takes large turns: move the path, or give it {speed.max() / most:.1f} times the "
             "time."
@@ -203,20 +216,19 @@ def _refuse_fast(path: PathToFollow, along: Array, period: float, limits: Limits
 def _refuse_load(path: PathToFollow, plan: PathPlan, limits: Limits) -> None:
     """Refuse what the rehearsal shows that the arm cannot do."""
     response, motors = plan.rehearsal.response, plan.rehearsal.motor_angle
-    at = (np.arange(plan.rows) - plan.begins) * plan.period
     load, most = np.abs(response.load), _SHARE * limits.load
     if load.max() > most:
         row, motor = np.unravel_index(int(load.argmax()), load.shape)
         raise SerpentError(
-            f"{path.file}: at {at[row]:.2f} s motor {motor + 1} would hold {100 * load.max():.0f} % of its "
-            f"stall torque, and {100 * most:.0f} % is what it may. Move the path to where the arm hangs "
+            f"{path.file}: {_when(plan.time(row))} motor {motor + 1} would hold {100 * load.max():.0f} % of "
+            f"its stall torque, and {100 * most:.0f} % is what it may. Move the path to where the arm hangs "
             "lower."
         )
     turned, most = np.abs(joint_from_motor(motors[:, :-1])), _SHARE * limits.joint_angle
     if turned.max() > most:
         row, joint = np.unravel_index(int(turned.argmax()), turned.shape)
         raise SerpentError(
-            f"{path.file}: at {at[row]:.2f} s the motors would have to turn joint {joint + 1} by "
+            f"{path.file}: {_when(plan.time(row))} the motors would have to turn joint {joint + 1} by "
             f"{turned.max():.2f} rad on stiff cables, since the real ones stretch, and {most:.2f} rad is "
             f"what they may: at {limits.joint_angle:.2f} rad the arm is stopped. Move the path to where the "
             "arm hangs lower, or raise joint_angle_deg in the limits of its setup, arm.toml."
@@ -230,7 +242,7 @@ def _refuse_unmet(path: PathToFollow, plan: PathPlan) -> None:
         row = plan.begins + int(plan.short[plan.begins :].argmax())
         raise SerpentError(
             f"{path.file}: however its motors turn, the twin's tip stays {1e3 * rms:.0f} mm from the path, "
-            f"and {1e3 * plan.short[row]:.0f} mm at {(row - plan.begins) * plan.period:.2f} s: its cables "
+            f"and {1e3 * plan.short[row]:.0f} mm at {plan.time(row):.2f} s: its cables "
             "are too soft or too slack for this path. Move it to where the arm hangs lower, or go slower."
         )
 
@@ -240,6 +252,10 @@ def slack_cables(plan: PathPlan) -> list[int]:
     tension = plan.rehearsal.response.tension[plan.begins :, :-2]
     pulls = (tension > _SLACK).any(axis=0).reshape(-1, 2).any(axis=1)
     return [int(j) + 1 for j in np.flatnonzero(~pulls)]
+
+
+def _when(time: float) -> str:
+    return f"at {time:.2f} s" if time >= 0 else f"{-time:.2f} s before the path begins,"
 
 
 def _mm(point: Array) -> str:

@@ -1,6 +1,6 @@
 """Accept an effect only if its gain on held-out logs is significant and justifies its parameters."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -93,6 +93,15 @@ class Round:
     """Name of the candidate that was accepted, two of a pair, or none"""
     pairs: tuple[PairTrial, ...] = ()
     """Pairs that were fitted, where no candidate was accepted alone"""
+    undone: str = ""
+    """Than what the best gains less, where nothing was accepted in the end"""
+
+
+def accepting(rounds: Sequence[Round], name: str) -> int:
+    """The number, from 0, of the round that accepted an effect; of several, the last: another may have been
+    undone in between.
+    """
+    return max(n for n, each in enumerate(rounds) if name in each.accepted)
 
 
 @dataclass(frozen=True)
@@ -102,7 +111,10 @@ class Selection:
     case: Case[Any]
     """With its last weights"""
     calibrated: Fit
+    settled: Fit
+    """With the effects that stay, as the rounds left it"""
     final: Fit
+    """The same, fitted to more segments"""
     rounds: tuple[Round, ...]
     rivals: Mapping[str, tuple[Rival, ...]] = field(default_factory=dict)
     """Of each accepted effect"""

@@ -5,7 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.identification.acceptance import Round, Selection, doubtful, seen, why_not
+from serpent_twin.identification.acceptance import (
+    Round,
+    Selection,
+    accepting,
+    doubtful,
+    seen,
+    why_not,
+)
 from serpent_twin.identification.bars import Bars, bars
 from serpent_twin.identification.diagnosis import (
     ACCEPTED,
@@ -121,7 +128,7 @@ def _named(
     alone = len(selection.final.point.effects) == 1
     named = []
     for name in selection.final.point.effects:
-        trial = next(each.trials[name] for each in selection.rounds if name in each.accepted)
+        trial = selection.rounds[accepting(selection.rounds, name)].trials[name]
         assert trial.gain is not None
         whole = alone and not trial.gain.left_out
         gained = gain(before, after, trial.selected) if whole else trial.gain
@@ -149,10 +156,10 @@ def _stands_in(error: Mapping[str, float], bar: Bars) -> bool:
 
 
 def _moved(case: Case, selection: Selection) -> tuple[Moved, ...]:
-    """The declared parameters that the last round's twin had moved too far. Each is compared with everything
-    that was tried from this twin: named effects, and laws.
+    """The declared parameters that the twin with all effects has moved too far. Each is compared with
+    everything that was tried on top of this twin: named effects, and laws.
     """
-    base = selection.rounds[-1].base
+    base = selection.settled
     alike = [each.trials for each in selection.rounds if each.base is base]
     return moved(case, base, [trial.score for several in alike for trial in several.values()])
 
@@ -199,9 +206,11 @@ def _tried(case: Case, selection: Selection, stand_in: bool) -> tuple[Tried, ...
         name: Tried(name, float("nan"), NOT_EXCITED, 0.0, None, why)
         for name, why in case.unseen.items()
     }
-    for each in selection.rounds:
+    accepted = {n: accepting(selection.rounds, n) for n in selection.final.point.effects}
+    for n, each in enumerate(selection.rounds):
         for name, trial in each.trials.items():
-            if trial.gain is None and name in out and out[name].gain_by_segment is not None:
+            fitted = name in out and out[name].gain_by_segment is not None
+            if n != accepted.get(name, n) or (trial.gain is None and fitted):
                 continue
             verdict, why = _verdict(name, each, selection, case)
             if verdict == ACCEPTED and stand_in:
@@ -232,7 +241,8 @@ def _verdict(name: str, each: Round, selection: Selection, case: Case) -> tuple[
     if why := why_not(name, trial, case.candidates[name]):
         return REJECTED, why
     assert trial.gain is not None
-    return REJECTED, f"{trial.gain}, less than {' and '.join(map(spaced, each.accepted))}"
+    better = " and ".join(map(spaced, each.accepted)) or each.undone
+    return REJECTED, f"{trial.gain}, less than {better}"
 
 
 def _cautions(case: Case, selection: Selection) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 import json
 import time
+import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -22,6 +23,8 @@ T = TypeVar("T")
 Number = Annotated[float, within(-1e12, 1e12)]
 Index = Annotated[int, within(0, 1_000_000)]
 _AGAIN = "Delete it; the same command makes it again."
+_LONGEST = 160
+"""Bytes of a stage's name in that of its file; file systems allow 255, and what is added needs some"""
 
 
 class Checkpoints:
@@ -36,26 +39,35 @@ class Checkpoints:
 
     def fit(self, name: str, make: Callable[[], Fit]) -> Fit:
         """The fit of a stage, made now or read back."""
-        path = self._folder / f"{name}.npz"
+        path = self._path(name)
         if path.exists():
             return _read_fit(path, self._read(path))
         return self._made(path, make, _fit_arrays)
 
     def scores(self, name: str, make: Callable[[], list[Score]]) -> list[Score]:
         """The score tests of a stage, made now or read back."""
-        path = self._folder / f"{name}.npz"
+        path = self._path(name)
         if path.exists():
             return _read_scores(path, self._read(path))
         return self._made(path, make, _score_arrays)
 
     def numbers(self, name: str, count: int, make: Callable[[], Array]) -> Array:
         """So many numbers of a stage, computed now or read back."""
-        path = self._folder / f"{name}.npz"
+        path = self._path(name)
         if path.exists():
             wanted = {"numbers": Numbers((count,))}
             read = stored.require_arrays(self._read(path), wanted, str(path), _AGAIN)
             return read["numbers"]
         return self._made(path, make, lambda made: {"numbers": made})
+
+    def _path(self, name: str) -> Path:
+        """The file of a stage. Names of places may be long, and hold what no file's name may."""
+        plain, most = name.replace("/", "_"), _LONGEST
+        if plain != name or len(plain.encode()) > most:
+            plain = (
+                f"{plain.encode()[:most].decode(errors='ignore')}_{zlib.crc32(name.encode()):08x}"
+            )
+        return self._folder / f"{plain}.npz"
 
     def _made(self, path: Path, make: Callable[[], T], arrays: Callable[[T], dict[str, Any]]) -> T:
         """A stage made now; its arrays and its cost are kept."""

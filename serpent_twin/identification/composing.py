@@ -1,16 +1,12 @@
 """Trace with effects that no catalogue lists: laws composed from what the named ones leave."""
 
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from serpent_twin.identification.absorbed import by_parameters, without_move
 from serpent_twin.identification.acceptance import CandidateTrial, Round, best_trial
 from serpent_twin.identification.discovery import (
     always,
-    better_thresholds,
     composed_law,
     discover,
     elsewhere,
@@ -19,15 +15,12 @@ from serpent_twin.identification.discovery import (
     turned,
 )
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.moved import moved
-from serpent_twin.identification.objective import cost_at
 from serpent_twin.identification.proxies import needless
-from serpent_twin.identification.steps import BEATS, Tracer
+from serpent_twin.identification.refitting import RefittingTracer, mark
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.candidate import Candidate
-from serpent_twin.machines.machine import ParameterVector
 
 _MOST = 3
 """Laws, one after the other"""
@@ -36,11 +29,12 @@ _FITTED, _NEAR = 2, 0.8
 _AS_MUCH = 0.9
 """Of what a named effect removed, what a law must to be tried in its place, both to first order"""
 
+_IN_PLACE = "the effects in whose place it was tried"
 _Way = Callable[[Fit, Round], list[str]]
 """Finds laws to try in place of a round, from the fit with all effects and that round; gives their names"""
 
 
-class ComposingTracer(Tracer):
+class ComposingTracer(RefittingTracer):
     """The steps of a trace, and after them laws at places of the machine, while something is left."""
 
     def _more(self, base: Fit, rounds: list[Round]) -> Fit:
@@ -54,7 +48,7 @@ class ComposingTracer(Tracer):
         if law := self._absorbed(base, rounds):
             base = law
         found, something = self._composed(base, rounds, 1)
-        if not something:
+        if not something and not law:
             return found
         if better := self._replaced(found, rounds, named):
             return self._composed(better, rounds)[0]
@@ -78,7 +72,7 @@ class ComposingTracer(Tracer):
         begun, blind = without_move(self.case, self.training, base, several[0].coordinate)
         found = self._known(discover(self.case, self.training, blind, False, self.on_progress))
         if names := self._beyond_parameters(begun, found, len(rounds) + 1):
-            stage = f"{len(rounds) + 1}_absorbed_{_mark(names)}"
+            stage = f"{len(rounds) + 1}_absorbed_{mark(names)}"
             trials = self.trials.each(
                 names, self.case, begun, base, before, stage, _FITTED, beside=_NEAR
             )
@@ -94,7 +88,7 @@ class ComposingTracer(Tracer):
         constant = [name for name in names if (law := composed_law(name)) and not law.reading]
         if not constant:
             return list(names)
-        stage = f"{number}_constant_{_mark(constant)}"
+        stage = f"{number}_constant_{mark(constant)}"
         tested = self.trials.scores(stage, self.case, begun, constant)
         changes = {name: each.change.astype(float) for name, each in tested.items()}
         done = [name for name, each in changes.items() if by_parameters(self.case, begun, each)]
@@ -118,7 +112,7 @@ class ComposingTracer(Tracer):
             before = self.errors(base.point)
             if not (names := self._candidates(base, before)):
                 return base, n > 0
-            stage = f"{len(rounds) + 1}_composed_{_mark(names)}"
+            stage = f"{len(rounds) + 1}_composed_{mark(names)}"
             rounds.append(self._law(names, base, before, stage))
             if (better := self._stands(rounds)) is None:
                 break
@@ -180,7 +174,8 @@ class ComposingTracer(Tracer):
         first = composed_law(done.accepted[0])
         if first is None or first.reading:
             return []
-        for law in map(composed_law, several.point.effects):
+        later = [each for each in several.point.effects if each not in done.base.point.effects]
+        for law in map(composed_law, later):
             if law and law.reading and (law.handle, law.place) == (first.handle, first.place):
                 return self._known(in_each_shape(self.case, self.training, done.base, law))
         return []
@@ -196,7 +191,7 @@ class ComposingTracer(Tracer):
         """The fit of one of some laws in place of what a round accepted and of all after it, if it stands."""
         if not names:
             return None
-        stage = f"{len(rounds) + 1}_instead_of_{done.accepted[0]}_{_mark(names)}"
+        stage = f"{len(rounds) + 1}_instead_of_{done.accepted[0]}_{mark(names)}"
         scores = self.trials.scores(stage, self.case, done.base, names)
         removed = max(each.share for each in scores.values())
         if removed <= _AS_MUCH * done.trials[done.accepted[0]].score.share:
@@ -212,45 +207,9 @@ class ComposingTracer(Tracer):
                 stands = not needless(self.trials, self.case, score, several, law)
             if stands:
                 return law
-        rounds[-1] = replace(tried, accepted=())
+        rounds[-1] = replace(rounds[-1], accepted=(), undone=rounds[-1].undone or _IN_PLACE)
         self.case = replace(self.case, noise=done.base.noise)
         return None
-
-    def _with_thresholds(self, found: Fit, name: str, number: int) -> Fit:
-        """The fit of an accepted law; where better thresholds of it are found, the fit from these."""
-        self.on_progress(f"thresholds of {spaced(name)}")
-        point = better_thresholds(self.case, self.training, found, name)
-        if point is None:
-            return found
-        self.case = replace(self.case, noise=found.noise)
-        stage = f"moved_{number}_{_mark([name])}"
-        moved = self._fit(stage, point, found.free, 2, carried=found)
-        return moved if self._betters(moved, found) else found
-
-    def _anew(self, found: Fit, number: int) -> Fit:
-        """A fit; or, if that is better, one of the same effects for which the nominal twin was calibrated
-        again. Without these effects, the calibration before may have gone astray, and its weights with it.
-        """
-        weighed, effects = self.case, found.point.effects
-        stage = f"anew_{number}_{_mark(list(effects))}"
-        start = ParameterVector(np.zeros(len(weighed.declared)), effects)
-        self.case = weighed.reweighted(start, self.training)
-        first = self._fit(f"{stage}_1", start, free_parameters(weighed, ()), 1)
-        held = self._reweighted(stage, first)
-        self.case = self._weighed_by(held)
-        again = self._fit(f"{stage}_4", held.point, found.free, 2)
-        if self._betters(again, found, BEATS):
-            return again
-        self.case = weighed
-        return found
-
-    def _betters(self, again: Fit, found: Fit, share: float = 1.0) -> bool:
-        """Whether a fit leaves less than a share of another's cost, by that one's weights."""
-        case = replace(self.case, noise=found.noise)
-        some = case.take(self.training, found.used)
-        residual = case.residual([again.point], some)[0]
-        cost = cost_at(case, again.point, residual, found.variance_inflation)
-        return cost < share * found.cost
 
     def _resembling(
         self,
@@ -276,7 +235,7 @@ class ComposingTracer(Tracer):
             if not new:
                 return
             self.case, names = self.case.composing(new), [each.name for each in new]
-            which = f"{stage}_resembling_{_mark(names)}"
+            which = f"{stage}_resembling_{mark(names)}"
             beat = fitted(best).cost_with(base.variance_inflation)  # fits that go on have another
             every.update(
                 self.trials.each(
@@ -293,8 +252,3 @@ class ComposingTracer(Tracer):
             best = best_trial(every, self.case.candidates)
         tried(elsewhere(self.case.candidates[best], fitted(best)))
         return every
-
-
-def _mark(names: Sequence[str]) -> str:
-    """A short text that names of candidates determine: another version may compose others."""
-    return f"{zlib.crc32(' '.join(names).encode()):08x}"

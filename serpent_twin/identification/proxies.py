@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from serpent_twin.identification.acceptance import Round, weakness
+from serpent_twin.identification.acceptance import Round, accepting, weakness
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.gained import gained
@@ -29,7 +29,7 @@ def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequenc
         rest = {n: v for n, v in final.point.effects.items() if n != name}
         point = ParameterVector(final.point.declared, rest)
         free = free_parameters(case, list(rest))
-        less = trials.notes.fit(
+        less = trials.stable(
             f"without_{len(rounds)}_{name}",
             lambda p=point, m=free, f=final: fit(
                 case,
@@ -42,8 +42,8 @@ def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequenc
                 known=f,
             ),
         )
-        score = next(r.trials[name].score for r in rounds if name in r.accepted)
-        if needless(trials, case, score, less, final):
+        score = rounds[accepting(rounds, name)].trials[name].score
+        if less and needless(trials, case, score, less, final):
             trials.on_progress(f"{spaced(name)} is not worth it beside the others")
             final = less
     return final

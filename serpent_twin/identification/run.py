@@ -164,7 +164,7 @@ def _settings(
     kept = {"rig": config.named, "held_out": config.held_out, "seed": config.seed}
     if not config.discover:
         kept["discover"] = False
-    if config.judge or not isinstance(config.held_out, int):
+    if config.judge or not isinstance(config.held_out, int) or len(config.logs) > 1:
         kept["held_out"] = [s.name for s in judging]
     if files := machines.made_of(rig):
         kept["machine_sha256"] = files

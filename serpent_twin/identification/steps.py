@@ -44,6 +44,7 @@ opening must come below that share of a first calibration's cost with its first 
 """
 _PLAIN = 0.2
 """Relative gain of a candidate above which those that calibration may have absorbed are not tried"""
+_UNDONE = "another, which did not stand when everything was fitted anew"
 
 
 @dataclass(frozen=True)
@@ -79,10 +80,11 @@ class Tracer:
         """Calibrate, then add effects one by one while their gain is significant."""
         calibrated, base, rounds = self.named()
         base = self._more(base, rounds)
-        final = self._sharpened(without_proxies(self.trials, self.case, base, rounds))
+        settled = without_proxies(self.trials, self.case, base, rounds)
+        final = self._sharpened(settled)
         self.final = final.point
         rivals = {n: self.trials.rivals(self.case, n, rounds) for n in final.point.effects}
-        return Selection(self.case, calibrated, final, tuple(rounds), rivals)
+        return Selection(self.case, calibrated, settled, final, tuple(rounds), rivals)
 
     def named(self) -> tuple[Fit, Fit, list[Round]]:
         """The calibrated twin, the fit with the named effects that were added to it, and the rounds."""
@@ -132,7 +134,7 @@ class Tracer:
         if gave_up(done.errors, after):
             score = {name: replace(each.score, unstable=True) for name, each in trials.items()}
             lost = {name: CandidateTrial(score[name], None, None, after.marker) for name in names}
-            return replace(done, trials={**done.trials, **lost}, accepted=())
+            return replace(done, trials={**done.trials, **lost}, accepted=(), undone=_UNDONE)
         first = trials[names[0]]
         fits, errors = (done.base, polished), (done.errors, after)
         better = gained(self.case, first.score, fits, errors, first.selected)
@@ -141,8 +143,10 @@ class Tracer:
             for name, each in trials.items()
         }
         known = {name: self.case.candidates[name] for name in names}
-        stands = () if weakness_of_fit(polished, better, known) else names
-        return replace(done, trials={**done.trials, **again}, accepted=stands)
+        trials = {**done.trials, **again}
+        if weakness_of_fit(polished, better, known):
+            return replace(done, trials=trials, accepted=(), undone=_UNDONE)
+        return replace(done, trials=trials)
 
     def errors(self, point: ParameterVector) -> Errors:
         """Held-out errors of a parameter vector."""

@@ -11,6 +11,7 @@ from serpent_twin.identification.acceptance import (
     CandidateTrial,
     PairTrial,
     Round,
+    accepting,
     weakness_of_fit,
 )
 from serpent_twin.identification.bars import noise_alone
@@ -44,7 +45,8 @@ _MORE, _ROUNDS = 3, 2
 """Derivatives of a fit that goes on, and its rounds along its weakest directions"""
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
-_RIVALS = 2  # that were not fitted in their round, and are then
+_RIVALS = 2
+"""Rivals, below which those that were not fitted in their round are fitted afterwards"""
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ class Trials:
             number, begins = stage.split("_")[:2]
             self.on_progress(f"{number}, from the {begins}: fitting {spaced(name)}")
             near = min(beat, begun.cost - _NEAR * (begun.cost - best))
-            fitted = self._stable(
+            fitted = self.stable(
                 f"fit_{stage}_{name}",
                 lambda one=found[name], near=near: full_fit(
                     case, self.training, begun, one, self.on_progress, near
@@ -120,7 +122,7 @@ class Trials:
             return worth_fitting(list(found.values()), case.candidates, least)[:most]
         return laws_to_fit(case, found, least, most, beside)
 
-    def _stable(self, stage: str, make: Callable[[], Fit]) -> Fit | None:
+    def stable(self, stage: str, make: Callable[[], Fit]) -> Fit | None:
         """A fit by its name; None where no simulation is stable in which it could begin."""
         try:
             return self.notes.fit(stage, make)
@@ -171,7 +173,7 @@ class Trials:
             for name, size in zip(pair.names, pair.size, strict=True):
                 point = point.having(name, scores[name].sized(known[name], size))
             free = free_parameters(case, [*base.point.effects, *pair.names])
-            fitted = self._stable(
+            fitted = self.stable(
                 f"fit_{number}_pair_{'_'.join(pair.names)}",
                 lambda p=point, f=free: fit(
                     case, self.training, p, f, 2, 1, self.on_progress, known=base
@@ -188,7 +190,8 @@ class Trials:
 
     def rivals(self, case: Case[Any], name: str, rounds: Sequence[Round]) -> tuple[Rival, ...]:
         """The rivals of an accepted effect, each fitted in its place and compared on held-out logs."""
-        number, done = next((n, r) for n, r in enumerate(rounds, 1) if name in r.accepted)
+        number = accepting(rounds, name) + 1
+        done = rounds[number - 1]
         case = replace(case, noise=done.base.noise)  # by which the base's derivative is weighed
         scores = {other: trial.score for other, trial in done.trials.items()}
         alike, winner = rivals(name, scores, case.candidates), done.trials[name].errors
@@ -202,7 +205,7 @@ class Trials:
             errors = done.trials[other].errors
             if errors is None and len(out) < _RIVALS and not scores[other].unstable:
                 self.on_progress(f"rivals: fitting {spaced(other)}")
-                rival = self._stable(
+                rival = self.stable(
                     f"rival_{number}_{name}_{other}",
                     lambda o=other: full_fit(
                         case, self.training, done.base, scores[o], self.on_progress

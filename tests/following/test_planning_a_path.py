@@ -82,6 +82,11 @@ def test_a_step_that_is_too_large_is_named_with_the_time_it_would_need():
         plan_of(line((0.48, -0.1, -0.2), (0.48, 0.1, -0.2), seconds=0.05), rate=100.0)
 
 
+def test_a_path_shorter_than_a_control_step_is_refused():
+    with pytest.raises(SerpentError, match=r"lasts 0\.2 s, less than a control step of 0\.25 s"):
+        plan_of(line((0.48, 0.0, -0.2), (0.48, 0.001, -0.2), seconds=0.2))
+
+
 def test_a_joint_beyond_its_bounds_is_named_and_can_be_given_more_room():
     pose = np.zeros(9)
     pose[2] = 0.45

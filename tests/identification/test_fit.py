@@ -277,3 +277,18 @@ def test_places_are_tried_within_the_best_one_so_far(place, size, last, found_at
     assert arm.asked == ([2] if not size else [2, 3] if place == -1 else [2, 3, 3])
     if size:
         assert found.start[0] == pytest.approx(size, rel=0.05) and found.share > 0.2
+
+
+def test_a_stage_is_kept_whatever_its_places_are_called(tmp_path):
+    """MuJoCo's names may hold a slash, and be as long as one likes."""
+    names = [
+        "limits_payload@left/wrist",
+        "limits_payload@left_wrist",
+        "fit_" + 60 * "länge/",
+        "fit_",
+    ]
+    for _ in range(2):
+        notes = Checkpoints(tmp_path, Stopwatch())
+        for n, name in enumerate(names):
+            assert notes.numbers(name, 1, lambda n=n: np.array([float(n)]))[0] == n
+    assert len(list(tmp_path.iterdir())) == len(names)

@@ -8,6 +8,7 @@ import pytest
 from linear_case import GUST, NOTHING, START, case, every
 
 from serpent_twin.effects import Range
+from serpent_twin.identification.acceptance import accepting
 from serpent_twin.identification.bars import BEYOND, Bars
 from serpent_twin.identification.build_diagnosis import _stands_in
 from serpent_twin.identification.free_parameters import free_parameters
@@ -65,6 +66,12 @@ def test_what_changes_the_residual_alike_is_a_rival():
     assert Rival("near", 0.9, 0.2, 0.001).told_apart
     assert not Rival("near", 0.9, 0.0, 0.4).told_apart
     assert not Rival("near", 0.9, None, None).told_apart
+
+
+def test_an_effect_is_reported_from_the_last_round_that_accepted_it():
+    """A law may be accepted, give way to another, and come back in its place."""
+    rounds = [SimpleNamespace(accepted=each) for each in (("law",), ("other",), ("law",), ())]
+    assert [accepting(rounds, name) for name in ("law", "other")] == [2, 1]
 
 
 def test_two_effects_that_hide_each_other_are_tried_as_a_pair():

@@ -67,7 +67,7 @@ def test_a_column_that_no_step_gives_is_named_and_held():
     found = fit(arm, every(), START, free, 3, 99)
     assert found.point.declared[0] == 0.0 and found.point.declared[1] == pytest.approx(-2, abs=0.1)
     assert unstable(arm, found.point, free, every(), found.jacobian) == ["one"]
-    (told,) = _unstable(arm, Selection(arm, found, found, ()), every())
+    (told,) = _unstable(arm, Selection(arm, found, found, found, ()), every())
     assert told.startswith(
         "The twin's simulation became unstable at every step of one that was tried"
     )
@@ -101,7 +101,7 @@ def test_a_fit_that_can_begin_nowhere_is_none_and_ends_nothing(tmp_path):
     found, base = score(sound, base_of(sound)), base_of(sound)
     trials = Trials(every(), every(), Checkpoints(tmp_path, Stopwatch()), print)
     begun = [
-        trials._stable(f"gust_{n}", lambda a=arm: full_fit(a, every(), base, found, print))
+        trials.stable(f"gust_{n}", lambda a=arm: full_fit(a, every(), base, found, print))
         for n, arm in enumerate((fragile(gust=-1.0), sound))
     ]
     assert begun[0] is None and begun[1] is not None
@@ -117,7 +117,7 @@ def test_an_effect_that_no_strength_of_is_stable_is_said_to_be_untested(tmp_path
         assert found.unstable and found.share == found.excitation == 0
     none = Errors(*np.ones((2, SEGMENTS, 5)))
     one = Round(base, none, {GUST: CandidateTrial(found, None, None, 1.0)}, ())
-    selection = Selection(arm, base, base, (one,))
+    selection = Selection(arm, base, base, base, (one,))
     verdict, why = _verdict(GUST, one, selection, arm)
     assert verdict == UNSTABLE and "unstable" in why
     (told,) = _unstable(arm, selection, every())

@@ -116,7 +116,7 @@ def _sizes(found: Composed, units: Mapping[str, str]) -> dict[str, Range]:
         typical = float(np.linalg.norm(found.size[n:] if of_spring else found.size[:3])) or 1.0
         low = 0.0 if handle.only_more and n == components - 1 else -_WIDE * typical
         unit, step = f"{units['size']}/m" if of_spring else units["size"], _SHARE * typical
-        out[name] = Range(unit, low, _WIDE * typical, typical, fitted=True, step=step)
+        out[name] = Range(unit, low, _WIDE * typical, typical, step=step, strength=True)
     return out
 
 

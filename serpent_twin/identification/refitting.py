@@ -1,0 +1,67 @@
+"""Fit the same effects again from other starts, of thresholds and of the calibration before them."""
+
+import zlib
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from serpent_twin.identification.discovery import better_thresholds
+from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
+from serpent_twin.identification.objective import cost_at
+from serpent_twin.identification.steps import BEATS, Tracer
+from serpent_twin.identification.wording import spaced
+from serpent_twin.machines.machine import ParameterVector
+
+
+class RefittingTracer(Tracer):
+    """The steps of a trace, with fits that begin again where they may have gone astray."""
+
+    def _with_thresholds(self, found: Fit, name: str, number: int) -> Fit:
+        """The fit of an accepted law; where better thresholds of it are found, the fit from these."""
+        self.on_progress(f"thresholds of {spaced(name)}")
+        point = better_thresholds(self.case, self.training, found, name)
+        if point is None:
+            return found
+        self.case = replace(self.case, noise=found.noise)
+        stage = f"moved_{number}_{mark([name])}"
+        moved = self._fit(stage, point, found.free, 2, carried=found)
+        return moved if self._betters(moved, found) else found
+
+    def _anew(self, found: Fit, number: int) -> Fit:
+        """A fit; or, if that is better, one of the same effects for which the nominal twin was calibrated
+        again. Without these effects, the calibration before may have gone astray, and its weights with it.
+        """
+        weighed = self.case
+        with suppress(UnstableStartError):  # then there is no such fit
+            again = self._calibrated_with(found, number)
+            if self._betters(again, found, BEATS):
+                return again
+        self.case = weighed
+        return found
+
+    def _calibrated_with(self, found: Fit, number: int) -> Fit:
+        """A fit's effects fitted after the nominal twin with them was calibrated."""
+        effects = found.point.effects
+        stage = f"anew_{number}_{mark(list(effects))}"
+        start = ParameterVector(np.zeros(len(self.case.declared)), effects)
+        self.case = self.case.reweighted(start, self.training)
+        first = self._fit(f"{stage}_1", start, free_parameters(self.case, ()), 1)
+        held = self._reweighted(stage, first)
+        self.case = self._weighed_by(held)
+        return self._fit(f"{stage}_4", held.point, found.free, 2)
+
+    def _betters(self, again: Fit, found: Fit, share: float = 1.0) -> bool:
+        """Whether a fit leaves less than a share of another's cost, by that one's weights."""
+        case = replace(self.case, noise=found.noise)
+        some = case.take(self.training, found.used)
+        residual = case.residual([again.point], some)[0]
+        cost = cost_at(case, again.point, residual, found.variance_inflation)
+        return cost < share * found.cost
+
+
+def mark(names: Sequence[str]) -> str:
+    """A short text that names of candidates determine: another version may compose others."""
+    return f"{zlib.crc32(' '.join(names).encode()):08x}"
