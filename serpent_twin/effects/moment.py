@@ -130,7 +130,7 @@ class TorqueDriven(Protocol):
 class Moment(Instant):
     """One time step of n runs; arrays are (n, 10) for motors, (n, 9) for joints, (n, 20) for strands.
 
-    The first block is measured from the runs, or of the arm as it is built, and cannot be changed. The
+    The first block is measured from the runs, or of the arm as it is drawn, and cannot be changed. The
     second is what the arm without effects would do; an effect changes it in place or replaces it.
     """
 

@@ -34,7 +34,7 @@ _SHOWS = 0.003
 """Share of the residual's squares from which a candidate's places are tried: one cable of ten shows by about
 a tenth in what all change"""
 _PLACED = 3
-"""Candidates whose places are tried: 11 simulations each, of some 28,000 steps on the arm"""
+"""Candidates whose places are tried, and those alike: 11 simulations each, of some 28,000 steps on the arm"""
 _CLEARLY = 1.05
 """Times the share of a place that one within it must remove: where only one strand of a cable pulls, it and
 the cable look alike
@@ -111,10 +111,14 @@ def _tested(case: Case[Any], pieces: Any, base: Fit, tried: _Tried) -> dict[str,
 
 
 def _nearer(candidates: Sequence[Candidate], found: Mapping[str, Score]) -> _Tried:
-    """The places within each candidate's best one, of the best few candidates that show and have some."""
+    """The places within each candidate's best one, of the best few candidates that show and have some, and of
+    those that these can be confused with.
+    """
     tried = {c.name: (c, _places(c, found[c.name].start)) for c in candidates}
     shown = [n for n, (_, places) in tried.items() if places and found[n].share > _SHOWS]
-    return {n: tried[n] for n in sorted(shown, key=lambda n: -found[n].share)[:_PLACED]}
+    best = sorted(shown, key=lambda n: -found[n].share)[:_PLACED]
+    alike = [like for name in best for like in tried[name][0].confused_with if like in shown]
+    return {name: tried[name] for name in dict.fromkeys([*best, *alike])}
 
 
 def _places(candidate: Candidate, values: Array) -> list[Array]:

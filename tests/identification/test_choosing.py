@@ -19,6 +19,8 @@ from serpent_twin.identification.held_out import Errors, gain
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.identification.score_test import (
+    Score,
+    _nearer,
     full_fit,
     scores,
 )
@@ -134,3 +136,26 @@ def test_a_gain_beyond_doubt_shows_that_a_strength_is_not_zero():
     pair = {GUST: arm.candidates[GUST], NOTHING: arm.candidates[NOTHING]}
     both = replace(vague, point=vague.point.having(NOTHING, np.array([0.1])))
     assert "may be zero" in weakness_of_fit(both, one.gain, pair)
+
+
+def test_places_are_also_tried_of_what_the_best_can_be_confused_with():
+    """A clamp of one cable shows little in all of them, and what creeps there removes more."""
+    somewhere = {
+        "size": Range("m", 0.0, 10.0, 1.0),
+        "place": Range("1", -1, 1, -1, fitted=False, within=lambda p: (0.0, 1.0) if p < 0 else ()),
+    }
+    shares = {
+        "creep": 0.2,
+        "drift": 0.1,
+        "stiffening": 0.05,
+        "payload": 0.04,
+        "slip": 0.01,
+        "shy": 0.001,
+    }
+    alike = {"creep": ("slip", "shy", "elsewhere")}
+    known = [
+        Candidate(n, somewhere, (np.array([1.0, -1.0]),), confused_with=alike.get(n, ()))
+        for n in shares
+    ]
+    found = {n: Score(n, share, 1.0, np.array([1.0, -1.0])) for n, share in shares.items()}
+    assert list(_nearer(known, found)) == ["creep", "drift", "stiffening", "slip"]
