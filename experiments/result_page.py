@@ -16,6 +16,7 @@ from serpent_twin import stored
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import listed
 from serpent_twin.reporting.report import Figure, Section, as_png, sections_in_markdown
 from serpent_twin.runs.files import json_text, write_json, write_whole
 from serpent_twin.runs.provenance import provenance
@@ -102,6 +103,18 @@ def markdown(results: Mapping[str, Any]) -> str:
     return (
         f"# {page.title}\n\n| | |\n| --- | --- |\n{rows}\n\n{sections_in_markdown(page.sections)}\n"
     )
+
+
+def traced_by_commit(found: Mapping[str, Mapping[str, Any]]) -> str:
+    """The machines of some results, with the commits that traced them where these differ."""
+    commits = list(dict.fromkeys(of.get("git_commit", "") for of in found.values()))
+    if len(commits) == 1:
+        return ", ".join(found)
+    of_each = (
+        (commit, listed(name for name, of in found.items() if of.get("git_commit", "") == commit))
+        for commit in commits
+    )
+    return ", ".join(f"{names} traced by commit {commit}" for commit, names in of_each)
 
 
 def _made(results: Mapping[str, Any]) -> PageContent:

@@ -102,7 +102,8 @@ def diagnose(config: CloseTheLoop, name: str, folder: Path) -> dict[str, Any]:
 
 
 def _kept(diagnosis: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: diagnosis[name] for name in KEPT}
+    kept = {name: diagnosis[name] for name in KEPT}
+    return kept | {"git_commit": diagnosis["provenance"]["git_commit"]}
 
 
 def _settings(config: CloseTheLoop, folders: Mapping[str, Path]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from experiments.close_the_loop.page import table, unexplained
-from experiments.result_page import PageContent
+from experiments.result_page import PageContent, traced_by_commit
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Section
 
@@ -18,6 +18,8 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         f"{name}: {counted(len(files), 'session')}, judged by {', '.join(arms[name]['held_out'])}"
         for name, files in settings["input_sha256"].items()
     )
+    if len({arm.get("git_commit") for arm in arms.values()}) > 1:
+        data += f"; {traced_by_commit(arms)}"
     sections = [Section("", "", (table(arms),))]
     if left := unexplained(arms):
         sections.append(Section("What stays unexplained", left))

@@ -5,9 +5,8 @@ from typing import Any
 
 from experiments.measured.metric import METRICS, Metric
 from experiments.measured.page import Found, lacked
-from experiments.result_page import PageContent
+from experiments.result_page import PageContent, traced_by_commit
 from serpent_twin.identification.wording import spaced
-from serpent_twin.numerals import listed
 from serpent_twin.reporting.report import Section, Table
 
 _HEADER = ("machine", "judged by", "nominal", "calibrated", "corrected", "regression", "reference")
@@ -27,7 +26,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
     command = "python -m experiments.measured --data measured"
     command += f" --held-out '{settings['held_out']}'" if settings["held_out"] else ""
     data = (
-        f"logs of real machines recorded by others: {_by_commit(found)}; "
+        f"logs of real machines recorded by others: {traced_by_commit(found)}; "
         "[Other machines](../other-machines.md#get-the-logs) has their sources and licences"
     )
     sections = (
@@ -36,18 +35,6 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         Section("What is left", _left(found)),
     )
     return PageContent("Measured machines", f"{command} --out measured_out", data, sections)
-
-
-def _by_commit(found: Found) -> str:
-    """The machines, with the commits that traced them where these differ."""
-    commits = list(dict.fromkeys(of.get("git_commit", "") for of in found.values()))
-    if len(commits) == 1:
-        return ", ".join(found)
-    of_each = (
-        (commit, listed(name for name, of in found.items() if of.get("git_commit", "") == commit))
-        for commit in commits
-    )
-    return ", ".join(f"{names} traced by commit {commit}" for commit, names in of_each)
 
 
 def _errors_text(found: Found) -> str:
