@@ -46,6 +46,8 @@ _WILD = (
 _TRUSTED = 0.93  # least cosine between what it changes and what the tangents predict, for tangents to be used
 _TRUSTED_COMPOSED = 0.7
 """The same of composed laws, whose thresholds are passed at other instants after any step"""
+_TRUSTED_CABLE = 0.7
+"""The same of the parameters of one cable: where its clamp slips, they change something else altogether"""
 OUTPUTS = (
     *(
         Output(f"marker {i}{axis}", MARKERS, _CAMERA, alike=f"marker {i}")
@@ -133,7 +135,7 @@ class ArmMachine:
     ) -> dict[str, Array]:
         """By all coordinates, (S, T, 37) each; without those of cables and hinges where effects answer to a
         change so much that tangents, which leave that out, are wrong. Where effects act, a step of all
-        coordinates at once is simulated to find out.
+        coordinates at once is simulated to find out, and one of each cable's alone.
         """
         return self._along(point, pieces, noise) | self._still(point, pieces)
 
@@ -167,13 +169,17 @@ class ArmMachine:
         size = np.linalg.norm(weighed(slopes), axis=1)
         sides = np.random.default_rng(_PROBE).choice([-1.0, 1.0], len(steps))
         sides *= np.minimum(1.0, _PROBED * np.median(size) / np.maximum(size, 1e-9))
-        there = self.respond([point.after(sides @ changes)], pieces)
-        found = weighed(there - _channels(did.marker, did.load))[0]
-        told = weighed(np.tensordot(sides, slopes, 1)[None])[0]
+        probed = sides * [[True] * len(moving), *_of_each_cable(moving)]
+        there = self.respond([point.after(each @ changes) for each in probed], pieces)
+        found = weighed(there - _channels(did.marker, did.load))
+        told = weighed(np.tensordot(probed, slopes, 1))
+        size = np.linalg.norm(found, axis=1) * np.linalg.norm(told, axis=1)
+        cosine = (found * told).sum(axis=1) / np.maximum(size, 1e-12)
         composed = any(isinstance(effect, Discovered) for effect in here.active)
-        least = _TRUSTED_COMPOSED if composed else _TRUSTED
-        trusted = found @ told > least * np.linalg.norm(found) * np.linalg.norm(told)
-        return by if trusted else {}
+        if not cosine[0] > (_TRUSTED_COMPOSED if composed else _TRUSTED):
+            return {}
+        wrong = probed[1:][(size[1:] > 0) & ~(cosine[1:] > _TRUSTED_CABLE)].any(axis=0)
+        return {name: by[name] for name, lost in zip(moving, wrong, strict=True) if not lost}
 
     def _still(self, point: ParameterVector, pieces: ArmPieces) -> dict[str, Array]:
         """Derivatives by gear friction and by the places of markers and cameras, which move nothing."""
@@ -283,3 +289,9 @@ class ArmMachine:
 def _channels(marker: Array, load: Array) -> Array:
     """Markers (D, S, T, 9, 3) and loads (D, S, T, 10) in the order of the outputs, (D, S, T, 37)."""
     return np.concatenate([marker.reshape(*marker.shape[:3], -1), load], axis=-1)
+
+
+def _of_each_cable(names: Sequence[str]) -> list[list[bool]]:
+    """Which coordinates are of each cable: of its strands and of its winch."""
+    marks = [(f"cable{n}_", f"motor {n} ") for n in range(1, N_MOTORS + 1)]
+    return [[any(mark in f"{name} " for mark in of) for name in names] for of in marks]
