@@ -105,6 +105,12 @@ def markdown(results: Mapping[str, Any]) -> str:
     )
 
 
+def left_on(page: Path | None) -> dict[str, Any]:
+    """What an earlier run left beside a page, for the machines that are not measured again; or nothing."""
+    there = page and results_of(page).exists()
+    return dict(stored.read_json(results_of(page))) if page and there else {}
+
+
 def traced_by_commit(found: Mapping[str, Mapping[str, Any]]) -> str:
     """The machines of some results, with the commits that traced them where these differ."""
     commits = list(dict.fromkeys(of.get("git_commit", "") for of in found.values()))

@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from experiments.close_the_loop.page import page, table
 from experiments.close_the_loop.picture import picture
-from experiments.result_page import publish, store
+from experiments.result_page import left_on, publish, store
 from serpent_twin import stored
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
@@ -51,7 +51,9 @@ class CloseTheLoop(Checked):
     seed: Seed = 0
     """Of bootstrap and permutations."""
     page: Path | None = None
-    """Also write the results as a page, such as docs/results/closing-the-loop.md."""
+    """Also write the results as a page, such as docs/results/closing-the-loop.md; arms that are not traced
+    now stay there as an earlier run with the same options left them.
+    """
 
 
 def main(config: CloseTheLoop) -> None:  # noqa: D103 tyro would print it above the config's own
@@ -70,7 +72,20 @@ def main(config: CloseTheLoop) -> None:  # noqa: D103 tyro would print it above 
         results = store(config.out / "results.json", "experiments.close_the_loop", figures)
         report = page(results, shown.figure if shown else None)
         print(f"{write(report, config.out)}: before and after. {report.lead}")
-    publish(results, config.page)
+    publish(_beside_earlier(results, left_on(config.page)), config.page)
+
+
+def _beside_earlier(results: dict[str, Any], earlier: Mapping[str, Any]) -> dict[str, Any]:
+    """The results with those arms of an earlier run, of the same options, that are not among them."""
+    now, before = results["settings"], earlier.get("settings", {})
+    options = [name for name in now if name != "input_sha256"]
+    if any(before.get(name) != now[name] for name in options):
+        return results
+    of_each = {"git_commit": earlier["git_commit"]}
+    arms = {name: of_each | arm for name, arm in earlier["arms"].items()} | results["arms"]
+    hashes = before["input_sha256"] | now["input_sha256"]
+    arms, hashes = (dict(sorted(each.items())) for each in (arms, hashes))
+    return results | {"arms": arms, "settings": now | {"input_sha256": hashes}}
 
 
 def arm_folders(logs: Path, arms: Sequence[str]) -> dict[str, Path]:

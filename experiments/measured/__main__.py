@@ -16,8 +16,7 @@ from experiments.measured.named import judge
 from experiments.measured.page import effect_told, page, rejected, table
 from experiments.measured.regression import regressions
 from experiments.measured.split import Asked, asked, inner, judged_by
-from experiments.result_page import publish, results_of, store
-from serpent_twin import stored
+from experiments.result_page import left_on, publish, store
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.identification import Trace
@@ -64,9 +63,9 @@ def main(config: Measured) -> None:  # noqa: D103 tyro would print it above the 
 
 def _beside_earlier(config: Measured, found: dict[str, Any]) -> dict[str, Any]:
     """The machines measured now, and on the page of the usual splits those that an earlier run left there."""
-    if not config.page or config.held_out or not results_of(config.page).exists():
+    if config.held_out:
         return found
-    every = stored.read_json(results_of(config.page))["rigs"] | found
+    every = left_on(config.page).get("rigs", {}) | found
     return {name: every[name] for name in BENCHMARKS if name in every}
 
 

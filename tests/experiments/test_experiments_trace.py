@@ -241,6 +241,18 @@ def test_every_arm_is_traced_once_and_shown(arms, capsys):
     assert (config.out / "figures" / "overlay.png").stat().st_size > 10_000
 
 
+def test_an_arm_traced_alone_leaves_the_others_on_the_page(arms, tmp_path):
+    config, _ = arms
+    page = tmp_path / "docs" / "page.md"
+    close_the_loop.main(replace(config, page=page, arms=("arm_y",)))
+    again = replace(config, page=page, arms=("arm_x",), out=tmp_path / "again")
+    close_the_loop.main(again)
+    assert "| arm_x |" in page.read_text() and "| arm_y |" in page.read_text()
+    other = replace(again, sessions=3, out=tmp_path / "other")  # of other options, nothing stays
+    close_the_loop.main(other)
+    assert "| arm_x |" in page.read_text() and "| arm_y |" not in page.read_text()
+
+
 def test_arms_can_be_chosen_and_missing_ones_are_refused(arms, tmp_path):
     config, calls = arms
     assert list(close_the_loop.arm_folders(config.logs / "arm_x", ())) == ["arm_x"]
