@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from serpent_twin.identification.diagnosis import ParameterEstimate
+from serpent_twin.identification.wording import full_name, spaced, with_numbers
 from serpent_twin.reporting.report import Report, Section, Table
 
 STAGES = ("nominal", "calibrated", "corrected")
@@ -43,8 +44,8 @@ def _row(name: str, found: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _lacked(effect: Mapping[str, Any]) -> str:
-    told = ", ".join(f"{name} {ParameterEstimate(**e)}" for name, e in effect["parameters"].items())
-    return f"{effect['name'].replace('_', ' ')}: {told}"
+    values = {name: ParameterEstimate(**each) for name, each in effect["parameters"].items()}
+    return with_numbers(full_name(effect), values)
 
 
 def page(results: Mapping[str, Any], figure: Any) -> Report:
@@ -72,7 +73,7 @@ def lead(found: Mapping[str, dict[str, Any]]) -> str:
     said = []
     for name, each in found.items():
         error = each["error_mm"]
-        named = " and ".join(e["name"].replace("_", " ") for e in each["effects"])
+        named = " and ".join(spaced(full_name(effect)) for effect in each["effects"])
         why = f"it lacked {named}" if named else "no effect was named"
         if each["unexplained"]["is"]:
             why += ", and a part stays unexplained"

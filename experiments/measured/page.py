@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 
 from experiments.measured.metric import METRICS, Metric
-from serpent_twin.effects import place_of
-from serpent_twin.effects.law import Law
 from serpent_twin.identification.diagnosis import ACCEPTED, STANDS_IN, Diagnosis
-from serpent_twin.identification.wording import spaced
+from serpent_twin.identification.wording import full_name, spaced
 from serpent_twin.reporting.plot_style import COLOURS, INK, label_logarithmic, sheet, tidy
 from serpent_twin.reporting.report import Figure, Report, Section, Table
 
@@ -28,19 +26,7 @@ Found = Mapping[str, Mapping[str, Any]]
 def effect_told(effect: Mapping[str, Any]) -> str:
     """An effect with its place, or a composed law in words, with its numbers and intervals."""
     told = ", ".join(f"{n} {_interval(e)} {e['unit']}" for n, e in effect["parameters"].items())
-    return f"{spaced(_full_name(effect))} ({told})"
-
-
-def _full_name(effect: Mapping[str, Any]) -> str:
-    """The name that holds an effect's place, as those of some machines do already, or its law."""
-    if "place" not in effect or place_of(effect["name"]):
-        return effect["name"]
-    place = effect["place"]["name"]
-    if "changes" in effect:
-        reading, _, where = " ".join(effect["depends_on"]).partition(" of ")
-        law = effect["law"], reading.replace(" ", "_"), where or "session"
-        place = str(Law(effect["changes"], place, *law))
-    return f"{effect['name']}@{place}"
+    return f"{spaced(full_name(effect))} ({told})"
 
 
 def table(found: Found) -> Table:

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Range, law_of, place_of
-from serpent_twin.effects.law import HANDLES, SPRING, parse
+from serpent_twin.effects.law import HANDLES, SPRING, Law, parse
 from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.estimates import ParameterEstimate, length_of
 from serpent_twin.numerals import listed
@@ -19,6 +20,18 @@ DISCOVERED = "discovered"
 def spaced(name: str) -> str:
     """An effect's name with spaces; of a composed one, its law and its place."""
     return with_numbers(name, {}) if law_of(name) == DISCOVERED else name.replace("_", " ")
+
+
+def full_name(effect: Mapping[str, Any]) -> str:
+    """The name that holds the place or law of an effect of diagnosis.json, as some names do already."""
+    if "place" not in effect or place_of(effect["name"]):
+        return str(effect["name"])
+    place = effect["place"]["name"]
+    if "changes" in effect:
+        reading, _, where = " ".join(effect["depends_on"]).partition(" of ")
+        law = effect["law"], reading.replace(" ", "_"), where or "session"
+        place = str(Law(effect["changes"], place, *law))
+    return f"{effect['name']}@{place}"
 
 
 def capital(text: str) -> str:
