@@ -118,6 +118,8 @@ class Selection:
     rounds: tuple[Round, ...]
     rivals: Mapping[str, tuple[Rival, ...]] = field(default_factory=dict)
     """Of each accepted effect"""
+    cautions: tuple[str, ...] = ()
+    """What was not sought, in sentences"""
 
 
 def better_trial(one: CandidateTrial, other: CandidateTrial) -> CandidateTrial:

@@ -249,7 +249,7 @@ def _cautions(case: Case, selection: Selection) -> tuple[str, ...]:
     told = indistinguishable(case, selection.final)
     if not selection.final.converged:
         told.append("The last fit has not converged; its intervals are too narrow.")
-    told += [f"{name}: {why}." for name, why in case.unseen.items()]
+    told += [*selection.cautions, *(f"{name}: {why}." for name, why in case.unseen.items())]
     for name, values in selection.final.point.effects.items():
         for parameter in at_bound(case.candidates[name], values):
             limit = case.candidates[name].ranges[parameter].limit

@@ -24,6 +24,8 @@ from serpent_twin.machines.candidate import Candidate
 
 _MOST = 3
 """Laws, one after the other"""
+_ENOUGH = 16
+"""Laws that were fitted, after which no other is sought: where so many did not do, more hardly would"""
 _FITTED, _NEAR = 2, 0.8
 """Candidates that are fitted; of what the best removes, what another must"""
 _AS_MUCH = 0.9
@@ -36,6 +38,17 @@ _Way = Callable[[Fit, Round], list[str]]
 
 class ComposingTracer(RefittingTracer):
     """The steps of a trace, and after them laws at places of the machine, while something is left."""
+
+    _laws = 0  # that were fitted
+
+    def _enough(self) -> bool:
+        """Whether so many laws were fitted that no other is sought; the diagnosis says so."""
+        if self._laws < _ENOUGH:
+            return False
+        self.cautions = (
+            f"No other law was sought after {self._laws} had been fitted; what is left may have one.",
+        )
+        return True
 
     def _more(self, base: Fit, rounds: list[Round]) -> Fit:
         """The fit with the laws that explain what is left.
@@ -97,6 +110,8 @@ class ComposingTracer(RefittingTracer):
     def _replaced(self, several: Fit, rounds: list[Round], named: int) -> Fit | None:
         """The fit in which one law replaces an accepted effect and all after it; None if none is better."""
         for n, done in enumerate(rounds.copy()):
+            if self._enough():
+                break
             ways = (self._either_way, self._other_laws) if n < named else (self._one_for_two,)
             if done.accepted and (better := self._instead(several, done, rounds, ways)):
                 return better
@@ -110,7 +125,7 @@ class ComposingTracer(RefittingTracer):
         """The fit with laws that were accepted one by one, and whether anything was left to explain."""
         for n in range(most):
             before = self.errors(base.point)
-            if not (names := self._candidates(base, before)):
+            if not (names := self._candidates(base, before)) or self._enough():
                 return base, n > 0
             stage = f"{len(rounds) + 1}_composed_{mark(names)}"
             rounds.append(self._law(names, base, before, stage))
@@ -134,6 +149,7 @@ class ComposingTracer(RefittingTracer):
         if best:
             trials = self._resembling(trials, best, base, before, stage)
             best = best_trial(trials, self.case.candidates)
+        self._laws += sum(trial.fit is not None for trial in trials.values())
         return Round(base, before, trials, (best,) if best else ())
 
     def _instead(

@@ -75,6 +75,7 @@ class Tracer:
         self.trials = Trials(training, held_out, notes, on_progress)
         self.final: ParameterVector | None = None
         self.identifiability: Identifiability | None = None
+        self.cautions: tuple[str, ...] = ()
 
     def select(self) -> Selection:
         """Calibrate, then add effects one by one while their gain is significant."""
@@ -84,7 +85,8 @@ class Tracer:
         final = self._sharpened(settled)
         self.final = final.point
         rivals = {n: self.trials.rivals(self.case, n, rounds) for n in final.point.effects}
-        return Selection(self.case, calibrated, settled, final, tuple(rounds), rivals)
+        told = self.cautions
+        return Selection(self.case, calibrated, settled, final, tuple(rounds), rivals, told)
 
     def named(self) -> tuple[Fit, Fit, list[Round]]:
         """The calibrated twin, the fit with the named effects that were added to it, and the rounds."""

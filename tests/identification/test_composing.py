@@ -4,8 +4,26 @@ import hanging_models
 import numpy as np
 import pytest
 from hanging_models import lever
+from linear_case import GUST, SEGMENTS, START, case, every
 
-from serpent_twin.identification import Trace, steps, trace
+from serpent_twin.identification import Trace, composing, steps, trace
+from serpent_twin.identification.acceptance import Round
+from serpent_twin.identification.composing import ComposingTracer
+from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.held_out import Errors
+from serpent_twin.identification.least_squares import fit
+
+
+def test_after_many_laws_no_other_is_sought_and_the_trace_says_so():
+    arm = case(0.7)
+    found = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+    rounds = [Round(found, Errors(*np.ones((2, SEGMENTS, 5))), {}, (GUST,))]
+    tracer = ComposingTracer(arm, every(), every(), None, print, 0)
+    assert not tracer._enough() and not tracer.cautions
+    tracer._laws = composing._ENOUGH
+    assert tracer._replaced(found, rounds, 1) is None  # nothing is tried in its place
+    (told,) = tracer.cautions
+    assert told.startswith("No other law was sought after 16 had been fitted")
 
 
 @pytest.mark.slow
