@@ -233,7 +233,7 @@ def test_every_arm_is_traced_once_and_shown(arms, capsys):
     close_the_loop.main(config)
     assert calls == ["arm_x", "arm_y"]
     said = capsys.readouterr().out
-    assert "payload: mass 0.15 kg [0.14 … 0.16]" in said and "9.00" in said
+    assert "payload (mass 0.15 kg [0.14 … 0.16])" in said and "9.00" in said
     results = json.loads((config.out / "results.json").read_text())
     assert set(results["arms"]) == {"arm_x", "arm_y"}
     shown = results["overlay"]
