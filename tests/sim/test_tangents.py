@@ -145,6 +145,18 @@ def test_an_arm_that_sticks_and_slips_is_differentiated_as_differences_do(name):
 
 
 @pytest.mark.slow
+def test_where_one_clamp_slips_differences_tell_for_its_cable_alone(logged):
+    """What is right for nine cables hides in one step of all that it is wrong for the tenth."""
+    case, some, start, _ = logged
+    slips = start.having("clamp_slip", [1.0, 1.0, 23.0])  # cable 4
+    found = case.jacobian(slips, some)
+    names = [each.name for each in case.declared]
+    lost = {name for name, each in zip(names, found, strict=True) if not np.isfinite(each).all()}
+    of_it = {name for name in names if "cable4_" in name or name == "winch of motor 4"}
+    assert lost == of_it and len(lost) == 5
+
+
+@pytest.mark.slow
 def test_where_effects_answer_to_a_change_differences_tell(logged):
     """Stiffer strands let their clamps slip at other instants, which tangents leave out."""
     case, some, start, _ = logged
