@@ -10,7 +10,8 @@ from serpent_twin.following.path import PathToFollow
 
 SPEED = 0.02
 """Of the tip on a path [m/s]"""
-_CENTRE = np.array([0.48, 0.0, -0.2])
+_CENTRE = np.array([0.5, 0.0, -0.15])
+"""From which arms that are some per cent shorter, or lean, reach every path, too [m]"""
 
 
 def _timed(points: Array) -> PathToFollow:
