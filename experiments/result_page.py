@@ -107,8 +107,9 @@ def markdown(results: Mapping[str, Any]) -> str:
 
 def left_on(page: Path | None) -> dict[str, Any]:
     """What an earlier run left beside a page, for the machines that are not measured again; or nothing."""
-    there = page and results_of(page).exists()
-    return dict(stored.read_json(results_of(page))) if page and there else {}
+    if page is None or not results_of(page).exists():
+        return {}
+    return dict(stored.read_json(results_of(page)))
 
 
 def traced_by_commit(found: Mapping[str, Mapping[str, Any]]) -> str:

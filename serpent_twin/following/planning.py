@@ -10,7 +10,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.following.path import PathToFollow
 from serpent_twin.following.reaching import NEAR, JointBounds, all_reached, reached, tips
-from serpent_twin.following.rehearsal import FEW, TIMES, Rehearsal, rehearsed
+from serpent_twin.following.rehearsal import TIMES, Rehearsal, rehearsed
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -22,10 +22,10 @@ _KNOTS = 0.1
 """Between poses that are sought along a path, at most [s]; those between are interpolated"""
 _SHARE = 0.9
 """Of a limit that a plan may use"""
-_EASED, _EASE, _MARGIN = 6, 1.2, 0.05
-"""Poses are sought so often at most, each time nearer by so many times what motors turn too far; and this
-[rad] is what a few rehearsals may not show
-"""
+_FEW, _MARGIN = 4, 0.05
+"""Rehearsals that show how far motors must turn, to within so much [rad]"""
+_EASED, _EASE = 6, 1.2
+"""How often other poses are sought at most, and by how many times the excess joints are then turned less"""
 _FAR = 10e-3
 """From its path, which a rehearsed tip must not be [m]"""
 _SLACK = 0.02
@@ -93,7 +93,7 @@ def planned(
         return _rehearsed(path, period, along, twin, prior_runtime, times)
 
     for _ in range(_EASED if path.of_tip else 0):
-        tried = rehearsed_in(FEW)
+        tried = rehearsed_in(_FEW)
         if not (excess := _excess(tried, limits)).any():
             break
         closer = _eased(closer, tried, excess)

@@ -14,8 +14,8 @@ from serpent_twin.sim.response import Response
 from serpent_twin.sim.statics import gives_way
 from serpent_twin.sim.twin_model import TwinModel
 
-TIMES, FEW = 30, 4
-"""Rehearsals at most, and what tells roughly how far the motors must turn"""
+TIMES = 30
+"""Rehearsals at most"""
 _SETTLED, _PATIENCE = 0.95, 4
 """So many that leave more than this part of what the best before left are the last: while a joint that sticks
 is not yet moved, learning shows nothing

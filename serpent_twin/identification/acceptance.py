@@ -94,7 +94,7 @@ class Round:
     pairs: tuple[PairTrial, ...] = ()
     """Pairs that were fitted, where no candidate was accepted alone"""
     undone: str = ""
-    """Than what the best gains less, where nothing was accepted in the end"""
+    """What explains more than this round's candidates, where none of them was accepted in the end"""
 
 
 def accepting(rounds: Sequence[Round], name: str) -> int:

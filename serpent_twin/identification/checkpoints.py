@@ -64,9 +64,7 @@ class Checkpoints:
         """The file of a stage. Names of places may be long, and hold what no file's name may."""
         plain, most = name.replace("/", "_"), _LONGEST
         if plain != name or len(plain.encode()) > most:
-            plain = (
-                f"{plain.encode()[:most].decode(errors='ignore')}_{zlib.crc32(name.encode()):08x}"
-            )
+            plain = f"{plain.encode()[:most].decode(errors='ignore')}_{mark([name])}"
         return self._folder / f"{plain}.npz"
 
     def _made(self, path: Path, make: Callable[[], T], arrays: Callable[[T], dict[str, Any]]) -> T:
@@ -88,6 +86,11 @@ class Checkpoints:
             self.seconds += float(took["took"][0])
             self.simulated += float(took["took"][1])
         return arrays
+
+
+def mark(names: Sequence[str]) -> str:
+    """A short text that some names determine, for the name of a stage."""
+    return f"{zlib.crc32(' '.join(names).encode()):08x}"
 
 
 class _StoredScoreTest(stored.Form, frozen=True):

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from serpent_twin.identification.absorbed import by_parameters, without_move
 from serpent_twin.identification.acceptance import CandidateTrial, Round, best_trial
+from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.discovery import (
     always,
     composed_law,
@@ -18,7 +19,7 @@ from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.moved import moved
 from serpent_twin.identification.proxies import needless
-from serpent_twin.identification.refitting import RefittingTracer, mark
+from serpent_twin.identification.refitting import RefittingTracer
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.candidate import Candidate
 

@@ -44,7 +44,7 @@ _LITTLE = 0.005
 _SURELY = 2.0
 """Times the limit to first order, of the strength that a fit is to take up"""
 _TRIES = 2
-"""Strengths tried at most: fits take up weak effects better, so a limit above the one tried is tried, too"""
+"""Strengths tried at most. Fits take up more of weak effects, so a limit above the strength tried is tried"""
 _MOST_TIMES = 1e6
 """Typical strengths up to which a detection limit is sought"""
 

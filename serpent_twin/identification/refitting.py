@@ -1,12 +1,11 @@
 """Fit the same effects again from other starts, of thresholds and of the calibration before them."""
 
-import zlib
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
+from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.discovery import better_thresholds
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
@@ -20,7 +19,7 @@ class RefittingTracer(Tracer):
     """The steps of a trace, with fits that begin again where they may have gone astray."""
 
     def _with_thresholds(self, found: Fit, name: str, number: int) -> Fit:
-        """The fit of an accepted law; where better thresholds of it are found, the fit from these."""
+        """The fit of an accepted law, from better thresholds if there are any."""
         self.on_progress(f"thresholds of {spaced(name)}")
         point = better_thresholds(self.case, self.training, found, name)
         if point is None:
@@ -31,8 +30,9 @@ class RefittingTracer(Tracer):
         return moved if self._betters(moved, found) else found
 
     def _anew(self, found: Fit, number: int) -> Fit:
-        """A fit; or, if that is better, one of the same effects for which the nominal twin was calibrated
-        again. Without these effects, the calibration before may have gone astray, and its weights with it.
+        """A fit, or a better one of the same effects, for which the nominal twin was calibrated again.
+
+        Without these effects, the calibration before may have gone astray, and its weights with it.
         """
         weighed = self.case
         with suppress(UnstableStartError):  # then there is no such fit
@@ -60,8 +60,3 @@ class RefittingTracer(Tracer):
         residual = case.residual([again.point], some)[0]
         cost = cost_at(case, again.point, residual, found.variance_inflation)
         return cost < share * found.cost
-
-
-def mark(names: Sequence[str]) -> str:
-    """A short text that names of candidates determine: another version may compose others."""
-    return f"{zlib.crc32(' '.join(names).encode()):08x}"

@@ -85,8 +85,9 @@ class Tracer:
         final = self._sharpened(settled)
         self.final = final.point
         rivals = {n: self.trials.rivals(self.case, n, rounds) for n in final.point.effects}
-        told = self.cautions
-        return Selection(self.case, calibrated, settled, final, tuple(rounds), rivals, told)
+        return Selection(
+            self.case, calibrated, settled, final, tuple(rounds), rivals, self.cautions
+        )
 
     def named(self) -> tuple[Fit, Fit, list[Round]]:
         """The calibrated twin, the fit with the named effects that were added to it, and the rounds."""

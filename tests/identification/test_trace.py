@@ -158,9 +158,8 @@ def test_two_arms_in_one_folder_are_refused(logs, tmp_path):
 def test_the_gripper_s_cable_pulls_where_its_jaw_is_held_and_only_there(logs):
     rig = ArmRig()
     held = rig.open(rig.read(DATA / "arm_a")[:1]).machine.vector.start
-    free = rig.open(
-        rig.read(logs["base_tilt"])[:1]
-    ).machine.vector.start  # this arm has no tenth cable
+    sessions = rig.read(logs["base_tilt"])[:1]
+    free = rig.open(sessions).machine.vector.start  # this arm has no tenth cable
     assert held.tolerances.jaw_held == (1.0,) and free.tolerances.jaw_held == (0.0,)
     assert free.tolerances.jaw_friction[0] < -2
     stiffness = np.exp(held.tolerances.strand_stiffness)

@@ -50,9 +50,8 @@ def better_thresholds(
     if not points:
         return None
     own, *costs = (case.residual([found.point, *points], some).astype(float) ** 2).sum(axis=(1, 2))
-    least = min(np.where(np.isfinite(costs), costs, np.inf))
-    better = own - least > APART * found.variance_inflation
-    return points[costs.index(least)] if better else None
+    n = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
+    return points[n] if own - costs[n] > APART * found.variance_inflation else None
 
 
 def _finely(law: Law, first: float, second: float, x: Array) -> list[Way]:
