@@ -141,7 +141,8 @@ class Law:
         """
         if SHAPES[self.shape].drags:
             own = self.of_itself or self.place == self.where
-            return own and self.reading in TAKES_UP and self.handle != READING_SHIFT
+            moves = self.handle not in (READING_SHIFT, ACTUATOR_COMMAND)
+            return own and moves and self.reading in TAKES_UP
         if self.handle == READING_SHIFT and self.follows_a_thing:
             return self.reading in _OF_JOINTS
         alike = (self.reading == ACTUATOR_COMMAND) == (self.handle == ACTUATOR_COMMAND)

@@ -113,6 +113,7 @@ def test_play_is_taken_up_by_the_thing_itself_and_by_angles_alone():
         "joint_torque of joint2: play joint_angle of joint3": False,
         "joint_torque of joint2: play joint_velocity of joint2": False,
         "reading_shift of elbow: play joint_angle of elbow": False,
+        "command of elbow: play joint_angle of elbow": False,
     }
     assert {at: parse(at).possible for at in laws} == laws
 
