@@ -37,6 +37,8 @@ class Accident:
     """[rad]"""
     instant: float = 0.0
     """Running time at which something gives way, or has died [s]"""
+    time_constant: float = 1.0
+    """Of what relaxes [s]"""
 
     @property
     def vector(self) -> Array:
@@ -67,6 +69,8 @@ ACCIDENTS: Mapping[str, tuple[float, str]] = {
     "elastic_cord": (1.5, "a cord that pulls a link to a fixed point [N/m]"),
     "turned_link": (0.02, "a link that has turned, with all beyond, from an instant on [rad]"),
     "turned_cameras": (0.008, "cameras that have turned from an instant on [rad]"),
+    "relaxing_joint": (0.3, "a spring across one joint that relaxes [N m/rad]"),
+    "late_load": (0.06, "one motor's load, which is read late [s]"),
 }
 """A strength of each that an arm of this size shows clearly, and what it is"""
 
@@ -90,7 +94,9 @@ def draw(kind: str, strength: float, rng: np.random.Generator, seconds: float) -
         "turned_link": rng.integers(2, N_JOINTS + 1),
         "turned_cameras": 1,
     }
-    parts["loose_gear"] = parts["encoder_wave"]  # so that seeds give the arms that they gave before
+    # Seeds give the arms that they gave before these kinds.
+    parts["loose_gear"] = parts["late_load"] = parts["encoder_wave"]
+    parts["relaxing_joint"] = parts["soft_stop"]
     return Accident(
         kind,
         strength,
@@ -101,6 +107,7 @@ def draw(kind: str, strength: float, rng: np.random.Generator, seconds: float) -
         rate=float(rng.integers(1, 5)) if kind == "encoder_wave" else float(rng.uniform(0.1, 0.9)),
         phase=float(rng.uniform(-np.pi, np.pi)),
         instant=seconds if kind == "dying_load" else float(rng.uniform(0.2, 0.55)) * seconds,
+        time_constant=float(rng.uniform(0.4, 1.6)),
     )
 
 
@@ -153,6 +160,22 @@ def stop_torque(several: Several, q: Array) -> Array:
         at = each.part - 1
         out[n, at] = -each.strength * max(q[n, at] - each.begin, 0.0)
     return out
+
+
+def relaxing_torque(several: Several, q: Array, rest: Array) -> Array:
+    """Torque of springs that relax at joint angles (R, 9) [N m], (R, 9), with those at which they rest."""
+    out = np.zeros_like(q)
+    for n, each in of_kind(several, "relaxing_joint"):
+        at = each.part - 1
+        out[n, at] = -each.strength * (q[n, at] - rest[n, at])
+    return out
+
+
+def relax(several: Several, q: Array, rest: Array, h: float) -> None:
+    """Let the angles at which springs rest (R, 9) follow those of their joints for h [s]."""
+    for n, each in of_kind(several, "relaxing_joint"):
+        at = each.part - 1
+        rest[n, at] += (q[n, at] - rest[n, at]) * -np.expm1(-h / each.time_constant)
 
 
 def swinging(each: Accident, clock: float) -> Array:

@@ -57,6 +57,8 @@ class ArmBatch:
         self.q, self.dq = np.zeros(shape), np.zeros(shape)
         self.bent = np.zeros((len(arms), N_JOINTS))
         """Elastic deflection of each hinge's bristle [rad]."""
+        self.relaxed = np.zeros((len(arms), N_JOINTS))
+        """Joint angles at which springs that relax have no torque [rad]"""
         self.tension = np.zeros((len(arms), 2, N_JOINTS))
         self.push = np.zeros((len(arms), N_JOINTS, 3))
         """What pushes each link's centre of mass, in the base frame [N]"""
@@ -95,6 +97,7 @@ class ArmBatch:
         if any(self.accidents):
             shape = self.tension.shape
             self.strands.rest += accidents.strand_slack(self.accidents, self.clock, shape)
+            accidents.relax(self.accidents, self.q[:, self.joint], self.relaxed, self.h)
 
     def motor_torque(self) -> Array:
         """Torque of the cables against each motor [N m], (R, 10)."""
@@ -191,7 +194,9 @@ class ArmBatch:
         for row, link in zip(*np.nonzero(self.push.any(axis=2)), strict=True):
             torque[row] += self._of_force(pose, row, link + 1, self.push[row, link])
         if any(self.accidents):
-            torque[:, self.joint] += accidents.stop_torque(self.accidents, self.q[:, self.joint])
+            angle = self.q[:, self.joint]
+            torque[:, self.joint] += accidents.stop_torque(self.accidents, angle)
+            torque[:, self.joint] += accidents.relaxing_torque(self.accidents, angle, self.relaxed)
             for row, each in accidents.of_kind(self.accidents, "swinging_push"):
                 force = accidents.swinging(each, self.clock[row])
                 torque[row] += self._of_force(pose, row, each.part, force)

@@ -93,6 +93,10 @@ def read(machine: ArmBatch, path: Period, seen: Sequence[Sensors], t: int) -> di
     motors = delayed(path.motors, path.seconds, [s.effects.motor_latency for s in seen])
     angle, speed, load = motors.swapaxes(0, 1)
     if any(several):
+        for n, each in accidents.of_kind(several, "late_load"):
+            latency = np.full(len(seen), seen[n].effects.motor_latency + each.strength)
+            late = delayed(path.motors, path.seconds, latency)
+            load[n, each.part - 1] = late[n, 2, each.part - 1]
         angle = accidents.encoder(several, angle)
         load = accidents.loads(several, load, machine.clock)
     load = load + np.stack([s.load[t] for s in seen])

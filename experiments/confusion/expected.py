@@ -92,6 +92,10 @@ def of_accident(happened: Accident) -> list[Answer]:
         "elastic_cord": _near(("spring",), part, ("constant",), ()),
         "turned_link": _turned(part, size) + last * _knocked(part),
         "turned_cameras": [_answer(("camera_turn",), ("base",), steps, clock, size)],
+        "relaxing_joint": [
+            _answer(("joint_torque",), (joint,), ("lag",), (f"joint angle of {joint}",), size)
+        ],
+        "late_load": [_answer(("load_shift",), (load,), ("lag",), (f"horn torque of {motor}",))],
     }
     return several[happened.kind]
 

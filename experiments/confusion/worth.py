@@ -65,6 +65,12 @@ def _of_accident(happened: Accident) -> TrueLaw:
         "elastic_cord": lambda: _constant("spring", f"link{part}"),
         "turned_link": lambda: _since("link_turn", f"link{part}", happened),
         "turned_cameras": lambda: _since("camera_turn", "base", happened),
+        "relaxing_joint": lambda: _law(
+            "joint_torque", joint, Way("lag", *of_joint, happened.time_constant, 0.0)
+        ),
+        "late_load": lambda: _law(
+            "load_shift", load, Way("lag", "horn_torque", motor, happened.strength, 0.0)
+        ),
     }
     return several[happened.kind]()
 

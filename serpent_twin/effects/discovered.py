@@ -20,7 +20,6 @@ from serpent_twin.effects.law import (
 )
 from serpent_twin.effects.law_shape import SHAPES, LawShape
 from serpent_twin.effects.links import let_hold
-from serpent_twin.effects.play import dragged, dragged_from_afar
 
 _ANY = 1e9
 
@@ -53,7 +52,7 @@ class Discovered(Effect):
 
     shows_in: ClassVar[str] = "what no named effect explains"
     stage: ClassVar[int] = LOSS
-    remembers: ClassVar[bool] = False  # a play is taken up within a segment
+    remembers: ClassVar[bool] = False  # what is dragged along forgets within a segment
     needs: ClassVar[frozenset[str]] = frozenset({"law_at"})
 
     def __post_init__(self) -> None:
@@ -105,19 +104,20 @@ class Discovered(Effect):
         return moment
 
     def start(self, moment: Any) -> Array | None:
-        """Where that is which a reading drags along through play; None where there is no play."""
+        """Where that is which the reading drags along; None where it drags nothing."""
         if not self.shape.drags:
             return None
-        x, rate = (moment.reading_of(each) for each in (self.law, self.law.rate))
-        return dragged_from_afar(x, rate, self.first)
+        x, rate = moment.reading_of(self.law), self.law.rate
+        moves = np.zeros_like(x) if rate is None else moment.reading_of(rate)
+        return self.shape.drags.begins(x, moves, self.first)
 
     def act(self, moment: Any, memory: Array | None) -> None:
         """Change what the law changes."""
         x = moment.reading_of(self.law)
         bounded = np.asarray(self.most) > np.asarray(self.least)
         x = np.where(bounded, np.clip(x, self.least, np.maximum(self.least, self.most)), x)
-        if memory is not None:
-            memory[...] = dragged(memory, x, self.first)
+        if self.shape.drags and memory is not None:
+            memory[...] = self.shape.drags.after(memory, x, self.first, moment.dt)
             x = memory - x
         change = self.shape.form(x, self.first, self.second)
         sizes: Sequence[Array | float] = (self.size, self.size_y, self.size_z, self.stiffness)

@@ -95,8 +95,8 @@ HANDLES: Mapping[str, Handle] = {
 POSITIONS = ("position_x", "position_y", "position_z")
 """Readings along axes of the base frame, of a model the world's"""
 _OF_JOINTS = ("joint_angle", "joint_velocity")
-TAKES_UP = {"joint_angle": "joint_velocity", "motor_angle": "motor_velocity"}
-"""Readings that may take up play, with their rates"""
+RATES = {"joint_angle": "joint_velocity", "motor_angle": "motor_velocity"}
+"""Readings whose rates are readings, too"""
 CLOCKS = ("session", "machine")
 """Kinds of what time is of"""
 READINGS: Mapping[str, tuple[str, str]] = {
@@ -136,13 +136,14 @@ class Law:
     @property
     def possible(self) -> bool:
         """Whether what it changes may follow its reading: commands, which are changed before anything moves,
-        follow commands, and nothing else does; readings, which are changed after that, follow joints. Play is
-        taken up by the angle of the thing that is changed.
+        follow commands, and nothing else does; readings, which are changed after that, follow joints. What
+        drags something along is a reading of the thing that is changed.
         """
-        if SHAPES[self.shape].drags:
+        if drags := SHAPES[self.shape].drags:
             own = self.of_itself or self.place == self.where
             moves = self.handle not in (READING_SHIFT, ACTUATOR_COMMAND)
-            return own and moves and self.reading in TAKES_UP
+            moves = moves and not HANDLES[self.handle].only_more
+            return own and moves and self.reading in drags.readings
         if self.handle == READING_SHIFT and self.follows_a_thing:
             return self.reading in _OF_JOINTS
         alike = (self.reading == ACTUATOR_COMMAND) == (self.handle == ACTUATOR_COMMAND)
@@ -154,9 +155,10 @@ class Law:
         return bool(self.reading) and READINGS[self.reading][0] not in CLOCKS
 
     @property
-    def rate(self) -> "Law":
-        """The same with the rate of its reading, of one that takes up play."""
-        return replace(self, reading=TAKES_UP[self.reading])
+    def rate(self) -> "Law | None":
+        """The same with the rate of its reading, if that is a reading, too."""
+        rate = RATES.get(self.reading)
+        return replace(self, reading=rate) if rate else None
 
     @property
     def of_itself(self) -> bool:
@@ -191,9 +193,10 @@ class Law:
         """
         of = of or (READINGS[self.reading][1] if self.reading else "1")
         size = size or HANDLES[self.handle].unit
-        if self.shape in ("linear", "beyond", "below", "play"):
+        if self.shape in ("linear", "beyond", "below", "play", "lag"):
             size = f"{size} per {of}"
-        first, second = {"periodic": (f"rad per {of}", "rad")}.get(self.shape, (of, of))
+        special = {"periodic": (f"rad per {of}", "rad"), "lag": ("s", of)}
+        first, second = special.get(self.shape, (of, of))
         return {"size": size, "first": first, "second": second, "bound": of}
 
 

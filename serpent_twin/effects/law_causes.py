@@ -20,6 +20,8 @@ class LawForm(Enum):
     """To and fro with an angle"""
     PLAY = auto()
     """After each reversal"""
+    LATE = auto()
+    """By what follows late"""
     MOVING = auto()
     """With a speed"""
     THERE = auto()
@@ -29,6 +31,7 @@ class LawForm(Enum):
 
 
 _RAMPS = ("linear", "beyond", "below")
+_BY_SHAPE = {"periodic": LawForm.WAVES, "play": LawForm.PLAY, "lag": LawForm.LATE}
 
 
 def form_of(law: Law) -> LawForm:
@@ -38,8 +41,8 @@ def form_of(law: Law) -> LawForm:
     if READINGS[law.reading][0] in CLOCKS:
         by_clock = {"periodic": LawForm.SWINGING} | dict.fromkeys(_RAMPS, LawForm.SLOWLY)
         return by_clock.get(law.shape, LawForm.ONCE)
-    if law.shape in ("periodic", "play"):
-        return LawForm.WAVES if law.shape == "periodic" else LawForm.PLAY
+    if law.shape in _BY_SHAPE:
+        return _BY_SHAPE[law.shape]
     if law.reading.endswith("velocity"):
         return LawForm.MOVING
     return LawForm.GROWING if law.shape in _RAMPS else LawForm.THERE
@@ -69,6 +72,7 @@ _CAUSES: Mapping[str, tuple[str, Mapping[LawForm, str]]] = {
             LawForm.ONCE: "a spring, a hose or a harness that tore or was tied across the joint then",
             LawForm.SWINGING: "a fan, a pump or a machine beside it that shakes it",
             LawForm.PLAY: "rubber, nylon or a seal that springs back before it slides",
+            LawForm.LATE: "nylon, rubber or grease that relaxes: it resists at first, then gives way",
             LawForm.MOVING: "grease or a seal that resists",
             LawForm.THERE: "a catch, a stop or a harness that touches there",
             LawForm.GROWING: "a bumper, a hose or a spring",
@@ -97,6 +101,7 @@ _CAUSES: Mapping[str, tuple[str, Mapping[LawForm, str]]] = {
         {
             LawForm.WAVES: "a bent shaft, a winch off its centre or a damaged tooth",
             LawForm.PLAY: "a gear or a cable that springs back before it slides",
+            LawForm.LATE: "rubber or grease in the drive that relaxes",
             LawForm.MOVING: "grease that resists",
         },
     ),
@@ -108,6 +113,7 @@ _CAUSES: Mapping[str, tuple[str, Mapping[LawForm, str]]] = {
             LawForm.SLOWLY: "a set screw that works loose",
             LawForm.WAVES: "an encoder's magnet or a winch off its centre",
             LawForm.PLAY: "play in the gear, or between horn and winch",
+            LawForm.LATE: "a coupling of rubber, or an encoder that is ahead of its winch",
             LawForm.MOVING: "an encoder that reads late, or play in the gear",
             LawForm.GROWING: "a winch of another radius, or a shaft that twists",
         },
@@ -126,6 +132,7 @@ _CAUSES: Mapping[str, tuple[str, Mapping[LawForm, str]]] = {
             LawForm.ONCE: "a clamp that slipped, or a knot that came loose then",
             LawForm.SLOWLY: "a strand that creeps, or a clamp that slips",
             LawForm.PLAY: "a guide or a pulley that is loose",
+            LawForm.LATE: "a strand or its sheath that gives way late",
             LawForm.THERE: "a strand that leaves its groove there",
             LawForm.GROWING: "a guide that gives, or a pulley of another radius",
         },
@@ -157,6 +164,7 @@ _CAUSES: Mapping[str, tuple[str, Mapping[LawForm, str]]] = {
             LawForm.ONCE: "a current sensor whose zero jumped",
             LawForm.SLOWLY: "a current sensor that drifts as it warms up",
             LawForm.WAVES: "a bent shaft, a winch off its centre or a damaged tooth",
+            LawForm.LATE: "a current sensor that reads late",
             LawForm.GROWING: "a current sensor of another scale",
         },
     ),

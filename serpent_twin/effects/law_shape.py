@@ -6,12 +6,37 @@ from dataclasses import dataclass
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.play import behind
+from serpent_twin.effects.lag import lagging, lagging_from_rest
+from serpent_twin.effects.play import dragged, dragged_from_afar
 
 _EDGE = 1e-3
 """Half width of a threshold, in the unit of its reading: where a law sets in, it does so within that"""
 
 Form = Callable[[Array, Array | float, Array | float], Array]
+
+
+@dataclass(frozen=True)
+class Dragging:
+    """How something follows a reading x and remembers where it was, by one parameter."""
+
+    begins: Callable[[Array, Array, Array | float], Array]
+    """Where it is at first, from x, the rate of x and the parameter"""
+    after: Callable[[Array, Array, Array | float, Array | float], Array]
+    """Where it is then, from where it was, x, the parameter and the time in between [s]"""
+    words: str
+    """What is followed, with {x}"""
+    readings: tuple[str, ...]
+    """Of what"""
+
+    def behind(self, x: Array, first: float, dt: float) -> Array:
+        """By how much it is behind x in rows of runs, (…, T), dt [s] apart."""
+        out = np.zeros(x.shape)
+        rate = (x[..., min(1, x.shape[-1] - 1)] - x[..., 0]) / dt
+        at = self.begins(x[..., 0], rate, first)
+        for t in range(x.shape[-1]):
+            at = self.after(at, x[..., t], first, dt) if t else at
+            out[..., t] = at - x[..., t]
+        return out
 
 
 @dataclass(frozen=True)
@@ -26,14 +51,16 @@ class LawShape:
     """With {x} for the reading, {first} and {second}"""
     plain: str = ""
     """The same without numbers, where the words have some"""
-    drags: bool = False
-    """Whether it follows not a reading but by how much what the reading drags along through a play of width
-    `first` is behind: it remembers
-    """
+    drags: Dragging | None = None
+    """How what the reading drags along remembers, where the change follows by how much that is behind"""
 
-    def followed(self, x: Array, first: float, second: float) -> Array:
-        """The change in rows of runs in which a reading was x, (…, T)."""
-        return self.form(behind(x, first) if self.drags else x, first, second)
+    def seen(self, x: Array, first: float, dt: float) -> Array:
+        """What the change follows in rows of runs in which a reading was x, (…, T), dt [s] apart."""
+        return self.drags.behind(x, first, dt) if self.drags else x
+
+    def followed(self, x: Array, first: float, second: float, dt: float) -> Array:
+        """The change in these rows."""
+        return self.form(self.seen(x, first, dt), first, second)
 
 
 def _above(x: Array, first: Array | float, second: Array | float) -> Array:
@@ -43,6 +70,8 @@ def _above(x: Array, first: Array | float, second: Array | float) -> Array:
 def _within(x: Array, first: Array | float, second: Array | float) -> Array:
     return _above(x, first, 0.0) - _above(x, first + np.abs(second), 0.0)
 
+
+_ANGLES = ("joint_angle", "motor_angle")
 
 SHAPES: Mapping[str, LawShape] = {
     "constant": LawShape(lambda x, a, b: np.ones_like(x), (), "always"),
@@ -79,7 +108,24 @@ SHAPES: Mapping[str, LawShape] = {
         ("gap",),
         "as {x} takes up a play of {first} after each reversal",
         "as {x} takes up a play after each reversal",
-        drags=True,
+        drags=Dragging(
+            dragged_from_afar,
+            lambda at, x, gap, dt: dragged(at, x, gap),
+            "by how much what {x} drags along is behind",
+            _ANGLES,
+        ),
+    ),
+    "lag": LawShape(
+        lambda x, a, b: x,
+        ("time_constant",),
+        "with how far what follows {x} with a time constant of {first} is behind",
+        "with how far what follows {x} late is behind",
+        drags=Dragging(
+            lagging_from_rest,
+            lagging,
+            "by how much what follows {x} late is behind",
+            (*_ANGLES, "horn_torque"),
+        ),
     ),
     "periodic": LawShape(
         lambda x, a, b: np.sin(a * x + b),

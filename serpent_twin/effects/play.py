@@ -17,15 +17,3 @@ def dragged(memory: Array, x: Array, gap: Array | float) -> Array:
 def dragged_from_afar(x: Array, direction: Array, gap: Array | float) -> Array:
     """The same where x came from afar in a direction; in the middle of the play where it is 0."""
     return np.array(x - np.asarray(gap) / 2 * np.sign(direction))
-
-
-def behind(x: Array, gap: float) -> Array:
-    """By how much what x drags along is behind it in rows of runs, (…, T); at first, as if x had come from
-    afar in its first direction.
-    """
-    out = np.zeros(x.shape)
-    at = dragged_from_afar(x[..., 0], x[..., min(1, x.shape[-1] - 1)] - x[..., 0], gap)
-    for t in range(x.shape[-1]):
-        at = dragged(at, x[..., t], gap)
-        out[..., t] = at - x[..., t]
-    return out

@@ -29,8 +29,8 @@ def composed_law(curve: FreeCurve, number: int) -> Figure:
         label="a free curve, 95 %",
     )
     x = f"phase of {law.depends_on} [rad]" if curve.folded else law.depends_on
-    if SHAPES[law.shape].drags:
-        x = f"what it drags along, behind {x}"
+    if drags := SHAPES[law.shape].drags:
+        x = drags.words.format(x=x)
     x += "" if curve.folded else f" [{curve.units['bound']}]"
     unit = curve.units["size"].partition(" per ")[0]
     panel.set(xlabel=x, ylabel=fill(f"{HANDLES[law.handle].told(law.place)} [{unit}]", _LABEL))

@@ -5,7 +5,18 @@ import pytest
 from bench_by_hand import machine
 
 from bench_arm import NONE, TYPICAL, BenchArm, Effects, SessionSpec, inject, simulate
-from bench_arm.accidents import ACCIDENTS, CORD, Accident, cord, draw, loads, shifts, strand_slack
+from bench_arm.accidents import (
+    ACCIDENTS,
+    CORD,
+    Accident,
+    cord,
+    draw,
+    loads,
+    relax,
+    relaxing_torque,
+    shifts,
+    strand_slack,
+)
 from bench_arm.servo import ServoBatch
 from bench_arm.session import RATE, SETTLE
 
@@ -140,3 +151,24 @@ def test_a_slipped_winch_and_a_rubbing_cable_are_the_motors(plain):
     more = np.abs(rubbed["motor_load"]) - np.abs(plain["motor_load"])
     assert more[4:, 2].mean() > 0.02
     assert np.abs(more[4:, 7]).mean() < 0.01
+
+
+def test_a_spring_that_relaxes_gives_way_by_its_time_constant():
+    happened = (Accident("relaxing_joint", 0.3, 3, time_constant=0.5),)
+    q, rest = np.full((2, 9), 0.2), np.zeros((2, 9))
+    torque = [relaxing_torque([happened, ()], q, rest)[0, 2]]
+    for _ in range(100):
+        relax([happened, ()], q, rest, 0.01)
+        torque.append(relaxing_torque([happened, ()], q, rest)[0, 2])
+    assert torque == pytest.approx(-0.06 * np.exp(-np.arange(101) * 0.01 / 0.5), rel=1e-9)
+    assert not rest[1].any() and not np.delete(rest[0], 2).any()
+
+
+def test_one_load_is_read_late():
+    """Alone, and the more the later it is."""
+    found, plain_load = log(Accident("late_load", 0.02, 3))["motor_load"], log()["motor_load"]
+    later = log(Accident("late_load", 0.04, 3))["motor_load"]
+    assert np.array_equal(np.delete(found, 2, axis=1), np.delete(plain_load, 2, axis=1))
+    changed = np.abs(found - plain_load)[:, 2]
+    assert changed.max() > 0.005
+    assert np.abs(later - plain_load)[:, 2].sum() > 1.3 * changed.sum()

@@ -13,7 +13,14 @@ SILENT = BenchArm(load_noise=0.0, marker_noise=0.0, marker_loss=0.0)
 
 
 FLEX = ("link_flex", "link_twist")
-IN_LOADS = ("gear_friction", "load_ripple", "rubbing_cable", "fading_load", "dying_load")
+IN_LOADS = (
+    "gear_friction",
+    "load_ripple",
+    "rubbing_cable",
+    "fading_load",
+    "dying_load",
+    "late_load",
+)
 IN_MARKERS = ("mocap_latency", "knocked_marker", "moved_cameras", "turned_link", "turned_cameras")
 
 

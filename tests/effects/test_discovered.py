@@ -15,7 +15,6 @@ from serpent_twin.effects import KNOWN
 from serpent_twin.effects.discovered import Discovered
 from serpent_twin.effects.law import HANDLES, Law, parse
 from serpent_twin.effects.law_shape import SHAPES
-from serpent_twin.effects.play import behind
 from serpent_twin.errors import SerpentError
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.many_twins import PrescribedMotion, impose
@@ -101,12 +100,36 @@ def test_play_of_one_motor_is_that_of_a_gear():
         assert_allclose(winches[0][:, 2], winches[1][:, 2], atol=1e-12)
         assert_allclose(np.delete(winches[0], 2, axis=1), np.delete(angle, 2, axis=1))
         if t:
-            told = behind(path[: t + 1, :, 2].T, 0.3)
+            told = SHAPES["play"].seen(path[: t + 1, :, 2].T, 0.3, 1.0)
             assert_allclose(winches[0][:, 2] - angle[:, 2], told[:, -1], atol=1e-12)
 
 
-def test_play_is_taken_up_by_the_thing_itself_and_by_angles_alone():
+def test_what_follows_late_is_the_solution_of_its_equation():
+    """A turn that swings, and what follows it with 0.2 s; beside the closed form."""
+    dt, tau, rate = 1e-3, 0.2, 5.0
+    law = Discovered(0.5, at="joint_torque of joint2: lag joint_angle of joint2", first=tau)
+    time, memory, torques = np.arange(0.0, 4.0, dt), None, []
+    for t in time:
+        q, speed = np.zeros((2, 1, 9))
+        q[0, 1], speed[0, 1] = np.sin(rate * t), rate * np.cos(rate * t)
+        now = moment(joint_angle=q, joint_velocity=speed, dt=dt)
+        memory = law.start(now) if memory is None else memory
+        law.act(now, memory)
+        torques.append(float(now.joint_torque[0, 1]))
+    late = (np.exp(1j * rate * time) / (1 + 1j * rate * tau)).imag
+    settled = time > 8 * tau
+    expected = 0.5 * (late - np.sin(rate * time))
+    assert_allclose(np.array(torques)[settled], expected[settled], atol=2e-3)
+    rows = SHAPES["lag"].followed(np.sin(rate * time), tau, 0.0, dt)
+    assert_allclose(0.5 * rows[settled], expected[settled], atol=2e-3)
+
+
+def test_a_thing_drags_along_by_its_own_angle_alone():
     laws = {
+        "joint_torque of joint2: lag joint_angle of joint2": True,
+        "load_shift of motor3_load: lag horn_torque of motor3": True,
+        "load_shift of motor3_load: play horn_torque of motor3": False,
+        "joint_friction of joint2: lag joint_angle of joint2": False,
         "joint_torque of joint2: play joint_angle of joint2": True,
         "slack of cable3_plus: play motor_angle of motor3": True,
         "joint_torque of elbow: play joint_angle of elbow": True,

@@ -10,6 +10,7 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.places import PlaceResponse
 
 S, T, C, M = 6, 160, 5, 4
+_DT = 0.25
 
 
 class Made:
@@ -19,11 +20,11 @@ class Made:
 
     def __init__(self, law, seed=0, noise=1.0, knows=None):
         rng = np.random.default_rng(seed)
-        time = 0.25 * np.arange(T) + 40 * np.arange(S)[:, None]
+        time = _DT * np.arange(T) + 40 * np.arange(S)[:, None]
         angle = np.sin(0.7 * time + rng.uniform(0, 6, (S, 1))) + 0.2 * rng.standard_normal((S, T))
         self.readings = {
             ("joint_angle", "joint1"): angle,
-            ("joint_velocity", "joint1"): np.gradient(angle, 0.25, axis=1),
+            ("joint_velocity", "joint1"): np.gradient(angle, _DT, axis=1),
             ("motor_angle", "motor1"): np.cumsum(rng.normal(0, 0.3, (S, T)), axis=1),
             ("motor_angle", "motor2"): 0.4 * np.sin(0.2 * time) + 0.04 * np.sin(3 * time),
             ("time", "session"): time,
@@ -36,7 +37,7 @@ class Made:
         ]
         shown = next(r.change for r in self.responses if r.handle == law.law.handle)
         x = self.readings.get((law.law.reading, law.law.where), np.zeros((S, T)))
-        follows = SHAPES[law.law.shape].followed(x, law.first, law.second)
+        follows = SHAPES[law.law.shape].followed(x, law.first, law.second, _DT)
         sizes = [law.size, law.size_y, law.size_z][: len(shown)]
         change = sum(s * follows[..., None] * r for s, r in zip(sizes, shown, strict=True))
         slopes = rng.standard_normal((M, S, T * C)).astype(np.float32)

@@ -24,4 +24,4 @@ def moment(rows=1, seed=0, **known):
         "gear_friction": np.full((rows, 10), 0.03),
     } | known
     drawn.setdefault("winch_angle", drawn["motor_angle"].copy())
-    return Moment(arm=ARM, dt=known.pop("dt", 0.005), time=np.zeros((rows, 1)), **drawn)
+    return Moment(arm=ARM, time=np.zeros((rows, 1)), **{"dt": 0.005} | drawn)

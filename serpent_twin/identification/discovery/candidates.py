@@ -25,6 +25,8 @@ _RATES = 30
 """Finite differences of a rate to either end of its range: more than a period in the logs"""
 _LEAST_PLAY = 1e-4
 """Width of a play to the range of the angle that takes it up, at least"""
+_SLOWER = 8.0
+"""Range of a time constant to what the screening found"""
 _OTHER_SHAPE = 0.75
 """Of what a law is worth, what another shape of it must be to be tried, too"""
 _NEARLY = 0.95
@@ -149,6 +151,8 @@ def _room(name: str, value: float, ends: _Reading) -> tuple[float, float, float]
         return max(step, value - _RATES * step), value + _RATES * step, step
     if name == "gap":
         return ends.wide * _LEAST_PLAY, ends.wide / 2, value * _SHARE
+    if name == "time_constant":
+        return value / _SLOWER, value * _SLOWER, value * _SHARE
     if name == "width":
         return ends.wide / _STEPS, ends.wide, ends.wide / _STEPS
     if name:

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import READINGS, TAKES_UP, Law
+from serpent_twin.effects.law import RATES, READINGS, Law
 from serpent_twin.effects.law_shape import SHAPES
 
 _LEVELS = 9
@@ -17,6 +17,7 @@ _WAVES = range(1, 9)
 _STILL = 1e-6
 _RAMPS = ("beyond", "below")
 _TIMES = ("session", "machine")
+_CLOCK = ("time", "session")
 _TURNS = {"motor_angle": 0.0, "joint_angle": 4.5}
 """Readings that may be followed in waves, and how far [rad] these must go on in the logs: a part of a wave of
 a joint is a curve
@@ -30,6 +31,10 @@ _PEAKS = 2
 _AT_ONCE = 500
 _PLAYS = 2.0 ** -np.arange(2, 9)
 """Widths of a play that are tried, to the range of the angle that takes it up"""
+_LAGS = 2.0 ** np.arange(-2, 8)
+"""Time constants that are tried [s]"""
+_ROWS = (0.4, 0.25)
+"""Least time constant to the time between rows, and the greatest to that of a segment"""
 _FINER = 9
 """Thresholds that are tried around each of the best"""
 HELD = 0.01
@@ -59,24 +64,36 @@ def ways(readings: Mapping[tuple[str, str], Array]) -> tuple[list[Way], Array]:
     """All ways, and the change of each, (W, N), in the rows of all segments; of a periodic one, the sine at
     phase 0 is followed by the cosine.
     """
+    dt = row_period(readings)
     constant = np.ones(next(iter(readings.values())).size, np.float32)
     several, rows = [Way("constant", "", "", 0.0, 0.0)], [constant]
     for (reading, where), x in readings.items():
         if np.ptp(x) < _STILL:
             continue
-        moves = (TAKES_UP.get(reading, ""), where) in readings  # in poses at rest, nothing does
-        for shape, first, second in _parameters(reading, x, moves):
+        for shape, first, second in _parameters(reading, x, dt):
             several.append(Way(shape, reading, where, first, second))
-            rows.append(SHAPES[shape].followed(x, first, second).ravel().astype(np.float32))
+            rows.append(SHAPES[shape].followed(x, first, second, dt).ravel().astype(np.float32))
     return several, np.array(rows)
 
 
-def _parameters(reading: str, x: Array, moves: bool) -> Iterator[tuple[str, float, float]]:
-    """Shapes with their parameters for the values (S, T) of a reading; swings by time are sought apart."""
+def row_period(readings: Mapping[tuple[str, str], Array]) -> float:
+    """Time between the rows of segments [s]; 0 for poses at rest, which drag nothing along."""
+    moving = any(name in RATES.values() for name, _ in readings)
+    return (
+        float(np.median(np.diff(readings[_CLOCK], axis=1)))
+        if moving and _CLOCK in readings
+        else 0.0
+    )
+
+
+def _parameters(reading: str, x: Array, dt: float) -> Iterator[tuple[str, float, float]]:
+    """Shapes with their parameters for a reading (S, T), in rows dt [s] apart; swings by time are apart."""
     kind = READINGS[reading][0]
     yield "linear", 0.0, 0.0
-    for gap in np.ptp(x) * _PLAYS if moves else ():
-        yield "play", float(gap), 0.0
+    for shape, firsts in {"play": np.ptp(x) * _PLAYS, "lag": _lags(x.shape[-1], dt)}.items():
+        drags = SHAPES[shape].drags
+        if dt and drags and reading in drags.readings:
+            yield from ((shape, float(first), 0.0) for first in firsts)
     levels = np.quantile(x, np.linspace(0.05, 0.95, _LEVELS))
     for level in map(float, levels):
         yield "above", level, 0.0
@@ -91,6 +108,12 @@ def _parameters(reading: str, x: Array, moves: bool) -> Iterator[tuple[str, floa
     for waves in _WAVES if reading in _TURNS else ():
         if waves * np.ptp(x) >= _TURNS[reading]:
             yield from (("periodic", float(waves), phase) for phase in (0.0, np.pi / 2))
+
+
+def _lags(rows: int, dt: float) -> Array:
+    """Time constants [s] that show in segments of so many rows, dt [s] apart."""
+    least, most = _ROWS
+    return _LAGS[(least * dt <= _LAGS) & (most * rows * dt >= _LAGS)]
 
 
 def around(
@@ -155,8 +178,9 @@ def swinging(time: tuple[str, str], rate: float) -> list[Way]:
 
 def rows_of(several: Sequence[Way], readings: Mapping[tuple[str, str], Array]) -> Array:
     """The change of each of some ways, (W, N)."""
+    dt = row_period(readings)
     each = [
-        SHAPES[f.shape].followed(readings[f.reading, f.where], f.first, f.second).ravel()
+        SHAPES[f.shape].followed(readings[f.reading, f.where], f.first, f.second, dt).ravel()
         for f in several
     ]
     return np.array(each, np.float32)

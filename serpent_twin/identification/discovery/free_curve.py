@@ -10,8 +10,8 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import place_of
 from serpent_twin.effects.law import HANDLES, Law, parse
 from serpent_twin.effects.law_shape import SHAPES
-from serpent_twin.effects.play import behind
 from serpent_twin.identification.discovery.candidates import FORM
+from serpent_twin.identification.discovery.followed import row_period
 from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
@@ -31,8 +31,8 @@ class FreeCurve:
     units: Mapping[str, str]
     """Of its numbers"""
     knots: Array
-    """Values of the reading; of a periodic law, of its phase [rad]; of play, of how far what the reading
-    drags along is behind, (8,)
+    """Values of the reading; of a periodic law, of its phase [rad]; of play and lag, of how far what the
+    reading drags along is behind, (8,)
     """
     free: Array
     """The free curve there, in the unit of what is changed, (8,)"""
@@ -78,7 +78,7 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     along = size / (length or 1.0)
     response = response_at(places, law)
     x = places.readings[law.reading, law.where]
-    x = (behind(x, float(first)) if SHAPES[law.shape].drags else x).ravel()
+    x = SHAPES[law.shape].seen(x, float(first), row_period(places.readings)).ravel()
     phase = law.shape == "periodic"
     seen = np.mod(first * x + second, 2 * np.pi) if phase else x
     ends = (0.0, 2 * np.pi) if phase else (float(x.min()), float(x.max()))

@@ -1,0 +1,21 @@
+"""State what follows with a lag of first order: y with dy/dt = (x − y) / τ."""
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+
+_MOVED = 0.5
+"""How long x is taken to have moved as it does, after it had rested, where nothing is known [s]"""
+
+
+def lagging(memory: Array, x: Array, time_constant: Array | float, dt: Array | float) -> Array:
+    """What follows x with a time constant [s], dt [s] after it was at `memory`; exact for an x that has been
+    where it is since then.
+    """
+    return memory + (x - memory) * -np.expm1(-np.asarray(dt) / np.maximum(time_constant, 1e-9))
+
+
+def lagging_from_rest(x: Array, rate: Array, time_constant: Array | float) -> Array:
+    """The same where x has moved at a rate [1/s] for half a second, after it had rested."""
+    late = np.asarray(time_constant) * -np.expm1(-_MOVED / np.maximum(time_constant, 1e-9))
+    return np.array(x - rate * late)
