@@ -26,6 +26,8 @@ from serpent_twin.units import TO_SI
 
 _ZERO, _SCALE = 0.01, 0.05
 """Prior of a drive's zero, of its control's range; of the logarithm of the drives' scale"""
+_FARTHEST = float(np.log(1000.0))
+"""Of a number whose logarithm is fitted, how far it is taken: engines know no body of hardly any mass"""
 _TURNED, _SHIFTED = 5.0, 20.0
 """Priors of the frame of the cameras [°], [mm]"""
 CAMERAS = (
@@ -143,7 +145,9 @@ def _coordinate(
     start = float(np.mean(numbers_of(model, number)[list(which)]))
     added = NUMBERS[number].added
     return FittedNumber(
-        Declared(name, unit if added else f"log {unit}", prior, 0.1 * prior),
+        Declared(name, unit, prior, 0.1 * prior)
+        if added
+        else Declared(name, f"log {unit}", prior, 0.1 * prior, _FARTHEST),
         Quantity(name, unit, start, float(added), (name,), start),
         number,
         which,
