@@ -118,12 +118,12 @@ SHAPES: Mapping[str, LawShape] = {
     "lag": LawShape(
         lambda x, a, b: x,
         ("time_constant",),
-        "with how far what follows {x} with a time constant of {first} is behind",
-        "with how far what follows {x} late is behind",
+        "against the recent change of {x}, which is forgotten with a time constant of {first}",
+        "against the recent change of {x}",
         drags=Dragging(
             lagging_from_rest,
             lagging,
-            "by how much what follows {x} late is behind",
+            "minus the recent change of {x}",
             (*_ANGLES, "horn_torque"),
         ),
     ),
