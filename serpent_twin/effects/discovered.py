@@ -52,7 +52,9 @@ class Discovered(Effect):
 
     shows_in: ClassVar[str] = "what no named effect explains"
     stage: ClassVar[int] = LOSS
-    remembers: ClassVar[bool] = False  # what is dragged along forgets within a segment
+    remembers: ClassVar[bool] = (
+        False  # where nothing is known of the past, its memory begins by a guess
+    )
     needs: ClassVar[frozenset[str]] = frozenset({"law_at"})
 
     def __post_init__(self) -> None:
@@ -110,6 +112,11 @@ class Discovered(Effect):
         x, rate = moment.reading_of(self.law), self.law.rate
         moves = np.zeros_like(x) if rate is None else moment.reading_of(rate)
         return self.shape.drags.begins(x, moves, self.first)
+
+    @property
+    def recalls(self) -> bool:
+        """Whether it forgets slowly."""
+        return bool(self.at and self.shape.drags and self.shape.drags.lasting)
 
     def act(self, moment: Any, memory: Array | None) -> None:
         """Change what the law changes."""

@@ -179,6 +179,11 @@ class Effect:
         """The moment as it is where the effect acts."""
         return moment.at(self.at) if self.at else moment
 
+    @property
+    def recalls(self) -> bool:
+        """Whether what was measured before a short segment is to be gone through for its memory."""
+        return self.remembers
+
     def longest_step(self, moment: Any) -> Array | float:
         """Longest time step of its memory in a measured past [s]: `SMOOTH` of its law's time constant,
         where that is known.

@@ -27,6 +27,8 @@ class Dragging:
     """What is followed, with {x}"""
     readings: tuple[str, ...]
     """Of what"""
+    lasting: bool = False
+    """Whether it remembers so long that what was before a short segment counts"""
 
     def behind(self, x: Array, first: float, dt: float) -> Array:
         """By how much it is behind x in rows of runs, (…, T), dt [s] apart."""
@@ -125,6 +127,7 @@ SHAPES: Mapping[str, LawShape] = {
             lagging,
             "minus the recent change of {x}",
             (*_ANGLES, "horn_torque"),
+            lasting=True,
         ),
     ),
     "periodic": LawShape(

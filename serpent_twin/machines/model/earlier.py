@@ -29,7 +29,7 @@ def acting(
     if not several:
         return None
     wholes, earlier = wholes_of(pieces), None
-    if wholes and any(each.remembers for each in several) and measured_joints(machine):
+    if wholes and any(each.recalls for each in several) and measured_joints(machine):
         earlier = _earlier(machine, model, there, x, pieces, wholes)
     return Acting([several] * len(pieces), clocks_of(pieces), earlier)
 
