@@ -39,6 +39,16 @@ def fading_spring(t, q, v, stretch, memory):
     return 0.0, 1.0, 1.0 - 60.0 * t / 3600, 0.0
 
 
+class Relaxing:
+    """A spring that yields from where the lever begins; the memory, which lengthens the cable, is how far."""
+
+    def __call__(self, t, q, v, stretch, memory):
+        self.begun = q if t == 0 else self.begun
+        behind = q - self.begun - memory
+        return -0.8 * behind - GEAR * GAIN * memory, 1.0, 1.0, behind / 0.5
+
+
+RELAXES = "discovered@joint_torque of pivot: lag joint_angle of pivot"
 LAWS = {
     "stribeck@pivot": (stribeck, [0.04, 0.6]),
     "cable_friction@cable": (capstan, [0.1, 0.0, 0.0, -1.0]),
@@ -64,6 +74,23 @@ def test_a_law_at_a_place_moves_a_model_as_its_equations_say(tmp_path, name):
         for at in (zero.having(name, np.array(values)), zero)
     )
     assert without > 4 * NOISE and having < 0.04 * without
+
+
+@pytest.mark.parametrize("segment", [15, 60, 520])
+def test_what_lags_remembers_the_rows_before_a_segment(tmp_path, segment):
+    path = pulled_lever.machine(tmp_path)
+    path.write_text(path.read_text().replace("segment = 60", f"segment = {segment}"))
+    rig = open_machine(path)
+    recordings = rig.read(pulled_lever.log(tmp_path / "log.csv", 0, Relaxing(), noise=0.0))
+    case = rig.open(recordings)
+    pieces = case.pieces(recordings)
+    zero = ParameterVector(np.zeros(len(case.declared)))
+    at = zero.having(RELAXES, np.array([0.8, 0, 0, 0, 0.5, 0, 0, 0]))
+    having, without = (
+        np.nanstd(pieces.measured - case.machine.respond([point], pieces)[0])
+        for point in (at, zero)
+    )
+    assert without > 4 * NOISE and having < 0.05 * without
 
 
 @pytest.mark.slow
