@@ -1,6 +1,7 @@
 """State what follows with a lag of first order: y with dy/dt = (x − y) / τ."""
 
 import numpy as np
+from scipy.signal import lfilter
 
 from serpent_twin.arrays import Array
 
@@ -19,3 +20,11 @@ def lagging_from_rest(x: Array, rate: Array, time_constant: Array | float) -> Ar
     """The same where x has moved at a rate [1/s] for half a second, after it had rested."""
     late = np.asarray(time_constant) * -np.expm1(-_MOVED / np.maximum(time_constant, 1e-9))
     return np.array(x - rate * late)
+
+
+def lagging_along(x: Array, begun: Array, time_constant: float, dt: float) -> Array:
+    """What follows x in rows (…, T), dt [s] apart, as `lagging` says, from where it begun (…)."""
+    share = -np.expm1(-dt / max(time_constant, 1e-9))
+    begun = np.asarray(begun)[..., None]
+    later, _ = lfilter([share], [1.0, share - 1.0], x[..., 1:], zi=(1.0 - share) * begun)
+    return np.concatenate([begun, later], axis=-1)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.lag import lagging, lagging_from_rest
-from serpent_twin.effects.play import dragged, dragged_from_afar
+from serpent_twin.effects.lag import lagging, lagging_along, lagging_from_rest
+from serpent_twin.effects.play import dragged, dragged_along, dragged_from_afar
 
 _EDGE = 1e-3
 """Half width of a threshold, in the unit of its reading: where a law sets in, it does so within that"""
@@ -23,6 +23,10 @@ class Dragging:
     """Where it is at first, from x, the rate of x and the parameter"""
     after: Callable[[Array, Array, Array | float, Array | float], Array]
     """Where it is then, from where it was, x, the parameter and the time in between [s]"""
+    along: Callable[[Array, Array, float, float], Array]
+    """The same in rows of runs, (…, T), from x in these, where it is in the first, the parameter and the time
+    between rows [s]
+    """
     words: str
     """What is followed, with {x}"""
     readings: tuple[str, ...]
@@ -32,13 +36,8 @@ class Dragging:
 
     def behind(self, x: Array, first: float, dt: float) -> Array:
         """By how much it is behind x in rows of runs, (…, T), dt [s] apart."""
-        out = np.zeros(x.shape)
         rate = (x[..., min(1, x.shape[-1] - 1)] - x[..., 0]) / dt
-        at = self.begins(x[..., 0], rate, first)
-        for t in range(x.shape[-1]):
-            at = self.after(at, x[..., t], first, dt) if t else at
-            out[..., t] = at - x[..., t]
-        return out
+        return self.along(x, self.begins(x[..., 0], rate, first), first, dt) - x
 
 
 @dataclass(frozen=True)
@@ -55,14 +54,6 @@ class LawShape:
     """The same without numbers, where the words have some"""
     drags: Dragging | None = None
     """How what the reading drags along remembers, where the change follows by how much that is behind"""
-
-    def seen(self, x: Array, first: float, dt: float) -> Array:
-        """What the change follows in rows of runs in which a reading was x, (…, T), dt [s] apart."""
-        return self.drags.behind(x, first, dt) if self.drags else x
-
-    def followed(self, x: Array, first: float, second: float, dt: float) -> Array:
-        """The change in these rows."""
-        return self.form(self.seen(x, first, dt), first, second)
 
 
 def _above(x: Array, first: Array | float, second: Array | float) -> Array:
@@ -113,6 +104,7 @@ SHAPES: Mapping[str, LawShape] = {
         drags=Dragging(
             dragged_from_afar,
             lambda at, x, gap, dt: dragged(at, x, gap),
+            lambda x, begun, gap, dt: dragged_along(x, begun, gap),
             "by how much what {x} drags along is behind",
             _ANGLES,
         ),
@@ -125,6 +117,7 @@ SHAPES: Mapping[str, LawShape] = {
         drags=Dragging(
             lagging_from_rest,
             lagging,
+            lagging_along,
             "minus the recent change of {x}",
             (*_ANGLES, "horn_torque"),
             lasting=True,

@@ -17,3 +17,12 @@ def dragged(memory: Array, x: Array, gap: Array | float) -> Array:
 def dragged_from_afar(x: Array, direction: Array, gap: Array | float) -> Array:
     """The same where x came from afar in a direction; in the middle of the play where it is 0."""
     return np.array(x - np.asarray(gap) / 2 * np.sign(direction))
+
+
+def dragged_along(x: Array, begun: Array, gap: float) -> Array:
+    """What x drags along in rows (…, T), from where it begun (…)."""
+    out = np.zeros(x.shape)
+    at = out[..., 0] = begun
+    for t in range(1, x.shape[-1]):
+        at = out[..., t] = dragged(at, x[..., t], gap)
+    return out

@@ -100,7 +100,7 @@ def test_play_of_one_motor_is_that_of_a_gear():
         assert_allclose(winches[0][:, 2], winches[1][:, 2], atol=1e-12)
         assert_allclose(np.delete(winches[0], 2, axis=1), np.delete(angle, 2, axis=1))
         if t:
-            told = SHAPES["play"].seen(path[: t + 1, :, 2].T, 0.3, 1.0)
+            told = SHAPES["play"].drags.behind(path[: t + 1, :, 2].T, 0.3, 1.0)
             assert_allclose(winches[0][:, 2] - angle[:, 2], told[:, -1], atol=1e-12)
 
 
@@ -120,8 +120,18 @@ def test_what_follows_late_is_the_solution_of_its_equation():
     settled = time > 8 * tau
     expected = 0.5 * (late - np.sin(rate * time))
     assert_allclose(np.array(torques)[settled], expected[settled], atol=2e-3)
-    rows = SHAPES["lag"].followed(np.sin(rate * time), tau, 0.0, dt)
+    rows = SHAPES["lag"].drags.behind(np.sin(rate * time), tau, dt)
     assert_allclose(0.5 * rows[settled], expected[settled], atol=2e-3)
+
+
+@pytest.mark.parametrize("shape", [name for name, shape in SHAPES.items() if shape.drags])
+def test_what_is_dragged_along_in_rows_is_so_step_by_step(shape):
+    drags, x = SHAPES[shape].drags, np.random.default_rng(3).normal(size=(4, 60)).cumsum(axis=1)
+    at = drags.begins(x[:, 0], (x[:, 1] - x[:, 0]) / 0.1, 0.6)
+    steps = [at]
+    for t in range(1, 60):
+        steps.append(drags.after(steps[-1], x[:, t], 0.6, 0.1))
+    assert_allclose(drags.behind(x, 0.6, 0.1), np.array(steps).T - x, atol=1e-12)
 
 
 def test_a_thing_drags_along_by_its_own_angle_alone():

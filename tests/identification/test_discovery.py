@@ -13,7 +13,8 @@ from serpent_twin.effects.law import HANDLES, Law, parse
 from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.discovery import steps_alike
 from serpent_twin.identification.discovery.candidates import candidate_of
-from serpent_twin.identification.discovery.followed import around, row_period
+from serpent_twin.identification.discovery.followed import around
+from serpent_twin.identification.discovery.rows_in_time import RowsInTime
 from serpent_twin.identification.estimates import ParameterEstimate
 from serpent_twin.identification.wording import spaced, with_numbers
 from serpent_twin.machines.machine import ParameterVector, effect_at
@@ -52,9 +53,9 @@ def test_a_law_that_made_a_residual_is_found_first(law):
     )
     made = Made(law)
     x = made.readings.get((wanted.reading, wanted.where), np.zeros((S, T)))
-    dt = row_period(made.readings)
+    rows = RowsInTime.among(made.readings)
     found, there = (
-        np.outer(size, SHAPES[wanted.shape].followed(x, first, second, dt)).ravel()
+        np.outer(size, rows.followed(SHAPES[wanted.shape], x, first, second)).ravel()
         for size, first, second in (
             (best.size, best.first, best.second),
             ([law.size, law.size_y, law.size_z][: best.size.size], law.first, law.second),

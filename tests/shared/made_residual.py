@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from serpent_twin.effects.law_shape import SHAPES
+from serpent_twin.identification.discovery.rows_in_time import RowsInTime
 from serpent_twin.identification.discovery.screen import screened
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.places import PlaceResponse
@@ -37,7 +38,9 @@ class Made:
         ]
         shown = next(r.change for r in self.responses if r.handle == law.law.handle)
         x = self.readings.get((law.law.reading, law.law.where), np.zeros((S, T)))
-        follows = SHAPES[law.law.shape].followed(x, law.first, law.second, _DT)
+        follows = RowsInTime.among(self.readings).followed(
+            SHAPES[law.law.shape], x, law.first, law.second
+        )
         sizes = [law.size, law.size_y, law.size_z][: len(shown)]
         change = sum(s * follows[..., None] * r for s, r in zip(sizes, shown, strict=True))
         slopes = rng.standard_normal((M, S, T * C)).astype(np.float32)

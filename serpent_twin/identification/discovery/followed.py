@@ -7,8 +7,9 @@ from itertools import combinations
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import RATES, READINGS, Law
+from serpent_twin.effects.law import READINGS, Law
 from serpent_twin.effects.law_shape import SHAPES
+from serpent_twin.identification.discovery.rows_in_time import RowsInTime
 
 _LEVELS = 9
 """Thresholds of a reading, at even steps of its rank"""
@@ -17,7 +18,6 @@ _WAVES = range(1, 9)
 _STILL = 1e-6
 _RAMPS = ("beyond", "below")
 _TIMES = ("session", "machine")
-_CLOCK = ("time", "session")
 _TURNS = {"motor_angle": 0.0, "joint_angle": 4.5}
 """Readings that may be followed in waves, and how far [rad] these must go on in the logs: a part of a wave of
 a joint is a curve
@@ -31,10 +31,10 @@ _PEAKS = 2
 _AT_ONCE = 500
 _PLAYS = 2.0 ** -np.arange(2, 9)
 """Widths of a play that are tried, to the range of the angle that takes it up"""
-_LAGS = 2.0 ** np.arange(-2, 8)
+_LAGS = 2.0 ** np.arange(-5, 3)
 """Time constants that are tried [s]"""
-_ROWS = (0.4, 0.25)
-"""Least time constant to the time between rows, and the greatest to that of a segment"""
+_FEWEST, _PASSES = 0.4, 4.0
+"""Rows in the least one, and the greatest ones in a session"""
 _FINER = 9
 """Thresholds that are tried around each of the best"""
 HELD = 0.01
@@ -64,35 +64,26 @@ def ways(readings: Mapping[tuple[str, str], Array]) -> tuple[list[Way], Array]:
     """All ways, and the change of each, (W, N), in the rows of all segments; of a periodic one, the sine at
     phase 0 is followed by the cosine.
     """
-    dt = row_period(readings)
+    rows_in_time = RowsInTime.among(readings)
     constant = np.ones(next(iter(readings.values())).size, np.float32)
     several, rows = [Way("constant", "", "", 0.0, 0.0)], [constant]
     for (reading, where), x in readings.items():
         if np.ptp(x) < _STILL:
             continue
-        for shape, first, second in _parameters(reading, x, dt):
+        for shape, first, second in _parameters(reading, x, rows_in_time):
             several.append(Way(shape, reading, where, first, second))
-            rows.append(SHAPES[shape].followed(x, first, second, dt).ravel().astype(np.float32))
+            change = rows_in_time.followed(SHAPES[shape], x, first, second)
+            rows.append(change.ravel().astype(np.float32))
     return several, np.array(rows)
 
 
-def row_period(readings: Mapping[tuple[str, str], Array]) -> float:
-    """Time between the rows of segments [s]; 0 for poses at rest, which drag nothing along."""
-    moving = any(name in RATES.values() for name, _ in readings)
-    return (
-        float(np.median(np.diff(readings[_CLOCK], axis=1)))
-        if moving and _CLOCK in readings
-        else 0.0
-    )
-
-
-def _parameters(reading: str, x: Array, dt: float) -> Iterator[tuple[str, float, float]]:
-    """Shapes with their parameters for a reading (S, T), in rows dt [s] apart; swings by time are apart."""
+def _parameters(reading: str, x: Array, rows: RowsInTime) -> Iterator[tuple[str, float, float]]:
+    """Shapes with their parameters for a reading (S, T); swings by time are sought apart."""
     kind = READINGS[reading][0]
     yield "linear", 0.0, 0.0
-    for shape, firsts in {"play": np.ptp(x) * _PLAYS, "lag": _lags(x.shape[-1], dt)}.items():
+    for shape, firsts in {"play": np.ptp(x) * _PLAYS, "lag": _lags(rows)}.items():
         drags = SHAPES[shape].drags
-        if dt and drags and reading in drags.readings:
+        if rows.period and drags and reading in drags.readings:
             yield from ((shape, float(first), 0.0) for first in firsts)
     levels = np.quantile(x, np.linspace(0.05, 0.95, _LEVELS))
     for level in map(float, levels):
@@ -110,10 +101,10 @@ def _parameters(reading: str, x: Array, dt: float) -> Iterator[tuple[str, float,
             yield from (("periodic", float(waves), phase) for phase in (0.0, np.pi / 2))
 
 
-def _lags(rows: int, dt: float) -> Array:
-    """Time constants [s] that show in segments of so many rows, dt [s] apart."""
-    least, most = _ROWS
-    return _LAGS[(least * dt <= _LAGS) & (most * rows * dt >= _LAGS)]
+def _lags(rows: RowsInTime) -> Array:
+    """Time constants [s] that show in rows."""
+    longest = rows.period * max(map(len, rows.stretches), default=0)
+    return _LAGS[(_FEWEST * rows.period <= _LAGS) & (_PASSES * _LAGS <= longest)]
 
 
 def around(
@@ -178,9 +169,11 @@ def swinging(time: tuple[str, str], rate: float) -> list[Way]:
 
 def rows_of(several: Sequence[Way], readings: Mapping[tuple[str, str], Array]) -> Array:
     """The change of each of some ways, (W, N)."""
-    dt = row_period(readings)
+    rows_in_time = RowsInTime.among(readings)
     each = [
-        SHAPES[f.shape].followed(readings[f.reading, f.where], f.first, f.second, dt).ravel()
+        rows_in_time.followed(
+            SHAPES[f.shape], readings[f.reading, f.where], f.first, f.second
+        ).ravel()
         for f in several
     ]
     return np.array(each, np.float32)

@@ -11,7 +11,7 @@ from serpent_twin.effects import place_of
 from serpent_twin.effects.law import HANDLES, Law, parse
 from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.discovery.candidates import FORM
-from serpent_twin.identification.discovery.followed import row_period
+from serpent_twin.identification.discovery.rows_in_time import RowsInTime
 from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
@@ -78,7 +78,7 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     along = size / (length or 1.0)
     response = response_at(places, law)
     x = places.readings[law.reading, law.where]
-    x = SHAPES[law.shape].seen(x, float(first), row_period(places.readings)).ravel()
+    x = RowsInTime.among(places.readings).seen(SHAPES[law.shape], x, float(first)).ravel()
     phase = law.shape == "periodic"
     seen = np.mod(first * x + second, 2 * np.pi) if phase else x
     ends = (0.0, 2 * np.pi) if phase else (float(x.min()), float(x.max()))
