@@ -38,6 +38,8 @@ class Handle:
 
 SPRING = "spring"
 """A force on a body that pulls it to a point of the base's frame, growing with the distance"""
+FORCES = ("force", "force_in_body", SPRING)
+"""What pulls at a body"""
 READING_SHIFT = "reading_shift"
 """The one quantity that is changed after all time steps of a run"""
 ACTUATOR_COMMAND = "command"

@@ -1,6 +1,6 @@
 """Hold what a machine shows, to first order, of a change at each of its places."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects import ranges
 from serpent_twin.effects.discovered import Discovered
-from serpent_twin.effects.law import Law
+from serpent_twin.effects.law import SPRING, Law
 from serpent_twin.machines.machine import ParameterVector
 
 
@@ -213,3 +213,16 @@ def response_at(places: Places, law: Law) -> Response:
     """What shows of the change that a law makes at its place."""
     at = law.handle, law.place
     return next(each for each in places.responses if (each.handle, each.place) == at)
+
+
+def by_forces(rotation: Array, middle: Array) -> Iterator[tuple[str, Callable[[Array], Array]]]:
+    """What a law may change, and how the changes of anything by it, (d, S, T, C), follow from those by a
+    force along the axes of the world, (3, S, T, C): that force itself, one in the body's frame, and a spring.
+    `rotation` is the body's, (S, T, 3, 3), `middle` its centre of mass [m], (S, T, 3).
+    """
+    yield "force", lambda world: world
+    yield "force_in_body", lambda world: np.einsum("stxy,xstc->ystc", rotation, world)
+    yield (
+        SPRING,
+        lambda world: np.concatenate([world, -np.einsum("stx,xstc->stc", middle, world)[None]]),
+    )

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from serpent_twin import machines
-from serpent_twin.effects.law import parse
+from serpent_twin.effects.law import FORCES, parse
 from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector
@@ -97,6 +97,8 @@ LAWS = {
     "joint_torque of elbow: beyond joint_angle of elbow": 0.99,
     "joint_friction of elbow: constant": 0.9,
     "force of lower: constant": 0.999,
+    "force_in_body of lower: constant": 0.99,
+    "spring of lower: constant": 0.999,
     "joint_torque of elbow: periodic time of session": 0.999,
     "force of lower: beyond position_z of lower": 0.98,
     "reading_shift of elbow: linear joint_angle of shoulder": 0.99,
@@ -112,16 +114,18 @@ def test_a_change_shows_as_places_say_to_first_order(opened, at, least):
     law = parse(at)
     places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
     responses = {(each.handle, each.place): each for each in places.responses}
-    if law.handle == "force":
-        name = [place for handle, place in responses if handle == "force"][-1]
+    if law.handle in FORCES:
+        name = [place for handle, place in responses if handle == law.handle][-1]
         law = parse(at.replace("lower", name))
     x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
     first = 3.0 if law.shape == "periodic" else float(np.median(x))
     follows = SHAPES[law.shape].form(x, first, 0.0)
-    unit = next(iter(responses[law.handle, law.place].of(follows[None])))[0]
+    k = 3 if law.handle == "spring" else 0  # its stiffness
+    unit = [*responses[law.handle, law.place].of(follows[None])][k][0]
     size = 2e-3 / np.sqrt(np.mean(unit**2))
     known = np.isfinite(pieces.measured)
-    found, told = shown(opened, str(law), *of(size, first))[known], size * unit[known]
+    values = np.roll(of(size), k) + np.array(of(0.0, first))
+    found, told = shown(opened, str(law), *values)[known], size * unit[known]
     assert found @ told > least * np.linalg.norm(found) * np.linalg.norm(told)
     assert np.linalg.norm(told) == pytest.approx(np.linalg.norm(found), rel=0.1)
 
@@ -130,9 +134,9 @@ def test_places_are_told_by_name_and_unit(opened):
     case, pieces = opened
     places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
     handles = {each.handle for each in places.responses}
-    assert handles == {"joint_torque", "joint_friction", "force", "command", "reading_shift"}
+    assert handles == {"joint_torque", "joint_friction", *FORCES, "command", "reading_shift"}
     assert ("joint_velocity", "elbow") in places.readings
-    forces = [each for each in places.responses if each.handle in ("joint_torque", "force")]
+    forces = [each for each in places.responses if each.handle in ("joint_torque", *FORCES)]
     assert not any(each.own.any() for each in forces)  # angles do not show forces at once
     units = case.units_of_law(parse("joint_torque of elbow: linear joint_angle of elbow"))
     assert units["size"] == "N m per rad"

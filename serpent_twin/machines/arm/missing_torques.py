@@ -13,9 +13,8 @@ import numpy as np
 from serpent_twin.arm.geometry import ARM, N_JOINTS, N_MOTORS, link_frames
 from serpent_twin.arrays import Array
 from serpent_twin.effects.arm_places import NAMES, centres_of_mass, levers
-from serpent_twin.machines.arm.link_forces import by_forces
 from serpent_twin.machines.arm.pieces import ArmPieces
-from serpent_twin.machines.places import MissingTorques, PlaceResponse
+from serpent_twin.machines.places import MissingTorques, PlaceResponse, by_forces
 from serpent_twin.sim.response import Response
 from serpent_twin.sim.statics import PASSES, against_gravity, strand_stiffness
 from serpent_twin.sim.twin_model import TwinModel
@@ -60,4 +59,5 @@ def _responses(q: Array) -> Iterator[PlaceResponse]:
     middle, lever = centres_of_mass(origin, rotation), levers(q)
     for n, name in enumerate(NAMES["body"]):
         world = np.moveaxis(lever[..., n, :, :], -1, 0)
-        yield from by_forces(name, world, rotation[..., n, :, :], middle[..., n, :])
+        for handle, by in by_forces(rotation[..., n, :, :], middle[..., n, :]):
+            yield PlaceResponse(handle, name, by(world))

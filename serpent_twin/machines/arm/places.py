@@ -23,10 +23,9 @@ from serpent_twin.effects.arm_places import (
     levers,
 )
 from serpent_twin.effects.law import POSITIONS, READINGS
-from serpent_twin.machines.arm.link_forces import by_forces
 from serpent_twin.machines.arm.missing_torques import missing_torques
 from serpent_twin.machines.arm.pieces import ArmPieces
-from serpent_twin.machines.places import MissingTorques, PlaceResponse
+from serpent_twin.machines.places import MissingTorques, PlaceResponse, by_forces
 from serpent_twin.sim import response
 from serpent_twin.sim.prescribed_motion import STANDING
 from serpent_twin.sim.statics import PASSES, gravity_stiffness, of_joints, strand_stiffness
@@ -180,7 +179,8 @@ class ArmPlaces:
         middle = centres_of_mass(origin, rotation)
         for n, name in enumerate(NAMES["body"]):
             world = np.einsum("stjx,jstc->xstc", lever[..., n, :, :], self._by_torques)
-            yield from by_forces(name, world, rotation[..., n, :, :], middle[..., n, :])
+            for handle, by in by_forces(rotation[..., n, :, :], middle[..., n, :]):
+                yield PlaceResponse(handle, name, by(world))
         inertia = -np.einsum("l,stljx,jstc->xstc", LINK_MASS, lever, self._by_torques)
         yield PlaceResponse("acceleration", NAMES["frame"][0], inertia)
 

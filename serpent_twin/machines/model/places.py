@@ -26,7 +26,7 @@ from serpent_twin.machines.model.seen import address
 from serpent_twin.machines.model.springs import single_joints
 from serpent_twin.machines.model.starts import LEAD
 from serpent_twin.machines.model.things import joint_type, lengths
-from serpent_twin.machines.places import LaggedResponse, Response, RowMotion
+from serpent_twin.machines.places import LaggedResponse, Response, RowMotion, by_forces
 
 MOST = 12
 """Joints or bodies of a model at which laws are sought"""
@@ -76,6 +76,18 @@ def clocks_and_commands(machine: Described, pieces: Runs) -> dict[tuple[str, str
 
 
 @dataclass(frozen=True)
+class _BodiesAlong:
+    """Where B bodies are in S segments of T rows."""
+
+    by_joints: Array
+    """Motion of their centres of mass by each degree of freedom, (B, S, T, 3, nv)"""
+    middle: Array
+    """Where these are [m], (B, S, T, 3)"""
+    rotation: Array
+    """Of the bodies, (B, S, T, 3, 3)"""
+
+
+@dataclass(frozen=True)
 class ModelPlaces:
     """What S segments of T rows show of changes at a model's places."""
 
@@ -111,7 +123,7 @@ class ModelPlaces:
             found["joint_velocity", name] = np.nan_to_num(self.states.rate[..., dof])
         for k, n in enumerate(self._bodies):
             if n not in self.machine.model.body_parentid[self._bodies]:  # the end of a chain
-                at = self._along[1][k]
+                at = self._along.middle[k]
                 name = self.machine.model.body(n).name
                 found |= {(axis, name): at[..., x] for x, axis in enumerate(POSITIONS)}
         return found
@@ -169,32 +181,33 @@ class ModelPlaces:
     def _of_bodies(self) -> Iterator[Response]:
         none = np.zeros((3, *self.pieces.measured.shape))
         for k, n in enumerate(self._bodies):
-            push = np.einsum("stxv,vstd->xstd", self._along[0][k], self.forced.by_force)
+            push = np.einsum("stxv,vstd->xstd", self._along.by_joints[k], self.forced.by_force)
             shows = self.forced.push_shows
             own = none if shows is None else shows[k]
-            yield self._lagged("force", self.machine.model.body(n).name, push, own)
+            name = self.machine.model.body(n).name
+            for handle, by in by_forces(self._along.rotation[k], self._along.middle[k]):
+                yield self._lagged(handle, name, by(push), by(own))
 
     @property
     def _bodies(self) -> list[int]:
         return _few_bodies(self.machine.model)
 
     @cached_property
-    def _along(self) -> tuple[Array, Array]:
-        """Motion of bodies' centres of mass by each degree of freedom, (B, S, T, 3, nv), and where these are
-        [m], (B, S, T, 3).
-        """
+    def _along(self) -> "_BodiesAlong":
+        """How the bodies move along the rows."""
         model, bodies, pose = self.machine.model, self._bodies, np.nan_to_num(self.states.pose)
         data, own = mujoco.MjData(model), model.nq
-        out = np.empty((len(bodies), *pose.shape[:2], 3, model.nv))
-        at = np.empty(out.shape[:-1])
+        rows = (len(bodies), *pose.shape[:2])
+        found = _BodiesAlong(*(np.empty((*rows, *of)) for of in ((3, model.nv), (3,), (3, 3))))
         for s, t in np.ndindex(pose.shape[:2]):
             data.qpos[:] = pose[s, t, :own]
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             for k, n in enumerate(bodies):
-                mujoco.mj_jacBodyCom(model, data, out[k, s, t], None, n)
-                at[k, s, t] = data.xipos[n]
-        return out, at
+                mujoco.mj_jacBodyCom(model, data, found.by_joints[k, s, t], None, n)
+                found.middle[k, s, t] = data.xipos[n]
+                found.rotation[k, s, t] = data.xmat[n].reshape(3, 3)
+        return found
 
     def _of_commands(self) -> Iterator[Response]:
         for each in self.machine.commanded:

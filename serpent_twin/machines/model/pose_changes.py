@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects.law import HANDLES, Law
+from serpent_twin.effects.law import FORCES, HANDLES, Law
 from serpent_twin.machines.model.poses import PosedRuns, RestingRuns, Rests
 from serpent_twin.machines.model.state_laws import StateLaws
 
 _DIFFERENCE = 1e-6
 """Of a coordinate [rad or m]"""
-_PUSH = {"joint_torque": 1e-4, "force": 1e-4, "slack": 1e-6}
-"""Change of each quantity [N m or N, N, m], so small that hardly a tendon goes slack or a contact opens"""
+_PUSH = {"joint_torque": 1e-4, **dict.fromkeys(FORCES, 1e-4), "slack": 1e-6}
+"""Change of each quantity [N m or N, N or N/m, m]: so small that hardly a tendon goes slack"""
 
 
 class PoseChanges:

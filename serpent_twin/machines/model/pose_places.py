@@ -10,6 +10,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects.law import (
     ACTUATOR_COMMAND,
+    FORCES,
     HANDLES,
     POSITIONS,
     READING_SHIFT,
@@ -75,7 +76,7 @@ def _laws(machine: Described) -> list[Law]:
     bodies = [n for n in moved_bodies(model) if _moves(model, n, held)]
     return [
         *(Law("joint_torque", name) for name in joints),
-        *(Law("force", model.body(n).name) for n in _few(bodies)),
+        *(Law(force, model.body(n).name) for n in _few(bodies) for force in FORCES),
         *(Law("slack", name) for name in tendons),
     ]
 

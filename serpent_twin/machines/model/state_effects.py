@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from serpent_twin.arrays import Array
 from serpent_twin.effects import CABLE, Effect, name_of
 from serpent_twin.effects.discovered import Discovered
-from serpent_twin.effects.law import POSITIONS, READING_SHIFT
+from serpent_twin.effects.law import FORCES, POSITIONS, READING_SHIFT
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.clocks import Clocks
 from serpent_twin.machines.model.numbers import is_dc_motor
@@ -21,7 +21,7 @@ _TORQUE = "drive_torque"
 _TIMES = ("time", "runtime")
 _FOLLOWED_AT_REST = {
     **dict.fromkeys(
-        ("joint_torque", "force", "slack"), ("joint_angle", "tension", *POSITIONS, *_TIMES)
+        ("joint_torque", *FORCES, "slack"), ("joint_angle", "tension", *POSITIONS, *_TIMES)
     ),
     READING_SHIFT: ("joint_angle", *_TIMES),
 }

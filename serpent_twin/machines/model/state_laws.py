@@ -72,6 +72,7 @@ class StateLaws:
         self._force, self._entering = bind("actuator_force"), bind("qfrc_actuator")
         self._load, self._spring_load = bind("qfrc_bias"), bind("qfrc_spring")
         self._at, self._about, self._moves = bind("xipos"), bind("subtree_com"), bind("cvel")
+        self._turned_to = bind("xmat")
         self._friction = [
             (expand(of), which, expand(of)[:, which].copy()) if which else None
             for of, which in (
@@ -162,6 +163,7 @@ class StateLaws:
             tendon_length=length[:, :of_tendons],
             tendon_velocity=along[:, :of_tendons],
             body_position=at,
+            body_rotation=self._turned_to[:, self._bodies].reshape(n, -1, 3, 3),
             body_velocity=moves,
             free_stretch=free,
             told_pull=told,

@@ -9,6 +9,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Instant
 from serpent_twin.effects.law import POSITIONS, Law
+from serpent_twin.effects.law import SPRING as SPRING_TO_POINT
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.part_of_moment import PartOfMoment
 from serpent_twin.numerals import listed
@@ -28,8 +29,8 @@ class StateMoment(Instant):
 
     given: ClassVar[frozenset[str]] = frozenset(
         {"names", "dt", "time", "prior_runtime", "joint_angle", "joint_velocity", "tendon_length",
-         "tendon_velocity", "body_position", "body_velocity", "free_stretch", "told_pull", "limits",
-         "usual_torque", "other_torque", "drives"}
+         "tendon_velocity", "body_position", "body_rotation", "body_velocity", "free_stretch", "told_pull",
+         "limits", "usual_torque", "other_torque", "drives"}
     )  # fmt: skip
     everywhere: ClassVar[frozenset[str]] = frozenset({"dt", "time", "prior_runtime"})
     """Names of the fields that all places share"""
@@ -52,6 +53,8 @@ class StateMoment(Instant):
     """[m/s], (n, L)"""
     body_position: Array
     """Of the centre of mass in the world [m], (n, B, 3)"""
+    body_rotation: Array
+    """From the body's frame to the world's, (n, B, 3, 3)"""
     body_velocity: Array
     """The same [m/s], (n, B, 3)"""
     free_stretch: Array
@@ -118,7 +121,7 @@ class StateMoment(Instant):
         return getattr(self, law.reading)[:, at : at + 1]
 
     def change(self, law: Law, sizes: Sequence[Array | float]) -> None:
-        """Change what a law changes, by sizes (n, 1) of one component or three."""
+        """Change what a law changes, by sizes (n, 1) of each component."""
         if law.handle not in _CHANGED:
             raise SerpentError(
                 f"no law changes {law.handle} here; there are: {', '.join(_CHANGED)}."
@@ -126,11 +129,19 @@ class StateMoment(Instant):
         quantity = _CHANGED[law.handle]
         at, changed = self.column(quantity, law.place), getattr(self, quantity).copy()
         if quantity == "wrench":
-            for axis, size in enumerate(sizes):
-                changed[:, at, axis] += np.broadcast_to(size, self.time.shape)[:, 0]
+            changed[:, at, :3] += self._force(law.handle, at, sizes)
         else:
             changed[:, at : at + 1] += sizes[0]
         setattr(self, quantity, changed)
+
+    def _force(self, handle: str, at: int, sizes: Sequence[Array | float]) -> Array:
+        """A force on a body in the world [N], (n, 3), by its components."""
+        along = np.stack([np.broadcast_to(each, self.time.shape)[:, 0] for each in sizes], axis=-1)
+        if handle == SPRING_TO_POINT:
+            return along[:, :3] - along[:, 3:] * self.body_position[:, at]
+        if handle == "force_in_body":
+            return np.einsum("nxy,ny->nx", self.body_rotation[:, at], along)
+        return along
 
     def at(self, place: str) -> PartOfMoment:
         """The moment at one joint, tendon, drive or body."""
@@ -154,6 +165,8 @@ _CHANGED = {
     "joint_friction": "gear_friction",
     "slack": "slack",
     "force": "wrench",
+    "force_in_body": "wrench",
+    SPRING_TO_POINT: "wrench",
 }
 """What laws may change, by their names of it"""
 _KIND = {
@@ -162,6 +175,6 @@ _KIND = {
     ),
     **dict.fromkeys(("tendon_length", "tendon_velocity", "tendon_pull", "tendon_friction"), TENDON),
     **dict.fromkeys(("drive_torque", "usual_torque"), ACTUATOR),
-    **dict.fromkeys(("body_position", "body_velocity", "wrench"), BODY),
+    **dict.fromkeys(("body_position", "body_rotation", "body_velocity", "wrench"), BODY),
 }
 """Of what each quantity is; others are of springs"""
