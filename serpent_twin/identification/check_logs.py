@@ -104,7 +104,7 @@ def _checked(rig: machines.Rig, logs: Sequence[Log]) -> Identifiability:
         def limits(name: str, make: Callable[[], Array]) -> Array:
             bar.set_description_str(f"detection limit of {spaced(name)}")
             made = make()
-            bar.update(_SHARES["detection limits"] / len(found))
+            bar.update(min(_SHARES["detection limits"] / len(found), bar.total - bar.n))
             return made
 
         told = identifiability(case, pieces, opening, found, limits)

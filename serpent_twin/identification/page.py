@@ -107,7 +107,7 @@ def _rest(diagnosis: Diagnosis) -> str:
     rest = diagnosis.unexplained
     if not rest.is_:
         return f"{diagnosis.doubt} {diagnosis.power}".strip()
-    share = f"{100 * rest.share:.0f} % of the squared error stays unexplained."
+    share = f"Of the squared error that is left, {100 * rest.share:.0f} % is unexplained."
     return f"{share} {rest.depends_on}".strip()
 
 
@@ -218,7 +218,7 @@ def _verdict(diagnosis: Diagnosis, told: Mapping[str, str]) -> str:
         beside = f": {error:.2f} {unit}, where a twin that lacks nothing leaves {clean:.2f} {unit}"
         plain = f"What is left is too little to call unexplained{beside if known else ''}."
         return diagnosis.doubt or plain
-    share = f"Unexplained is {100 * rest.share:.0f} % of the squared error."
+    share = f"Of the squared error that is left, {100 * rest.share:.0f} % is unexplained."
     repeated = any(rest.depends_on in said for said in told.values())
     return share if repeated else f"{share} {rest.depends_on}"
 

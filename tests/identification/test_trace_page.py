@@ -162,7 +162,7 @@ def test_what_is_left_is_described_and_judged():
     assert left.startswith("Calibrated: The markers are off by") and "\n\nCorrected: The" in left
     assert left.endswith("mm, where a twin that lacks nothing leaves 1.06 mm.")
     rest = sections(diagnosis(unexplained=REST))["What is left"].text
-    assert "Unexplained is 37 %" in rest and "a hose" in rest
+    assert "is left, 37 % is unexplained" in rest and "a hose" in rest
 
 
 def test_calibrated_parameters_are_ranked_by_how_far_they_moved():
