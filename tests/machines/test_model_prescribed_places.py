@@ -7,6 +7,7 @@ from cabled_models import cabled, lines, span
 
 from serpent_twin.effects.law import parse
 from serpent_twin.effects.law_shape import SHAPES
+from serpent_twin.identification.discovery.rows_in_time import RowsInTime
 from serpent_twin.identification.run import Trace, trace
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
@@ -66,6 +67,8 @@ LAWS = {
     ("joint_torque of elbow: constant", 2): 0.99,
     ("joint_friction of elbow: constant", 0): 0.99,
     ("joint_torque of elbow: play joint_angle of elbow", 0): 0.98,
+    ("joint_torque of elbow: lag joint_angle of elbow", 0): 0.98,
+    ("force_in_body of lower: constant", 2): 0.999,
     ("force of lower: constant", 0): 0.999,
     ("force of lower: beyond position_z of lower", 2): 0.99,
     ("force of upper: constant", 2): 0.999,
@@ -82,7 +85,7 @@ def shown(opened, at):
     responses = {(each.handle, each.place): each for each in places.responses}
     x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
     first = 0.3 * float(np.ptp(x)) if law.shape == "play" else float(np.median(x))
-    follows = SHAPES[law.shape].followed(x, first, 0.0)
+    follows = RowsInTime.among(places.readings).followed(SHAPES[law.shape], x, first, 0.0)
     unit = next(iter(responses[law.handle, law.place].of(follows[None])))[0]
     size = 2e-3 / np.sqrt(np.mean(unit**2))
     effects = {f"discovered@{at}": numbers(size, first)}
