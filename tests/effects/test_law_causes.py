@@ -11,8 +11,8 @@ from serpent_twin.effects.law_shape import SHAPES
 def test_something_is_said_of_every_law(handle):
     readings = [("", ""), *((name, "thing1") for name in READINGS)]
     laws = [Law(handle, "thing1", s, *reading) for s in SHAPES for reading in readings]
-    assert all(look_for(law).startswith(("a ", "an ", "some", "play", "rubber", "grease", "lenses",
-                                         "cameras")) for law in laws)  # fmt: skip
+    assert all(look_for(law).startswith(("a ", "an ", "some", "play", "rubber", "nylon", "grease",
+                                         "lenses", "cameras")) for law in laws)  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -28,6 +28,7 @@ def test_something_is_said_of_every_law(handle):
         ("load_scale of motor1_load: linear time of session", LawForm.SLOWLY, "fades"),
         ("load_shift of motor1_load: periodic motor_angle of motor1", LawForm.WAVES, "tooth"),
         ("spring of link7: constant", LawForm.ALWAYS, "tether"),
+        ("joint_torque of joint5: lag joint_angle of joint5", LawForm.LATE, "relaxes"),
     ],
 )
 def test_the_form_of_a_law_says_where_to_look(law, form, words):
