@@ -52,9 +52,7 @@ class Discovered(Effect):
 
     shows_in: ClassVar[str] = "what no named effect explains"
     stage: ClassVar[int] = LOSS
-    remembers: ClassVar[bool] = (
-        False  # where nothing is known of the past, its memory begins by a guess
-    )
+    remembers: ClassVar[bool] = False  # a guess does where nothing is known of the past
     needs: ClassVar[frozenset[str]] = frozenset({"law_at"})
 
     def __post_init__(self) -> None:

@@ -23,7 +23,7 @@ def lagging_from_rest(x: Array, rate: Array, time_constant: Array | float) -> Ar
 
 
 def lagging_along(x: Array, begun: Array, time_constant: float, dt: float) -> Array:
-    """What follows x in rows (…, T), dt [s] apart, as `lagging` says, from where it begun (…)."""
+    """What follows x in rows (…, T), dt [s] apart, as `lagging` says, from where it is in the first, (…)."""
     share = -np.expm1(-dt / max(time_constant, 1e-9))
     begun = np.asarray(begun)[..., None]
     later, _ = lfilter([share], [1.0, share - 1.0], x[..., 1:], zi=(1.0 - share) * begun)

@@ -20,7 +20,7 @@ def dragged_from_afar(x: Array, direction: Array, gap: Array | float) -> Array:
 
 
 def dragged_along(x: Array, begun: Array, gap: float) -> Array:
-    """What x drags along in rows (…, T), from where it begun (…)."""
+    """What x drags along in rows (…, T), from where it is in the first, (…)."""
     out = np.zeros(x.shape)
     at = out[..., 0] = begun
     for t in range(1, x.shape[-1]):

@@ -230,3 +230,23 @@ def test_the_arms_places_show_what_a_simulation_shows():
         cosine = one @ two / np.linalg.norm(one) / np.linalg.norm(two)
         assert cosine > least, (at, cosine)
         assert np.linalg.norm(two) == pytest.approx(np.linalg.norm(one), rel=0.4), at
+
+
+def test_rows_follow_each_other_within_their_session_alone():
+    """Two sessions: the first in two segments that share rows, the second in two that are apart."""
+    time = 0.5 * (np.arange(6) + np.array([[0], [4], [0], [9]]))
+    readings = {
+        ("time", "session"): time,
+        ("joint_velocity", "joint1"): np.ones((4, 6)),
+    }
+    rows = RowsInTime.among(readings)
+    assert rows.period == 0.5
+    assert [len(each) for each in rows.stretches] == [10, 6, 6]
+    x = np.random.default_rng(2).normal(size=(30,))
+    sessions = np.stack([x[:6], x[4:10], x[10:16], x[19:25]])
+    found = rows.seen(SHAPES["lag"], sessions, 0.8)
+    whole = SHAPES["lag"].drags.behind(x[:10], 0.8, 0.5)
+    assert found[:2] == pytest.approx(np.stack([whole[:6], whole[4:]]))
+    alone = RowsInTime.among({name: each[2:3] for name, each in readings.items()})
+    assert found[2] == pytest.approx(alone.seen(SHAPES["lag"], sessions[2:3], 0.8)[0])
+    assert RowsInTime.among({("time", "session"): time}).period == 0.0  # at rest

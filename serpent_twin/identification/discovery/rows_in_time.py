@@ -34,7 +34,7 @@ class RowsInTime:
             return cls()
         period = float(np.median(np.diff(readings[_TIME], axis=1)))
         rows = np.round(readings[_TIME] / period)
-        session = np.r_[0, np.cumsum(np.diff(rows[:, 0]) < 0)]  # segments are in order
+        session = np.r_[0, np.cumsum(np.diff(rows[:, 0]) <= 0)]  # segments are in order
         rows += session[:, None] * (np.ptp(rows) + _APART)
         at, first, of = np.unique(rows, return_index=True, return_inverse=True)
         apart = np.flatnonzero(np.diff(at) > 1) + 1
