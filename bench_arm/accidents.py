@@ -70,6 +70,7 @@ ACCIDENTS: Mapping[str, tuple[float, str]] = {
     "turned_link": (0.02, "a link that has turned, with all beyond, from an instant on [rad]"),
     "turned_cameras": (0.008, "cameras that have turned from an instant on [rad]"),
     "relaxing_joint": (0.3, "a spring across one joint that relaxes [N m/rad]"),
+    "drifting_clock": (2e-4, "cameras whose clock falls behind that of the motors [s/s]"),
     "late_load": (0.06, "one motor's load, which is read late [s]"),
 }
 """A strength of each that an arm of this size shows clearly, and what it is"""
@@ -96,7 +97,7 @@ def draw(kind: str, strength: float, rng: np.random.Generator, seconds: float) -
     }
     # Seeds give the arms that they gave before these kinds.
     parts["loose_gear"] = parts["late_load"] = parts["encoder_wave"]
-    parts["relaxing_joint"] = parts["soft_stop"]
+    parts["relaxing_joint"], parts["drifting_clock"] = parts["soft_stop"], 1
     return Accident(
         kind,
         strength,
@@ -176,6 +177,14 @@ def relax(several: Several, q: Array, rest: Array, h: float) -> None:
     for n, each in of_kind(several, "relaxing_joint"):
         at = each.part - 1
         rest[n, at] += (q[n, at] - rest[n, at]) * -np.expm1(-h / each.time_constant)
+
+
+def camera_delay(several: Several, clock: Array) -> Array:
+    """By how much cameras are late at running times (R,) [s], (R,)."""
+    out = np.zeros(len(several))
+    for n, each in of_kind(several, "drifting_clock"):
+        out[n] = each.strength * clock[n]
+    return out
 
 
 def swinging(each: Accident, clock: float) -> Array:

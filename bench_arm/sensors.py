@@ -83,9 +83,11 @@ def advance(machine: ArmBatch, command: Array, substeps: int) -> Period:
 
 def read(machine: ArmBatch, path: Period, seen: Sequence[Sensors], t: int) -> dict[str, Array]:
     """Row t of every log, (R, ...)."""
-    hinges = delayed(path.hinges, path.seconds, [s.effects.mocap_latency for s in seen])
-    marker = machine.markers(hinges)
     several = machine.accidents
+    late = accidents.camera_delay(several, machine.clock)
+    late += [s.effects.mocap_latency for s in seen]
+    hinges = delayed(path.hinges, path.seconds, late)
+    marker = machine.markers(hinges)
     if any(several):
         marker += accidents.shifts(several, machine.clock, marker, *machine.frames(hinges))
     marker = machine.seen(marker) + np.stack([s.marker[t] for s in seen])
@@ -108,7 +110,7 @@ def read(machine: ArmBatch, path: Period, seen: Sequence[Sensors], t: int) -> di
     }
 
 
-def delayed(path: Array, seconds: float, latency: Sequence[float]) -> Array:
+def delayed(path: Array, seconds: float, latency: Sequence[float] | Array) -> Array:
     """What was there, (R, …), as long ago as each row's latency [s], by linear interpolation between what was
     there evenly in the last seconds.
     """

@@ -92,6 +92,7 @@ def of_accident(happened: Accident) -> list[Answer]:
         "elastic_cord": _near(("spring",), part, ("constant",), ()),
         "turned_link": _turned(part, size) + last * _knocked(part),
         "turned_cameras": [_answer(("camera_turn",), ("base",), steps, clock, size)],
+        "drifting_clock": [_answer(("camera_delay",), ("base",), ("linear",), clock, size)],
         "relaxing_joint": [
             _answer(("joint_torque",), (joint,), ("lag",), (f"joint angle of {joint}",), size)
         ],

@@ -65,6 +65,7 @@ def _of_accident(happened: Accident) -> TrueLaw:
         "elastic_cord": lambda: _constant("spring", f"link{part}"),
         "turned_link": lambda: _since("link_turn", f"link{part}", happened),
         "turned_cameras": lambda: _since("camera_turn", "base", happened),
+        "drifting_clock": lambda: _law("camera_delay", "base", Way("linear", *_CLOCK, 0.0, 0.0)),
         "relaxing_joint": lambda: _law(
             "joint_torque", joint, Way("lag", *of_joint, happened.time_constant, 0.0)
         ),

@@ -77,6 +77,8 @@ def change(moment: Any, law: Law, sizes: Sequence[Array | float]) -> None:
     at = column(names_of(law.handle), law.place)
     if law.handle in ("force", "force_in_body", SPRING, "acceleration"):
         moment.joint_torque = moment.joint_torque + _torque(moment.joint_angle, law, at, sizes)
+    elif law.handle == "camera_delay":
+        moment.marker_shift = moment.marker_shift - _travelled(moment, sizes[0])
     elif law.handle in ("marker_shift", "camera_shift", "link_turn", "camera_turn"):
         moment.marker_shift = moment.marker_shift + _shift(moment.joint_angle, law, at, sizes)
     elif law.handle == "joint_friction":
@@ -134,6 +136,16 @@ def _triple(a: Array, b: Array, c: Array) -> Array:
     for x, y, z in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         out = out + a[..., x] * (b[..., y] * c[..., z] - b[..., z] * c[..., y])
     return np.asarray(out)
+
+
+def _travelled(moment: Any, time: Array | float) -> Array:
+    """How far the markers go in a short time (n, 1) at the speed that they have [m], (n, 9, 3)."""
+    origin, rotation = link_frames(moment.joint_angle)
+    axis = (rotation @ JOINT_AXES[..., None])[..., 0]
+    turning = np.cumsum(moment.joint_velocity[..., None] * axis, axis=1)
+    by_joint = np.cross(moment.joint_velocity[..., None] * axis, origin)
+    speed = np.cross(turning, markers_on(origin, rotation)) - np.cumsum(by_joint, axis=1)
+    return np.asarray(time)[..., None] * speed
 
 
 def _shift(q: Array, law: Law, at: int, sizes: Sequence[Array | float]) -> Array:

@@ -90,6 +90,9 @@ HANDLES: Mapping[str, Handle] = {
     "camera_turn": Handle(
         "frame", "rad", 3, words="a turn{size} of all that the cameras see", only_seen=True
     ),
+    "camera_delay": Handle(
+        "frame", "s", words="a delay{size} of all that the cameras see", only_seen=True
+    ),
     "acceleration": Handle("frame", "m/s²", 3, words="an acceleration{size} of the {place}"),
 }
 """What laws change, by the name of the moment's quantity"""

@@ -188,6 +188,13 @@ _CAUSES: Mapping[str, tuple[str, Mapping[LawForm, str]]] = {
     ),
     "camera_shift": ("cameras that do not stand still", _SEEN),
     "camera_turn": ("cameras that do not stand still", _SEEN),
+    "camera_delay": (
+        "cameras that are late",
+        {
+            LawForm.ONCE: "a clock that was set anew, or frames that were lost then",
+            LawForm.SLOWLY: "cameras whose clock runs faster or slower than the motors'",
+        },
+    ),
     "acceleration": (
         "a base that moves",
         {

@@ -21,7 +21,9 @@ IN_LOADS = (
     "dying_load",
     "late_load",
 )
-IN_MARKERS = ("mocap_latency", "knocked_marker", "moved_cameras", "turned_link", "turned_cameras")
+IN_MARKERS = (
+    "mocap_latency", "knocked_marker", "moved_cameras", "turned_link", "turned_cameras", "drifting_clock",
+)  # fmt: skip
 
 
 def injected(name, strength=None):

@@ -190,6 +190,16 @@ def test_a_spring_pulls_as_its_energy_falls():
     assert_allclose(after.joint_torque[0], slopes, atol=1e-8)
 
 
+def test_cameras_that_are_late_see_markers_where_they_were():
+    late = 1e-4
+    q, speed = np.random.default_rng(5).normal(0, [[[0.3]], [[0.8]]], (2, 2, 9))
+    now = moment(2, joint_angle=q, joint_velocity=speed)
+    Discovered(late, at="camera_delay of base: constant").act(now, None)
+    was = markers(q - late * speed) - markers(q)
+    assert np.abs(was).max() > 3e-5
+    assert_allclose(now.marker_shift, was, atol=3e-8)
+
+
 def test_what_has_turned_moves_the_markers_of_its_link_and_beyond():
     turn = 1e-4 * np.array([1.0, -2.0, 0.5])
     sizes = dict(zip(("size", "size_y", "size_z"), turn, strict=True))

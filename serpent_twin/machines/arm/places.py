@@ -98,9 +98,10 @@ class ArmPlaces:
         """Of all joints."""
         return missing_torques(self.twin, self.pieces, self.did)
 
-    def _speed(self, joint_angle: Array) -> Array:
+    def _speed(self, x: Array) -> Array:
+        """Rate of anything from row to row, (S, T, N)."""
         time = self.pieces.motors.time[..., None]
-        return np.gradient(joint_angle, axis=1) / np.gradient(time, axis=1)
+        return np.gradient(x, axis=1) / np.gradient(time, axis=1)
 
     @cached_property
     def _frames(self) -> tuple[Array, Array]:
@@ -197,6 +198,9 @@ class ArmPlaces:
                 turned[axis, ..., 3 * n : 3 * n + 3] = np.cross(np.eye(3)[axis], marker[..., n, :])
         yield PlaceResponse("camera_shift", NAMES["frame"][0], every)
         yield PlaceResponse("camera_turn", NAMES["frame"][0], turned)
+        late = np.zeros((1, *self.pieces.measured.shape))
+        late[0, ..., : 3 * N_JOINTS] = -self._speed(marker.reshape(*marker.shape[:2], -1))
+        yield PlaceResponse("camera_delay", NAMES["frame"][0], late)
         for n, name in enumerate(NAMES["body"]):
             change = np.zeros_like(every)
             for axis in range(3):
