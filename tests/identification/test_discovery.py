@@ -191,7 +191,7 @@ PLACED = {  # along y; least cosine to what a simulation makes of it: slack dela
     "load_scale of motor2_load: constant": 0.999,
     "link_turn of link4: constant": 0.999,
     "camera_turn of base: constant": 0.999,
-    "camera_delay of base: constant": 0.9,  # rows are 0.25 s apart
+    "camera_delay of base: constant": 0.75,  # rows are 0.25 s apart
 }
 AT_CAMERAS = ("marker_shift", "camera_shift", "link_turn", "camera_turn", "camera_delay")
 FADED = 10

@@ -98,10 +98,19 @@ class ArmPlaces:
         """Of all joints."""
         return missing_torques(self.twin, self.pieces, self.did)
 
-    def _speed(self, x: Array) -> Array:
-        """Rate of anything from row to row, (S, T, N)."""
+    def _speed(self, joint_angle: Array) -> Array:
         time = self.pieces.motors.time[..., None]
-        return np.gradient(x, axis=1) / np.gradient(time, axis=1)
+        return np.gradient(joint_angle, axis=1) / np.gradient(time, axis=1)
+
+    def _late(self) -> Array:
+        """Change of the prediction where cameras are late [1/s], (S, T, 37): by the way that markers went since
+        the row before, as motors change their speed in rows.
+        """
+        marker, time = np.asarray(self.did.marker), self.pieces.motors.time
+        went = np.diff(marker.reshape(*time.shape, -1), axis=1) / np.diff(time, axis=1)[..., None]
+        out = np.zeros(self.pieces.measured.shape)
+        out[:, 1:, : 3 * N_JOINTS] = -went
+        return out
 
     @cached_property
     def _frames(self) -> tuple[Array, Array]:
@@ -198,9 +207,7 @@ class ArmPlaces:
                 turned[axis, ..., 3 * n : 3 * n + 3] = np.cross(np.eye(3)[axis], marker[..., n, :])
         yield PlaceResponse("camera_shift", NAMES["frame"][0], every)
         yield PlaceResponse("camera_turn", NAMES["frame"][0], turned)
-        late = np.zeros((1, *self.pieces.measured.shape))
-        late[0, ..., : 3 * N_JOINTS] = -self._speed(marker.reshape(*marker.shape[:2], -1))
-        yield PlaceResponse("camera_delay", NAMES["frame"][0], late)
+        yield PlaceResponse("camera_delay", NAMES["frame"][0], self._late()[None])
         for n, name in enumerate(NAMES["body"]):
             change = np.zeros_like(every)
             for axis in range(3):
