@@ -103,8 +103,8 @@ class ArmPlaces:
         return np.gradient(joint_angle, axis=1) / np.gradient(time, axis=1)
 
     def _late(self) -> Array:
-        """Change of the prediction where cameras are late [1/s], (S, T, 37): by the way that markers went since
-        the row before, as motors change their speed in rows.
+        """Change of the prediction where cameras are late [1/s], (S, T, 37): by the way that markers went
+        since the row before, as motors change their speed in rows.
         """
         marker, time = np.asarray(self.did.marker), self.pieces.motors.time
         went = np.diff(marker.reshape(*time.shape, -1), axis=1) / np.diff(time, axis=1)[..., None]
