@@ -20,6 +20,8 @@ from serpent_twin.machines.places import response_at
 _KNOTS = 8
 _UNSETTLED = 30.0
 """Squared standard errors by which the free curve must be better for the law to be unsettled"""
+_ALIKE = 0.03
+"""Of the law, within which the free curve settles it all the same: first order is not more exact"""
 _FINE = 200
 
 
@@ -44,11 +46,13 @@ class FreeCurve:
     """The law there, (K,)"""
     gain: float
     """Squared standard errors by which the free curve is better [1]"""
+    apart: float
+    """How far it is from the law at the knots, to the law there [1]"""
 
     @property
     def settled(self) -> bool:
-        """Whether no free curve describes the training logs better."""
-        return self.gain < _UNSETTLED
+        """Whether no other curve describes the training logs better."""
+        return self.gain < _UNSETTLED or self.apart < _ALIKE
 
     @property
     def folded(self) -> bool:
@@ -93,7 +97,8 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     at, there = (
         length * (np.sin(each) if phase else form(each, first, second)) for each in (knots, fine)
     )
-    return FreeCurve(law, case.units_of_law(law), knots, at + off, error, fine, there, gain)
+    apart = float(np.linalg.norm(off) / max(float(np.linalg.norm(at)), 1e-30))
+    return FreeCurve(law, case.units_of_law(law), knots, at + off, error, fine, there, gain, apart)
 
 
 def _spread(x: Array) -> Array:
