@@ -19,7 +19,7 @@ from serpent_twin.sim import twin_model
 
 SESSIONS = 2
 LAG = 0.03  # of the arms' servos [s]
-ARMS = {"none": (0.0, 560), "base_tilt": (0.08, 330), "outside_force": (0.5, 560)}
+ARMS = {"none": (0.0, 560), "base_tilt": (0.08, 220), "outside_force": (0.5, 560)}
 """Strengths, and control steps of each session"""
 
 
@@ -141,7 +141,7 @@ def test_logs_of_another_machine_are_refused(logs, tmp_path):
     foreign = changed(
         logs["base_tilt"], tmp_path / "foreign", lambda s: replace(s, marker=1.2 * s.marker)
     )
-    with pytest.raises(SerpentError, match=r"1\.199 times as far apart"):
+    with pytest.raises(SerpentError, match=r"1\.(19|20)\d times as far apart"):
         trace(Trace((foreign,), tmp_path / "out"))
 
 
