@@ -16,7 +16,7 @@ from serpent_twin.effects.law import Law
 from serpent_twin.identification import Trace
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.composing import ComposingTracer
-from serpent_twin.identification.discovery.followed import Way, rows_of, swinging
+from serpent_twin.identification.discovery.followed import Way, swinging
 from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.discovery.sizes import solved
 from serpent_twin.identification.run import planned
@@ -110,8 +110,7 @@ def worth(traced: Trace, law: TrueLaw) -> float:
     wanted, several = law
     search = Search.of(case, some, base, places)
     at = response_at(places, wanted)
-    readings = places.readings
-    follows = rows_of(several, readings) if wanted.reading else np.ones((1, search.F.shape[1]))
+    follows = search.changes(several) if wanted.reading else np.ones((1, search.F.shape[1]))
     found, gram = search.beyond_free(at, follows.astype(np.float32))
     pull, raw = found.pulls.reshape(1, -1), found.raw.sum(axis=0)
     if len(several) > 1:  # a sine and its cosine

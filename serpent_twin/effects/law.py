@@ -146,9 +146,9 @@ class Law:
         """
         if drags := SHAPES[self.shape].drags:
             own = self.of_itself or self.place == self.where
-            moves = self.handle not in (READING_SHIFT, ACTUATOR_COMMAND)
-            moves = moves and not HANDLES[self.handle].only_more
-            return own and moves and self.reading in drags.readings
+            either_way = not HANDLES[self.handle].only_more
+            in_time_steps = self.handle not in (READING_SHIFT, ACTUATOR_COMMAND)
+            return own and either_way and in_time_steps and self.reading in drags.readings
         if self.handle == READING_SHIFT and self.follows_a_thing:
             return self.reading in _OF_JOINTS
         alike = (self.reading == ACTUATOR_COMMAND) == (self.handle == ACTUATOR_COMMAND)

@@ -36,7 +36,7 @@ def composed_law(curve: FreeCurve, number: int) -> Figure:
     panel.set(xlabel=x, ylabel=fill(f"{HANDLES[law.handle].told(law.place)} [{unit}]", _LABEL))
     panel.legend()
     tidy(panel, "y")
-    said = "No free curve describes the training logs better."
+    said = "No clearly different curve describes the training logs better."
     if not curve.settled:
         said = (
             "The free curve describes the training logs better: the form of the law is not settled."

@@ -107,8 +107,13 @@ def _rest(diagnosis: Diagnosis) -> str:
     rest = diagnosis.unexplained
     if not rest.is_:
         return f"{diagnosis.doubt} {diagnosis.power}".strip()
-    share = f"Of the squared error that is left, {100 * rest.share:.0f} % is unexplained."
-    return f"{share} {rest.depends_on}".strip()
+    return f"{_share(diagnosis)} {rest.depends_on}".strip()
+
+
+def _share(diagnosis: Diagnosis) -> str:
+    """How much of what is left is unexplained."""
+    share = diagnosis.unexplained.share
+    return f"Of the squared error that is left, {100 * share:.0f} % is unexplained."
 
 
 def _sessions(diagnosis: Diagnosis) -> str:
@@ -218,7 +223,7 @@ def _verdict(diagnosis: Diagnosis, told: Mapping[str, str]) -> str:
         beside = f": {error:.2f} {unit}, where a twin that lacks nothing leaves {clean:.2f} {unit}"
         plain = f"What is left is too little to call unexplained{beside if known else ''}."
         return diagnosis.doubt or plain
-    share = f"Of the squared error that is left, {100 * rest.share:.0f} % is unexplained."
+    share = _share(diagnosis)
     repeated = any(rest.depends_on in said for said in told.values())
     return share if repeated else f"{share} {rest.depends_on}"
 

@@ -4,18 +4,15 @@ import hanging_models
 import numpy as np
 import posed_models
 import pytest
-from hanging_models import lever, pulls
+from hanging_models import BELOW, STOP, lever, pulls, pushed, stop
 from scipy.optimize import root
 
 from serpent_twin import machines
 from serpent_twin.effects.law import FORCES, HANDLES, parse
 from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification import Trace, trace
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import read_logs
-
-STOP, BELOW = 1.5, -0.2  # [N m/rad] against the third joint beyond an angle [rad]
 
 
 def opened(path, logs):
@@ -59,16 +56,6 @@ def by_statics(pieces, law=None, slack=None):
         more = slack(pieces.time[s, t]) if slack else np.zeros(2)
         out[s, t] = hanging_models.shown(hanging_models.rest(told[s, t] + more, law))
     return out
-
-
-def stop(q):
-    """A torque on the third joint that grows beyond an angle."""
-    return np.array([0.0, 0.0, -STOP * min(q[2] - BELOW, 0.0)])
-
-
-def pushed(q):
-    """A force on the last link that grows as it goes aside."""
-    return lever(q, 2).T @ [-8.0 * max(hanging_models.ends(q)[3, 0] - 0.03, 0.0), 0.0]
 
 
 def loaded(q):
@@ -272,39 +259,3 @@ def test_a_reading_shifts_from_an_instant_on(turned):
 def test_what_no_pose_can_honour_is_refused(arm, at, says):
     with pytest.raises(SerpentError, match=says):
         shown(arm, at, 0.1, 0, 0, 0, 0, 0)
-
-
-def composed(folder, acting):
-    """The one law that a trace composes where something acts on poses, with its sizes and threshold."""
-    path = hanging_models.machine(folder / "chain")
-    path.write_text('candidates = ["gravity"]\n' + path.read_text())
-    for n in range(3):
-        hanging_models.log(folder / "logs" / f"poses_{n}.csv", n, acting)
-    found = trace(Trace((folder / "logs",), folder / "trace", machine=path))
-    assert found["error_mm"]["corrected"] < 0.4  # 0.32 mm is the mean length of its noise
-    (law,) = found["effects"]
-    return law, *(law["parameters"].get(name) for name in ("size", "size_x", "threshold"))
-
-
-@pytest.mark.slow
-def test_a_stop_is_composed_at_its_joint(tmp_path):
-    law, size, _, threshold = composed(tmp_path, stop)
-    assert law["place"] == {"kind": "joint", "name": "joint_3"}
-    assert (law["changes"], law["law"]) == ("joint_torque", "below")
-    assert law["depends_on"] == ["joint angle of joint_3"]
-    assert size["value"] == pytest.approx(-STOP, rel=0.1)
-    assert size["low"] < -STOP < size["high"]
-    assert threshold["value"] == pytest.approx(BELOW, abs=0.02)
-    assert size["unit"] == "N m per rad"
-
-
-@pytest.mark.slow
-def test_a_force_is_composed_on_a_body_that_moves_in_a_plane(tmp_path):
-    """Or told as equivalent: to poses, a cable that lengthens there does nearly the same."""
-    law, *_, threshold = composed(tmp_path, pushed)
-    told = [
-        (each["changes"], each["place"]["name"], each["law"]) for each in (law, *law["equivalent"])
-    ]
-    assert ("force", "link_3", "beyond") in told
-    assert law["depends_on"] == ["position x of link_3"]
-    assert threshold["value"] == pytest.approx(0.03, abs=0.003)

@@ -125,3 +125,16 @@ def log(path: Path, seed: int, law: Law | None = None, poses: int = 45) -> Path:
     text = "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows)
     path.write_text(f"left,right,x2,y2,z2,x3,y3,z3\n{text}\n")
     return path
+
+
+STOP, BELOW = 1.5, -0.2  # [N m/rad] against the third joint beyond an angle [rad]
+
+
+def stop(q):
+    """A torque on the third joint that grows beyond an angle."""
+    return np.array([0.0, 0.0, -STOP * min(q[2] - BELOW, 0.0)])
+
+
+def pushed(q):
+    """A force on the last link that grows as it goes aside."""
+    return lever(q, 2).T @ [-8.0 * max(ends(q)[3, 0] - 0.03, 0.0), 0.0]

@@ -60,19 +60,18 @@ class Way:
         return len(SHAPES[self.shape].parameters)
 
 
-def ways(readings: Mapping[tuple[str, str], Array]) -> tuple[list[Way], Array]:
+def ways(readings: Mapping[tuple[str, str], Array], in_time: RowsInTime) -> tuple[list[Way], Array]:
     """All ways, and the change of each, (W, N), in the rows of all segments; of a periodic one, the sine at
     phase 0 is followed by the cosine.
     """
-    rows_in_time = RowsInTime.among(readings)
     constant = np.ones(next(iter(readings.values())).size, np.float32)
     several, rows = [Way("constant", "", "", 0.0, 0.0)], [constant]
     for (reading, where), x in readings.items():
         if np.ptp(x) < _STILL:
             continue
-        for shape, first, second in _parameters(reading, x, rows_in_time):
+        for shape, first, second in _parameters(reading, x, in_time):
             several.append(Way(shape, reading, where, first, second))
-            change = rows_in_time.followed(SHAPES[shape], x, first, second)
+            change = in_time.followed(SHAPES[shape], x, first, second)
             rows.append(change.ravel().astype(np.float32))
     return several, np.array(rows)
 
@@ -167,13 +166,12 @@ def swinging(time: tuple[str, str], rate: float) -> list[Way]:
     return [Way("periodic", *time, float(rate), phase) for phase in (0.0, np.pi / 2)]
 
 
-def rows_of(several: Sequence[Way], readings: Mapping[tuple[str, str], Array]) -> Array:
+def rows_of(
+    several: Sequence[Way], readings: Mapping[tuple[str, str], Array], in_time: RowsInTime
+) -> Array:
     """The change of each of some ways, (W, N)."""
-    rows_in_time = RowsInTime.among(readings)
     each = [
-        rows_in_time.followed(
-            SHAPES[f.shape], readings[f.reading, f.where], f.first, f.second
-        ).ravel()
+        in_time.followed(SHAPES[f.shape], readings[f.reading, f.where], f.first, f.second).ravel()
         for f in several
     ]
     return np.array(each, np.float32)

@@ -11,7 +11,6 @@ from serpent_twin.effects import place_of
 from serpent_twin.effects.law import HANDLES, Law, parse
 from serpent_twin.effects.law_shape import SHAPES
 from serpent_twin.identification.discovery.candidates import FORM
-from serpent_twin.identification.discovery.rows_in_time import RowsInTime
 from serpent_twin.identification.discovery.screen import Search
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
@@ -82,12 +81,12 @@ def free_curve(case: Case[Any], training: Any, fit: Fit, name: str) -> FreeCurve
     along = size / (length or 1.0)
     response = response_at(places, law)
     x = places.readings[law.reading, law.where]
-    x = RowsInTime.among(places.readings).seen(SHAPES[law.shape], x, float(first)).ravel()
+    search = Search.of(case, some, fit, places)
+    x = search.in_time.seen(SHAPES[law.shape], x, float(first)).ravel()
     phase = law.shape == "periodic"
     seen = np.mod(first * x + second, 2 * np.pi) if phase else x
     ends = (0.0, 2 * np.pi) if phase else (float(x.min()), float(x.max()))
     knots = np.linspace(*ends, _KNOTS + phase)[:_KNOTS] if phase else _spread(x)
-    search = Search.of(case, some, fit, places)
     off, error, gain = search.together(
         response.along(along),
         _hats(seen, knots, 2 * np.pi if phase else None),

@@ -27,6 +27,7 @@ from serpent_twin.identification.discovery.followed import (
     swings,
     ways,
 )
+from serpent_twin.identification.discovery.rows_in_time import RowsInTime
 from serpent_twin.identification.discovery.sizes import FLAT, of_one_phase, shows_flat, solved
 from serpent_twin.identification.discovery.sums import (
     ResidualRows,
@@ -75,7 +76,8 @@ class Search:
         slopes = beyond(free, known.slopes.astype(float).reshape(-1, *scale.shape))
         known = replace(known, slopes=slopes.reshape(len(slopes), scale.size))
         self.readings = readings
-        self.ways, self.F = ways(self.readings)
+        self.in_time = RowsInTime.among(readings)
+        self.ways, self.F = ways(readings, self.in_time)
         self.weight, self.channels = known.weight, scale.shape[-1]
         residual = beyond(free, residual.astype(float)).ravel()
         pull = known.weight * (known.slopes @ residual) + known.prior * known.lean
@@ -119,7 +121,7 @@ class Search:
 
     def at(self, response: Response, besides: Sequence[Way] = ()) -> list[Composed]:
         """The best laws at a place, some ways beside the usual ones included."""
-        F = np.concatenate([self.F, rows_of(besides, self.readings)]) if besides else self.F
+        F = np.concatenate([self.F, self.changes(besides)]) if besides else self.F
         several = [*self.ways, *besides]
         possible = [n for n, way in enumerate(several) if _law(response, way).possible]
         if len(possible) < len(several):
@@ -146,7 +148,11 @@ class Search:
         self, response: Response, several: Sequence[Way], most: int = _EACH
     ) -> list[Composed]:
         """The best of some laws at a place, one for each reading."""
-        return self._among(response, several, rows_of(several, self.readings), most)
+        return self._among(response, several, self.changes(several), most)
+
+    def changes(self, several: Sequence[Way]) -> Array:
+        """The change of each of some ways in all rows, (W, N)."""
+        return rows_of(several, self.readings, self.in_time)
 
     def together(self, response: Response, F: Array) -> tuple[Array, Array, float]:
         """Sizes of several changes at once, (W,), of a place with one component, their standard errors, and

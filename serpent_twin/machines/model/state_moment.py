@@ -8,7 +8,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Instant
-from serpent_twin.effects.law import POSITIONS, Law
+from serpent_twin.effects.law import FORCES, POSITIONS, Law
 from serpent_twin.effects.law import SPRING as SPRING_TO_POINT
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.part_of_moment import PartOfMoment
@@ -164,9 +164,7 @@ _CHANGED = {
     "joint_torque": "joint_torque",
     "joint_friction": "gear_friction",
     "slack": "slack",
-    "force": "wrench",
-    "force_in_body": "wrench",
-    SPRING_TO_POINT: "wrench",
+    **dict.fromkeys(FORCES, "wrench"),
 }
 """What laws may change, by their names of it"""
 _KIND = {
