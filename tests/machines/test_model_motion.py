@@ -9,6 +9,7 @@ import pytest
 from serpent_twin.identification.run import Trace, trace
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model.clocks import clocks_of
 
 
 def moved(tmp_path, **how):
@@ -29,6 +30,37 @@ def test_a_model_of_a_moving_machine_predicts_its_motion(tmp_path):
     at = ParameterVector(np.zeros(len(case.declared)))
     off = pieces.measured - case.machine.respond([at], pieces)[0]
     assert np.sqrt(np.nanmean(off**2)) < 6e-4  # rad: hardly more than the noise of 5e-4
+
+
+def test_logs_whose_clocks_begin_anew_follow_each_other_by_the_number_in_their_names(tmp_path):
+    rig = open_machine(moving_models.machine(tmp_path))
+    folder = tmp_path / "logs"
+    for n in (2, 10, 1):
+        log = moving_models.log(folder / f"run_{n}.csv", n)
+    recordings = rig.read(folder)
+    assert [each.name for each in recordings] == ["run_1", "run_2", "run_10"]
+    took = recordings[0].time[-1] - recordings[0].time[0]
+    pieces = rig.open(recordings).pieces(recordings)
+    first = [pieces.session.index(each.name) for each in recordings]
+    prior = clocks_of(pieces).prior_runtime[first]
+    assert prior == pytest.approx([0.0, took, 2.0 * took])
+    alone = rig.read(log)
+    assert clocks_of(rig.open(alone).pieces(alone)).prior_runtime == pytest.approx(0.0)
+
+
+def test_sessions_of_one_clock_are_as_far_apart_as_it_says(tmp_path):
+    rig = open_machine(moving_models.machine(tmp_path))
+    for n in range(2):
+        log = moving_models.log(tmp_path / "logs" / f"run_{n}.csv", n)
+    head, *rows = log.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    at = head.split(",").index("t")
+    for row in cells:
+        row[at] = str(float(row[at]) + 500.0)
+    log.write_text("\n".join([head, *map(",".join, cells)]))
+    recordings = rig.read(log.parent)
+    pieces = rig.open(recordings).pieces(recordings)
+    assert clocks_of(pieces).prior_runtime[-1] == pytest.approx(500.0)
 
 
 def test_noise_is_estimated_from_a_motion(tmp_path):

@@ -1,7 +1,7 @@
 """Say when in its session each run begins."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,6 +9,9 @@ from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Recording, Runs
 
 _WHOLE = "session"
+CLOCK_BEGAN = "clock_began_s"
+"""In a session's metadata, the clock of its log at the log's first row [s]"""
+_PRIOR = "prior_runtime_s"
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,22 @@ class Clocks:
         return Clocks(np.concatenate(begun), np.concatenate(prior))
 
 
+def in_sequence(sessions: Sequence[Recording]) -> list[Recording]:
+    """Sessions that follow each other by their clocks; one that begins anew goes on where the session before
+    ended.
+    """
+    found: list[Recording] = []
+    forward, end, first = 0.0, -np.inf, 0.0
+    for each in sessions:
+        begins, ends = each.time[[0, -1]] + each.metadata[CLOCK_BEGAN]
+        forward = max(forward, end - begins)
+        first = first if found else begins
+        prior = begins + forward - first
+        found.append(replace(each, metadata=each.metadata | {_PRIOR: prior}))
+        end = ends + forward
+    return found
+
+
 def part_of(run: Recording, rows: slice) -> Recording:
     """Some rows of a session, which know the whole of it."""
     columns = {name: values[rows].copy() for name, values in run.columns.items()}
@@ -44,11 +63,12 @@ def wholes_of(pieces: Runs) -> list[Recording]:
 
 def clocks_of(pieces: Runs) -> Clocks:
     """When runs begin."""
-    wholes = wholes_of(pieces)
-    if not wholes:  # each run is a session
-        return Clocks(np.zeros(len(pieces)), pieces.time[:, 0])
-    begun = np.array([each.time[0] for each in wholes])
-    return Clocks(pieces.time[:, 0] - begun, begun)
+    first = pieces.time[:, 0]
+    wholes = wholes_of(pieces)  # if there are none, each run is a session
+    begun = np.array([each.time[0] for each in wholes]) if wholes else first
+    about = zip(pieces.metadata, begun, strict=True)
+    prior = np.array([each.get(_PRIOR, otherwise) for each, otherwise in about])
+    return Clocks(first - begun, prior)
 
 
 def session_time(pieces: Runs) -> Array:

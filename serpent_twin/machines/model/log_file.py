@@ -1,5 +1,6 @@
 """Read the columns of a CSV or Parquet log that a machine.toml names, in SI units."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.model.clocks import CLOCK_BEGAN, in_sequence
 from serpent_twin.machines.model.description import (
     MOTION,
     Column,
@@ -28,20 +30,27 @@ _ADVICE = "Name the column in machine.toml as the log has it."
 
 
 def read_runs(machine: Described, folder: Path) -> list[Recording]:
-    """The logs of a folder, by name, or that of a file."""
+    """The logs of a folder, which follow each other by name (run_2 before run_10), or that of a file."""
     if folder.exists() and not folder.is_dir():
-        return read(machine, folder)
+        return in_sequence(read(machine, folder))
     if not folder.is_dir():
         raise SerpentError(
             f"There is no folder {folder}, nor such a file. Name a log of the machine, or the folder of "
             "its logs."
         )
-    files = sorted(path for suffix in _SUFFIXES for path in folder.glob(f"*{suffix}"))
+    found = (path for suffix in _SUFFIXES for path in folder.glob(f"*{suffix}"))
+    files = sorted(found, key=_by_number)
     if not files:
         raise SerpentError(
             f"There is no {' or '.join(_SUFFIXES)} file in {folder}. Name the folder with the machine's logs."
         )
-    return [each for path in files for each in read(machine, path)]
+    return in_sequence([each for path in files for each in read(machine, path)])
+
+
+def _by_number(path: Path) -> list[tuple[int, str]]:
+    """What sorts names with the numbers in them by size."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(each), "") if each.isdecimal() else (-1, each) for each in parts]
 
 
 def read(machine: Described, path: Path) -> list[Recording]:
@@ -59,8 +68,9 @@ def read(machine: Described, path: Path) -> list[Recording]:
             require_unit(machine, path, name, found[name], each)
     for name in machine.switches:
         found[name] = _whole(path, name, _numbers(path, table, name), "which switches a drive")
-    found = {"time": _time(about.time, path, table, rows), **_others(about, table), **found}
-    whole = Recording(path, {"arm": machine.name}, found)
+    time = _time(about.time, path, table, rows)
+    found = {"time": time - time[0], **_others(about, table), **found}
+    whole = Recording(path, {"arm": machine.name, CLOCK_BEGAN: time[0]}, found)
     labels = _column(path, table, about.session) if about.session else None
     several = [whole] if labels is None else _by_session(whole, labels)
     several = [_thinned(each, about.every) for each in several]
@@ -179,4 +189,4 @@ def _time(clock: Column | None, path: Path, table: dict[str, NDArray[Any]], rows
             f"{path}: {clock.column!r} does not increase in row {row}. Sort the rows, split the log there, "
             "or, of poses, leave the column out of machine.toml: then rows are counted."
         )
-    return found - found[0]
+    return found
