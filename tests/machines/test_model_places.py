@@ -130,6 +130,69 @@ def test_a_change_shows_as_places_say_to_first_order(opened, at, least):
     assert np.linalg.norm(told) == pytest.approx(np.linalg.norm(found), rel=0.1)
 
 
+def test_laws_are_sought_beside_links_that_bend(opened):
+    case, pieces = opened
+    bends = {"link_flex@upper": np.array([0.05, 0.0])}
+    places = case.places(ParameterVector(np.zeros(len(case.declared)), bends), pieces)
+    torque = next(
+        each for each in places.responses if (each.handle, each.place) == ("joint_torque", "elbow")
+    )
+    unit = next(iter(torque.of(np.ones((1, *pieces.time.shape)))))[0]
+    law = {"discovered@joint_torque of elbow: constant": np.array(of(0.01))}
+    found = shown(opened, effects=bends | law) - shown(opened, effects=bends)
+    known = np.isfinite(pieces.measured)
+    assert np.abs(found[known]).max() > 1e-3
+    assert np.abs(0.01 * unit - found)[known].max() < 0.1 * np.abs(found[known]).max()
+    angle = places.readings["joint_angle", "elbow"]
+    off = np.abs(angle - pieces.measured[..., 1])
+    assert np.median(off[known[..., 1]]) < 0.1
+
+
+CABLE = """</worldbody>
+<tendon>
+  <fixed name="cable" stiffness="40" springlength="-1 0.01">
+    <joint joint="shoulder" coef="0.03"/><joint joint="elbow" coef="0.05"/>
+  </fixed>
+</tendon>"""
+PULL = """
+[[measured]]
+tendon = "cable"
+columns = ["current_1"]
+unit = "N"
+noise = 0.01
+"""
+
+
+@pytest.mark.parametrize("pull", ["", PULL])
+@pytest.mark.parametrize(
+    "at", ["constant", "beyond joint_angle of elbow", "linear tension of cable"]
+)
+def test_a_slack_of_a_cable_shows_as_places_say_where_it_pulls(tmp_path, at, pull):
+    path = moving_models.machine(tmp_path)
+    path.write_text(moving_models.TOML + pull)
+    model = tmp_path / "arm.xml"
+    model.write_text(model.read_text().replace("</worldbody>", CABLE))
+    moving_models.log(tmp_path / "logs" / "session_1.csv", 1)
+    rig = machines.find(str(path))
+    case = rig.open(sessions := read_logs(rig, (tmp_path / "logs",)))
+    pieces = case.pieces(sessions)
+    places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+    slack = next(each for each in places.responses if each.handle == "slack")
+    law = parse(f"slack of cable: {at}")
+    x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
+    assert law.reading != "tension" or (x.max() > 0.2 and x.min() == 0.0)
+    first = float(np.median(x)) if law.shape == "beyond" else 0.0
+    follows = SHAPES[law.shape].form(x, first, 0.0)
+    unit = next(iter(slack.of(follows[None])))[0]
+    size = 1e-3 / max(follows.max(), 1e-9)
+    found = shown((case, pieces), str(law), *of(size, first))
+    known = np.isfinite(pieces.measured)
+    told, found = size * unit[known], found[known]
+    assert np.abs(found).max() > 1e-4
+    assert found @ told > 0.98 * np.linalg.norm(found) * np.linalg.norm(told)
+    assert np.linalg.norm(told) == pytest.approx(np.linalg.norm(found), rel=0.1)
+
+
 def test_places_are_told_by_name_and_unit(opened):
     case, pieces = opened
     places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)

@@ -224,8 +224,6 @@ class ModelMachine(RunMachine):
             return None
         with quietly(), np.errstate(all="ignore"):
             motion = self._in_motion([point]).motion(pieces)
-            if motion.driven.models[0].nq != machine.model.nq:  # an effect lets its links bend
-                return None
             return ModelPlaces.of(machine, self.places, motion, pieces)
 
     def units_of_law(self, law: Law) -> dict[str, str]:

@@ -17,16 +17,18 @@ from serpent_twin.effects.law import (
     Law,
 )
 from serpent_twin.machines.measured import Runs
+from serpent_twin.machines.model.along import Along
 from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import commands
 from serpent_twin.machines.model.motion import DrivenMotion, RowStates
 from serpent_twin.machines.model.row_motion import ForcedRows, forced_rows
 from serpent_twin.machines.model.seen import address
-from serpent_twin.machines.model.springs import single_joints
+from serpent_twin.machines.model.springs import drives_on, single_joints
 from serpent_twin.machines.model.starts import LEAD
 from serpent_twin.machines.model.things import joint_type, lengths
 from serpent_twin.machines.places import LaggedResponse, Response, RowMotion, by_forces
+from serpent_twin.residual import FORCE, TORQUE
 
 MOST = 12
 """Joints or bodies of a model at which laws are sought"""
@@ -76,22 +78,12 @@ def clocks_and_commands(machine: Described, pieces: Runs) -> dict[tuple[str, str
 
 
 @dataclass(frozen=True)
-class _BodiesAlong:
-    """Where B bodies are in S segments of T rows."""
-
-    by_joints: Array
-    """Motion of their centres of mass by each degree of freedom, (B, S, T, 3, nv)"""
-    middle: Array
-    """Where these are [m], (B, S, T, 3)"""
-    rotation: Array
-    """Of the bodies, (B, S, T, 3, 3)"""
-
-
-@dataclass(frozen=True)
 class ModelPlaces:
     """What S segments of T rows show of changes at a model's places."""
 
     machine: Described
+    model: mujoco.MjModel
+    """The twin's, of its first run"""
     measured: tuple[str, ...]
     """The thing that each channel is of, (C,)"""
     states: RowStates
@@ -110,9 +102,9 @@ class ModelPlaces:
         states, varies = motion.states(), commands(machine, pieces).std(axis=(0, 1))
         forced = forced_rows(motion.driven, states, motion.seen, varies, _few_bodies(machine.model))
         if motion.gain is not None:
-            adapts = _adapts(machine.model, measured, motion, forced.motion)
+            adapts = _adapts(measured, motion, forced.motion)
             forced = replace(forced, motion=replace(forced.motion, adapts=adapts))
-        return cls(machine, tuple(measured), states, forced, pieces)
+        return cls(machine, motion.driven.models[0], tuple(measured), states, forced, pieces)
 
     @cached_property
     def readings(self) -> Mapping[tuple[str, str], Array]:
@@ -126,6 +118,9 @@ class ModelPlaces:
                 at = self._along.middle[k]
                 name = self.machine.model.body(n).name
                 found |= {(axis, name): at[..., x] for x, axis in enumerate(POSITIONS)}
+        for k, n in enumerate(self._tendons):
+            if not drives_on(self.model, "tendon", n):
+                found["tension", self.model.tendon(n).name] = self._along.tension[k]
         return found
 
     @property
@@ -134,6 +129,7 @@ class ModelPlaces:
         return [
             *self._of_joints(),
             *self._of_bodies(),
+            *self._of_tendons(),
             *self._of_commands(),
             *self._of_readings(),
         ]
@@ -156,9 +152,12 @@ class ModelPlaces:
 
     @property
     def _joints(self) -> list[tuple[str, int]]:
-        """Names of joints, and their degrees of freedom, which are their place in the pose."""
-        model = self.machine.model
-        return [(name, n) for n in range(model.njnt) if (name := model.joint(n).name)]
+        """Names of the machine's own joints, and their degrees of freedom, which are their place in the
+        twin's pose: links that bend have further ones.
+        """
+        own = self.machine.model
+        names = [name for n in range(own.njnt) if (name := own.joint(n).name)]
+        return [(name, address(self.model, name)) for name in names]
 
     def _of_joints(self) -> Iterator[Response]:
         """Of those whose motion is not prescribed: a prescribed one takes up any torque, which no sensor of
@@ -192,22 +191,31 @@ class ModelPlaces:
     def _bodies(self) -> list[int]:
         return _few_bodies(self.machine.model)
 
+    def _of_tendons(self) -> Iterator[Response]:
+        """Of those with a spring, where it pulls."""
+        pulls = [each.of for each in self.machine.about.measured if each.measure in (FORCE, TORQUE)]
+        for k, n in enumerate(self._tendons):
+            name, arm = self.model.tendon(n).name, self._along.arms[k]
+            own = np.zeros((1, *self.pieces.measured.shape))
+            if ("tendon", name) in pulls:
+                own[0, ..., self.measured.index(name)] = -self._along.stiffness[k]
+            push = np.einsum(
+                "st,stv,vstd->std", self._along.stiffness[k], arm, self.forced.by_force
+            )
+            yield self._lagged("slack", name, push[None], own)
+
+    @property
+    def _tendons(self) -> list[int]:
+        """Tendons with a spring and a name, if they are few."""
+        model = self.model
+        found = [int(n) for n in np.flatnonzero(model.tendon_stiffness)]
+        names = {n: model.tendon(n).name for n in found}
+        found = [n for n in found if names[n] and "m" in lengths(model, "tendon", names[n])]
+        return found if len(found) <= MOST else []
+
     @cached_property
-    def _along(self) -> "_BodiesAlong":
-        """How the bodies move along the rows."""
-        model, bodies, pose = self.machine.model, self._bodies, np.nan_to_num(self.states.pose)
-        data, own = mujoco.MjData(model), model.nq
-        rows = (len(bodies), *pose.shape[:2])
-        found = _BodiesAlong(*(np.empty((*rows, *of)) for of in ((3, model.nv), (3,), (3, 3))))
-        for s, t in np.ndindex(pose.shape[:2]):
-            data.qpos[:] = pose[s, t, :own]
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
-            for k, n in enumerate(bodies):
-                mujoco.mj_jacBodyCom(model, data, found.by_joints[k, s, t], None, n)
-                found.middle[k, s, t] = data.xipos[n]
-                found.rotation[k, s, t] = data.xmat[n].reshape(3, 3)
-        return found
+    def _along(self) -> Along:
+        return Along.of(self.model, self._bodies, self._tendons, self.states.pose)
 
     def _of_commands(self) -> Iterator[Response]:
         for each in self.machine.commanded:
@@ -243,11 +251,10 @@ def _few_bodies(model: mujoco.MjModel) -> list[int]:
     return found if len(found) <= MOST else []
 
 
-def _adapts(
-    model: mujoco.MjModel, measured: Sequence[str], motion: DrivenMotion, rows: RowMotion
-) -> Array:
+def _adapts(measured: Sequence[str], motion: DrivenMotion, rows: RowMotion) -> Array:
     """How the states at which runs begin follow what is read in the lead, (S, D, LEAD, C)."""
     (S, _, C, D), joints = rows.shows.shape, motion.start.joints
+    model = motion.driven.models[0]
     assert motion.gain is not None
     out = np.zeros((S, D, LEAD, C))
     gain = motion.gain.reshape(S, len(joints), 2, len(joints), LEAD)
