@@ -49,7 +49,7 @@ def main(config: Confusion) -> None:  # noqa: D103 tyro would print it above the
 
 def _trials(config: Confusion) -> list[Trial]:
     every = planned(config.source, config.rounds, config.seed, config.sessions)
-    words = {n for t in every for n, _ in t.effects} | {t.kind for t in every}
+    words = {n for t in every for n, _ in t.effects} | {t.level for t in every}
     if unknown := sorted(set(config.only) - words):
         raise SerpentError(
             f"--only {' '.join(unknown)}: there is no such thing. There are {', '.join(sorted(words))}."

@@ -21,7 +21,8 @@ class Confusion(Checked):
     trials: Annotated[int, within(0, 1_000_000)] = 0
     """At most this many of the plan's trials, finished ones included; 0 for all."""
     only: tuple[str, ...] = ()
-    """Only trials with these effects or of these kinds: clean, known, pair, outside."""
+    """Only trials with these effects or of these kinds: clean, known, pair, outside; strong: one effect
+    alone, far above what is noticed."""
     sessions: tuple[Annotated[int, within(2, 10_000)], ...] = (2, 3, 5)
     """Sessions of each arm, of which the last one is held out; of several numbers, arms have one in turn."""
     steps: Steps = 1200

@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 CLEAN, KNOWN, PAIR, OUTSIDE = "clean", "known", "pair", "outside"
+STRONG = "strong"
+"""One effect alone, far above what is noticed: of the kind `KNOWN`"""
 CLEAN_A_ROUND = 2
 SESSIONS = 4
 """Of an arm, where nothing else is said"""
-LEVELS = {KNOWN: (0.1, 2.5), PAIR: (0.7, 2.0), OUTSIDE: (0.5, 2.5)}
+LEVELS = {KNOWN: (0.1, 2.5), STRONG: (1.5, 4.0), PAIR: (0.7, 2.0), OUTSIDE: (0.5, 2.5)}
 """Strengths of each kind, in typical strengths, drawn evenly in their logarithm: of one effect alone, from
 far below to above what is noticed
 """
@@ -32,11 +34,18 @@ class Trial:
     """Names, and strengths in typical strengths"""
     sessions: int = SESSIONS
     """Of the arm; the last one judges"""
+    strong: bool = False
+    """Whether its effect is drawn from `STRONG` levels"""
 
     @property
     def name(self) -> str:
         """What is wrong with the arm."""
         return " + ".join(name for name, _ in self.effects) or "none"
+
+    @property
+    def level(self) -> str:
+        """What its strengths are drawn from, of `LEVELS`; its kind, or strong."""
+        return STRONG if self.strong else self.kind
 
     def rng(self, seed: int) -> np.random.Generator:
         """The trial's own randomness, whatever else is run."""
@@ -61,18 +70,21 @@ def plan(
         at = f"{r:02d}"
         clean = [Trial(f"clean-{at}-{n}", CLEAN) for n in range(CLEAN_A_ROUND)]
         single = [Trial(f"{name}-{at}", KNOWN, ((name, 1.0),)) for name in known]
+        strong = [replace(each, id=f"{each.id}-{STRONG}", strong=True) for each in single]
         other = [Trial(f"{name}-{at}", OUTSIDE, ((name, 1.0),)) for name in outside]
         both = pairs[r % len(pairs)] if pairs else ()
         pair = [Trial(f"{'+'.join(both)}-{at}", PAIR, tuple((n, 1.0) for n in both))] * bool(both)
         every = [
             replace(trial, sessions=sessions[(r + n) % len(sessions)])
-            for several in (clean, single, other, pair)
+            for several in (clean, single, strong, other, pair)
             for n, trial in enumerate(several)
         ]
-        by = {kind: [each for each in every if each.kind == kind] for kind in (KNOWN, OUTSIDE)}
-        trials += [each for each in every if each.kind == CLEAN]
-        trials += [*_turned(by[KNOWN], r), *_turned(by[OUTSIDE], r)]
-        trials += [each for each in every if each.kind == PAIR]
+        by = {
+            level: [each for each in every if each.level == level]
+            for level in (CLEAN, KNOWN, OUTSIDE, PAIR, STRONG)
+        }
+        trials += [*by[CLEAN], *_turned(by[KNOWN], r), *_turned(by[OUTSIDE], r), *by[PAIR]]
+        trials += _turned(by[STRONG], r)
     return [_drawn(trial, seed) for trial in trials]
 
 
@@ -95,16 +107,21 @@ def _turned(trials: list[Trial], by: int) -> list[Trial]:
 def _drawn(trial: Trial, seed: int) -> Trial:
     rng = np.random.default_rng([seed, 1, zlib.crc32(trial.id.encode())])
     effects = tuple(
-        (name, float(np.exp(rng.uniform(*np.log(LEVELS[trial.kind]))))) for name, _ in trial.effects
+        (name, float(np.exp(rng.uniform(*np.log(LEVELS[trial.level])))))
+        for name, _ in trial.effects
     )
     return replace(trial, effects=effects)
 
 
 def chosen(trials: Sequence[Trial], only: Sequence[str], most: int) -> list[Trial]:
     """The first `most` trials (0: all) of those that have an effect in `only`, or are one of its kinds;
-    with nothing in `only`, of all.
+    with nothing in `only`, of all. Strong ones must be asked for.
     """
-    wanted = [
-        t for t in trials if not only or t.kind in only or any(n in only for n, _ in t.effects)
-    ]
-    return wanted[: most or None]
+
+    def wanted(trial: Trial) -> bool:
+        if trial.strong != (STRONG in only):
+            return False
+        words = [each for each in only if each != STRONG]
+        return not words or trial.kind in words or any(n in words for n, _ in trial.effects)
+
+    return [each for each in trials if wanted(each)][: most or None]

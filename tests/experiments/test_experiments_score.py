@@ -34,14 +34,16 @@ def test_every_round_has_each_effect_once_and_ids_are_unique():
     every = confusion_plan.plan(known, outside, pairs, 4, 0, (2, 3))
     size = len(every) // 4
     for r in range(4):
-        names = [t.name for t in every[r * size : (r + 1) * size]]
+        of_round = every[r * size : (r + 1) * size]
+        assert sorted(t.name for t in of_round if t.strong) == known
+        names = [t.name for t in of_round if not t.strong]
         assert sorted(n for n in names if "+" not in n) == ["a", "b", "c", "none", "none", "x", "y"]
         assert sum("+" in n for n in names) == 1
     assert len({t.id for t in every}) == len(every)
     for name in (*known, *outside):
         assert {t.sessions for t in every if t.name == name} == {2, 3}
-    for kind, (low, high) in confusion_plan.LEVELS.items():
-        levels = [level for t in every if t.kind == kind for _, level in t.effects]
+    for drawn, (low, high) in confusion_plan.LEVELS.items():
+        levels = [level for t in every if t.level == drawn for _, level in t.effects]
         assert low < min(levels) < max(levels) < high
 
 
@@ -58,6 +60,11 @@ def test_only_takes_effects_and_kinds():
     assert {t.kind for t in confusion_plan.chosen(every, ["clean"], 0)} == {CLEAN}
     assert all("a" in t.name for t in confusion_plan.chosen(every, ["a"], 0))
     assert len(confusion_plan.chosen(every, [], 3)) == 3
+    assert not any(t.strong for t in confusion_plan.chosen(every, [], 0))
+    assert {t.id for t in confusion_plan.chosen(every, ["strong", "b"], 0)} == {
+        "b-00-strong",
+        "b-01-strong",
+    }
 
 
 # the scores
