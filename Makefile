@@ -1,7 +1,9 @@
 PYTHON ?= python3.11
 BIN := .venv/bin
 READY := .venv/.ready
-SIDE_BY_SIDE := --numprocesses logical --dist loadfile --no-loadscope-reorder --durations 30
+# One process more than cores: tests of buses wait for answers most of the time.
+PROCESSES = $(shell $(BIN)/python -c "import os; print(os.cpu_count() + 1)")
+SIDE_BY_SIDE = --numprocesses $(PROCESSES) --dist loadfile --no-loadscope-reorder --durations 30
 
 .PHONY: setup demo test test-all lint bench faults fuzz loop sweep pages model clean
 

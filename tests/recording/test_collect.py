@@ -158,7 +158,7 @@ def heed_interrupts():
 def kill_when_logged(out, rows, how):
     """Start a collection, kill it once some rows are logged; its whole group or the parent alone."""
     process = subprocess.Popen(
-        command(out, "--sessions", 2, "--steps", 2000, "--workers", 2),
+        command(out, "--sessions", 2, "--steps", 1000, "--workers", 2),
         stderr=subprocess.DEVNULL,
         start_new_session=True,
         preexec_fn=heed_interrupts,
@@ -196,7 +196,7 @@ def require_no_process_left(out):
     ids=["kill -9 of all", "kill -9 of the parent", "Ctrl-C"],
 )
 def test_a_killed_run_loses_no_row_and_goes_on(how, tmp_path):
-    config = Collect(tmp_path / "logs", sessions=2, steps=2000)
+    config = Collect(tmp_path / "logs", sessions=2, steps=1000)
     kill_when_logged(config.out, 40, how)
     require_no_process_left(config.out)
     (tmp_path / "copy").mkdir()
@@ -204,9 +204,9 @@ def test_a_killed_run_loses_no_row_and_goes_on(how, tmp_path):
     journal.write_bytes((config.out / journal.name).read_bytes())
     kept = read_session(recover(journal)[0])
     assert len(kept) >= 40 and kept.metadata["complete"] is False
-    subprocess.run(command(config.out, "--sessions", 2, "--steps", 2000), check=True)
+    subprocess.run(command(config.out, "--sessions", 2, "--steps", 1000), check=True)
     whole = read_folder(config.out)
-    assert [len(session) for session in whole] == [2000, 2000]
+    assert [len(session) for session in whole] == [1000, 1000]
     assert identical(kept, whole[0][: len(kept)])
     left = {path.name for path in config.out.iterdir()} - {"session_02.journal.torn"}
     # session 2 may have been cut off within its first row, which is set aside
