@@ -34,8 +34,9 @@ def main(config: FollowStudy) -> None:  # noqa: D103 tyro would print it above t
         if not rows:
             return
         for path in PATHS:
-            told = ", ".join(f"{way} {np.median(rms(rows, path, way)):.1f}" for way in WAYS)
-            print(f"{path}: {told} mm rms, median of {counted(len(rows), 'arm')}")
+            if count := len(rms(rows, path, WAYS[0])):
+                told = ", ".join(f"{way} {np.median(rms(rows, path, way)):.1f}" for way in WAYS)
+                print(f"{path}: {told} mm rms, median of {counted(count, 'arm')}")
         figures = {"rows": rows, "failed": results.failed, "settings": settings}
         if config.device:
             first = next(arm for arm in arms if arm.id == rows[0]["id"])

@@ -40,8 +40,13 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         "the nominal one, or the arm's own. *Feedback* adds what the observer says that the joints lack."
     )
     failures = [f"{name}: {why}" for name, why in results["failed"].items()]
+    failures += [
+        f"{row['id']}, {path}: {why}"
+        for row in rows
+        for path, why in row.get("refused", {}).items()
+    ]
     device = results.get("device")
-    told = [Section("Arms that could not follow", "\n\n".join(failures))] if failures else []
+    told = [Section("Paths that were refused", "\n\n".join(failures))] if failures else []
     return PageContent(
         "Following paths",
         "python -m experiments.follow --study STUDY",
@@ -102,11 +107,13 @@ def _by_path(rows: Sequence[Any]) -> Table:
     lines = []
     for path in PATHS:
         errors = {way: rms(rows, path, way) for way in WAYS}
+        if not errors[MENDED].size:
+            continue
         share = float(np.median(errors[MENDED] / errors[GEOMETRY]))
         cells = (f"{np.median(e):.1f} ({e.max():.1f})" for e in errors.values())
-        lines.append((path, *cells, f"{share:.3f}"))
+        lines.append((path, str(errors[MENDED].size), *cells, f"{share:.3f}"))
     return Table(
-        ("path", *WAYS, "its twin to geometry"),
+        ("path", "arms", *WAYS, "its twin to geometry"),
         tuple(lines),
         "Error [mm rms], the median over the arms and, in brackets, the greatest.",
     )
@@ -185,8 +192,10 @@ def _loaded(rows: Sequence[Any]) -> Table:
 def _arms(rows: Sequence[Any]) -> Table:
     lines = []
     for row in rows:
-        cells = (
-            f"{np.mean([row['paths'][path][way]['rms'] for path in PATHS]):.1f}" for way in WAYS
-        )
+        cells = (f"{np.mean([of[way]['rms'] for of in row['paths'].values()]):.1f}" for way in WAYS)
         lines.append((row["name"].replace("_", " "), *cells))
-    return Table(("what nobody declared", *WAYS), tuple(lines), "Mean over the paths [mm rms].")
+    return Table(
+        ("what nobody declared", *WAYS),
+        tuple(lines),
+        "Mean over the paths that were not refused [mm rms].",
+    )

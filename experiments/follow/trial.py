@@ -51,9 +51,8 @@ def run_arm(config: FollowStudy, arm: StudyArm) -> dict[str, Any]:
 
 def _followed(arm: StudyArm, twin: TwinModel) -> dict[str, Any]:
     found: dict[str, dict[str, Any]] = {}
-    plans = {name: _planned(path, twin, arm, RATES[0]) for name, path in PATHS.items()}
-    for name, own in plans.items():
-        nominal = _planned(PATHS[name], NOMINAL_TWIN, arm, RATES[0])
+    plans, refused = _plans(arm, twin)
+    for name, (own, nominal) in plans.items():
         stiff = replace(own.rehearsal, motor_angle=on_stiff_cables(own.joint_angle))
         found[name] = {
             GEOMETRY: _error(arm, replace(own, rehearsal=stiff), twin, keep=name == FIRST),
@@ -61,7 +60,7 @@ def _followed(arm: StudyArm, twin: TwinModel) -> dict[str, Any]:
             MENDED: _error(arm, own, twin, keep=name == FIRST),
             FEEDBACK: _error(arm, own, twin, feedback=1.0),
         }
-    own, rates = plans[FIRST], {f"{RATES[0]:g}": found[FIRST][FEEDBACK]}
+    (own, _), rates = plans[FIRST], {f"{RATES[0]:g}": found[FIRST][FEEDBACK]}
     for rate in RATES[1:]:
         plan = _planned(PATHS[FIRST], twin, arm, rate)
         rates[f"{rate:g}"] = _error(arm, plan, twin, feedback=1.0)
@@ -73,7 +72,33 @@ def _followed(arm: StudyArm, twin: TwinModel) -> dict[str, Any]:
         WEIGHED: _error(arm, own, twin, weighing, feedback=1.0),
     }
     wanted = np.round(own.tip[own.begins :], 4).tolist()
-    return {"paths": found, "wanted": wanted, "rates": rates, "loaded": loaded}
+    return {
+        "paths": found,
+        "refused": refused,
+        "wanted": wanted,
+        "rates": rates,
+        "loaded": loaded,
+    }
+
+
+def _plans(
+    arm: StudyArm, twin: TwinModel
+) -> tuple[dict[str, tuple[PathPlan, PathPlan]], dict[str, str]]:
+    """How each path is followed, by the arm's own twin and by the nominal one; and why others were refused.
+    Without the first path there is nothing to compare.
+    """
+    plans: dict[str, tuple[PathPlan, PathPlan]] = {}
+    refused: dict[str, str] = {}
+    for name, path in PATHS.items():
+        try:
+            own, nominal = (_planned(path, each, arm, RATES[0]) for each in (twin, NOMINAL_TWIN))
+        except SerpentError as error:
+            if name == FIRST:
+                raise
+            refused[name] = str(error)
+        else:
+            plans[name] = own, nominal
+    return plans, refused
 
 
 def _planned(path: PathToFollow, twin: TwinModel, arm: StudyArm, rate: float) -> PathPlan:
@@ -121,5 +146,5 @@ def _error(
 
 
 def rms(rows: Sequence[Mapping[str, Any]], path: str, way: str) -> Array:
-    """Of all arms, the rms error on a path [mm], (A,)."""
-    return np.array([row["paths"][path][way]["rms"] for row in rows])
+    """The rms error on a path [mm] of all arms that it was not refused, (A,)."""
+    return np.array([row["paths"][path][way]["rms"] for row in rows if path in row["paths"]])
