@@ -48,19 +48,22 @@ def test_logs_whose_clocks_begin_anew_follow_each_other_by_the_number_in_their_n
     assert clocks_of(rig.open(alone).pieces(alone)).prior_runtime == pytest.approx(0.0)
 
 
-def test_sessions_of_one_clock_are_as_far_apart_as_it_says(tmp_path):
+@pytest.mark.parametrize("later", [0, 1])
+def test_sessions_of_one_clock_are_as_far_apart_as_it_says_whatever_their_names(later, tmp_path):
     rig = open_machine(moving_models.machine(tmp_path))
     for n in range(2):
         log = moving_models.log(tmp_path / "logs" / f"run_{n}.csv", n)
-    head, *rows = log.read_text().splitlines()
-    cells = [row.split(",") for row in rows]
-    at = head.split(",").index("t")
-    for row in cells:
-        row[at] = str(float(row[at]) + 500.0)
-    log.write_text("\n".join([head, *map(",".join, cells)]))
+        if n == later:
+            head, *rows = log.read_text().splitlines()
+            at = head.split(",").index("t")
+            cells = [row.split(",") for row in rows]
+            for row in cells:
+                row[at] = str(float(row[at]) + 500.0)
+            log.write_text("\n".join([head, *map(",".join, cells)]))
     recordings = rig.read(log.parent)
     pieces = rig.open(recordings).pieces(recordings)
-    assert clocks_of(pieces).prior_runtime[-1] == pytest.approx(500.0)
+    prior = clocks_of(pieces).prior_runtime
+    assert prior[[0, -1]] == pytest.approx([500.0, 0.0][:: 1 if later == 0 else -1])
 
 
 def test_noise_is_estimated_from_a_motion(tmp_path):

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -35,18 +36,27 @@ class Clocks:
 
 
 def in_sequence(sessions: Sequence[Recording]) -> list[Recording]:
-    """Sessions that follow each other by their clocks; one that begins anew goes on where the session before
-    ended.
+    """Sessions that know when they began: by their clocks, if these could be one; else as they are listed,
+    where a clock that begins anew goes on where the session before ended.
     """
-    found: list[Recording] = []
-    forward, end, first = 0.0, -np.inf, 0.0
-    for each in sessions:
-        begins, ends = each.time[[0, -1]] + each.metadata[CLOCK_BEGAN]
-        forward = max(forward, end - begins)
-        first = first if found else begins
-        prior = begins + forward - first
-        found.append(replace(each, metadata=each.metadata | {_PRIOR: prior}))
-        end = ends + forward
+    ends = [each.time[[0, -1]] + each.metadata[CLOCK_BEGAN] for each in sessions]
+    if any(first[1] > second[0] for first, second in pairwise(sorted(ends, key=tuple))):
+        ends = _one_after_the_other(ends)
+    first = min(begins for begins, _ in ends)
+    return [
+        replace(each, metadata=each.metadata | {_PRIOR: float(begins - first)})
+        for each, (begins, _) in zip(sessions, ends, strict=True)
+    ]
+
+
+def _one_after_the_other(ends: Sequence[Array]) -> list[Array]:
+    """Begins and ends of sessions, (2,) each, in the time of a clock that goes on."""
+    found: list[Array] = []
+    forward = 0.0
+    for each in ends:
+        if found:
+            forward = max(forward, found[-1][1] - each[0])
+        found.append(each + forward)
     return found
 
 
