@@ -206,11 +206,11 @@ class ModelPlaces:
 
     @property
     def _tendons(self) -> list[int]:
-        """Tendons with a spring and a name, if they are few."""
-        model = self.model
-        found = [int(n) for n in np.flatnonzero(model.tendon_stiffness)]
-        names = {n: model.tendon(n).name for n in found}
-        found = [n for n in found if names[n] and "m" in lengths(model, "tendon", names[n])]
+        """Tendons with a spring and a name, if they are few; not those whose motion is prescribed."""
+        model, held = self.model, {each.tendon for each in self.machine.prescribed}
+        names = {int(n): model.tendon(n).name for n in np.flatnonzero(model.tendon_stiffness)}
+        found = [n for n, name in names.items() if name and name not in held]
+        found = [n for n in found if "m" in lengths(model, "tendon", names[n])]
         return found if len(found) <= MOST else []
 
     @cached_property
