@@ -75,7 +75,8 @@ def test_twice_the_limit_that_is_told_is_beyond_three_standard_errors_and_a_clea
     found, spread = score_test(record(root / "strong", 2 * limit.limit))
     assert found > SURE * spread
     assert found > 2 * zero
-    assert limit.by_scatter == pytest.approx(SURE * error, rel=0.5)
+    first_order = SURE * error  # a fit of everything takes up more where hinges stick
+    assert limit.by_scatter > 0.5 * first_order
 
 
 def test_a_clean_arm_shows_far_less_than_is_told(root, limit):
