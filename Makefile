@@ -24,7 +24,7 @@ demo: setup  ## Collect, train, close the loop, replay: some five minutes, resul
 test: setup lint  ## What CI runs: lint, types, the tests without the slow ones
 	$(BIN)/python -m pytest -m "not slow" $(SIDE_BY_SIDE)
 
-test-all: setup lint  ## The slow tests, too, before a release: whole traces, the demo; some forty minutes
+test-all: setup lint  ## The slow tests, too, before a release: whole traces, the demo; some fifty minutes
 	$(BIN)/python -m pytest $(SIDE_BY_SIDE)
 
 lint: setup  ## ruff, the layers of imports, pyright
