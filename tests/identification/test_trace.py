@@ -78,6 +78,7 @@ def test_an_arm_that_lacks_nothing_is_told_so(diagnosis):
     assert found["error_mm"]["corrected"] < 1.0
 
 
+@pytest.mark.slow
 def test_a_tilted_base_is_named_with_its_angle(diagnosis):
     found, out = diagnosis("base_tilt")
     assert [effect["name"] for effect in found["effects"]] == ["base_tilt"]
