@@ -143,6 +143,7 @@ def vector(
         float(np.median([law.stiffness for law in known])) if known else NOMINAL.strand_stiffness
     )
     slack = float(np.median([law.slack for law in known])) if known else NOMINAL.strand_slack
+    slack = max(slack, 0.0)  # motors that obey late can make it seem less
     gears = _gears(laws)
     gear = float(np.median(gears))
     parameters = replace(
