@@ -45,5 +45,11 @@ def test_a_gear_whose_law_has_no_friction_begins_with_some():
     assert np.exp(found.gear_friction) == pytest.approx([0.3, *[1.0] * 8, 4.0])
 
 
+def test_cables_that_seem_to_have_less_than_no_slack_begin_with_none_in_common():
+    found = vector([replace(LAW, slack=(-1e-4, -2e-4))] * 10, BUILT, 4e-3, 0.01).start
+    assert found.parameters.strand_slack == 0.0
+    assert found.tolerances.strand_slack == pytest.approx([-1e-4, -2e-4] * 10)
+
+
 def test_of_cables_that_never_moved_much_is_unknown():
     assert (priors([None] * 10, "slack") == 0.3).all()

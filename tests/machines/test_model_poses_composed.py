@@ -33,7 +33,7 @@ def test_a_stop_is_composed_at_its_joint(tmp_path):
 
 @pytest.mark.slow
 def test_a_force_is_composed_on_a_body_that_moves_in_a_plane(tmp_path):
-    """Or told as equivalent: to poses, a cable that lengthens there does nearly the same."""
+    """It may be told as equivalent to a cable that lengthens there: in poses, both do nearly the same."""
     law, *_, threshold = composed(tmp_path, pushed)
     told = [
         (each["changes"], each["place"]["name"], each["law"]) for each in (law, *law["equivalent"])

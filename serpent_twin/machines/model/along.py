@@ -37,10 +37,9 @@ class Along:
         by_joints, middle, rotation = (
             np.empty((B, *rows, *of)) for of in ((3, model.nv), (3,), (3, 3))
         )
-        first = model.ten_J_rowadr[[*tendons]] if L else []
-        entries = [
-            slice(at, at + model.ten_J_rownnz[n]) for at, n in zip(first, tendons, strict=True)
-        ]
+        which = [*tendons]
+        first, several = model.ten_J_rowadr[which], model.ten_J_rownnz[which]
+        entries = [slice(at, at + n) for at, n in zip(first, several, strict=True)]
         for s, t in np.ndindex(rows):
             data.qpos[:] = pose[s, t, : model.nq]
             mujoco.mj_kinematics(model, data)
@@ -53,7 +52,6 @@ class Along:
             for k, n in enumerate(tendons):
                 arms[k, s, t, model.ten_J_colind[entries[k]]] = data.ten_J[entries[k]]
                 length[k, s, t] = data.ten_length[n]
-        which = [*tendons]
         least, most = model.tendon_lengthspring[which].T[..., None, None]
         stretch = length - most
         pulls = (least == most) | (stretch > 0.0)

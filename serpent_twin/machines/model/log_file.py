@@ -30,7 +30,9 @@ _ADVICE = "Name the column in machine.toml as the log has it."
 
 
 def read_runs(machine: Described, folder: Path) -> list[Recording]:
-    """The logs of a folder, which follow each other by name (run_2 before run_10), or that of a file."""
+    """The sessions of a folder's logs, by name (run_2 before run_10), or of a file, each knowing when it
+    began.
+    """
     if folder.exists() and not folder.is_dir():
         return in_sequence(read(machine, folder))
     if not folder.is_dir():
