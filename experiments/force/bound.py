@@ -1,10 +1,14 @@
 """Compute what no estimator of a force can fall below, by its motors' loads alone."""
 
+from functools import cache
+
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.estimators.force_filter import SIZE, WALK
+from serpent_twin.estimators.force_filter import ALARM, SIZE, WALK
 
+_TRIALS, _BEFORE = 4000, 100
+"""Random courses, and their rows before something pushes"""
 _NONE = np.eye(3) * SIZE**2
 
 
@@ -36,3 +40,23 @@ class Bound:
         self.worth += float(force @ told @ force)
         self._covariance = np.linalg.inv(np.linalg.inv(before) + told)
         return float(np.trace(self._covariance))
+
+
+@cache
+def found_by_one_who_knows(worth: float, rows: int, interval: float) -> float:
+    """Probability that a push is reported in its first rows, [s] apart, whose loads differ by so many squared
+    standard errors, by one who knows force and link but not when it begins, and whose false reports are at
+    least `ALARM` apart on average. Simulated: the sum of Shiryaev and Roberts, as in `FeltForce.touched`.
+    """
+    if worth <= 0:
+        return 0.0
+    rng, each = np.random.default_rng(0), worth / rows
+    likely = rng.normal(-0.5 * each, np.sqrt(each), (_BEFORE + rows, _TRIALS))
+    likely[_BEFORE:] += each
+    found, log_sum = np.zeros(_TRIALS, bool), np.full(_TRIALS, -np.inf)
+    for n, more in enumerate(likely):
+        log_sum = np.logaddexp(0.0, log_sum) + more
+        reports = log_sum > np.log(ALARM / interval)
+        found |= reports & (n >= _BEFORE)
+        log_sum[reports] = -np.inf
+    return float(found.mean())

@@ -1,20 +1,23 @@
 """Write how well forces are felt as a page."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from experiments.confusion.score import Share
-from experiments.force.trial import STEP_N, WEIGHT_KG
+from experiments.force.bound import found_by_one_who_knows
+from experiments.force.trial import SECOND, STEP_N, WEIGHT_KG
 from experiments.result_page import PageContent
-from serpent_twin.estimators.force_filter import ALARM, FREE, SIZE, WALK
+from serpent_twin.estimators.force_filter import SIZE, WALK
 from serpent_twin.numerals import counted
 from serpent_twin.reporting.plot_style import COLOURS, finish, sheet
 from serpent_twin.reporting.report import Figure, Section, Table
 
-_TELLS = 2 * np.log(ALARM / FREE)
-"""Squared standard errors from which one who knows force and link would report a contact, on average"""
+_WORTH = 0.95
+"""Probability with which one who knows the force reports a push that is worth feeling"""
 _STRONG = 0.3
 """[N]"""
 
@@ -93,8 +96,10 @@ def _contacts_told(rows: Rows) -> str:
         f"({_listed(rows)}). A push "
         "is found in its first second if contact is reported within it. How much that second can tell "
         "depends on pose, direction and link: where a force hardly turns a joint, or motors stand, nobody "
-        f"could feel it. *Worth feeling* are those whose loads differ by {_TELLS:.1f} squared standard "
-        "errors or more: then one who knows the force and its link would report it, on average."
+        "could feel it. *Possible* is how many would be reported within that second by one who knows the "
+        "force and its link but not when it begins, and who reports one that is none once an hour at most, "
+        "by the loads' noise. *Worth feeling* are those that one would report in "
+        f"{100 * _WORTH:.0f} % of cases."
     )
 
 
@@ -110,30 +115,57 @@ def _contacts(rows: Rows) -> Table:
         for each in _pushes(rows, "pushes")
         if each["most_N"] >= _STRONG and not each["felt_before"]
     ]
-    lines = []
+    lines, worth = [], _worth_feeling()
     for name, several in (
         (f"steps of {STEP_N:g} N", steps),
         ("the same at the last link", [each for each in steps if each["link"] == 9]),
-        ("the same, worth feeling", [each for each in steps if each["worth_after_1s"] >= _TELLS]),
+        ("the same, worth feeling", [each for each in steps if each["worth_after_1s"] >= worth]),
         (f"random pushes of {_STRONG:g} N or more", strong),
-        ("the same, worth feeling", [e for e in strong if e["worth_after_1s"] >= _TELLS]),
+        ("the same, worth feeling", [each for each in strong if each["worth_after_1s"] >= worth]),
     ):
         found = [each for each in several if each["found_after_s"] is not None]
         soon = [each for each in found if each["found_after_s"] <= 1.0]
+        possible = sum(_possible(each) for each in several)
         exact = [each for each in found if each["told_link"] == each["link"]]
         near = [each for each in found if abs(each["told_link"] - each["link"]) <= 1]
         lines.append(
             (
                 name,
                 str(len(several)),
+                f"{possible:.0f}",
                 *(str(Share(len(n), len(of))) for n, of in ((soon, several), (found, several))),
                 *(str(Share(len(n), len(found))) for n in (exact, near)),
             )
         )
     return Table(
-        ("pushes", "of them", "found within 1 s", "found", "link right", "or next to it"),
+        (
+            "pushes",
+            "of them",
+            "possible",
+            "found within 1 s",
+            "found",
+            "link right",
+            "or next to it",
+        ),
         tuple(lines),
         "In brackets, 95 % intervals. Links of those that were found.",
+    )
+
+
+def _possible(push: Mapping[str, Any]) -> float:
+    return found_by_one_who_knows(push["worth_after_1s"], SECOND, 1 / SECOND)
+
+
+@cache
+def _worth_feeling() -> float:
+    """Squared standard errors of the first second of the least push that is worth feeling."""
+    return float(
+        brentq(
+            lambda worth: found_by_one_who_knows(worth, SECOND, 1 / SECOND) - _WORTH,
+            1.0,
+            1000.0,
+            xtol=0.1,
+        )
     )
 
 
@@ -193,7 +225,7 @@ def _drawn(rows: Rows) -> Figure:
     right.plot(worth, after, "o", ms=3.5, color=COLOURS[1])
     lost = np.isnan(after)
     right.plot(worth[lost], np.full(lost.sum(), 11.0), "x", ms=4, color=COLOURS[3])
-    right.axvline(_TELLS, color=COLOURS[0], lw=1.0, ls="--")
+    right.axvline(_worth_feeling(), color=COLOURS[0], lw=1.0, ls="--")
     right.set_xscale("log")
     right.set_xlabel("worth of the first second [standard errors²]")
     right.set_ylabel("found after [s]")
