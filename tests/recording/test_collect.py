@@ -190,7 +190,7 @@ def require_no_process_left(out):
     "how",
     [
         lambda p: os.killpg(p.pid, signal.SIGKILL),
-        lambda p: os.kill(p.pid, signal.SIGKILL),
+        pytest.param(lambda p: os.kill(p.pid, signal.SIGKILL), marks=pytest.mark.slow),
         lambda p: os.killpg(p.pid, signal.SIGINT),
     ],
     ids=["kill -9 of all", "kill -9 of the parent", "Ctrl-C"],

@@ -88,8 +88,8 @@ def test_an_error_of_the_run_itself_is_not_taken_for_one_of_the_lock(tmp_path):
 
 @pytest.mark.parametrize("fails", [True, False])
 def test_a_kill_at_any_moment_leaves_a_folder_that_another_run_can_take(tmp_path, fails):
-    """The process dies at its nth call into C, for every second n until it comes through."""
-    for n in range(1 + fails, 1000, 2):
+    """The process dies at its nth call into C, for every fourth n until it comes through."""
+    for n in range(1 + fails, 1000, 4):
         folder = tmp_path / str(n) / "run"
         pid = os.fork()
         if not pid:
