@@ -118,10 +118,6 @@ class ComposingTracer(RefittingTracer):
                 return better
         return None
 
-    def _little_left(self, found: Fit) -> bool:
-        """Whether a fit leaves hardly more of the held-out logs than the measurement's noise."""
-        return self.trials.little(self.case, self.errors(found.point))
-
     def _composed(self, base: Fit, rounds: list[Round], most: int = _MOST) -> tuple[Fit, bool]:
         """The fit with laws that were accepted one by one, and whether anything was left to explain."""
         for n in range(most):

@@ -18,6 +18,14 @@ from serpent_twin.machines.machine import ParameterVector
 class RefittingTracer(Tracer):
     """The steps of a trace, with fits that begin again where they may have gone astray."""
 
+    def _settled(self, better: Fit, number: int) -> Fit:
+        """The fit of an accepted effect; where it leaves much, from a calibration with it."""
+        return better if self._little_left(better) else self._anew(better, number)
+
+    def _little_left(self, found: Fit) -> bool:
+        """Whether a fit leaves hardly more of the held-out logs than the measurement's noise."""
+        return self.trials.little(self.case, self.errors(found.point))
+
     def _with_thresholds(self, found: Fit, name: str, number: int) -> Fit:
         """The fit of an accepted law, from better thresholds if there are any."""
         self.on_progress(f"thresholds of {spaced(name)}")

@@ -20,6 +20,7 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.composing import ComposingTracer
 from serpent_twin.identification.diagnosis import Diagnosis
 from serpent_twin.identification.page import page
+from serpent_twin.identification.refitting import RefittingTracer
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.rig import Log, is_named, read_logs
@@ -183,7 +184,7 @@ def _run(
 
         case = rig.open(training)
         notes = Checkpoints(config.out / "stages", case.clock)
-        kind = ComposingTracer if config.discover and case.composes else Tracer
+        kind = ComposingTracer if config.discover and case.composes else RefittingTracer
         tracer = kind(
             case,
             case.pieces(training),

@@ -98,8 +98,12 @@ class Tracer:
             rounds.append(self._round(base, len(rounds) + 1, None if rounds else opening))
             if (better := self._stands(rounds)) is None:
                 break
-            base = better
+            base = self._settled(better, len(rounds))
         return calibrated, base, rounds
+
+    def _settled(self, better: Fit, number: int) -> Fit:
+        """The fit of an accepted effect, to which others are added."""
+        return better
 
     def _stands(self, rounds: list[Round]) -> Fit | None:
         """The fit of everything anew with what the last round accepted; None if that reverses it, or nothing

@@ -26,6 +26,19 @@ def test_after_many_laws_no_other_is_sought_and_the_trace_says_so():
     assert told.startswith("No other law was sought after 16 had been fitted")
 
 
+@pytest.mark.parametrize(("little", "calibrated_with"), [(True, []), (False, [1])])
+def test_where_an_effect_leaves_much_it_is_calibrated_with_it(monkeypatch, little, calibrated_with):
+    """A calibration without an effect may have gone astray; where little is left, it has not."""
+    arm = case(0.7)
+    found = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+    tracer = ComposingTracer(arm, every(), every(), None, print, 0)
+    again = []
+    monkeypatch.setattr(tracer, "_little_left", lambda _: little)
+    monkeypatch.setattr(tracer, "_calibrated_with", lambda fit, n: again.append(n) or fit)
+    assert tracer._settled(found, 1) is found
+    assert again == calibrated_with
+
+
 @pytest.mark.slow
 def test_a_law_takes_the_place_of_a_named_effect_that_is_a_part_of_it(tmp_path, monkeypatch):
     """A weight that acts beyond an angle is a payload, and a law that takes it away before the angle."""

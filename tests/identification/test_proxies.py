@@ -8,9 +8,9 @@ import pytest
 from linear_case import GUST, NOTHING, START, case, every
 
 from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.held_out import Errors
+from serpent_twin.identification.held_out import Errors, gain
 from serpent_twin.identification.least_squares import fit
-from serpent_twin.identification.proxies import without_proxies
+from serpent_twin.identification.proxies import needless, without_proxies
 from serpent_twin.identification.score_test import scores
 
 
@@ -54,3 +54,25 @@ def test_an_effect_without_which_the_simulation_is_unstable_stays():
         return replace(found, marker_by_block=np.full_like(found.marker_by_block, np.nan))
 
     assert left_of(0.0, unstable_alone) == [NOTHING, GUST]
+
+
+@pytest.mark.parametrize(
+    ("far_off", "chance", "goes"),
+    [
+        ((8.0, 0.4, 6.0, 0.5, 0.3), (0.01, 0.2), False),
+        ((9.0, 0.3, 0.3, 0.3, 0.3), (0.2, 1.0), True),
+    ],
+    ids=["off in several parts", "off in one part alone"],
+)
+def test_a_large_gain_needs_few_blocks_to_show_it(far_off, chance, goes):
+    """Of an effect without which a twin is far off, now more and now less."""
+    arm = case(0.7)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 3, 99)
+    (score,) = scores(arm, every(), base, [arm.candidates[GUST]])
+    none = np.full((1, 5), np.nan)
+    without, beside = (Errors(np.array([x]), none) for x in (far_off, [0.35] * 5))
+    found = gain(without, beside)
+    assert found.relative > 0.3 and chance[0] < found.probability_of_chance < chance[1]
+    more = replace(base, point=base.point.having(GUST, np.array([0.7])))
+    trials = SimpleNamespace(errors=lambda case, point: beside if point.effects else without)
+    assert needless(trials, arm, score, base, more) is goes
