@@ -16,26 +16,39 @@ FRICTION = "hinge_friction@elbow"
 
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory):
-    """A two-link arm's case and its segments."""
+    """A two-link arm's case, its segments, and what its nominal twin shows."""
     folder = tmp_path_factory.mktemp("arm")
     path = moving_models.machine(folder)
     for n in (1, 2):
         moving_models.log(folder / "logs" / f"session_{n}.csv", n)
     rig = machines.find(str(path))
-    case = rig.open(sessions := read_logs(rig, (folder / "logs",)))
-    return case, case.pieces(sessions)
+    return nominal(rig, folder / "logs")
+
+
+@pytest.fixture(scope="module")
+def places(opened):
+    """Where and what may act on it."""
+    case, pieces, _ = opened
+    return case.places(start(case), pieces)
+
+
+def start(case, **effects):
+    """The nominal twin, with effects."""
+    return ParameterVector(np.zeros(len(case.declared)), effects)
+
+
+def nominal(rig, logs):
+    """A machine's case, the segments of its logs, and what the nominal twin shows in them."""
+    case = rig.open(sessions := read_logs(rig, (logs,)))
+    pieces = case.pieces(sessions)
+    return case, pieces, case.machine.respond([start(case)], pieces)[0]
 
 
 def shown(opened, at="", *values, effects=()):
     """What the nominal twin shows with a law of some numbers, or with other effects, less without."""
-    case, pieces = opened
-    nominal = ParameterVector(np.zeros(len(case.declared)))
+    case, pieces, plain = opened
     there = dict(effects) | ({f"discovered@{at}": np.array(values)} if at else {})
-    with_it, plain = (
-        case.machine.respond([ParameterVector(nominal.declared, each)], pieces)[0]
-        for each in (there, {})
-    )
-    return with_it - plain
+    return case.machine.respond([start(case, **there)], pieces)[0] - plain
 
 
 def of(size, first=0.0, second=0.0):
@@ -69,8 +82,7 @@ def test_friction_acts_in_a_model_that_has_turned_constraints_off(tmp_path):
     model.write_text(model.read_text().replace("<mujoco>", off, 1))
     moving_models.log(tmp_path / "logs" / "session_1.csv", 1)
     rig = machines.find(str(path))
-    case = rig.open(sessions := read_logs(rig, (tmp_path / "logs",)))
-    opened = case, case.pieces(sessions)
+    opened = nominal(rig, tmp_path / "logs")
     one = shown(opened, "joint_friction of elbow: constant", *of(0.03))
     two = shown(opened, effects={FRICTION: np.array([0.03, 0.0])})
     assert np.abs(two).max() > 0.004
@@ -78,7 +90,7 @@ def test_friction_acts_in_a_model_that_has_turned_constraints_off(tmp_path):
 
 
 def test_a_shifted_reading_changes_that_column_alone(opened):
-    _, pieces = opened
+    _, pieces, _ = opened
     change = shown(opened, "reading_shift of elbow: above time of session", *of(0.02, 3.0))
     start = np.array([about["session"].time[0] for about in pieces.metadata])
     late = pieces.time - start[:, None] > 3.01
@@ -109,10 +121,9 @@ LAWS = {
 
 
 @pytest.mark.parametrize(("at", "least"), LAWS.items())
-def test_a_change_shows_as_places_say_to_first_order(opened, at, least):
-    case, pieces = opened
+def test_a_change_shows_as_places_say_to_first_order(opened, places, at, least):
+    _, pieces, _ = opened
     law = parse(at)
-    places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
     responses = {(each.handle, each.place): each for each in places.responses}
     if law.handle in FORCES:
         name = [place for handle, place in responses if handle == law.handle][-1]
@@ -131,9 +142,9 @@ def test_a_change_shows_as_places_say_to_first_order(opened, at, least):
 
 
 def test_laws_are_sought_beside_links_that_bend(opened):
-    case, pieces = opened
+    case, pieces, _ = opened
     bends = {"link_flex@upper": np.array([0.05, 0.0])}
-    places = case.places(ParameterVector(np.zeros(len(case.declared)), bends), pieces)
+    places = case.places(start(case, **bends), pieces)
     torque = next(
         each for each in places.responses if (each.handle, each.place) == ("joint_torque", "elbow")
     )
@@ -174,9 +185,8 @@ def test_a_slack_of_a_cable_shows_as_places_say_where_it_pulls(tmp_path, at, pul
     model.write_text(model.read_text().replace("</worldbody>", CABLE))
     moving_models.log(tmp_path / "logs" / "session_1.csv", 1)
     rig = machines.find(str(path))
-    case = rig.open(sessions := read_logs(rig, (tmp_path / "logs",)))
-    pieces = case.pieces(sessions)
-    places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+    opened = case, pieces, _ = nominal(rig, tmp_path / "logs")
+    places = case.places(start(case), pieces)
     slack = next(each for each in places.responses if each.handle == "slack")
     law = parse(f"slack of cable: {at}")
     x = places.readings.get((law.reading, law.where), np.zeros(pieces.time.shape))
@@ -185,7 +195,7 @@ def test_a_slack_of_a_cable_shows_as_places_say_where_it_pulls(tmp_path, at, pul
     follows = SHAPES[law.shape].form(x, first, 0.0)
     unit = next(iter(slack.of(follows[None])))[0]
     size = 1e-3 / max(follows.max(), 1e-9)
-    found = shown((case, pieces), str(law), *of(size, first))
+    found = shown(opened, str(law), *of(size, first))
     known = np.isfinite(pieces.measured)
     told, found = size * unit[known], found[known]
     assert np.abs(found).max() > 1e-4
@@ -193,15 +203,13 @@ def test_a_slack_of_a_cable_shows_as_places_say_where_it_pulls(tmp_path, at, pul
     assert np.linalg.norm(told) == pytest.approx(np.linalg.norm(found), rel=0.1)
 
 
-def test_places_are_told_by_name_and_unit(opened):
-    case, pieces = opened
-    places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+def test_places_are_told_by_name_and_unit(opened, places):
     handles = {each.handle for each in places.responses}
     assert handles == {"joint_torque", "joint_friction", *FORCES, "command", "reading_shift"}
     assert ("joint_velocity", "elbow") in places.readings
     forces = [each for each in places.responses if each.handle in ("joint_torque", *FORCES)]
     assert not any(each.own.any() for each in forces)  # angles do not show forces at once
-    units = case.units_of_law(parse("joint_torque of elbow: linear joint_angle of elbow"))
+    units = opened[0].units_of_law(parse("joint_torque of elbow: linear joint_angle of elbow"))
     assert units["size"] == "N m per rad"
 
 
