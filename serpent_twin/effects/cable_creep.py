@@ -40,6 +40,7 @@ class CableCreep(Effect):
         "clamp_slip",
         "stiffness_drift",
     )
+    simplified: ClassVar[float] = 0.05
     remembers: ClassVar[bool] = True
 
     def start(self, moment: Moment) -> Array:

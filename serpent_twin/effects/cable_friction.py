@@ -38,6 +38,7 @@ class CableFriction(Effect):
     shows_in: ClassVar[str] = "lag behind the motors that grows with the cables' tension, and loads"
     places: ClassVar[tuple[str, ...]] = ("tendon",)
     confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "gear_friction")
+    simplified: ClassVar[float] = 0.05
     stage: ClassVar[int] = LOSS
 
     @classmethod

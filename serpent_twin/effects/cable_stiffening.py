@@ -27,6 +27,7 @@ class CableStiffening(Effect):
     places: ClassVar[tuple[str, ...]] = ("tendon",)
     shows_in: ClassVar[str] = "error that grows with tension, less than in proportion"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "joint_elasticity")
+    simplified: ClassVar[float] = 0.05
 
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Give the strands' springs their second coefficient."""

@@ -38,6 +38,7 @@ class ClampSlip(Effect):
     shows_in: ClassVar[str] = "error that jumps or grows when a strand is pulled hard, and stays"
     places: ClassVar[tuple[str, ...]] = ("tendon",)
     confused_with: ClassVar[tuple[str, ...]] = ("cable_creep", "stiffness_drift")
+    simplified: ClassVar[float] = 0.05
     remembers: ClassVar[bool] = True
 
     def start(self, moment: Moment) -> Array:

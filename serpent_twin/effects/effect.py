@@ -61,8 +61,7 @@ class Range:
 _ANY = 1e9
 _NEARLY = 0.3
 """Share of a range from which on a value is the law of its high end: it is many thousand times the typical
-one there, and nothing shows any more how large it is
-"""
+one there, and nothing shows any more how large it is"""
 SMOOTH = 0.2
 """Share of a time constant that one explicit time step may take: what relaxes does so without overshoot, and
 is never off by more than 5 %."""
@@ -110,6 +109,9 @@ class Effect:
     remembers: ClassVar[bool] = False
     """Whether its memory is longer than a segment, so that a session must be run through; an effect with a
     memory must declare True or False."""
+    simplified: ClassVar[float] = 0.01
+    """Relative standard error of its parameters for what its law simplifies, which no scatter shows (type B:
+    JCGM 100, 4.3); independent arms were off by as much."""
     stage: ClassVar[int] = CABLE
     """When in a time step it acts."""
     needs: ClassVar[frozenset[str]] = frozenset()

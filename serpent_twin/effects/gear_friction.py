@@ -27,6 +27,7 @@ class GearFriction(Effect):
     places: ClassVar[tuple[str, ...]] = ("joint",)
     shows_in: ClassVar[str] = "loads that jump at each reversal by more, the more a motor carries"
     confused_with: ClassVar[tuple[str, ...]] = ("cable_friction",)
+    simplified: ClassVar[float] = 0.05
     stage: ClassVar[int] = LOSS
 
     def edit(self, spec: mujoco.MjSpec) -> None:

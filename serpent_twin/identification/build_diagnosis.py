@@ -173,7 +173,7 @@ def estimates(case: Case, fit: Fit, name: str) -> dict[str, ParameterEstimate]:
         value = float(fit.point.effects[name][k])
         low, high = value, value
         if (name, k) in fit.free.effects:
-            _, low, high = fit.interval(name, k)
+            _, low, high = fit.interval(name, k, case.candidates[name].simplified)
             if value >= allowed.limit_begins:
                 low, high = allowed.limit_begins, allowed.high
         out[parameter] = ParameterEstimate(

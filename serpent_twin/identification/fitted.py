@@ -6,14 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serpent_twin.arrays import Array
+from serpent_twin.effects.effect import Effect
 from serpent_twin.identification.free_parameters import FreeParameters
 from serpent_twin.machines.machine import ParameterVector
 
 NORMAL_95 = 1.96
 """Standard errors from the middle to the end of a 95 % interval"""
-SIMPLIFIED = 0.01
-"""Relative standard error of an effect's strength for what the twin's laws simplify, which no scatter of
-residuals shows (a type B uncertainty: JCGM 100, 4.3); independent arms of other laws were off by as much."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +59,11 @@ class Fit:
             jacobian=self.jacobian[some],
         )
 
-    def interval(self, name: str, index: int) -> tuple[float, float, float]:
-        """An effect's parameter with its 95 % interval, from scatter and from model error."""
+    def interval(
+        self, name: str, index: int, simplified: float = Effect.simplified
+    ) -> tuple[float, float, float]:
+        """An effect's parameter with its 95 % interval, from scatter and from what its law simplifies."""
         at = len(self.free.declared) + self.free.effects.index((name, index))
         value = float(self.point.effects[name][index])
-        half = NORMAL_95 * float(np.hypot(self.error[at], SIMPLIFIED * value))
+        half = NORMAL_95 * float(np.hypot(self.error[at], simplified * value))
         return value, value - half, value + half

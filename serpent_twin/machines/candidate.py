@@ -8,6 +8,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Range, place_of, placed, ranges
+from serpent_twin.effects.effect import Effect
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class Candidate:
     """Names of candidates that look like it"""
     remembers: bool = False
     """Whether its memory is longer than a segment"""
+    simplified: float = Effect.simplified
+    """As the effect has it"""
     place_kind: str = ""
     """Of the model's element that its name has: joint, tendon, actuator, body, site or sensor; nothing for
     what is everywhere
@@ -82,5 +85,6 @@ def candidate(name: str, **sized: Range) -> Candidate:
         kind.shows_in,
         kind.confused_with,
         kind.remembers,
+        kind.simplified,
         next(iter(kind.places), "") if place_of(name) else "",
     )
