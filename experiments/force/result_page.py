@@ -229,7 +229,7 @@ def _drawn(rows: Rows) -> Figure:
     right.set_xscale("log")
     right.set_xlabel("worth of the first second [standard errors²]")
     right.set_ylabel("found after [s]")
-    left.legend(loc="lower right")
+    left.legend(loc="upper left")
     finish(drawing, left, legend=False)
     finish(drawing, right, legend=False)
     caption = (
