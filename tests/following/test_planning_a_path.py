@@ -96,6 +96,7 @@ def test_a_joint_beyond_its_bounds_is_named_and_can_be_given_more_room():
     assert plan_of(path, bounds=JointBounds.usual(1.5)).rows > 24
 
 
+@pytest.mark.slow
 def test_what_motors_cannot_hold_is_named():
     path = line((0.42, 0.0, -0.3), (0.42, 0.02, -0.3))
     with pytest.raises(SerpentError, match=r"motor \d would hold .* of its stall torque"):

@@ -156,6 +156,7 @@ def test_two_arms_in_one_folder_are_refused(logs, tmp_path):
         trace(Trace((mixed,), tmp_path / "out"))
 
 
+@pytest.mark.slow
 def test_the_gripper_s_cable_pulls_where_its_jaw_is_held_and_only_there(logs):
     rig = ArmRig()
     held = rig.open(rig.read(DATA / "arm_a")[:1]).machine.vector.start
