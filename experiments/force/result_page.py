@@ -93,7 +93,7 @@ def _contacts_told(rows: Rows) -> str:
     hours, false = sum(r["free_hours"] for r in rows), sum(r["false_contacts"] for r in rows)
     return (
         f"Nothing touched the arms for {hours:.1f} hours, in which {counted(false, 'false contact')} came up "
-        f"({_listed(rows)}). A push "
+        f"(each arm, by what is wrong with it: {_listed(rows)}). A push "
         "is found in its first second if contact is reported within it. How much that second can tell "
         "depends on pose, direction and link: where a force hardly turns a joint, or motors stand, nobody "
         "could feel it. *Possible* is how many would be reported within that second by one who knows the "
@@ -104,8 +104,10 @@ def _contacts_told(rows: Rows) -> str:
 
 
 def _listed(rows: Rows) -> str:
-    each = [f"{row['name'].replace('_', ' ')} {row['false_contacts']}" for row in rows]
-    return ", ".join(each)
+    several: dict[str, list[str]] = {}
+    for row in rows:
+        several.setdefault(row["name"].replace("_", " "), []).append(str(row["false_contacts"]))
+    return "; ".join(f"{name}: {', '.join(counts)}" for name, counts in several.items())
 
 
 def _contacts(rows: Rows) -> Table:

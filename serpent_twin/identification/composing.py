@@ -58,7 +58,7 @@ class ComposingTracer(RefittingTracer):
         effect and all after it do takes their place, and so does one law for two at one place: as soon as
         there is a law, because laws on top of a wrong effect are wrong, too.
         """
-        named = len(rounds)
+        named, settled = len(rounds), base
         if law := self._absorbed(base, rounds):
             base = law
         found, something = self._composed(base, rounds, 1)
@@ -70,9 +70,9 @@ class ComposingTracer(RefittingTracer):
             first, found = found, self._composed(found, rounds, _MOST - 1)[0]
             if found is not first and (better := self._replaced(found, rounds, named)):
                 return self._composed(better, rounds)[0]
-        if found.point.effects and not self._little_left(found):
-            return self._anew(found, len(rounds))
-        return found
+        if found is settled or self._little_left(found):
+            return found
+        return self._anew(found, len(rounds))
 
     def _absorbed(self, base: Fit, rounds: list[Round]) -> Fit | None:
         """The fit of a law instead of the parameter that the calibration moved furthest beyond reason, which

@@ -191,7 +191,7 @@ def _check_clock(path: Path, session: Session) -> None:
     if abs(rate / session.rate_hz - 1) > RATE_TOLERANCE:
         raise SerpentError(
             f"{path} claims rate_hz {session.rate_hz:g}, but its rows are {1 / rate:.4g} s apart "
-            f"({rate:.4g} Hz). Where the machine could not keep up, record at {rate:.2g} Hz or less; else "
+            f"({rate:.4g} Hz). Where the machine could not keep up, record at that rate or less; else "
             "correct rate_hz in the metadata, or leave out the file."
         )
 

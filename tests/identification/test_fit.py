@@ -92,16 +92,6 @@ def test_intervals_hold_as_often_as_they_say():
     assert 52 <= inside <= 60  # 57 expected, binomial 3 standard deviations below
 
 
-def test_an_interval_is_wider_by_what_a_law_simplifies():
-    arm = case(0.7)
-    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
-    found = full_fit(arm, every(), base, scored(arm, base), print)
-    (value, low, high), (_, wide, _) = (found.interval(GUST, 0, share) for share in (0.0, 0.05))
-    scatter, both = value - low, value - wide
-    assert both == pytest.approx(np.hypot(scatter, 1.96 * 0.05 * value))
-    assert high - value == pytest.approx(scatter)
-
-
 def test_the_score_finds_what_is_there_and_how_strong():
     arm = case(0.7)
     base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
