@@ -3,7 +3,7 @@
 import numpy as np
 
 from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm, link_frames, markers_on
-from serpent_twin.arrays import Array
+from serpent_twin.arrays import Array, cross
 
 _LEAN = 1e-6  # [m²] (0.2 mm of noise over 0.2 rad)²: the prior of the first guess, for lost markers
 _LONGEST_STEP = 0.2  # [rad] Gauss-Newton overshoots from far away
@@ -15,11 +15,11 @@ def marker_jacobian(q: Array, arm: Arm = ARM) -> tuple[Array, Array, Array]:
     """
     origin, rotation = link_frames(q, arm)
     marker = markers_on(origin, rotation, arm)
+    axis = (rotation @ arm.joint_axes[:, :, None])[..., 0]
     slope = np.zeros((*q.shape[:-1], N_JOINTS, 3, N_JOINTS))
     for i in range(N_JOINTS):
-        axis = rotation[..., i, :, :] @ arm.joint_axes[i]
         arm_of_lever = marker[..., i:, :] - origin[..., i, None, :]
-        slope[..., i:, :, i] = np.cross(axis[..., None, :], arm_of_lever)
+        cross(axis[..., i, None, :], arm_of_lever, slope[..., i:, :, i])
     return marker, slope.reshape(*q.shape[:-1], 3 * N_JOINTS, N_JOINTS), rotation
 
 

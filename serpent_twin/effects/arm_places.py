@@ -8,7 +8,7 @@ import numpy as np
 
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import ARM, N_JOINTS, joint_axis, link_frames, markers_on
-from serpent_twin.arrays import Array
+from serpent_twin.arrays import Array, cross
 from serpent_twin.effects.law import (
     ACTUATOR_COMMAND,
     HANDLES,
@@ -143,8 +143,8 @@ def _travelled(moment: Any, time: Array | float) -> Array:
     origin, rotation = link_frames(moment.joint_angle)
     axis = (rotation @ JOINT_AXES[..., None])[..., 0]
     turning = np.cumsum(moment.joint_velocity[..., None] * axis, axis=1)
-    by_joint = np.cross(moment.joint_velocity[..., None] * axis, origin)
-    speed = np.cross(turning, markers_on(origin, rotation)) - np.cumsum(by_joint, axis=1)
+    by_joint = cross(moment.joint_velocity[..., None] * axis, origin)
+    speed = cross(turning, markers_on(origin, rotation)) - np.cumsum(by_joint, axis=1)
     return np.asarray(time)[..., None] * speed
 
 
@@ -160,9 +160,9 @@ def _shift(q: Array, law: Law, at: int, sizes: Sequence[Array | float]) -> Array
         return out
     marker = markers_on(origin, rotation)
     if law.handle == "camera_turn":
-        return np.cross(vector[:, None], marker)
+        return cross(vector[:, None], marker)
     turn = np.einsum("nxy,ny->nx", rotation[:, at], vector)
-    out[:, at:] = np.cross(turn[:, None], marker[:, at:] - origin[:, at, None])
+    out[:, at:] = cross(turn[:, None], marker[:, at:] - origin[:, at, None])
     return out
 
 
@@ -179,5 +179,5 @@ def levers(q: Array) -> Array:
     com = centres_of_mass(origin, rotation)
     axis = (rotation @ JOINT_AXES[..., None])[..., 0]
     reach = com[..., :, None, :] - origin[..., None, :, :]
-    moved = np.cross(axis[..., None, :, :], reach)
+    moved = cross(axis[..., None, :, :], reach)
     return moved * np.tri(N_JOINTS)[..., None]

@@ -7,7 +7,7 @@ import numpy as np
 
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arm.mjcf import JOINTS, STRANDS
-from serpent_twin.arrays import Array
+from serpent_twin.arrays import Array, cross
 from serpent_twin.sim.pushes import links_and_base
 from serpent_twin.sim.stepper import addresses
 
@@ -15,6 +15,7 @@ _LONGEST = 0.1  # [rad] of a Newton step
 _STEPS = 12
 _SETTLED = 1e-5  # [N m]
 _SOFT = 1e-4  # [N m/rad]: what holds a joint at least, while its pose is sought
+_LATER = np.tri(N_JOINTS, dtype=bool).T
 _PLAY = 0.02  # [N m/rad]: and against further forces: with slack cables, it turns a little only
 
 
@@ -75,8 +76,8 @@ class _Levers:
         """Change of the joints' torques by their angles [N m/rad], (9, 9), as a force [N], (3,), keeps its
         direction and what it pulls at moves by (3, 9) [m].
         """
-        each = np.einsum("jx,xk->jk", np.cross(force, self.axis), moved)
-        return np.triu(each) + np.triu(each, 1).T
+        each = cross(force, self.axis) @ moved
+        return np.where(_LATER, each, each.T)
 
 
 class PushedStatics:
