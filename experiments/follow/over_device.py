@@ -1,6 +1,7 @@
 """Let an arm follow a path over the wire: the command against the emulated motors, in real time."""
 
 import csv
+import re
 import socket
 import subprocess
 import sys
@@ -16,8 +17,11 @@ from serpent_twin.emulator.device import running
 from serpent_twin.emulator.device.options import CAMERAS
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
+from serpent_twin.runs.files import write_json
 
 _KEPT = ("rows", "missed_deadlines", "latency_ms", "marker9_error_mm", "tip_error_as_estimated_mm")
+SLOW = "steps_a_second"
+"""Of a loop that was stopped because it did fewer than it was asked for"""
 
 
 def over_device(arm: StudyArm, out: Path) -> dict[str, Mapping[str, Any]]:
@@ -33,10 +37,11 @@ def _driven(arm: StudyArm, rate: float, folder: Path) -> Mapping[str, Any]:
         folder.mkdir(parents=True, exist_ok=True)
         _drive(arm, rate, folder)
     found = stored.read_json(stated)
-    return {name: found[name] for name in _KEPT}
+    return found if SLOW in found else {name: found[name] for name in _KEPT}
 
 
 def _drive(arm: StudyArm, rate: float, folder: Path) -> None:
+    """Follow the path; where the machine does not keep the rate, that is the result."""
     path, frame, cameras = folder / "path.csv", folder / "frame.json", str(_free_port())
     _write_path(path)
     CAMERAS.inverse().save(frame)
@@ -49,7 +54,9 @@ def _drive(arm: StudyArm, rate: float, folder: Path) -> None:
         command += ["--command-port", cameras, "--prior-runtime-h", f"{arm.runtime / 3600:g}"]
         command += ["--no-record", "--out", str(folder / "following")]
         done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
+    if kept := re.search(r"the control loop does (\S+) steps a second", done.stderr):
+        write_json(folder / "following" / "results.json", {SLOW: float(kept[1])})
+    elif done.returncode:
         raise SerpentError(f"{arm.id} at {rate:g} Hz over the device: {done.stderr.strip()}")
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.follow.over_device import SLOW
 from experiments.follow.paths import PATHS, SPEED
 from experiments.follow.trial import (
     FIRST,
@@ -83,6 +84,9 @@ def device_table(found: Mapping[str, Any]) -> Table:
     """What was stated of each rate over the wire."""
     lines = []
     for rate, of in found.items():
+        if SLOW in of:
+            lines.append((rate, *"————", f"stopped: {of[SLOW]:.3g} steps a second"))
+            continue
         late, marker, tip = (
             of[key] for key in ("latency_ms", "marker9_error_mm", "tip_error_as_estimated_mm")
         )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from serpent_twin.arm.geometry import N_MOTORS
+from serpent_twin.arm.geometry import N_MOTORS, markers
 from serpent_twin.arm.inverse_kinematics import marker_jacobian
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.belief import Belief
@@ -60,8 +60,9 @@ class LiveFeeling(LiveObserver):
 
     def __init__(self, observer: Observer, prior_runtime: float = 0.0) -> None:
         super().__init__(observer, prior_runtime)
-        self._filter = ForceFilter()
-        self._noise = np.asarray(observer.learned["load"], dtype=float)
+        lasting, known = observer.lasting, np.asarray(observer.learned["load"], dtype=float)
+        self._filter = ForceFilter(lasting)
+        self._noise = np.sqrt(known**2 - lasting.variance)
         stall, arm = observer.arm.arm.servo.stall_torque, observer.arm
         gear = np.exp(np.array(arm.tolerances.gear_friction)) * arm.parameters.gear_friction
         self._friction = np.broadcast_to(gear / stall, N_MOTORS)
@@ -107,9 +108,8 @@ class LiveFeeling(LiveObserver):
         spread += (1 - felt.contact) * np.outer(turned, turned)
         angle = self.members.joint_angle + turned
         built = self._observer.arm.built
-        (before, _, _), (after, slope, _) = (
-            marker_jacobian(at, built) for at in (self.members.joint_angle, angle)
-        )
+        before = markers(self.members.joint_angle, built)
+        after, slope, _ = marker_jacobian(angle, built)
         by_joint = slope.reshape(-1, 3, len(turned))
         unknown = by_joint @ spread @ np.swapaxes(by_joint, -1, -2)
         return Belief(known.marker + after - before, known.covariance + unknown)

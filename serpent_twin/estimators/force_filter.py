@@ -3,7 +3,7 @@
 Ten hypotheses run side by side: nothing touches the arm, or something pushes on the centre of mass of link
 1 … 9, with a force that wanders. Each link's force has a Kalman filter; a contact may begin and end at any
 time, and where it begins the force is unknown. Source: Blom and Bar-Shalom, IEEE Trans. Autom. Control 33
-(1988) 780 (interacting multiple models).
+(1988) 780 (interacting multiple models). Errors of the loads that last are states of every hypothesis.
 """
 
 from dataclasses import dataclass
@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from serpent_twin.arm.geometry import N_JOINTS
+from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
+from serpent_twin.estimators.coloured_noise import ColouredNoise
 
 SIZE = 0.5
 """Standard deviation of each component of a force that begins [N]"""
@@ -23,6 +24,7 @@ FREE, LASTS = 30.0, 15.0
 """Mean time until something touches the arm, and until it lets go [s]"""
 ALARM = 3600.0
 """Mean time between contacts that are none, if the loads' errors are as trained, at least [s]"""
+_AXES = 3
 _LEAST = 1e-30  # of a hypothesis: it can always come back
 _TINY = 1e-12  # [N²]
 _HELD = 0.95
@@ -69,7 +71,7 @@ class LoadErrors:
     slope: Array
     """Change by a force on each link [1/N], (9, 10, 3)"""
     noise: Array
-    """Standard deviation of the loads' error, (10,)"""
+    """Standard deviation of the white part of the loads' error, (10,)"""
     friction: Array
     """What a standing motor's gear may take up, (10,); 0 of one that turns"""
     known: NDArray[np.bool_]
@@ -77,11 +79,18 @@ class LoadErrors:
 
 
 class ForceFilter:
-    """The hypotheses of one session, row by row."""
+    """The hypotheses of one session, row by row.
 
-    def __init__(self) -> None:
-        self._force = np.zeros((N_JOINTS, 3))
-        self._covariance = np.tile(SIZE**2 * np.eye(3), (N_JOINTS, 1, 1))
+    Each has a Kalman filter of the force, and of the sources of the loads' coloured noise; that of no contact
+    has a force, too, which no load shows.
+    """
+
+    def __init__(self, lasting: ColouredNoise | None = None) -> None:
+        self._lasting = lasting or ColouredNoise()
+        sources = self._lasting.along.shape[1]
+        self._prior = np.diag(np.r_[np.full(_AXES, SIZE**2), np.ones(sources)])
+        self._state = np.zeros((1 + N_JOINTS, _AXES + sources))
+        self._covariance = np.tile(self._prior, (1 + N_JOINTS, 1, 1))
         self._share = np.r_[1.0, np.full(N_JOINTS, _LEAST)]
         """Probabilities of no contact and of one at each link, (10,)"""
         self._touched = False
@@ -91,37 +100,67 @@ class ForceFilter:
         zero while no contact is more probable.
         """
         begins, ends = min(interval / FREE, 0.5) / N_JOINTS, min(interval / LASTS, 0.5)
-        none, some = self._share[0], self._share[1:]
-        stays, fresh = (1 - ends) * some, np.full(N_JOINTS, begins * none)
-        total = stays + fresh
-        fade = np.exp(-0.5 * WALK**2 * interval / SIZE**2)
-        prior = SIZE**2 * np.eye(3)
-        force, spread = fade * self._force, fade**2 * self._covariance + (1 - fade**2) * prior
-        self._force, self._covariance = _mixed(stays / total, force, spread, prior)
-        self._share = np.r_[(1 - N_JOINTS * begins) * none + ends * some.sum(), total]
+        rates = np.r_[
+            np.full(_AXES, 0.5 * WALK**2 / SIZE**2),
+            np.full(self._sources, 1.0 / self._lasting.time),
+        ]
+        fade = np.exp(-rates * interval)
+        self._state = fade * self._state
+        faded = np.outer(fade, fade)
+        self._covariance = faded * self._covariance + (1 - faded) * self._prior
+        passes = np.diag(np.r_[1 - N_JOINTS * begins, np.full(N_JOINTS, 1 - ends)])
+        passes[1:, 0], passes[0, 1:] = begins, ends
+        flow = passes * self._share
+        self._share = flow.sum(axis=1)
+        self._mix(flow / self._share[:, None])
         contact = self._contact > 0.5
         return self._best + 1, self._force[self._best] * contact
 
+    def _mix(self, share: Array) -> None:
+        """Let each hypothesis go on from what it may have been before, by shares, (10, 10); where nothing
+        touches the arm, of the force nothing is known.
+        """
+        state = share @ self._state
+        apart = self._state - state[:, None]
+        spread = self._covariance + apart[..., :, None] * apart[..., None, :]
+        self._state, self._covariance = state, np.einsum("ij,ijxy->ixy", share, spread)
+        self._state[0, :_AXES] = 0.0
+        self._covariance[0, :_AXES] = self._prior[:_AXES]
+        self._covariance[0, :, :_AXES] = self._prior[:, :_AXES]
+
     def update(self, now: LoadErrors) -> FeltForce:
         """Take up the loads' errors of a row; `predict` comes first."""
-        off = now.pushed - np.einsum("lix,lx->li", now.slope, self._force)
-        weight, left = _beyond(off, now)
-        weight_free, left_free = _beyond(now.free, now)
-        seen = now.slope * weight[..., None]
-        gain = np.einsum("lix,liy->lxy", seen, now.slope)
-        pull = np.einsum("lix,li->lx", seen, left)
+        slope = np.zeros((1 + N_JOINTS, N_MOTORS, self._state.shape[1]))
+        slope[1:, :, :_AXES], slope[..., _AXES:] = now.slope, self._lasting.along
+        off = np.where(np.arange(1 + N_JOINTS)[:, None] > 0, now.pushed, now.free)
+        weight, left = _beyond(off - np.einsum("hix,hx->hi", slope, self._state), now)
+        seen = slope * weight[..., None]
+        gain = np.swapaxes(seen, 1, 2) @ slope
+        pull = np.einsum("hix,hi->hx", seen, left)
         after = np.linalg.inv(np.linalg.inv(self._covariance) + gain)
-        removed = np.einsum("lx,lxy,ly->l", pull, after, pull)
-        wider = np.linalg.slogdet(np.eye(3) + self._covariance @ gain)[1]
+        removed = np.einsum("hx,hxy,hy->h", pull, after, pull)
+        wider = np.linalg.slogdet(np.eye(len(self._prior)) + self._covariance @ gain)[1]
         likely = -0.5 * ((weight * left**2).sum(axis=1) - removed + wider)
-        free = -0.5 * (weight_free * left_free**2).sum()
-        before = np.log(self._share)
-        share = before + np.r_[free, likely]
+        share = np.log(self._share) + likely
         share = np.exp(share - share.max())
         self._share = np.maximum(share / share.sum(), _LEAST)
-        self._force = self._force + np.einsum("lxy,ly->lx", after, pull)
+        self._state = self._state + np.einsum("hxy,hy->hx", after, pull)
         self._covariance = after
         return self._felt(now)
+
+    @property
+    def _sources(self) -> int:
+        return len(self._prior) - _AXES
+
+    @property
+    def _force(self) -> Array:
+        """On each link, (9, 3)."""
+        return self._state[1:, :_AXES]
+
+    @property
+    def _spread(self) -> Array:
+        """Covariance of each link's force, (9, 3, 3)."""
+        return self._covariance[1:, :_AXES, :_AXES]
 
     @property
     def _best(self) -> int:
@@ -137,7 +176,7 @@ class ForceFilter:
         odds = contact / self._share[0]
         self._touched = odds > ALARM / FREE or (self._touched and contact > 0.5)
         apart = self._force - told
-        each = self._covariance + apart[:, :, None] * apart[:, None, :]
+        each = self._spread + apart[:, :, None] * apart[:, None, :]
         spread = np.einsum("l,lxy->xy", some, each) + self._share[0] * np.outer(told, told)
         best = self._best
         bounds = _bounds(now, now.slope[best], self._force[best])
@@ -149,20 +188,8 @@ class ForceFilter:
             force=told,
             covariance=np.linalg.inv(np.linalg.inv(spread + _TINY * np.eye(3)) + bounds),
             on_link=self._force,
-            on_link_covariance=self._covariance,
+            on_link_covariance=self._spread,
         )
-
-
-def _mixed(stays: Array, force: Array, spread: Array, prior: Array) -> tuple[Array, Array]:
-    """Mean and covariance of each link's force, which was there already with a probability `stays`, (9,), or
-    begins now.
-    """
-    mean = stays[:, None] * force
-    apart = force - mean
-    old = spread + apart[:, :, None] * apart[:, None, :]
-    new = prior + mean[:, :, None] * mean[:, None, :]
-    share = stays[:, None, None]
-    return mean, share * old + (1 - share) * new
 
 
 def _beyond(off: Array, now: LoadErrors) -> tuple[Array, Array]:

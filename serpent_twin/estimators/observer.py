@@ -13,6 +13,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.belief import Belief
 from serpent_twin.estimators.bus_reading import BusReading, readings
+from serpent_twin.estimators.coloured_noise import ColouredNoise, coloured
 from serpent_twin.estimators.estimator import Live, TrainedEstimator
 from serpent_twin.readouts import Progress
 from serpent_twin.readouts.covariance import covariance_of
@@ -30,6 +31,8 @@ TRUST = 40.0
 """Seconds over which the loads' error sets the inflation of the covariance"""
 TURNING = 2 * STANDING
 """[rad/s] faster than this, gear friction has one sign and a load is informative"""
+_WHITE = {"load_coloured": np.zeros((N_MOTORS, N_MOTORS)), "load_correlation_time": np.array(1.0)}
+"""Of loads' errors none of which is known to last"""
 
 
 @dataclass
@@ -63,11 +66,12 @@ class Observer(TrainedEstimator):
             "rest": unknown,
             "load": np.full(N_MOTORS, np.inf),
             "covariance": unknown,
-        }
+        } | _WHITE
         return made
 
     def wanted(self) -> Wanted:
-        """The servos' lag [s], covariances of joints [rad²] and markers [m²], the loads' rms error.
+        """The servos' lag [s], covariances of joints [rad²] and markers [m²], the loads' rms error, and its
+        part that lasts: its covariance over the motors, and its correlation time [s].
 
         A marker that no validation session shows has no `scale`.
         """
@@ -76,6 +80,8 @@ class Observer(TrainedEstimator):
             "joint": covariances(size=N_JOINTS),
             "rest": covariances(N_JOINTS),
             "load": divisors(N_MOTORS),
+            "load_coloured": covariances(size=N_MOTORS),
+            "load_correlation_time": numbers(low=0.0),
             "covariance": covariances(N_JOINTS),
             "scale": numbers(N_JOINTS, 1, 1, low=0.0, unknown=True),
         }
@@ -110,6 +116,12 @@ class Observer(TrainedEstimator):
         return twin_model.from_dict(self.twin)
 
     @property
+    def lasting(self) -> ColouredNoise:
+        """The part of the loads' errors that lasts."""
+        covariance, time = (self.learned[name] for name in _WHITE)
+        return ColouredNoise.of(covariance, float(time))
+
+    @property
     def own_twin(self) -> twin_model.TwinModel:
         """The twin model."""
         return self.arm
@@ -137,6 +149,7 @@ class Observer(TrainedEstimator):
         for done, session in enumerate(validate.sessions, 1):
             seen.append(self._compared(session))
             progress(done, len(validate.sessions), np.nan)
+        loads = [each[3] for each in seen]
         at, joint, rest, load, error = (np.concatenate(each) for each in zip(*seen, strict=True))
         known = joint[np.isfinite(joint).all(axis=1)]
         few = np.full((1, N_MOTORS), 1e-3)  # for a motor that never turned
@@ -146,6 +159,9 @@ class Observer(TrainedEstimator):
             "load": np.sqrt(np.nanmean(np.vstack([load, few]) ** 2, axis=0)),
             "covariance": covariance_of(error),
         }
+        period = np.median([np.median(np.diff(s.bus.time)) for s in validate.sessions])
+        lasting = coloured(loads, self.learned["load"], float(period))
+        self.learned |= dict(zip(_WHITE, map(np.asarray, lasting), strict=True))
         # Errors need not be normal: each marker's ellipsoids are scaled to hold it as often as stated.
         scale = Belief(np.zeros_like(error), self.seen_from(at)).scale_to(error)
         self.learned["scale"] = scale[:, None, None]

@@ -19,6 +19,7 @@ from serpent_twin.recording import lost_markers, run_folder
 from serpent_twin.recording.ending import loop_times, sealed, stopped_by_signals
 from serpent_twin.recording.loop import NOTHING, Beside, Steering, Step, TargetSteering, record
 from serpent_twin.recording.options import Collect
+from serpent_twin.recording.pace import refuse_slow
 from serpent_twin.recording.real_arm import arm_of, cameras_of
 from serpent_twin.recording.run_settings import metadata, session_path
 from serpent_twin.recording.simulated_arm import generators
@@ -101,6 +102,7 @@ def record_session(
             watch.see(row["time"], row["marker"])
             lost = watch.state() if config.real.mocap != "none" else ""
             show(1, _state(times, period, bus) + lost)
+            refuse_slow(times, period)
     run_folder.drop_what_came_again(path)
 
 

@@ -27,3 +27,8 @@ def test_what_followed_over_the_wire_is_stated(tmp_path, monkeypatch):
     assert rate == "20" and float(marker) < 12.0 and missed.endswith(f"of {found['20']['rows']}")
     monkeypatch.setattr(of_follow, "_drive", None)
     assert of_follow.over_device(arm, tmp_path / "device") == found
+
+
+def test_a_rate_that_the_machine_does_not_keep_is_a_row_that_says_so():
+    (row,) = device_table({"100": {of_follow.SLOW: 50.5}}).rows
+    assert row == ("100", "—", "—", "—", "—", "stopped: 50.5 steps a second")

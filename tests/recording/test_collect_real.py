@@ -1,5 +1,6 @@
 """Test that a session of the real arm, here a device on a pseudo-terminal, is whole and safe to stop."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -7,6 +8,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from serpent_twin.arm.parameters import NOMINAL
@@ -16,6 +18,7 @@ from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
 from serpent_twin.recording import real as real_module
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.ending import loop_times
+from serpent_twin.recording.loop import Beside
 from serpent_twin.recording.options import Collect, RealArm
 from serpent_twin.sessions import examine, read_journal, read_session, recover
 
@@ -86,6 +89,20 @@ def test_loop_times_of_an_even_and_an_uneven_loop():
     assert uneven["jitter_max_s"] == pytest.approx(0.1)
     assert uneven["jitter_mean_s"] == pytest.approx(0.2 / 3)
     assert uneven["missed_deadlines"] == 1
+
+
+def test_a_loop_that_does_not_keep_its_rate_stops_the_arm_and_says_what_it_keeps(bench, tmp_path):
+    device, setup = bench("--realtime")
+    real = RealArm(setup=setup)
+    config = Collect(tmp_path / "logs", "real", sessions=1, steps=200, rate_hz=50.0, real=real)
+    config.out.mkdir()
+    slow = Beside(see=lambda row: time.sleep(0.04))
+    with pytest.raises(SerpentError, match="steps a second of the 50 that were asked"):
+        real_module.record_all(config, [1], slow)
+    written = pq.read_table(config.out / "session_01.parquet")
+    assert written.num_rows == 50
+    assert "steps a second" in json.loads(written.schema.metadata[b"serpent_twin"])["ended"]
+    assert peek(device, "torque_enable") == 0
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
