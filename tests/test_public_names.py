@@ -18,6 +18,14 @@ def test_the_package_is_imported_without_anything_heavy():
     assert done.stdout == "[]\n"
 
 
+def test_commands_begin_without_what_few_of_them_use():
+    few = ("torch", "rerun", "dask", "distributed", "matplotlib", "scipy.signal", "scipy.stats")
+    commands = "collect, estimate, follow, trace, train, check, sweep, log"
+    code = f"import sys; from serpent_twin import {commands}; print([n for n in {few} if n in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
 def test_every_public_name_is_there_and_documented():
     for name in serpent_twin.__all__:
         thing = getattr(serpent_twin, name)

@@ -19,7 +19,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.bus_reading import readings
 from serpent_twin.estimators.feeling import feeling
-from serpent_twin.estimators.observer import TURNING, Observer
+from serpent_twin.estimators.observer import STILL, Observer
 from serpent_twin.live.contacts import Touch
 from serpent_twin.readouts.windows import bus_of
 from serpent_twin.runs.provenance import git_commit
@@ -93,7 +93,7 @@ class Run:
             if link and link != last:
                 bound.begin()
             last = link
-            turns = (np.abs(now.velocity) > TURNING) & (np.arange(N_MOTORS) < N_MOTORS - 1)
+            turns = (np.abs(now.velocity) > STILL) & (np.arange(N_MOTORS) < N_MOTORS - 1)
             slope = (
                 live.arms.pushed(link, force).slope[link - 1][turns] if link else np.zeros((0, 3))
             )

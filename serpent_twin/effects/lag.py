@@ -1,7 +1,6 @@
 """State what follows with a lag of first order: y with dy/dt = (x − y) / τ."""
 
 import numpy as np
-from scipy.signal import lfilter
 
 from serpent_twin.arrays import Array
 
@@ -28,6 +27,8 @@ def lagging_from_rest(x: Array, rate: Array, time_constant: Array | float) -> Ar
 
 def lagging_along(x: Array, begun: Array, time_constant: float, dt: float) -> Array:
     """What follows x in rows (…, T), dt [s] apart, as `lagging` says, from where it is in the first, (…)."""
+    from scipy.signal import lfilter
+
     share = float(_forgotten(dt, time_constant))
     begun = np.asarray(begun)[..., None]
     later, _ = lfilter([share], [1.0, share - 1.0], x[..., 1:], zi=(1.0 - share) * begun)

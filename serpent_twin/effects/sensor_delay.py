@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from serpent_twin.effects.effect import READING, Effect, parameter
 from serpent_twin.effects.moment import Measurements
@@ -29,6 +28,8 @@ class SensorDelay(Effect):
 
     def act(self, moment: Measurements, memory: None) -> None:
         """Shift the readings of each run."""
+        from scipy.interpolate import CubicSpline
+
         rows = np.arange(moment.reading.shape[1], dtype=float)
         ago = np.broadcast_to(self.delay / moment.dt, (len(moment.reading), 1))[:, 0]
         late = moment.reading.copy()

@@ -53,13 +53,13 @@ def coloured(sessions: Sequence[Array], noise: Array, period: float) -> tuple[Ar
     each, NaN where a motor does not turn, whose rms is `noise`, (10,), and whose rows are `period` [s] apart.
 
     Only sources that stand out from white noise count: the symmetric part of white noise's correlation a row
-    apart has eigenvalues within a semicircle's radius.
+    apart has eigenvalues within a semicircle, whose radius is twice the norm of a row's standard deviations.
     """
     by_lag, count = _correlations([each / noise for each in sessions])
     first = 0.5 * (by_lag[0] + by_lag[0].T)
     size, direction = np.linalg.eigh(first)
-    motors, rows = int((count[0].diagonal() > 0).sum()), max(1.0, np.median(count[0]))
-    stands_out = size > _BY_CHANCE * np.sqrt(2 * motors / rows)
+    several = np.where(count[0] > 0, 2 / np.maximum(count[0], 1.0), 0.0)
+    stands_out = size > _BY_CHANCE * np.sqrt(several.sum(axis=1).max())
     if not stands_out.any():
         return np.zeros((N_MOTORS, N_MOTORS)), 1.0
     direction, size = direction[:, stands_out], size[stands_out]

@@ -9,7 +9,7 @@ from serpent_twin.estimators.belief import Belief
 from serpent_twin.estimators.bus_reading import BusReading
 from serpent_twin.estimators.estimator import Estimator
 from serpent_twin.estimators.force_filter import FeltForce, ForceFilter, LoadErrors
-from serpent_twin.estimators.observer import TURNING, LiveObserver, Observer
+from serpent_twin.estimators.observer import STILL, TURNING, LiveObserver, Observer
 from serpent_twin.readouts.trainable import Trainable
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -60,12 +60,11 @@ class LiveFeeling(LiveObserver):
 
     def __init__(self, observer: Observer, prior_runtime: float = 0.0) -> None:
         super().__init__(observer, prior_runtime)
-        lasting, known = observer.lasting, np.asarray(observer.learned["load"], dtype=float)
-        self._filter = ForceFilter(lasting)
-        self._noise = np.sqrt(known**2 - lasting.variance)
-        stall, arm = observer.arm.arm.servo.stall_torque, observer.arm
-        gear = np.exp(np.array(arm.tolerances.gear_friction)) * arm.parameters.gear_friction
-        self._friction = np.broadcast_to(gear / stall, N_MOTORS)
+        lasting = observer.lasting
+        self._filter, self._friction = ForceFilter(lasting), observer.gear_friction
+        load, slow = (observer.learned[name] for name in ("load", "load_slow"))
+        self._noise = np.sqrt(load**2 - lasting.variance)
+        self._noise_slow = np.sqrt(np.maximum(slow**2 - lasting.variance, self._noise**2))
         self._known = np.isfinite(self._noise) & (np.arange(N_MOTORS) < N_MOTORS - 1)
         """Motor 10's cable pulls at the jaw alone"""
 
@@ -75,17 +74,16 @@ class LiveFeeling(LiveObserver):
         link, force = self._filter.predict(self._interval)
         self._pushed = pushed = self.arms.pushed(link, force)
         free = now.load - self.members.load[0]
-        turns = np.abs(now.velocity) > TURNING
+        speed = np.abs(now.velocity)
+        noise = np.where(speed > TURNING, self._noise, self._noise_slow)
         wider = np.sqrt(max(1.0, PERIOD / self._interval))
         self._felt = self._filter.update(
             LoadErrors(
                 free=free,
                 pushed=free - pushed.load + pushed.slope[link - 1] @ force,
                 slope=pushed.slope,
-                noise=np.where(
-                    self._known, np.hypot(wider * self._noise, UNSURE * pushed.load), 1.0
-                ),
-                friction=np.where(turns, 0.0, self._friction),
+                noise=np.where(self._known, np.hypot(wider * noise, UNSURE * pushed.load), 1.0),
+                friction=np.where(speed > STILL, 0.0, self._friction),
                 known=self._known,
             )
         )

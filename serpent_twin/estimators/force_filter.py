@@ -22,6 +22,10 @@ WALK = 0.4
 """Of its change in a second [N]; it remains of that size"""
 FREE, LASTS = 30.0, 15.0
 """Mean time until something touches the arm, and until it lets go [s]"""
+JOLT = 3e-4
+"""Probability that a row's loads err for once as a force would make them, as where a hinge slips a row sooner
+than the twin's: five times in an hour of the bench arm's free motion, whose errors are white otherwise
+"""
 ALARM = 3600.0
 """Mean time between contacts that are none, if the loads' errors are as trained, at least [s]"""
 _AXES = 3
@@ -133,19 +137,15 @@ class ForceFilter:
         slope = np.zeros((1 + N_JOINTS, N_MOTORS, self._state.shape[1]))
         slope[1:, :, :_AXES], slope[..., _AXES:] = now.slope, self._lasting.along
         off = np.where(np.arange(1 + N_JOINTS)[:, None] > 0, now.pushed, now.free)
-        weight, left = _beyond(off - np.einsum("hix,hx->hi", slope, self._state), now)
-        seen = slope * weight[..., None]
-        gain = np.swapaxes(seen, 1, 2) @ slope
-        pull = np.einsum("hix,hi->hx", seen, left)
-        after = np.linalg.inv(np.linalg.inv(self._covariance) + gain)
-        removed = np.einsum("hx,hxy,hy->h", pull, after, pull)
-        wider = np.linalg.slogdet(np.eye(len(self._prior)) + self._covariance @ gain)[1]
-        likely = -0.5 * ((weight * left**2).sum(axis=1) - removed + wider)
+        jolts, *_ = _kalman(slope[1:], self._state[:1], self._covariance[:1], now.free, now)
+        likely, self._state, self._covariance = _kalman(
+            slope, self._state, self._covariance, off, now
+        )
+        jolted = np.logaddexp.reduce(jolts) + np.log(JOLT / N_JOINTS)
+        likely[0] = np.logaddexp(np.log(1 - JOLT) + likely[0], jolted)
         share = np.log(self._share) + likely
         share = np.exp(share - share.max())
         self._share = np.maximum(share / share.sum(), _LEAST)
-        self._state = self._state + np.einsum("hxy,hy->hx", after, pull)
-        self._covariance = after
         return self._felt(now)
 
     @property
@@ -190,6 +190,23 @@ class ForceFilter:
             on_link=self._force,
             on_link_covariance=self._spread,
         )
+
+
+def _kalman(
+    slope: Array, state: Array, covariance: Array, off: Array, now: LoadErrors
+) -> tuple[Array, Array, Array]:
+    """Logarithms of how likely H hypotheses have a row's errors be, (H,), up to a number that is common to
+    all, and their states and covariances after it; slopes are (H, 10, n), all else (H or 1, …).
+    """
+    weight, left = _beyond(off - (slope @ state[..., None])[..., 0], now)
+    seen = slope * weight[..., None]
+    gain = np.swapaxes(seen, 1, 2) @ slope
+    pull = np.einsum("hix,hi->hx", seen, left)
+    after = np.linalg.inv(np.linalg.inv(covariance) + gain)
+    moved = np.einsum("hxy,hy->hx", after, pull)
+    wider = np.linalg.slogdet(np.eye(slope.shape[-1]) + covariance @ gain)[1]
+    likely = (weight * left**2).sum(axis=1) - (pull * moved).sum(axis=1) + wider
+    return -0.5 * likely, state + moved, after
 
 
 def _beyond(off: Array, now: LoadErrors) -> tuple[Array, Array]:

@@ -31,6 +31,8 @@ TRUST = 40.0
 """Seconds over which the loads' error sets the inflation of the covariance"""
 TURNING = 2 * STANDING
 """[rad/s] faster than this, gear friction has one sign and a load is informative"""
+STILL = 1e-3
+"""[rad/s] slower than this, a motor stands; in between, logs show how much its load tells"""
 _WHITE = {"load_coloured": np.zeros((N_MOTORS, N_MOTORS)), "load_correlation_time": np.array(1.0)}
 """Of loads' errors none of which is known to last"""
 
@@ -65,13 +67,15 @@ class Observer(TrainedEstimator):
             "joint": np.full((N_JOINTS, N_JOINTS), np.nan),
             "rest": unknown,
             "load": np.full(N_MOTORS, np.inf),
+            "load_slow": np.full(N_MOTORS, np.inf),
             "covariance": unknown,
         } | _WHITE
         return made
 
     def wanted(self) -> Wanted:
-        """The servos' lag [s], covariances of joints [rad²] and markers [m²], the loads' rms error, and its
-        part that lasts: its covariance over the motors, and its correlation time [s].
+        """The servos' lag [s], covariances of joints [rad²] and markers [m²], the loads' rms error, that
+        of motors that turn slowly, and the part of errors that lasts: its covariance over the motors, and its
+        correlation time [s].
 
         A marker that no validation session shows has no `scale`.
         """
@@ -80,6 +84,7 @@ class Observer(TrainedEstimator):
             "joint": covariances(size=N_JOINTS),
             "rest": covariances(N_JOINTS),
             "load": divisors(N_MOTORS),
+            "load_slow": divisors(N_MOTORS),
             "load_coloured": covariances(size=N_MOTORS),
             "load_correlation_time": numbers(low=0.0),
             "covariance": covariances(N_JOINTS),
@@ -116,6 +121,13 @@ class Observer(TrainedEstimator):
         return twin_model.from_dict(self.twin)
 
     @property
+    def gear_friction(self) -> Array:
+        """Of the twin's gears, as shares of the stall torque, (10,)."""
+        arm = self.arm
+        friction = np.exp(np.array(arm.tolerances.gear_friction)) * arm.parameters.gear_friction
+        return np.broadcast_to(friction / arm.arm.servo.stall_torque, N_MOTORS)
+
+    @property
     def lasting(self) -> ColouredNoise:
         """The part of the loads' errors that lasts."""
         covariance, time = (self.learned[name] for name in _WHITE)
@@ -149,18 +161,18 @@ class Observer(TrainedEstimator):
         for done, session in enumerate(validate.sessions, 1):
             seen.append(self._compared(session))
             progress(done, len(validate.sessions), np.nan)
-        loads = [each[3] for each in seen]
-        at, joint, rest, load, error = (np.concatenate(each) for each in zip(*seen, strict=True))
+        turning = [each[3] for each in seen]
+        at, joint, rest, load, slow, error = map(np.concatenate, zip(*seen, strict=True))
         known = joint[np.isfinite(joint).all(axis=1)]
-        few = np.full((1, N_MOTORS), 1e-3)  # for a motor that never turned
         self.learned |= {
             "joint": known.T @ known / max(1, len(known)),
             "rest": covariance_of(rest),
-            "load": np.sqrt(np.nanmean(np.vstack([load, few]) ** 2, axis=0)),
+            "load": _root_mean(load, np.full(N_MOTORS, 1e-3)),  # for a motor that never turned
+            "load_slow": _root_mean(slow, self.gear_friction),
             "covariance": covariance_of(error),
         }
         period = np.median([np.median(np.diff(s.bus.time)) for s in validate.sessions])
-        lasting = coloured(loads, self.learned["load"], float(period))
+        lasting = coloured(turning, self.learned["load"], float(period))
         self.learned |= dict(zip(_WHITE, map(np.asarray, lasting), strict=True))
         # Errors need not be normal: each marker's ellipsoids are scaled to hold it as often as stated.
         scale = Belief(np.zeros_like(error), self.seen_from(at)).scale_to(error)
@@ -180,20 +192,29 @@ class Observer(TrainedEstimator):
         square = np.trace(self.learned["covariance"], axis1=-2, axis2=-1)
         return 1e3 * float(np.sqrt(square.mean()))
 
-    def _compared(self, session: SessionWindows) -> tuple[Array, Array, Array, Array, Array]:
-        """Joint angles; their errors, the markers' beside, turning motors' loads', the markers'."""
+    def _compared(self, session: SessionWindows) -> tuple[Array, ...]:
+        """Joint angles; their errors, the markers' beside, those of loads of turning motors and of slow ones,
+        the markers'.
+        """
         rows = [sensed for sensed, _ in self._run(session)]
         at = np.concatenate([row.joint_angle for row in rows])
         moved = np.concatenate([row.marker for row in rows])
-        turns = np.abs(session.bus.velocity[-len(rows) :]) > TURNING
+        speed = np.abs(session.bus.velocity[-len(rows) :])
+        turns, slow = speed > TURNING, (speed > STILL) & (speed <= TURNING)
         load = session.bus.load[-len(rows) :] - np.concatenate([row.load for row in rows])
         angle = joints_from_markers(session.marker, at, self.arm.built)
         angle[~np.isfinite(session.marker).all(axis=(1, 2))] = np.nan
         rest = session.marker - markers(angle, self.arm.built)
-        return at, angle - at, rest, np.where(turns, load, np.nan), session.marker - moved
+        turning, slowly = (np.where(each, load, np.nan) for each in (turns, slow))
+        return at, angle - at, rest, turning, slowly, session.marker - moved
 
     def _spread(self, validate: Windows) -> Array:
         return self.learned["covariance"]
+
+
+def _root_mean(errors: Array, one: Array) -> Array:
+    """Root mean square of errors, (T, 10), NaN where not known, and of one more, (10,)."""
+    return np.sqrt(np.nanmean(np.vstack([errors, one]) ** 2, axis=0))
 
 
 class LiveObserver(Live):

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import correlate, correlation_lags
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -32,6 +31,8 @@ def lateness(time: Array, own: Array, other_time: Array, other: Array, most: flo
     between them. Source: Knapp and Carter, IEEE Transactions on Acoustics, Speech, and Signal Processing 24,
     1976.
     """
+    from scipy.signal import correlate, correlation_lags
+
     step = max(float(np.median(np.diff(each))) for each in (time, other_time)) / _ROWS
     rates = [_rate(*each, step) for each in ((time, own), (other_time, other))]
     (begin, mine), (other_begin, theirs) = rates

@@ -13,8 +13,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import t as student
+from scipy.special import chdtrc, stdtrit
 
 from serpent_twin.numerals import counted
 from serpent_twin.residual.comparison import Array, Comparison
@@ -235,7 +234,7 @@ def _crossed(
     )
     chance = LEVEL / max(1, pairs[:, :, 0].size if pairs.size else 1)
     freedom = np.maximum(pairs / bartlett - 2, 1.0)
-    far = student.isf(chance / 2, freedom)
+    far = -stdtrit(freedom, chance / 2)
     return sums / np.maximum(pairs, 1.0), far / np.sqrt(freedom + far**2)
 
 
@@ -271,7 +270,7 @@ def _channel(
         int(n),
         rho,
         _NORMAL_95 * np.sqrt(pairs) / n,
-        float(chi2.sf(ljung_box, lags)),
+        float(chdtrc(lags, ljung_box)),
         name_of_input,
         lag * period,
         correlation,

@@ -4,7 +4,6 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from serpent_twin.arrays import Array
 from serpent_twin.sim.actuators import dense
@@ -84,6 +83,8 @@ def _holding(gives: Array, slips: Array, limit: Array) -> Array:
     Source: Hintermüller, Ito and Kunisch, The primal-dual active set strategy as a semismooth Newton method,
     SIAM Journal on Optimization 13, 2002. Where it goes round in circles, bounded least squares decide.
     """
+    from scipy.optimize import lsq_linear
+
     own = range(len(limit))
     scale = 1.0 / np.einsum("nkk->nk", gives)
     force, before = np.zeros_like(slips), np.full(slips.shape, 2)

@@ -86,6 +86,16 @@ def test_what_a_standing_motor_s_friction_can_take_up_tells_no_force_but_bounds_
     assert bounded[-1].spread < felt[-1].spread + 1e-9 or bounded[-1].touched
 
 
+def test_a_jolt_of_one_row_is_no_contact_and_what_lasts_is_found_a_row_later():
+    """At noise of a hundredth of the loads by the force."""
+    for lasts, rows in ((1, 0), (5, 4)):
+        force = np.zeros((40, 3))
+        force[20 : 20 + lasts] = 0.9, -0.9, 0.9
+        felt = followed(40, 8, force, np.random.default_rng(6))
+        assert sum(each.touched for each in felt[20 : 20 + lasts]) == rows
+        assert not any(each.touched for each in felt[:20])
+
+
 def test_a_contact_ends_when_nothing_pushes_any_more():
     force = np.vstack([np.tile([0.5, 0.5, 0.0], (30, 1)), np.zeros((30, 3))])
     felt = followed(60, 8, force, np.random.default_rng(5))

@@ -57,6 +57,7 @@ def error_mm(readout, arm, seed=3):
     return score(told.marker, test.marker).mean_mm, told.coverage(test.marker)
 
 
+@pytest.mark.slow
 def test_an_arm_that_holds_more_is_followed_and_one_that_does_not_is_left_alone(weighing, observer):
     heavy = ARM.with_effect(Payload(mass=0.03))
     assert error_mm(weighing, ARM)[0] < 1.25 * error_mm(observer, ARM)[0]

@@ -113,6 +113,7 @@ def test_a_cluster_without_dask_is_refused(tmp_path, monkeypatch):
         sweep(Sweep(tmp_path / "out", cluster="tcp://127.0.0.1:9", **GRID))
 
 
+@pytest.mark.slow
 def test_a_cluster_that_loses_a_worker_writes_the_same_bytes(tmp_path):
     grid = GRID | {"seeds": (0, 1, 2, 3), "rigid": False}
     here, there = (Sweep(tmp_path / name, workers=2, **grid) for name in ("here", "there"))

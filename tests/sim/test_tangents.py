@@ -80,6 +80,7 @@ def test_other_links_change_a_smooth_motion_as_differences_do():
         assert (error < most * np.linalg.norm(told, axis=1)).all(), error
 
 
+@pytest.mark.slow
 def test_other_links_change_logged_motion_as_differences_do(logged):
     case, some, start, told = logged
     names = [d.name for d in case.declared]
