@@ -8,7 +8,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.held_out import Errors, Gain, gain
+from serpent_twin.identification.held_out import CONFIRMED, Errors, Gain, gain
 from serpent_twin.identification.rivals import APART, Pair, Rival
 from serpent_twin.identification.score_test import (
     EXCITED,
@@ -28,6 +28,10 @@ many at so many sensors gained 0.05; those of five that had such a fault gained 
 """
 CHANCE = 0.01
 """Greatest probability that the gain of an accepted effect is due to chance"""
+PLAIN = 0.3
+"""Relative gain in all that is measured that is no chance as soon as held-out logs alone confirm it: where
+one twin is far off, its errors differ so much from block to block that few blocks show no more
+"""
 HARDLY = 0.02
 """Laws that look alike count as equivalent if their held-out errors differ by a smaller share than this: as
 long as other parameters are not fitted with them, these make such a difference
@@ -132,7 +136,8 @@ def weakness(found: Gain) -> str:
     """Why a gain is not accepted; empty if it is."""
     if found.relative <= _worth_it(found):
         return ": not worth its parameters"
-    return ", which may be chance" if found.probability_of_chance >= CHANCE else ""
+    most = CONFIRMED if found.whole > PLAIN else CHANCE
+    return ", which may be chance" if found.probability_of_chance >= most else ""
 
 
 def _worth_it(found: Gain) -> float:

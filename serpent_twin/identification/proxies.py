@@ -7,7 +7,7 @@ from serpent_twin.identification.acceptance import Round, accepting, weakness
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.gained import gained
-from serpent_twin.identification.held_out import CONFIRMED, gave_up
+from serpent_twin.identification.held_out import gave_up
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
@@ -16,10 +16,6 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
 _DERIVATIVES = 3
-_PLAIN = 0.3
-"""Relative gain in all that is measured that is no chance as soon as held-out logs alone confirm it: where
-one twin is far off, its errors differ so much from block to block that few blocks show no more
-"""
 
 
 def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequence[Round]) -> Fit:
@@ -61,7 +57,4 @@ def needless(trials: Trials, case: Case[Any], score: Score, less: Fit, more: Fit
     without, beside = trials.errors(case, less.point), trials.errors(case, more.point)
     if gave_up(beside, without):
         return False
-    found = gained(case, score, (less, more), (without, beside))
-    if found.whole > _PLAIN and found.probability_of_chance < CONFIRMED:
-        return False
-    return bool(weakness(found))
+    return bool(weakness(gained(case, score, (less, more), (without, beside))))

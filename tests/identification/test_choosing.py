@@ -11,11 +11,12 @@ from serpent_twin.identification.acceptance import (
     CandidateTrial,
     best_trial,
     promising,
+    weakness,
     weakness_of_fit,
     why_not,
 )
 from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.held_out import Errors, gain
+from serpent_twin.identification.held_out import Errors, Gain, gain
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.rivals import Rival
 from serpent_twin.identification.score_test import (
@@ -159,3 +160,16 @@ def test_places_are_also_tried_of_what_the_best_can_be_confused_with():
     ]
     found = {n: Score(n, share, 1.0, np.array([1.0, -1.0])) for n, share in shares.items()}
     assert list(_nearer(known, found)) == ["creep", "drift", "stiffening", "slip"]
+
+
+def test_where_a_third_or_more_goes_held_out_logs_need_only_confirm_it():
+    """Of an arm whose cables creep and soften, five sessions: one effect took 64 % of what was left, in each
+    of 15 blocks, which may be chance with a probability of 0.023.
+    """
+
+    def doubt(relative: float, chance: float) -> str:
+        return weakness(Gain(np.full((3, 5), relative), np.zeros(3), 0.0, 0.0, chance))
+
+    assert not doubt(0.36, 0.023) and not doubt(0.1, 0.005)
+    assert "chance" in doubt(0.1, 0.023) and "chance" in doubt(0.36, 0.25)
+    assert "worth" in doubt(0.03, 1e-6)
