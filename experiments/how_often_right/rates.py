@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.confusion.arm_line import BETWEEN, FAILED, ArmLine
 from experiments.confusion.arms import AS_BUILT, BY_FIT
-from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE
+from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR
 from experiments.confusion.score import NOTHING, UNEXPLAINED, Share, detection_limit
 from serpent_twin.identification.discovery.discover import WORTH
 from serpent_twin.identification.wording import DISCOVERED
@@ -62,7 +62,8 @@ def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
 
 def _rates(lines: Sequence[ArmLine]) -> dict[str, tuple[Share, str]]:
     """Each rate, with what it should be."""
-    clean, known, outside = ([x for x in lines if x.kind == k] for k in (CLEAN, KNOWN, OUTSIDE))
+    kinds = (CLEAN, KNOWN, PAIR, OUTSIDE)
+    clean, known, pairs, outside = ([x for x in lines if x.kind == kind] for kind in kinds)
     faulty = [each for each in lines if each.kind != CLEAN]
     strong = [each for each in known if each.of_limit >= STRONG]
     sized = [each for each in outside if np.isfinite(each.off)]
@@ -80,6 +81,10 @@ def _rates(lines: Sequence[ArmLine]) -> dict[str, tuple[Share, str]]:
         "an effect of the catalogue called unexplained": (
             _share(known, lambda x: x.unexplained),
             "none",
+        ),
+        "of a pair that can be confused, both named and nothing else": (
+            _share(pairs, lambda x: x.right),
+            "",
         ),
         "a fault outside the catalogue discovered or called unexplained": (
             _share(outside, lambda x: x.right),
