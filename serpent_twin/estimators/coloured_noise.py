@@ -17,7 +17,7 @@ from serpent_twin.arrays import Array
 _LAGS = 16
 """Rows over which the correlation time is estimated"""
 _FADED = 0.2
-"""Of a correlation: what is less tells little"""
+"""Share of a correlation below which it is not used"""
 _SHORTEST, _LONGEST = 1.0, 200.0
 """Of the correlation time, in rows"""
 _BY_CHANCE = 1.2
@@ -28,7 +28,7 @@ _WHITE = 0.1
 
 @dataclass(frozen=True)
 class ColouredNoise:
-    """The part of the loads' errors that lasts."""
+    """Errors of the loads that last from row to row."""
 
     along: Array = field(default_factory=lambda: np.zeros((N_MOTORS, 0)))
     """How the loads err by each of r independent sources of unit variance, (10, r)"""
@@ -48,9 +48,11 @@ class ColouredNoise:
         return (self.along**2).sum(axis=1)
 
 
-def coloured(sessions: Sequence[Array], noise: Array, period: float) -> tuple[Array, float]:
-    """Covariance, (10, 10), and correlation time [s] of what lasts in the loads' errors of sessions, (T, 10)
-    each, NaN where a motor does not turn, whose rms is `noise`, (10,), and whose rows are `period` [s] apart.
+def coloured_part(sessions: Sequence[Array], noise: Array, period: float) -> tuple[Array, float]:
+    """Covariance, (10, 10), and correlation time [s] of the coloured part of the loads' errors.
+
+    Errors are of sessions, (T, 10) each, NaN where a motor does not turn; `noise` is their rms, (10,), and
+    rows are `period` [s] apart.
 
     Only sources that stand out from white noise count: the symmetric part of white noise's correlation a row
     apart has eigenvalues within a semicircle, whose radius is twice the norm of a row's standard deviations.
@@ -65,7 +67,7 @@ def coloured(sessions: Sequence[Array], noise: Array, period: float) -> tuple[Ar
     direction, size = direction[:, stands_out], size[stands_out]
     left = np.einsum("is,kij,js->k", direction, by_lag, direction) / size.sum()
     time = period * _rows(left)
-    # A row apart, it has faded already.
+    # What a row apart is left of it has faded already.
     covariance = (direction * size) @ direction.T * np.exp(period / time)
     largest = covariance.diagonal().max()
     covariance *= min(1.0, (1 - _WHITE) / largest)

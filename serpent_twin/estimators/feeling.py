@@ -60,11 +60,11 @@ class LiveFeeling(LiveObserver):
 
     def __init__(self, observer: Observer, prior_runtime: float = 0.0) -> None:
         super().__init__(observer, prior_runtime)
-        lasting = observer.lasting
-        self._filter, self._friction = ForceFilter(lasting), observer.gear_friction
+        coloured = observer.coloured_noise
+        self._filter, self._friction = ForceFilter(coloured), observer.gear_friction
         load, slow = (observer.learned[name] for name in ("load", "load_slow"))
-        self._noise = np.sqrt(load**2 - lasting.variance)
-        self._noise_slow = np.sqrt(np.maximum(slow**2 - lasting.variance, self._noise**2))
+        self._noise = np.sqrt(load**2 - coloured.variance)
+        self._noise_slow = np.sqrt(np.maximum(slow**2 - coloured.variance, self._noise**2))
         self._known = np.isfinite(self._noise) & (np.arange(N_MOTORS) < N_MOTORS - 1)
         """Motor 10's cable pulls at the jaw alone"""
 

@@ -3,7 +3,8 @@
 Ten hypotheses run side by side: nothing touches the arm, or something pushes on the centre of mass of link
 1 … 9, with a force that wanders. Each link's force has a Kalman filter; a contact may begin and end at any
 time, and where it begins the force is unknown. Source: Blom and Bar-Shalom, IEEE Trans. Autom. Control 33
-(1988) 780 (interacting multiple models). Errors of the loads that last are states of every hypothesis.
+(1988) 780 (interacting multiple models). The coloured part of the loads' errors is a state of every
+hypothesis.
 """
 
 from dataclasses import dataclass
@@ -89,9 +90,9 @@ class ForceFilter:
     has a force, too, which no load shows.
     """
 
-    def __init__(self, lasting: ColouredNoise | None = None) -> None:
-        self._lasting = lasting or ColouredNoise()
-        sources = self._lasting.along.shape[1]
+    def __init__(self, coloured: ColouredNoise | None = None) -> None:
+        self._coloured = coloured or ColouredNoise()
+        sources = self._coloured.along.shape[1]
         self._prior = np.diag(np.r_[np.full(_AXES, SIZE**2), np.ones(sources)])
         self._state = np.zeros((1 + N_JOINTS, _AXES + sources))
         self._covariance = np.tile(self._prior, (1 + N_JOINTS, 1, 1))
@@ -106,7 +107,7 @@ class ForceFilter:
         begins, ends = min(interval / FREE, 0.5) / N_JOINTS, min(interval / LASTS, 0.5)
         rates = np.r_[
             np.full(_AXES, 0.5 * WALK**2 / SIZE**2),
-            np.full(self._sources, 1.0 / self._lasting.time),
+            np.full(self._sources, 1.0 / self._coloured.time),
         ]
         fade = np.exp(-rates * interval)
         self._state = fade * self._state
@@ -135,7 +136,7 @@ class ForceFilter:
     def update(self, now: LoadErrors) -> FeltForce:
         """Take up the loads' errors of a row; `predict` comes first."""
         slope = np.zeros((1 + N_JOINTS, N_MOTORS, self._state.shape[1]))
-        slope[1:, :, :_AXES], slope[..., _AXES:] = now.slope, self._lasting.along
+        slope[1:, :, :_AXES], slope[..., _AXES:] = now.slope, self._coloured.along
         off = np.where(np.arange(1 + N_JOINTS)[:, None] > 0, now.pushed, now.free)
         jolts, *_ = _kalman(slope[1:], self._state[:1], self._covariance[:1], now.free, now)
         likely, self._state, self._covariance = _kalman(

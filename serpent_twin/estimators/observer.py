@@ -13,7 +13,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.belief import Belief
 from serpent_twin.estimators.bus_reading import BusReading, readings
-from serpent_twin.estimators.coloured_noise import ColouredNoise, coloured
+from serpent_twin.estimators.coloured_noise import ColouredNoise, coloured_part
 from serpent_twin.estimators.estimator import Live, TrainedEstimator
 from serpent_twin.readouts import Progress
 from serpent_twin.readouts.covariance import covariance_of
@@ -32,9 +32,9 @@ TRUST = 40.0
 TURNING = 2 * STANDING
 """[rad/s] faster than this, gear friction has one sign and a load is informative"""
 STILL = 1e-3
-"""[rad/s] slower than this, a motor stands; in between, logs show how much its load tells"""
+"""[rad/s] slower than this, a motor stands; in between, the error of its load is learned from logs"""
 _WHITE = {"load_coloured": np.zeros((N_MOTORS, N_MOTORS)), "load_correlation_time": np.array(1.0)}
-"""Of loads' errors none of which is known to last"""
+"""What is learned of errors that are white"""
 
 
 @dataclass
@@ -128,8 +128,8 @@ class Observer(TrainedEstimator):
         return np.broadcast_to(friction / arm.arm.servo.stall_torque, N_MOTORS)
 
     @property
-    def lasting(self) -> ColouredNoise:
-        """The part of the loads' errors that lasts."""
+    def coloured_noise(self) -> ColouredNoise:
+        """The part of the loads' errors that lasts from row to row."""
         covariance, time = (self.learned[name] for name in _WHITE)
         return ColouredNoise.of(covariance, float(time))
 
@@ -172,8 +172,8 @@ class Observer(TrainedEstimator):
             "covariance": covariance_of(error),
         }
         period = np.median([np.median(np.diff(s.bus.time)) for s in validate.sessions])
-        lasting = coloured(turning, self.learned["load"], float(period))
-        self.learned |= dict(zip(_WHITE, map(np.asarray, lasting), strict=True))
+        coloured = coloured_part(turning, self.learned["load"], float(period))
+        self.learned |= dict(zip(_WHITE, map(np.asarray, coloured), strict=True))
         # Errors need not be normal: each marker's ellipsoids are scaled to hold it as often as stated.
         scale = Belief(np.zeros_like(error), self.seen_from(at)).scale_to(error)
         self.learned["scale"] = scale[:, None, None]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from serpent_twin.estimators.coloured_noise import ColouredNoise, coloured
+from serpent_twin.estimators.coloured_noise import ColouredNoise, coloured_part
 from serpent_twin.estimators.force_filter import ForceFilter, LoadErrors
 
 PERIOD, TIME, WHITE = 0.25, 3.0, 0.003
@@ -32,7 +32,7 @@ def test_covariance_and_correlation_time_are_recovered():
     rng = np.random.default_rng(0)
     along = 0.004 * rng.standard_normal((10, 2)) * KNOWN[:, None]
     several = [errors(6000, along, rng) for _ in range(2)]
-    covariance, time = coloured(several, rms(several), PERIOD)
+    covariance, time = coloured_part(several, rms(several), PERIOD)
     assert time == pytest.approx(TIME, rel=0.2)
     assert covariance == pytest.approx(along @ along.T, abs=0.15 * (along**2).sum(axis=1).max())
     found = ColouredNoise.of(covariance, time)
@@ -45,13 +45,13 @@ def test_white_noise_has_no_part_that_lasts():
     rng = np.random.default_rng(1)
     for rows in (40, 600, 3000):
         several = [errors(rows, np.zeros((10, 1)), rng)]
-        assert not coloured(several, rms(several), PERIOD)[0].any()
+        assert not coloured_part(several, rms(several), PERIOD)[0].any()
 
 
 def test_a_log_of_one_row_or_of_motors_that_stand_tells_of_none():
     one, none = np.zeros((1, 10)), np.full((50, 10), np.nan)
-    assert not coloured([one], np.full(10, WHITE), PERIOD)[0].any()
-    assert not coloured([none], np.full(10, WHITE), PERIOD)[0].any()
+    assert not coloured_part([one], np.full(10, WHITE), PERIOD)[0].any()
+    assert not coloured_part([none], np.full(10, WHITE), PERIOD)[0].any()
 
 
 def test_errors_that_last_are_no_contact_to_a_filter_that_knows_of_them():
