@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 
 _ROWS = 50
 """Between two checks, whose median counts"""
@@ -22,6 +23,6 @@ def refuse_slow(times: Sequence[float], period: float) -> None:
     if took > _SLOWER * period:
         raise SerpentError(
             f"the control loop does {1 / took:.3g} steps a second of the {1 / period:.3g} that were asked "
-            f"for, so it was stopped after {len(times)} rows. Ask for a lower --rate-hz, or let nothing "
+            f"for, so it was stopped after {counted(len(times), 'row')}. Ask for a lower --rate-hz, or let nothing "
             "else run on this machine."
         )
