@@ -23,6 +23,6 @@ def refuse_slow(times: Sequence[float], period: float) -> None:
     if took > _SLOWER * period:
         raise SerpentError(
             f"the control loop does {1 / took:.3g} steps a second of the {1 / period:.3g} that were asked "
-            f"for, so it was stopped after {counted(len(times), 'row')}. Ask for a lower --rate-hz, or let nothing "
-            "else run on this machine."
+            f"for, so it was stopped after {counted(len(times), 'row')}. Ask for a lower --rate-hz, "
+            "or let nothing else run on this machine."
         )
