@@ -92,8 +92,8 @@ def _pushes(rows: Rows, of: str) -> list[Mapping[str, Any]]:
 def _contacts_told(rows: Rows) -> str:
     hours, false = sum(r["free_hours"] for r in rows), sum(r["false_contacts"] for r in rows)
     return (
-        f"Nothing touched the arms for {hours:.1f} hours, in which {counted(false, 'false contact')} came up "
-        f"(each arm, by what is wrong with it: {_listed(rows)}). A push "
+        f"In {hours:.1f} hours without a touch, {counted(false, 'false contact')} came up. By what is wrong "
+        f"with each arm, there were: {_listed(rows)}. A push "
         "is found in its first second if contact is reported within it. How much that second can tell "
         "depends on pose, direction and link: where a force hardly turns a joint, or motors stand, nobody "
         "could feel it. *Possible* is how many would be reported within that second by one who knows the "

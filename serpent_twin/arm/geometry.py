@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from serpent_twin.arrays import Array
+from serpent_twin.arrays import Array, cross
 
 N_JOINTS = 9  # P
 N_MOTORS = 10  # P: nine joints and the gripper
@@ -192,7 +192,7 @@ def joint_rotation(q: ArrayLike, arm: Arm = ARM) -> Array:
 
 def _cross(v: Array) -> Array:
     """The matrices of v ×, (..., 3, 3)."""
-    return np.swapaxes(np.cross(v[..., None, :], np.eye(3)), -1, -2)
+    return np.swapaxes(cross(v[..., None, :], np.eye(3)), -1, -2)
 
 
 def link_frames(q: ArrayLike, arm: Arm = ARM) -> tuple[Array, Array]:

@@ -93,6 +93,9 @@ class ForceFilter:
     def __init__(self, coloured: ColouredNoise | None = None) -> None:
         self._coloured = coloured or ColouredNoise()
         sources = self._coloured.along.shape[1]
+        walk, fades = 0.5 * WALK**2 / SIZE**2, 1.0 / self._coloured.time
+        self._rate = np.r_[np.full(_AXES, walk), np.full(sources, fades)]
+        """With which each number of a state is forgotten [1/s]"""
         self._prior = np.diag(np.r_[np.full(_AXES, SIZE**2), np.ones(sources)])
         self._state = np.zeros((1 + N_JOINTS, _AXES + sources))
         self._covariance = np.tile(self._prior, (1 + N_JOINTS, 1, 1))
@@ -105,11 +108,7 @@ class ForceFilter:
         zero while no contact is more probable.
         """
         begins, ends = min(interval / FREE, 0.5) / N_JOINTS, min(interval / LASTS, 0.5)
-        rates = np.r_[
-            np.full(_AXES, 0.5 * WALK**2 / SIZE**2),
-            np.full(self._sources, 1.0 / self._coloured.time),
-        ]
-        fade = np.exp(-rates * interval)
+        fade = np.exp(-self._rate * interval)
         self._state = fade * self._state
         faded = np.outer(fade, fade)
         self._covariance = faded * self._covariance + (1 - faded) * self._prior
@@ -148,10 +147,6 @@ class ForceFilter:
         share = np.exp(share - share.max())
         self._share = np.maximum(share / share.sum(), _LEAST)
         return self._felt(now)
-
-    @property
-    def _sources(self) -> int:
-        return len(self._prior) - _AXES
 
     @property
     def _force(self) -> Array:

@@ -123,9 +123,7 @@ class Observer(TrainedEstimator):
     @property
     def gear_friction(self) -> Array:
         """Of the twin's gears, as shares of the stall torque, (10,)."""
-        arm = self.arm
-        friction = np.exp(np.array(arm.tolerances.gear_friction)) * arm.parameters.gear_friction
-        return np.broadcast_to(friction / arm.arm.servo.stall_torque, N_MOTORS)
+        return self.arm.gear_friction / self.arm.arm.servo.stall_torque
 
     @property
     def coloured_noise(self) -> ColouredNoise:

@@ -44,7 +44,7 @@ class CableDynamics(Stepper[Moment]):
         self.stiffening = np.divide(bend, stiff, out=np.zeros_like(bend), where=stiff > 0)
         self.joint_friction = self._friction[:, self._joint_v].copy()
         if self._motor_v is None:
-            self.gear_friction = _per_motor(designs)
+            self.gear_friction = np.array([design.gear_friction for design in designs])
         else:
             self.gear_friction = self._friction[:, self._motor_v].copy()
         self.winch_ratio = 1.0 + np.array([d.tolerances.winch_radius for d in designs])
@@ -179,9 +179,3 @@ class CableDynamics(Stepper[Moment]):
     def horn_torque(self, moment: Moment) -> Array:
         """Torque of cables and effects on each motor's horn, without gearbox friction [N m], (n, 10)."""
         return moment.horn_torque
-
-
-def _per_motor(designs: Sequence[TwinModel]) -> Array:
-    return np.array(
-        [d.parameters.gear_friction * np.exp(d.tolerances.gear_friction) for d in designs]
-    )

@@ -73,6 +73,11 @@ class TwinModel:
         """Below which each hinge's friction creeps [rad/s], (9,)."""
         return self.parameters.transition_velocity * np.exp(self.tolerances.transition_velocity)
 
+    @property
+    def gear_friction(self) -> Array:
+        """Coulomb friction of each motor's gears [N m], (10,)."""
+        return self.parameters.gear_friction * np.exp(self.tolerances.gear_friction)
+
     def spec(self, motors: bool = True, drawn: bool = False) -> mujoco.MjSpec:
         """The arm with all that MJCF can express of its effects."""
         spec = mjcf.build(self.arm, self.parameters, self.tolerances, drawn, motors)

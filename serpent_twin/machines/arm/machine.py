@@ -184,8 +184,7 @@ class ArmMachine:
     def _still(self, point: ParameterVector, pieces: ArmPieces) -> dict[str, Array]:
         """Derivatives by gear friction and by the places of markers and cameras, which move nothing."""
         here = self.vector.design(point)
-        gear = here.parameters.gear_friction * np.exp(here.tolerances.gear_friction)
-        gear = gear / here.arm.servo.stall_torque
+        gear = here.gear_friction / here.arm.servo.stall_torque
         turning = np.tanh(pieces.motors.velocity / (STANDING / 3))
         _, rotation = link_frames(pieces.joint_angle, here.built)
         names, none, found = self.vector.names, np.zeros_like(pieces.measured), {}

@@ -111,7 +111,7 @@ def _si(design: TwinModel) -> dict[str, Array]:
         "transition": hinges(p.transition_velocity, t.transition_velocity),
         "damping": hinges(p.joint_damping, t.joint_damping),
         "jaw": p.joint_friction * np.exp(t.jaw_friction),
-        "gear": p.gear_friction * np.exp(t.gear_friction),
+        "gear": design.gear_friction,
         "marker": built.markers_in_links.ravel(),
         "length": np.array(built.link_length[:-1]),
         "mass": np.array(built.link_mass),
