@@ -1,15 +1,12 @@
 """Write how well forces are felt as a page."""
 
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from experiments.confusion.score import Share
-from experiments.force.bound import found_by_one_who_knows
-from experiments.force.trial import SECOND, STEP_N, WEIGHT_KG
+from experiments.force.trial import STEP_N, WEIGHT_KG
 from experiments.result_page import PageContent
 from serpent_twin.estimators.force_filter import SIZE, WALK
 from serpent_twin.numerals import counted
@@ -17,7 +14,7 @@ from serpent_twin.reporting.plot_style import COLOURS, finish, sheet
 from serpent_twin.reporting.report import Figure, Section, Table
 
 _WORTH = 0.95
-"""Probability with which one who knows the force reports a push that is worth feeling"""
+"""Probability with which the ideal detector reports a push that is worth feeling"""
 _STRONG = 0.3
 """[N]"""
 
@@ -96,10 +93,10 @@ def _contacts_told(rows: Rows) -> str:
         f"with each arm, there were: {_listed(rows)}. A push "
         "is found in its first second if contact is reported within it. How much that second can tell "
         "depends on pose, direction and link: where a force hardly turns a joint, or motors stand, nobody "
-        "could feel it. *Possible* is how many would be reported within that second by one who knows the "
-        "force and its link but not when it begins, and who reports one that is none once an hour at most, "
-        "by the loads' noise. *Worth feeling* are those that one would report in "
-        f"{100 * _WORTH:.0f} % of cases."
+        "could feel it. *Possible* is how many would be reported within that second by the ideal detector. "
+        "It knows the arm and the noise of its loads, but not when something pushes, where, or with which "
+        "force, and reports contacts that are none once an hour at most. *Worth feeling* are those that it "
+        f"would report in {100 * _WORTH:.0f} % of cases."
     )
 
 
@@ -117,17 +114,17 @@ def _contacts(rows: Rows) -> Table:
         for each in _pushes(rows, "pushes")
         if each["most_N"] >= _STRONG and not each["felt_before"]
     ]
-    lines, worth = [], _worth_feeling()
+    lines = []
     for name, several in (
         (f"steps of {STEP_N:g} N", steps),
         ("the same at the last link", [each for each in steps if each["link"] == 9]),
-        ("the same, worth feeling", [each for each in steps if each["worth_after_1s"] >= worth]),
+        ("the same, worth feeling", [each for each in steps if each["possible_in_1s"] >= _WORTH]),
         (f"random pushes of {_STRONG:g} N or more", strong),
-        ("the same, worth feeling", [each for each in strong if each["worth_after_1s"] >= worth]),
+        ("the same, worth feeling", [each for each in strong if each["possible_in_1s"] >= _WORTH]),
     ):
         found = [each for each in several if each["found_after_s"] is not None]
         soon = [each for each in found if each["found_after_s"] <= 1.0]
-        possible = sum(_possible(each) for each in several)
+        possible = sum(each["possible_in_1s"] for each in several)
         exact = [each for each in found if each["told_link"] == each["link"]]
         near = [each for each in found if abs(each["told_link"] - each["link"]) <= 1]
         lines.append(
@@ -151,23 +148,6 @@ def _contacts(rows: Rows) -> Table:
         ),
         tuple(lines),
         "In brackets, 95 % intervals. Links of those that were found.",
-    )
-
-
-def _possible(push: Mapping[str, Any]) -> float:
-    return found_by_one_who_knows(push["worth_after_1s"], SECOND, 1 / SECOND)
-
-
-@cache
-def _worth_feeling() -> float:
-    """Squared standard errors of the first second of the least push that is worth feeling."""
-    return float(
-        brentq(
-            lambda worth: found_by_one_who_knows(worth, SECOND, 1 / SECOND) - _WORTH,
-            1.0,
-            1000.0,
-            xtol=0.1,
-        )
     )
 
 
@@ -224,10 +204,15 @@ def _drawn(rows: Rows) -> Figure:
     steps = [e for e in _pushes(rows, "steps") if not e["felt_before"]]
     worth = np.array([max(each["worth_after_1s"], 0.1) for each in steps])
     after = np.array([each["found_after_s"] or np.nan for each in steps])
-    right.plot(worth, after, "o", ms=3.5, color=COLOURS[1])
+    could = np.array([each["possible_in_1s"] >= _WORTH for each in steps])
+    for which, name, colour in (
+        (could, "worth feeling", COLOURS[1]),
+        (~could, "others", COLOURS[2]),
+    ):
+        right.plot(worth[which], after[which], "o", ms=3.5, color=colour, label=name)
     lost = np.isnan(after)
     right.plot(worth[lost], np.full(lost.sum(), 11.0), "x", ms=4, color=COLOURS[3])
-    right.axvline(_worth_feeling(), color=COLOURS[0], lw=1.0, ls="--")
+    right.legend(loc="upper right")
     right.set_xscale("log")
     right.set_xlabel("worth of the first second [standard errors²]")
     right.set_ylabel("found after [s]")
@@ -236,6 +221,6 @@ def _drawn(rows: Rows) -> Figure:
     finish(drawing, right, legend=False)
     caption = (
         f"Left: every random push. Right: steps of {STEP_N:g} N that last 10 s; crosses were not found. "
-        "Right of the dashed line they were worth feeling in the first second."
+        "Of those worth feeling, the first second tells enough."
     )
     return Figure("force", drawing, caption)

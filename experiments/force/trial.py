@@ -9,7 +9,7 @@ import numpy as np
 
 from bench_arm.sensors import SessionSpec
 from bench_arm.session import RATE, session, simulate
-from experiments.force.bound import Bound
+from experiments.force.bound import Bound, found_by_ideal
 from experiments.force.config import ForceStudy
 from experiments.force.learned import before, learned_errors
 from experiments.result_rows import failed_row
@@ -83,7 +83,7 @@ class Run:
         self.link, self.force = before(log)
         live = feeling(observer).live(arm.runtime)
         bound = Bound(arm.built()[0].load_noise)
-        self.felt, took, least, worth = [], [], [], []
+        self.felt, self.known, took, least = [], [], [], []
         last = 0
         for now, link, force in zip(readings(bus_of(log)), self.link, self.force, strict=True):
             began = time.perf_counter()
@@ -98,8 +98,8 @@ class Run:
                 live.arms.pushed(link, force).slope[link - 1][turns] if link else np.zeros((0, 3))
             )
             least.append(bound.row(slope, force, 1 / RATE) if link else 0.0)
-            worth.append(bound.worth)
-        self.took, self.least, self.worth = map(np.array, (took, least, worth))
+            self.known.append((bound.told, bound.pull, bound.worth))
+        self.took, self.least = np.array(took), np.array(least)
         self.off = np.array([each.force for each in self.felt]) - self.force
         self.stated = np.array([each.spread**2 for each in self.felt])
         self.touched = np.array([each.touched for each in self.felt])
@@ -115,7 +115,7 @@ class Run:
         found = np.flatnonzero(self.touched[rows])
         felt = [each for each in self.felt[rows] if each.touched]
         links = np.sum([each.links for each in felt], axis=0) if felt else None
-        second = min(begin + SECOND, rows.stop) - 1
+        told, pull, worth = self.known[min(begin + SECOND, rows.stop) - 1]
         return {
             "link": int(self.link[begin]),
             "most_N": float(np.linalg.norm(self.force[rows], axis=1).max()),
@@ -123,7 +123,8 @@ class Run:
             "felt_before": bool(self.touched[begin - 1]),
             "found_after_s": (int(found[0]) + 1) / RATE if found.size else None,
             "told_link": int(np.argmax(links)) + 1 if links is not None else None,
-            "worth_after_1s": float(self.worth[second]),
+            "worth_after_1s": worth,
+            "possible_in_1s": found_by_ideal(told, pull, SECOND, 1 / RATE),
             "rms_N": _root(self.square[rows]),
             "least_rms_N": _root(self.least[rows]),
         }

@@ -6,21 +6,20 @@ import numpy as np
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
+from serpent_twin.sessions.parquet import RATE_TOLERANCE
 
 _ROWS = 50
-"""Between two checks, whose median counts"""
-_SLOWER = 1.2
-"""Than the period that was asked for"""
+"""Between two checks"""
 
 
 def refuse_slow(times: Sequence[float], period: float) -> None:
-    """Raise a `SerpentError` if the last rows, at times [s], came more than a fifth slower than the period
-    [s]: the arm would be controlled, and its log be read, at another rate than is stated.
+    """Raise a `SerpentError` if rows, at times [s], came further apart than the period [s] by more than a log
+    may: the arm would be controlled at another rate than is stated, and its log could not be read.
     """
     if len(times) % _ROWS or not times:
         return
-    took = float(np.median(np.diff(times[-_ROWS - 1 :])))
-    if took > _SLOWER * period:
+    took = float(np.median(np.diff(times)))
+    if period / took < 1 - RATE_TOLERANCE:
         raise SerpentError(
             f"the control loop does {1 / took:.3g} steps a second of the {1 / period:.3g} that were asked "
             f"for, so it was stopped after {counted(len(times), 'row')}. Ask for a lower --rate-hz, "
