@@ -149,11 +149,11 @@ def bettered(jacobian: Array, change: Array, step: Array, each: float) -> Array:
 def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tuple[Array, Array]:
     """Standard errors and correlations of the free parameters.
 
-    The greatest of three, because no twin is exact, and its errors within a segment are correlated: from
-    scatter and priors; from the disagreement of segments, each taken as one independent draw (Liang and
-    Zeger 1986); and from fits without each segment in turn, since a fit takes up part of what segments
-    disagree on (the jackknife; Bell and McCaffrey, Survey Methodology 28 (2002) 169). A parameter that one
-    segment alone tells cannot be left to the others.
+    The greater of two, because no twin is exact, and its errors within a segment are correlated: from scatter
+    and priors; and from priors and the disagreement of segments, each taken as one independent draw (Liang
+    and Zeger 1986). A fit takes up part of what segments disagree on, so each is left out in turn (the
+    jackknife; Bell and McCaffrey, Survey Methodology 28 (2002) 169), but for a parameter that one segment
+    alone tells, which the others cannot predict.
     """
     square = np.diag(prior.astype(float))
     told = [part.astype(float) @ part.T.astype(float) / each for part in jacobian.swapaxes(0, 1)]
@@ -174,8 +174,9 @@ def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tupl
         _apart(covariance @ pull) / np.sqrt(one_less),
         np.where(alone, 0.0, _apart(left_out) * np.sqrt(one_less)),
     )
-    few = float(stdtrit(segments - 1, 0.975)) / NORMAL_95
-    return np.maximum(error, np.minimum(few * between, prior**-0.5)), correlation
+    between *= float(stdtrit(segments - 1, 0.975)) / NORMAL_95
+    own = covariance**2 @ prior  # what the priors leave uncertain, were the data exact
+    return np.maximum(error, np.minimum(np.sqrt(between**2 + own), prior**-0.5)), correlation
 
 
 def _inverse(square: Array) -> Array:
