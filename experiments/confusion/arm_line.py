@@ -63,6 +63,10 @@ class ArmLine:
     """Strengths that lay in their 95 % interval"""
     intervals: int
     """Of so many"""
+    parts_held: int
+    """Numbers of the arm's parts, whose truth is known, that lay in their 95 % interval"""
+    parts: int
+    """Of so many; 0 where they were not judged"""
     calibrated_mm: float
     corrected_mm: float
     """Mean error on the session held out"""
@@ -107,6 +111,7 @@ def line_of(row: Row, trial: Trial, config: Confusion) -> ArmLine:
     named = [each["name"] for each in row.get("named", [])]
     limits = row.get("limits", {})
     alone = trial.kind == KNOWN and bool(effects)
+    held, parts = row.get("parts", (0, 0))
     return ArmLine(
         version=__version__,
         commit=row.get("git_commit", "unknown"),
@@ -127,6 +132,8 @@ def line_of(row: Row, trial: Trial, config: Confusion) -> ArmLine:
         off=np.nan if failed else off(row),
         held=share.count if share else 0,
         intervals=share.of if share else 0,
+        parts_held=held,
+        parts=parts,
         calibrated_mm=_rounded(error.get("calibrated")),
         corrected_mm=_rounded(error.get("corrected")),
         complete_mm=_rounded(error.get("expected")),

@@ -8,6 +8,7 @@ from typing import Any
 
 from experiments.confusion.arms import SOURCES, Length, Truth, built
 from experiments.confusion.config import Confusion
+from experiments.confusion.parts import parts_held
 from experiments.confusion.plan import KNOWN, OUTSIDE, Trial
 from experiments.confusion.stated_limits import limit_of, stated_limits
 from experiments.confusion.worth import TrueLaw, true_law, worth
@@ -59,7 +60,16 @@ def run_trial(config: Confusion, trial: Trial) -> dict[str, Any]:
         "recording_seconds": recorded,
         "worth": gain,
         "limits": limits,
+        "parts": _parts(config, found, truth),
     }
+
+
+def _parts(config: Confusion, found: dict[str, Any], truth: Truth) -> tuple[int, int]:
+    """How many numbers of the arm's parts lay in their intervals, and of how many; none of the twin's."""
+    if config.source != "bench":
+        return 0, 0
+    share = parts_held(found["calibration"], truth)
+    return share.count, share.of
 
 
 def _true_law(config: Confusion, trial: Trial, length: Length) -> TrueLaw | None:

@@ -69,6 +69,8 @@ def _rates(lines: Sequence[ArmLine]) -> dict[str, tuple[Share, str]]:
     sized = [each for each in outside if np.isfinite(each.off)]
     found = [each for each in outside if each.discovered]
     held = Share(sum(each.held for each in lines), sum(each.intervals for each in lines))
+    told = [each for each in lines if each.right]
+    parts = Share(sum(each.parts_held for each in told), sum(each.parts for each in told))
     return {
         "false alarms": (_share(clean, names_of), "at most 1 %"),
         "clean arms called unexplained": (_share(clean, lambda x: x.unexplained), "none"),
@@ -78,6 +80,7 @@ def _rates(lines: Sequence[ArmLine]) -> dict[str, tuple[Share, str]]:
             "95 %",
         ),
         "true strength in its 95 % interval": (held, "93 … 97 %"),
+        "of arms told right, parts' numbers in their 95 % intervals": (parts, "93 … 97 %"),
         "an effect of the catalogue called unexplained": (
             _share(known, lambda x: x.unexplained),
             "none",
