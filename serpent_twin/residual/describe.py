@@ -10,6 +10,8 @@ from serpent_twin.residual.noise import in_words
 from serpent_twin.residual.where import Where
 
 AT_THE_NOISE = 1.08  # times the noise floor: no error is left
+SHAKES = 2.0, 0.7
+"""Times the noise, and the error, that what changes from row to row like noise must be for a sentence"""
 NOT_SMALL = 0.1  # share of the variance above the noise that deserves a sentence of its own
 
 _HINTS = {
@@ -35,7 +37,7 @@ _HINTS = {
 
 def describe(findings: Findings) -> str:
     """Describe what is left, on what it depends and where to look, in a few plain sentences."""
-    parts = [_size(findings)]
+    parts = [_size(findings), *_shaken(findings)]
     told: list[str] = []
     for what, change, of_loads in (
         (findings.noise.of_marker.error, findings.marker_change, False),
@@ -81,6 +83,19 @@ def _size(findings: Findings) -> str:
         )
     text = "; ".join(parts) or "Neither markers nor loads were measured"
     return text[0].upper() + text[1:] + "."
+
+
+def _shaken(findings: Findings) -> list[str]:
+    """What is said where the machine itself moves from row to row as noise would."""
+    noise, mean = findings.noise, findings.marker.mean
+    shakes, (beyond, most) = noise.mean_jitter, SHAKES
+    if not (shakes > beyond * noise.mean_floor and shakes > most * mean):
+        return []
+    return [
+        f"From row to row {noise.of_marker.what} move like noise of {shakes:.2f} {noise.of_marker.unit}, but "
+        "as the machine can move: between rows it vibrates, chatters, or sticks and slips, which a log at a "
+        "higher rate would show."
+    ]
 
 
 def _dependences(pairs: list[tuple[Dependence, Where]], marker: Measure) -> list[str]:

@@ -53,6 +53,12 @@ def test_a_sway_in_time():
     assert not found("nothing").marker_change.swings and not found("delay").marker_change.swings
 
 
+def test_what_moves_between_rows():
+    assert found("shaken").noise.mean_jitter == pytest.approx(found("shaken").marker.mean, rel=0.2)
+    assert "vibrates, chatters, or sticks and slips" in describe(found("shaken"))
+    assert not any("vibrates" in describe(found(name)) for name in ("nothing", "delay", "play"))
+
+
 def test_a_slow_drift():
     change = found("drift").marker_change
     assert change.steady == "drift"

@@ -85,6 +85,7 @@ CASES = {
     "force": {"turn": lambda q, *_: only(3, 0.02 * (q[..., 3] > 0.21))},
     "sticks": {"turn": held_back},
     "ripple": {"load": lambda q, dq, m, *_: only(2, 0.012 * np.sin(6 * m[..., 2]), 10)},
+    "shaken": {"turn": lambda q, *_: 0.02 * np.random.default_rng(9).standard_normal(q.shape)},
     "sway": {"shift": lambda *s: np.sin(2 * np.pi * 0.7 * s[-1])[..., None, None] * SWAY},
     "drift": {"turn": lambda *s: only(5, 0.02 * s[-1] / 400)},
     "jump": {"turn": lambda *s: only(6, 0.015 * (s[-1] > 213))},
