@@ -212,7 +212,7 @@ def _drawn(rows: Rows) -> Figure:
         right.plot(worth[which], after[which], "o", ms=3.5, color=colour, label=name)
     lost = np.isnan(after)
     right.plot(worth[lost], np.full(lost.sum(), 11.0), "x", ms=4, color=COLOURS[3])
-    right.legend(loc="upper right")
+    right.legend(loc="center left")
     right.set_xscale("log")
     right.set_xlabel("worth of the first second [standard errors²]")
     right.set_ylabel("found after [s]")
