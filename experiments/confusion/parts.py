@@ -1,6 +1,6 @@
 """Judge the intervals of a bench arm's parts: geometry and masses are known, and mean the same in the twin.
 
-Each trace states some seventy of these, so that few arms tell whether standard errors are right.
+A trace states some seventy such numbers, so a few arms show whether its standard errors are right.
 """
 
 from collections.abc import Mapping

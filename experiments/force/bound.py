@@ -26,7 +26,7 @@ class Bound:
 
     def __init__(self, load_noise: float) -> None:
         """`load_noise` is a share of the stall torque."""
-        self._noise, self._covariance = load_noise, _NONE
+        self._noise = load_noise
         self.begin()
 
     def begin(self) -> None:
@@ -48,13 +48,14 @@ class Bound:
 
 
 def found_by_ideal(told: Array, pull: Array, rows: int, interval: float) -> float:
-    """Probability that a push is reported in its first rows, [s] apart, of which `told` and `pull` are those
-    of `Bound`.
+    """Probability that the ideal detector reports a push in its first rows, which are `interval` [s] apart.
+    `told` and `pull` are what `Bound` has of these rows.
 
-    By one who knows the arm, but not when something pushes, where, or with which force, and whose false
-    reports are at least `ALARM` apart on average: the sum of Shiryaev and Roberts over all rows in which it
-    may have begun, as in `FeltForce.touched`, of likelihood ratios averaged over forces as the filter expects
-    them. Each link is as likely, and another link's likelihood counts for nothing. Simulated.
+    The detector knows the arm, but not when something pushes, where, or with which force. Its false reports
+    are at least `ALARM` apart on average. It sums likelihood ratios over all rows in which the push may have
+    begun (Shiryaev and Roberts, as in `FeltForce.touched`), each averaged over forces as the filter expects
+    them. All links are equally probable; what the loads seem to say of the other links is left out.
+    Simulated.
     """
     size, axes = np.linalg.eigh(told / rows)
     each = np.clip(size, 0.0, None)  # information of a row along each axis

@@ -31,7 +31,7 @@ _SETTLED_SHARE = 1e-2
 _STILL = 0.5
 """A fit has also converged if its last derivative changed its effects by fewer standard errors"""
 _ALONE = 0.25
-"""Share of a parameter's information that others leave, below which one segment alone tells it"""
+"""Share of the information on a parameter, left without one segment, below which that one alone tells it"""
 _STEPS = 10
 OnProgress = Callable[[str], None]
 
@@ -155,10 +155,9 @@ def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tupl
     jackknife; Bell and McCaffrey, Survey Methodology 28 (2002) 169), but for a parameter that one segment
     alone tells, which the others cannot predict.
     """
-    square = np.diag(prior.astype(float))
+    # In single precision, what a prior alone tells could be lost.
     told = [part.astype(float) @ part.T.astype(float) / each for part in jacobian.swapaxes(0, 1)]
-    for part in told:  # in single precision, what a prior alone tells could be lost
-        square += part
+    square = sum(told, np.diag(prior.astype(float)))
     covariance = _inverse(square)
     error = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(error, error)

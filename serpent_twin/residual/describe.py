@@ -10,8 +10,8 @@ from serpent_twin.residual.noise import in_words
 from serpent_twin.residual.where import Where
 
 AT_THE_NOISE = 1.08  # times the noise floor: no error is left
-SHAKES = 2.0, 0.7
-"""Times the noise, and the error, that what changes from row to row like noise must be for a sentence"""
+SHAKES = 2.0  # times the noise floor: what changes from row to row like noise is the machine's own motion
+MOSTLY = 0.7  # times the error: that motion is most of it
 NOT_SMALL = 0.1  # share of the variance above the noise that deserves a sentence of its own
 
 _HINTS = {
@@ -88,8 +88,8 @@ def _size(findings: Findings) -> str:
 def _shaken(findings: Findings) -> list[str]:
     """What is said where the machine itself moves from row to row as noise would."""
     noise, mean = findings.noise, findings.marker.mean
-    shakes, (beyond, most) = noise.mean_jitter, SHAKES
-    if not (shakes > beyond * noise.mean_floor and shakes > most * mean):
+    shakes = noise.mean_jitter
+    if not (shakes > SHAKES * noise.mean_floor and shakes > MOSTLY * mean):
         return []
     return [
         f"From row to row {noise.of_marker.what} move like noise of {shakes:.2f} {noise.of_marker.unit}, but "

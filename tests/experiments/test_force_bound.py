@@ -13,7 +13,7 @@ FORCE = np.array([0.2, -0.1, 0.2])
 
 
 def _found(worth: float) -> float:
-    """Of a push by `FORCE`, of which the loads tell as much along each axis."""
+    """Share that is found of pushes by `FORCE`; the loads tell equally much along all axes."""
     told = np.eye(3) * worth / (FORCE @ FORCE)
     return found_by_ideal(told, told @ FORCE, ROWS, INTERVAL)
 

@@ -4,13 +4,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
-from linear_case import GUST, NUMBERS, SEGMENTS, START, LinearCase, case, every
+from linear_case import GUST, NUMBERS, SEGMENTS, START, LinearCase, case, every, scored
 from scipy.stats import t as student
 
 from serpent_twin.effects import Range
-from serpent_twin.errors import SerpentError
 from serpent_twin.identification.acceptance import CandidateTrial, why_not
-from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.fitted import NORMAL_95
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors, blocks, chance, gain, together
@@ -21,7 +19,6 @@ from serpent_twin.identification.objective import variance_inflation
 from serpent_twin.identification.score_test import full_fit, placed, scores, worth_fitting
 from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.machines.candidate import Candidate
-from serpent_twin.machines.case import Stopwatch
 from serpent_twin.machines.machine import Declared
 
 RNG = np.random.default_rng(4)
@@ -36,12 +33,6 @@ class Watched(LinearCase):
     def jacobian(self, point, pieces):
         self.asked.append(len(pieces))
         return super().jacobian(point, pieces)
-
-
-def scored(arm, base):
-    """The score test of the candidate that is there."""
-    (found,) = scores(arm, every(), base, [arm.candidates[GUST]])
-    return found
 
 
 def test_a_linear_fit_solves_the_normal_equations():
@@ -94,7 +85,7 @@ def test_intervals_hold_as_often_as_they_say():
 
 
 def test_intervals_hold_where_few_segments_disagree():
-    """Each has parameters of its own, as where no twin is exact, and one tells more than the others."""
+    """The parameters differ from segment to segment, as where no twin is exact. The first tells most."""
     inside, arms = 0, 150
     for seed in range(arms):
         rng = np.random.default_rng([5, seed])
@@ -215,37 +206,6 @@ def test_a_loss_is_told_as_a_loss(step, said):
         assert "-" not in why.replace("held-out", "") and "−" not in why
 
 
-def test_a_stage_that_was_finished_is_read_back(tmp_path):
-    arm, asked = case(0.7), []
-    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
-
-    def make():
-        asked.append(1)
-        return full_fit(arm, every(), base, scored(arm, base), print)
-
-    own, notes = (Checkpoints(tmp_path / "stages", Stopwatch()) for _ in range(2))
-    first = own.fit("gust", make)
-    own.fit("gust", make)
-    assert own.seconds == 0  # this run's own clock has it
-    again = notes.fit("gust", make)
-    took = notes.seconds
-    notes.fit("gust", make)
-    assert notes.seconds == took > 0
-    assert len(asked) == 1
-    np.testing.assert_array_equal(first.jacobian, again.jacobian)
-    assert first.point.effects[GUST] == again.point.effects[GUST]
-    assert (first.free, first.used, first.cost) == (again.free, again.used, again.cost)
-
-
-def test_numbers_of_a_stage_are_read_back_and_others_refused(tmp_path):
-    made = np.array([0.5, 0.0, 0.25])  # no limit by gain
-    Checkpoints(tmp_path, Stopwatch()).numbers("limits_gust", 3, made.copy)
-    again = Checkpoints(tmp_path, Stopwatch())
-    np.testing.assert_array_equal(again.numbers("limits_gust", 3, made.tolist), made)
-    with pytest.raises(SerpentError, match=r"limits_gust.npz.*numbers.*Delete it"):
-        again.numbers("limits_gust", 4, made.copy)
-
-
 @dataclass(frozen=True)
 class PlacedCase(LinearCase):
     """One candidate that may be at one of four places, at two of them, or at all."""
@@ -294,18 +254,3 @@ def test_places_are_tried_within_the_best_one_so_far(place, size, last, found_at
     assert arm.asked == ([2] if not size else [2, 3] if place == -1 else [2, 3, 3])
     if size:
         assert found.start[0] == pytest.approx(size, rel=0.05) and found.share > 0.2
-
-
-def test_a_stage_is_kept_whatever_its_places_are_called(tmp_path):
-    """MuJoCo's names may hold a slash, and be as long as one likes."""
-    names = [
-        "limits_payload@left/wrist",
-        "limits_payload@left_wrist",
-        "fit_" + 60 * "länge/",
-        "fit_",
-    ]
-    for _ in range(2):
-        notes = Checkpoints(tmp_path, Stopwatch())
-        for n, name in enumerate(names):
-            assert notes.numbers(name, 1, lambda n=n: np.array([float(n)]))[0] == n
-    assert len(list(tmp_path.iterdir())) == len(names)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from serpent_twin.effects import Range
+from serpent_twin.identification.score_test import scores
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Stopwatch
 from serpent_twin.machines.machine import Declared, ParameterVector, Quantity
@@ -78,3 +79,9 @@ def every() -> list[int]:
 
 
 START = ParameterVector(np.zeros(2))
+
+
+def scored(arm, base):
+    """The score test of the candidate that is there."""
+    (found,) = scores(arm, every(), base, [arm.candidates[GUST]])
+    return found
