@@ -32,6 +32,10 @@ _STILL = 0.5
 """A fit has also converged if its last derivative changed its effects by fewer standard errors"""
 _ALONE = 0.25
 """Share of the information on a parameter, left without one segment, below which that one alone tells it"""
+_SHARED = 1 / 3
+"""Variance of what is wrong with a twin in all segments alike, in variances of what is wrong with it in one
+alone: as found on arms whose true parts are known
+"""
 _STEPS = 10
 OnProgress = Callable[[str], None]
 
@@ -153,11 +157,13 @@ def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tupl
     and priors; and from priors and the disagreement of segments, each taken as one independent draw (Liang
     and Zeger 1986). A fit takes up part of what segments disagree on, so each is left out in turn (the
     jackknife; Bell and McCaffrey, Survey Methodology 28 (2002) 169), but for a parameter that one segment
-    alone tells, which the others cannot predict.
+    alone tells, which the others cannot predict. Where they disagree more than independent numbers would,
+    the twin lacks something, part of which is wrong in all segments alike, so that more of them do not help.
     """
     # In single precision, what a prior alone tells could be lost.
     told = [part.astype(float) @ part.T.astype(float) / each for part in jacobian.swapaxes(0, 1)]
-    square = sum(told, np.diag(prior.astype(float)))
+    data, weight = sum(told), np.diag(prior.astype(float))
+    square = data + weight
     covariance = _inverse(square)
     error = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(error, error)
@@ -170,12 +176,14 @@ def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tupl
     alone = np.min([error**2 / np.diag(inverse) for inverse in without], axis=0) < _ALONE
     one_less = (segments - 1) / segments
     between = np.maximum(
-        _apart(covariance @ pull) / np.sqrt(one_less),
-        np.where(alone, 0.0, _apart(left_out) * np.sqrt(one_less)),
+        _squares(covariance @ pull) / one_less, np.where(alone, 0.0, _squares(left_out) * one_less)
     )
-    between *= float(stdtrit(segments - 1, 0.975)) / NORMAL_95
+    independent = _inverse(each * data + weight)
+    excess = np.maximum(0.0, between - (np.diag(independent) - independent**2 @ prior))
+    between += _SHARED * segments * excess
+    between *= (float(stdtrit(segments - 1, 0.975)) / NORMAL_95) ** 2
     own = covariance**2 @ prior  # what the priors leave uncertain, were the data exact
-    return np.maximum(error, np.minimum(np.sqrt(between**2 + own), prior**-0.5)), correlation
+    return np.maximum(error, np.minimum(np.sqrt(between + own), prior**-0.5)), correlation
 
 
 def _inverse(square: Array) -> Array:
@@ -184,6 +192,6 @@ def _inverse(square: Array) -> Array:
     return np.linalg.inv(square / np.outer(width, width)) / np.outer(width, width)
 
 
-def _apart(shift: Array) -> Array:
-    """Root of the squares of what each of S segments moves m parameters by, (m, S), about the mean, (m,)."""
-    return np.sqrt(((shift - shift.mean(axis=1, keepdims=True)) ** 2).sum(axis=1))
+def _squares(shift: Array) -> Array:
+    """Sum of the squares of what each of S segments moves m parameters by, (m, S), about the mean, (m,)."""
+    return ((shift - shift.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)

@@ -100,6 +100,25 @@ def test_intervals_hold_where_few_segments_disagree():
     assert 0.91 * 2 * arms <= inside <= 0.985 * 2 * arms
 
 
+@pytest.mark.parametrize("spread", [0.0, 0.3], ids=["exact", "lacking"])
+def test_intervals_hold_where_all_segments_share_what_is_wrong(spread):
+    """A third of the variance is shared; intervals of an exact twin are hardly wider for it."""
+    inside, wide, arms = 0, [], 150
+    for seed in range(arms):
+        rng = np.random.default_rng([6, seed])
+        arm = case(0.0, seed)
+        shared = spread / np.sqrt(3) * rng.standard_normal(2)
+        own = np.array([1.0, -2.0]) + shared + spread * rng.standard_normal((SEGMENTS, 2))
+        y = np.einsum("snk,sk->sn", arm.X, own) + rng.standard_normal(arm.y.shape)
+        found = fit(replace(arm, y=y), every(), START, free_parameters(arm, ()), 2, 99)
+        off = np.abs(found.point.declared - [1.0, -2.0])
+        inside += int((off < NORMAL_95 * found.error).sum())
+        wide.append(found.error * np.sqrt(SEGMENTS * NUMBERS))
+    assert 0.91 * 2 * arms <= inside <= 0.985 * 2 * arms
+    if not spread:
+        assert np.median(wide) < 1.3
+
+
 def test_the_score_finds_what_is_there_and_how_strong():
     arm = case(0.7)
     base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
