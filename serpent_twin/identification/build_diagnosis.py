@@ -32,6 +32,7 @@ from serpent_twin.identification.held_out import Errors, errors, gain
 from serpent_twin.identification.moved import Moved, moved
 from serpent_twin.identification.profile import interval, near_zero
 from serpent_twin.identification.score_test import at_bound, strengths
+from serpent_twin.identification.standard_errors import stated
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.identification.unexplained import SUSPECT, unexplained
@@ -80,7 +81,7 @@ def build_diagnosis(
         error=error | {"noise_floor": noise.mean_floor, "expected": bar.bar},
         load_error=load | {"noise_floor": noise.load_floor},
         cautions=(*_cautions(case, selection), *_unstable(case, selection, tracer.training)),
-        calibration=_calibration(case, final),
+        calibration=_calibration(case, stated(case, final)),
         comparisons=compared,
         findings=found,
         learned=learned,
@@ -126,7 +127,7 @@ def _named(
     """The effects found; the whole gain belongs to an effect that is alone."""
     case = selection.case
     alone = len(selection.final.point.effects) == 1
-    named = []
+    named, told = [], stated(case, selection.final)
     for name in selection.final.point.effects:
         trial = selection.rounds[accepting(selection.rounds, name)].trials[name]
         assert trial.gain is not None
@@ -135,8 +136,7 @@ def _named(
         named.append(
             Named(
                 name=name,
-                parameters=estimates(case, selection.final, name)
-                | _profiled(tracer, selection, name),
+                parameters=estimates(case, told, name) | _profiled(tracer, case, told, name),
                 gain=gained.marker,
                 gain_load=gained.load,
                 probability_of_chance=gained.probability_of_chance,
@@ -182,12 +182,12 @@ def estimates(case: Case, fit: Fit, name: str) -> dict[str, ParameterEstimate]:
     return out
 
 
-def _profiled(tracer: Tracer, selection: Selection, name: str) -> dict[str, ParameterEstimate]:
+def _profiled(tracer: Tracer, case: Case, final: Fit, name: str) -> dict[str, ParameterEstimate]:
     """The strengths of an effect that are near zero, with the intervals of the cost's profile; for a vector's
     component, zero is a value as any other.
     """
-    case, final, out = selection.case, selection.final, {}
-    several, strong = list(case.candidates[name].ranges.items()), strengths(case.candidates[name])
+    out, candidate = {}, case.candidates[name]
+    several, strong = list(candidate.ranges.items()), strengths(candidate)
     for k in strong:
         parameter, allowed = several[k]
         component = len(strong) > 1 and allowed.low < 0

@@ -54,6 +54,15 @@ def free_parameters(case: Case[Any], names: Sequence[str]) -> FreeParameters:
     return FreeParameters(tuple(range(len(case.declared))), tuple(chosen))
 
 
+def prior_information(case: Case[Any], free: FreeParameters) -> Array:
+    """Inverse variances of the free parameters before any log, (len(free),): of the declared ones by their
+    priors, of effects' ones by the widths of their ranges.
+    """
+    declared = [case.declared[k].prior for k in free.declared]
+    ranges = [list(case.candidates[name].ranges.values())[k] for name, k in free.effects]
+    return np.array([*declared, *(each.high - each.low for each in ranges)], float) ** -2
+
+
 def moved(
     case: Case[Any], point: ParameterVector, free: FreeParameters, step: Array
 ) -> ParameterVector:

@@ -14,7 +14,7 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import at_its_end
+from serpent_twin.identification.free_parameters import at_its_end, prior_information
 from serpent_twin.machines.case import Case
 
 _HELD = 1e8
@@ -40,16 +40,13 @@ class Information:
         without a mean, as in the fit: a strength at its limit changes nothing of the residual. What the
         fit took as far as it may go is held there.
         """
-        declared, known = list(fit.free.declared), case.candidates
-        priors = np.array([case.declared[k].prior for k in declared])
+        declared, effects = list(fit.free.declared), len(fit.free.effects)
         held = at_its_end(case, fit.point, fit.free)
-        several = [list(known[name].ranges.values())[k] for name, k in fit.free.effects]
-        wide = [(allowed.high - allowed.low) ** -2 for allowed in several]
         return cls(
             fit.jacobian.reshape(len(fit.free), -1),
             1 / fit.variance_inflation,
-            np.r_[np.where(held, _HELD, 1.0) / priors**2, wide],
-            np.r_[np.where(held, 0.0, fit.point.declared[declared]), np.zeros(len(wide))],
+            prior_information(case, fit.free) * np.r_[np.where(held, _HELD, 1.0), np.ones(effects)],
+            np.r_[np.where(held, 0.0, fit.point.declared[declared]), np.zeros(effects)],
         )
 
     def without(self, k: int) -> "Information":

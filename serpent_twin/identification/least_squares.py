@@ -9,13 +9,13 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification import weak_steps
-from serpent_twin.identification.fitted import NORMAL_95, Fit
+from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, between
 from serpent_twin.identification.objective import At, Objective
+from serpent_twin.identification.standard_errors import standard_errors
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
@@ -30,12 +30,6 @@ _SETTLED_SHARE = 1e-2
 """
 _STILL = 0.5
 """A fit has also converged if its last derivative changed its effects by fewer standard errors"""
-_ALONE = 0.25
-"""Share of the information on a parameter, left without one segment, below which that one alone tells it"""
-_SHARED = 1 / 3
-"""Variance of what is wrong with a twin in all segments alike, in variances of what is wrong with it in one
-alone: as found on arms whose true parts are known
-"""
 _STEPS = 10
 OnProgress = Callable[[str], None]
 
@@ -95,7 +89,7 @@ def fit(
         at, jacobian = weak_steps.follow(problem, at, jacobian, rounds, on_progress)
     at = problem.exact(at)
     inflation, noise = problem.variance_inflation, case.noise
-    error, correlation = _errors(jacobian, at.residual, inflation, problem.prior)
+    error, correlation = standard_errors(jacobian, at.residual, inflation, problem.prior)
     if steps > 0 and free.effects:
         late = np.abs(between(begun, at.point, free) / error)[len(free.declared) :]
         settled = settled or bool((late < _STILL).all())
@@ -148,50 +142,3 @@ def bettered(jacobian: Array, change: Array, step: Array, each: float) -> Array:
     for each_row, by in zip(jacobian, along, strict=True):
         each_row += by * missed
     return jacobian
-
-
-def _errors(jacobian: Array, residual: Array, each: float, prior: Array) -> tuple[Array, Array]:
-    """Standard errors and correlations of the free parameters.
-
-    The greater of two, because no twin is exact, and its errors within a segment are correlated: from scatter
-    and priors; and from priors and the disagreement of segments, each taken as one independent draw (Liang
-    and Zeger 1986). A fit takes up part of what segments disagree on, so each is left out in turn (the
-    jackknife; Bell and McCaffrey, Survey Methodology 28 (2002) 169), but for a parameter that one segment
-    alone tells, which the others cannot predict. Where they disagree more than independent numbers would,
-    the twin lacks something, part of which is wrong in all segments alike, so that more of them do not help.
-    """
-    # In single precision, what a prior alone tells could be lost.
-    told = [part.astype(float) @ part.T.astype(float) / each for part in jacobian.swapaxes(0, 1)]
-    data, weight = sum(told), np.diag(prior.astype(float))
-    square = data + weight
-    covariance = _inverse(square)
-    error = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(error, error)
-    segments = residual.shape[0]
-    if segments < 3:
-        return error, correlation
-    pull = np.einsum("msn,sn->ms", jacobian, residual, dtype=float) / each
-    without = [_inverse(square - part) for part in told]
-    left_out = np.stack([inverse @ pull[:, s] for s, inverse in enumerate(without)], axis=1)
-    alone = np.min([error**2 / np.diag(inverse) for inverse in without], axis=0) < _ALONE
-    one_less = (segments - 1) / segments
-    between = np.maximum(
-        _squares(covariance @ pull) / one_less, np.where(alone, 0.0, _squares(left_out) * one_less)
-    )
-    independent = _inverse(each * data + weight)
-    excess = np.maximum(0.0, between - (np.diag(independent) - independent**2 @ prior))
-    between += _SHARED * segments * excess
-    between *= (float(stdtrit(segments - 1, 0.975)) / NORMAL_95) ** 2
-    own = covariance**2 @ prior  # what the priors leave uncertain, were the data exact
-    return np.maximum(error, np.minimum(np.sqrt(between + own), prior**-0.5)), correlation
-
-
-def _inverse(square: Array) -> Array:
-    """Of an information matrix, whose units may differ much."""
-    width = np.sqrt(np.diag(square))
-    return np.linalg.inv(square / np.outer(width, width)) / np.outer(width, width)
-
-
-def _squares(shift: Array) -> Array:
-    """Sum of the squares of what each of S segments moves m parameters by, (m, S), about the mean, (m,)."""
-    return ((shift - shift.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)

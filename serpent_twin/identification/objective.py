@@ -9,7 +9,13 @@ from scipy.optimize import lsq_linear
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.free_parameters import FreeParameters, jacobian, moved, room
+from serpent_twin.identification.free_parameters import (
+    FreeParameters,
+    jacobian,
+    moved,
+    prior_information,
+    room,
+)
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
@@ -64,10 +70,7 @@ class Objective:
 
     def __init__(self, case: Case[Any], some: Any, free: FreeParameters, known: Fit | None) -> None:
         self.case, self.some, self.free, self.known = case, some, free, known
-        declared = [1 / case.declared[k].prior ** 2 for k in free.declared]
-        wide = [list(case.candidates[name].ranges.values())[k] for name, k in free.effects]
-        effects = [(allowed.high - allowed.low) ** -2 for allowed in wide]
-        self.prior = np.array([*declared, *effects])
+        self.prior = prior_information(case, free)
         self.variance_inflation = 1.0
         self.damped = False
         self._left = self._left_by(known)

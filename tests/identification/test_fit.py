@@ -17,6 +17,7 @@ from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.left_out import left_out
 from serpent_twin.identification.objective import variance_inflation
 from serpent_twin.identification.score_test import full_fit, placed, scores, worth_fitting
+from serpent_twin.identification.standard_errors import stated
 from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import Declared
@@ -110,7 +111,8 @@ def test_intervals_hold_where_all_segments_share_what_is_wrong(spread):
         shared = spread / np.sqrt(3) * rng.standard_normal(2)
         own = np.array([1.0, -2.0]) + shared + spread * rng.standard_normal((SEGMENTS, 2))
         y = np.einsum("snk,sk->sn", arm.X, own) + rng.standard_normal(arm.y.shape)
-        found = fit(replace(arm, y=y), every(), START, free_parameters(arm, ()), 2, 99)
+        arm = replace(arm, y=y)
+        found = stated(arm, fit(arm, every(), START, free_parameters(arm, ()), 2, 99))
         off = np.abs(found.point.declared - [1.0, -2.0])
         inside += int((off < NORMAL_95 * found.error).sum())
         wide.append(found.error * np.sqrt(SEGMENTS * NUMBERS))

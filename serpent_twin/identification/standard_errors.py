@@ -1,0 +1,80 @@
+"""How uncertain the parameters of a fit are, by scatter, by priors and by what segments disagree on."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.special import stdtrit
+
+from serpent_twin.arrays import Array
+from serpent_twin.identification.fitted import NORMAL_95, Fit
+from serpent_twin.identification.free_parameters import prior_information
+from serpent_twin.machines.case import Case
+
+_ALONE = 0.25
+"""Share of the information on a parameter, left without one segment, below which that one alone tells it"""
+_SHARED = 1 / 3
+"""Variance of what is wrong with a twin in all segments alike, in variances of what is wrong with it in one
+alone: as found on arms whose true parts are known
+"""
+
+
+def standard_errors(
+    jacobian: Array, residual: Array, each: float, prior: Array, shared: float = 0.0
+) -> tuple[Array, Array]:
+    """Standard errors, (m,), and correlations of m free parameters, from a derivative, (m, S, n), a residual,
+    (S, n), of which so many numbers count as one, and the priors' information.
+
+    The greater of two, because no twin is exact, and its errors within a segment are correlated: from scatter
+    and priors; and from priors and the disagreement of segments, each taken as one independent draw (Liang
+    and Zeger 1986). A fit takes up part of what segments disagree on, so each is left out in turn (the
+    jackknife; Bell and McCaffrey, Survey Methodology 28 (2002) 169), but for a parameter that one segment
+    alone tells, which the others cannot predict. Where they disagree more than independent numbers would,
+    the twin lacks something, of which `shared` is what is wrong in all segments alike, as a multiple of the
+    variance in one.
+    """
+    # In single precision, what a prior alone tells could be lost.
+    told = [part.astype(float) @ part.T.astype(float) / each for part in jacobian.swapaxes(0, 1)]
+    data, weight = sum(told), np.diag(prior.astype(float))
+    square = data + weight
+    covariance = _inverse(square)
+    error = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(error, error)
+    segments = residual.shape[0]
+    if segments < 3:
+        return error, correlation
+    pull = np.einsum("msn,sn->ms", jacobian, residual, dtype=float) / each
+    without = [_inverse(square - part) for part in told]
+    left_out = np.stack([inverse @ pull[:, s] for s, inverse in enumerate(without)], axis=1)
+    alone = np.min([error**2 / np.diag(inverse) for inverse in without], axis=0) < _ALONE
+    one_less = (segments - 1) / segments
+    between = np.maximum(
+        _squares(covariance @ pull) / one_less, np.where(alone, 0.0, _squares(left_out) * one_less)
+    )
+    if shared:
+        independent = _inverse(each * data + weight)
+        chance = np.diag(independent) - independent**2 @ prior
+        between += shared * segments * np.maximum(0.0, between - chance)
+    between *= (float(stdtrit(segments - 1, 0.975)) / NORMAL_95) ** 2
+    own = covariance**2 @ prior  # what the priors leave uncertain, were the data exact
+    return np.maximum(error, np.minimum(np.sqrt(between + own), prior**-0.5)), correlation
+
+
+def stated(case: Case[Any], found: Fit) -> Fit:
+    """The same fit with the standard errors that its intervals are stated with, in which more segments do not
+    help against what the twin lacks in all of them.
+    """
+    prior = prior_information(case, found.free)
+    about = (found.jacobian, found.residual, found.variance_inflation, prior)
+    return replace(found, error=np.maximum(found.error, standard_errors(*about, _SHARED)[0]))
+
+
+def _inverse(square: Array) -> Array:
+    """Of an information matrix, whose units may differ much."""
+    width = np.sqrt(np.diag(square))
+    return np.linalg.inv(square / np.outer(width, width)) / np.outer(width, width)
+
+
+def _squares(shift: Array) -> Array:
+    """Sum of the squares of what each of S segments moves m parameters by, (m, S), about the mean, (m,)."""
+    return ((shift - shift.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
