@@ -17,19 +17,27 @@ STICKS = 0.999
 """Impedance of a hinge that sticks: with MuJoCo's default 0.9 a loaded link creeps through its friction at
 about 1°/s, and the arm would forget where its friction holds it."""
 _SOFTEST = 0.1
-_TIME = 0.02  # [s] MuJoCo's default
+USUAL = 0.02  # [s] MuJoCo's default
+BRISK = 0.01
+"""Time constant of friction that a load makes strong [s]: two of the usual time steps, MuJoCo's least. With
+its default, a hinge that should stop goes on too far
+"""
 
 
 def softness(
-    friction: Array, inverse_inertia: Array, transition: Array | float
+    friction: Array,
+    inverse_inertia: Array,
+    transition: Array | float,
+    time: Array | float = USUAL,
 ) -> tuple[Array, Array]:
     """Time constants [s] and impedances [1] of friction constraints that creep below a velocity.
 
-    Friction F [N m], inverse inertia w [1/(kg m²)], transition velocity v [rad/s]: v = F w (1 − d) τ / 2.
+    Friction F [N m], inverse inertia w [1/(kg m²)], transition velocity v [rad/s]: v = F w (1 − d) τ / 2,
+    with a time constant that is no shorter than the one given [s].
     """
     quick = 2 * transition / np.maximum(friction * inverse_inertia, 1e-12)  # (1 − d) τ
-    give = np.clip(quick / _TIME, 1 - STICKS, 1 - _SOFTEST)
-    return np.maximum(_TIME, quick / give), 1 - give
+    give = np.clip(quick / time, 1 - STICKS, 1 - _SOFTEST)
+    return np.maximum(time, quick / give), 1 - give
 
 
 def friction_inertia(impedance: Array, inverse_inertia: Array) -> Array:

@@ -8,9 +8,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from serpent_twin.arrays import Array
 from serpent_twin.effects.effect import LOSS, Effect, Several, parameter, ranges
 from serpent_twin.effects.links import HELD, let_rub
 from serpent_twin.effects.moment import at_joints, loops
+from serpent_twin.effects.presliding import give_way
 from serpent_twin.effects.strands import chosen_at, on_strands
 
 
@@ -21,7 +23,8 @@ class CableFriction(Effect):
     T_j is the sum of the tensions of cable j's strands that rub, r_j its pulleys' radius. The share s is c
     where the wrap that matters is the same at every angle: pulley bearings that carry the cables' pull, or
     strands that wrap a pulley all the time. It is exp(c |q|) − 1, after Euler and Eytelwein, where a
-    strand bends on the groove by the hinge's angle q alone. At a place of a model, a tendon of tension T gets
+    strand bends on the groove by the hinge's angle q alone. A hinge that so much friction holds gives way
+    elastically before it slides. At a place of a model, a tendon of tension T gets
     the friction c |T| along its whole length, and sticks at rest.
     Source: Amontons' and Coulomb's laws; capstan equation. c is 0.05 … 0.3 for polyethylene on nylon.
     """
@@ -32,6 +35,8 @@ class CableFriction(Effect):
     """Speed of a hinge below which this friction is in proportion to the speed; at zero it sticks"""
     by_bend: float = parameter("1", high=1.0, typical=0.0, fitted=False)
     """0: the same at every angle; 1: by the hinge's angle"""
+    presliding: float = parameter("rad/(N m)", high=0.5, typical=0.005, before=0.0)
+    """Compliance of a hinge that this friction and its own hold [rad/(N m)]; at zero it holds rigidly"""
     strand: float = on_strands()
     """On which strands, as `on_strands` counts them; −1 for all"""
 
@@ -39,13 +44,18 @@ class CableFriction(Effect):
     places: ClassVar[tuple[str, ...]] = ("tendon",)
     confused_with: ClassVar[tuple[str, ...]] = ("gear_backlash", "gear_friction")
     simplified: ClassVar[float] = 0.05
+    remembers: ClassVar[bool] = False
     stage: ClassVar[int] = LOSS
 
     @classmethod
     def variants(cls) -> Several:
         """By the tension alone, and by the bend."""
-        creeps = ranges(cls)["transition_velocity"].typical
-        return (cls(0.1, creeps), cls(0.4, creeps, by_bend=1.0))
+        known = ranges(cls)
+        creeps, gives = (known[n].typical for n in ("transition_velocity", "presliding"))
+        return (
+            cls(0.1, creeps, presliding=gives),
+            cls(0.4, creeps, by_bend=1.0, presliding=gives),
+        )
 
     @cached_property
     def _chosen(self) -> NDArray[np.bool_]:
@@ -57,7 +67,11 @@ class CableFriction(Effect):
             spec.tendon(self.at).solref_friction[0] = HELD
             let_rub(spec)
 
-    def act(self, moment: Any, memory: None) -> None:
+    def start(self, moment: Any) -> Array | None:
+        """Hinges that nothing has moved yet: no torque [N m], (n, 9)."""
+        return None if self.at else np.zeros_like(moment.joint_friction)
+
+    def act(self, moment: Any, memory: Array | None) -> None:
         """Raise the hinges' friction by what their cables' tensions make, or that of a tendon by its own."""
         if self.at:
             moment.tendon_friction = moment.tendon_friction + self.coefficient * abs(moment.tension)
@@ -69,3 +83,5 @@ class CableFriction(Effect):
             bent = np.expm1(self.coefficient * np.abs(moment.joint_angle))
             share = np.where(by_bend, bent, share)
         moment.add_joint_friction(share * pressed, self.transition_velocity)
+        if memory is not None and np.any(self.presliding):
+            give_way(moment, memory, self.presliding)

@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 
 from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
-from serpent_twin.arm.hinge_friction import softness
+from serpent_twin.arm.hinge_friction import BRISK, USUAL, softness
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Moment
 from serpent_twin.sim.pushed_statics import StretchedStrands
 from serpent_twin.sim.stepper import Stepper, addresses
 from serpent_twin.sim.twin_model import TwinModel
+
+_MORE = 1.001
+"""Times its own friction from which a hinge rubs more"""
 
 
 class CableDynamics(Stepper[Moment]):
@@ -61,6 +64,8 @@ class CableDynamics(Stepper[Moment]):
         """By how much it had the loads misread, as a share of the stall torque, or (n, 10)"""
         self.load_scale: Array | float = 0.0
         """And as a share of the loads themselves, or (n, 10)"""
+        self.presliding: Array | float = 0.0
+        """How hinges that stick give way [rad/(N m)], or (n, 9)"""
 
     def moment(
         self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array = 0.0
@@ -91,6 +96,7 @@ class CableDynamics(Stepper[Moment]):
             marker_shift=0.0,
             load_shift=0.0,
             load_scale=0.0,
+            presliding=0.0,
             winch_ratio=self.winch_ratio,
             prior_runtime=self.prior_runtime,
         )
@@ -107,7 +113,7 @@ class CableDynamics(Stepper[Moment]):
             self._applied[:, self._motor_v] = moment.motor_torque
         self.reading_age = np.broadcast_to(moment.reading_age, (len(self.reading_age), 1))[:, 0]
         self.marker_shift, self.load_shift = moment.marker_shift, moment.load_shift
-        self.load_scale = moment.load_scale
+        self.load_scale, self.presliding = moment.load_scale, moment.presliding
 
     def step(
         self,
@@ -142,7 +148,8 @@ class CableDynamics(Stepper[Moment]):
         self._rubs = tuple(each.copy() for each in wanted)
         reference, impedance, inverse_inertia = self._soft
         friction, v = moment.joint_friction, self._joint_v
-        soft = softness(friction, inverse_inertia[:, v], moment.transition_velocity)
+        time = np.where(friction > _MORE * self.joint_friction, BRISK, USUAL)
+        soft = softness(friction, inverse_inertia[:, v], moment.transition_velocity, time)
         self._friction[:, v] = friction
         reference[:, v, 0] = soft[0]
         impedance[:, v, :2] = soft[1][..., None]

@@ -146,7 +146,7 @@ class DrivenArms:
         began = before.time[:, None]
         lost = self.unstable  # their solver would iterate as long as it may
         stable = np.flatnonzero(~lost) if lost.any() else None
-        noting = partial(self._tangents.begin_step, dt) if self._tangents else None
+        noting = partial(self._note, dt) if self._tangents else None
         passed = (
             np.arange(substeps)[:, None, None] * dt
         )  # MuJoCo's springs pull as at a step's start
@@ -163,6 +163,10 @@ class DrivenArms:
         self._marker_velocity = (self._markers() - before_end) / dt[..., None]
         if passing:
             passing(to.time, self._markers())
+
+    def _note(self, dt: Array, winch_angle: Array) -> None:
+        assert self._tangents
+        self._tangents.begin_step(dt, winch_angle, self._cables.presliding)
 
     def differentiate(self, by: Differences) -> None:
         """Carry tangents along with the motion from now, of runs that all have the first one's model."""

@@ -2,10 +2,10 @@
 
 The arm obeys M a = τ(q, v) + f(a, v), with the hinges' friction f. A small change of a parameter moves it
 by δq and δv, which obey the same equation made linear: strands that pull are springs, slack ones nothing;
-a hinge that creeps is a damper, one that slides a constant torque; links of other masses and axes need
-other torques for the same motion. So one motion is simulated in place of one for each parameter (forward
-sensitivities: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, section I.14). The
-answer of effects that act to δq and δv is left out.
+a hinge that creeps is a damper, one that gives way a spring, one that slides a constant torque; links of
+other masses and axes need other torques for the same motion. So one motion is simulated in place of one for
+each parameter (forward sensitivities: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I,
+section I.14). The answer of effects that act to δq and δv is left out, but for hinges that give way.
 """
 
 from collections import deque
@@ -18,10 +18,12 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from serpent_twin.arm import mjcf
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arm.hinge_friction import friction_inertia, softness
 from serpent_twin.arrays import Array
 from serpent_twin.sim.differences import Differences
+from serpent_twin.sim.stepper import addresses
 
 _NUDGE = 1e-5  # of angles, velocities and accelerations, for derivatives of inverse dynamics
 _NEAR = 1e-4  # relative change of a slope, for the derivative by it
@@ -36,6 +38,8 @@ class _Steps:
 
     dt: Array
     """[s], (S, 1)"""
+    presliding: Array
+    """Compliance of degrees of freedom that stick [rad/(N m)], (S, nv)"""
     wound: Array
     """Angle that winds each strand, with its sign [rad], (S, 20)"""
     position: Array
@@ -83,22 +87,27 @@ class Tangents:
         self._noted: list[list[Array]] = []
         self._dt = model.opt.timestep
         self._position = np.zeros((batch.nsim, model.nv, by.slack.shape[1]))
-        self._velocity = np.zeros_like(self._position)
+        self._velocity, self._held = np.zeros((2, *self._position.shape))
+        self._joints = addresses(model, mjcf.JOINTS)[1]
         longest = float(model.sensor_delay.max(initial=0.0)) / model.opt.timestep
         self._recent = deque([self._position.copy()], maxlen=2 + int(1.5 * longest))  # newest first
 
     def place(self) -> None:
         """Begin again from a measured pose, which no parameter changes."""
-        self._position[...], self._velocity[...] = 0.0, 0.0
+        self._position[...], self._velocity[...], self._held[...] = 0.0, 0.0, 0.0
         self._recent.clear()
         self._recent.append(self._position.copy())
 
-    def begin_step(self, dt: Array, winch_angle: Array) -> None:
-        """Note the runs before a time step [s], (S, 1), with what winds their strands [rad], (S, 10)."""
+    def begin_step(self, dt: Array, winch_angle: Array, presliding: Array | float = 0.0) -> None:
+        """Note the runs before a time step [s], (S, 1), with what winds their strands [rad], (S, 10), and how
+        hinges that stick give way [rad/(N m)], (S, 9).
+        """
         self._end_step()
         wound = _SIGN * np.repeat(winch_angle, 2, axis=1)
         now = [each.copy() for each in (*self._state, *self._springs, *self._hinges)]
-        self._noted.append([dt, wound, *now])
+        give = np.zeros(self._velocity.shape[:2])
+        give[:, self._joints] = presliding
+        self._noted.append([dt, give, wound, *now])
 
     def _end_step(self) -> None:
         if self._noted:
@@ -119,6 +128,7 @@ class Tangents:
         added = friction_inertia(s.impedance[:, 0], self._model.dof_invweight0)
         creep = added * 2 / (s.impedance[:, 1] * time)
         held, crept = np.where(sticks, added, 0.0), np.where(sticks, creep, 0.0)
+        lasting = np.minimum(1.0, s.presliding * crept / s.dt)
         free = np.linalg.inv(mass + s.dt[..., None] * self._model.dof_damping * eye)
         answer = free - free @ (held[..., None] * np.linalg.inv(mass + held[..., None] * eye))
         spring = self._along.T @ (slope[..., None] * self._along) + turned
@@ -131,9 +141,12 @@ class Tangents:
             force = slides[k][..., None] * by.friction - s.velocity[k][..., None] * by.damping
             force -= less[k][..., None] * by.slope + self._along.T @ pull
             force -= spring[k] @ self._position + damper[k] @ self._velocity
-            force -= more[parts[k]]
+            force -= more[parts[k]] + lasting[k][..., None] * self._held
             self._velocity += s.dt[k][..., None] * (answer[k] @ force)
             self._position += s.dt[k][..., None] * self._velocity
+            self._held *= lasting[k][..., None]
+            self._held += crept[k][..., None] * self._velocity
+            self._held += slides[k][..., None] * by.friction
             self._recent.appendleft(self._position.copy())
         self._dt = float(s.dt[-1].mean())
 

@@ -87,7 +87,7 @@ def _rubbing(name: str) -> Candidate:
     known = effects.ranges(KNOWN["cable_friction"])
     fixed = {
         each: replace(known[each], typical=0.0, fitted=False)
-        for each in ("transition_velocity", "by_bend")
+        for each in ("transition_velocity", "by_bend", "presliding")
     }
     of = known["coefficient"]
     return candidate(f"cable_friction@{name}", coefficient=of, strand=ALIKE, **fixed)

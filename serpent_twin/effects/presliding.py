@@ -1,0 +1,43 @@
+"""Let hinges give way elastically before their dry friction slides.
+
+A hinge that sticks hangs on bristles of compliance c, which slide at the friction F: Jenkins' element, whose
+torque changes by q̇ / c within ±F. Where the friction creeps near rest, q̇ = v τ / F, bristle and dashpot are
+in series. Source: Jenkin, 1922, as in Iwan, J. Applied Mechanics 33 (1966) 893; Al-Bender and Swevers, IEEE
+Control Systems 28 (2008) 64, on presliding.
+"""
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.effects.moment import Moment
+
+_LEAST = 1e-9
+_SLIDES = 0.01
+"""Share of the friction that a step at the hinge's speed must add to the bristles' for the hinge to slide: a
+slower hinge is taken to hang on them, so that they carry it back when it is let go"""
+_HARD = 1e-4
+"""Transition velocity of a hinge that slides [rad/s]"""
+
+
+def give_way(moment: Moment, held: Array, compliance: Array | float) -> None:
+    """Let the hinges' friction give way elastically [rad/(N m)]; `held` is what the bristles hold [N m],
+    (n, 9), changed in place.
+
+    The implicit Euler rule: of the torque after a step, what was held before acts from outside, and the rest
+    is the constraint's, in proportion to the speed. The constraint is as strong either way, so a hinge that
+    slides has all of its friction in it, and none outside.
+    """
+    limit = np.maximum(moment.joint_friction, _LEAST)
+    speed, dt = moment.joint_velocity, np.maximum(moment.dt, _LEAST)
+    give = np.maximum(compliance + dt * moment.transition_velocity / limit, _LEAST)
+    torque = (compliance * held + moment.dt * speed) / give
+    slides = (np.abs(torque) >= limit) & (moment.dt * np.abs(speed) > _SLIDES * limit * give)
+    held[...] = np.clip(torque, -limit, limit)
+    outside = np.where(slides, 0.0, held * compliance / give)
+    moment.joint_torque = moment.joint_torque - outside
+    elastic = np.greater(compliance, 0.0)
+    room = np.where(elastic, limit + np.abs(outside), moment.joint_friction)
+    near = np.where(slides, _HARD, room * give / dt)
+    moment.transition_velocity = np.where(elastic, near, moment.transition_velocity)
+    moment.joint_friction = room
+    moment.presliding = np.broadcast_to(compliance, limit.shape)
