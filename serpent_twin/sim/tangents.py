@@ -28,6 +28,9 @@ from serpent_twin.sim.stepper import addresses
 _NUDGE = 1e-5  # of angles, velocities and accelerations, for derivatives of inverse dynamics
 _NEAR = 1e-4  # relative change of a slope, for the derivative by it
 _SLIDES = 1 - 1e-6  # share of its friction from which a hinge slides
+_RIGID = 1e-9  # [rad/(N m)]
+_HANGS = 1.001
+"""Times the slope of a hinge on elastic bristles, up to which its friction is theirs"""
 _PARTS = 8  # of the time between two rows, in each of which other links need one torque
 _SIGN = np.tile([1.0, -1.0], N_MOTORS)
 
@@ -128,7 +131,10 @@ class Tangents:
         added = friction_inertia(s.impedance[:, 0], self._model.dof_invweight0)
         creep = added * 2 / (s.impedance[:, 1] * time)
         held, crept = np.where(sticks, added, 0.0), np.where(sticks, creep, 0.0)
-        lasting = np.minimum(1.0, s.presliding * crept / s.dt)
+        most = s.dt / np.maximum(s.presliding, _RIGID)
+        rate = np.where(sticks, np.minimum(creep, most), 0.0)
+        lasting = s.presliding * rate / s.dt
+        hangs = lasting * (creep < most * _HANGS)
         free = np.linalg.inv(mass + s.dt[..., None] * self._model.dof_damping * eye)
         answer = free - free @ (held[..., None] * np.linalg.inv(mass + held[..., None] * eye))
         spring = self._along.T @ (slope[..., None] * self._along) + turned
@@ -141,11 +147,11 @@ class Tangents:
             force = slides[k][..., None] * by.friction - s.velocity[k][..., None] * by.damping
             force -= less[k][..., None] * by.slope + self._along.T @ pull
             force -= spring[k] @ self._position + damper[k] @ self._velocity
-            force -= more[parts[k]] + lasting[k][..., None] * self._held
+            force -= more[parts[k]] + hangs[k][..., None] * self._held
             self._velocity += s.dt[k][..., None] * (answer[k] @ force)
             self._position += s.dt[k][..., None] * self._velocity
             self._held *= lasting[k][..., None]
-            self._held += crept[k][..., None] * self._velocity
+            self._held += rate[k][..., None] * self._velocity
             self._held += slides[k][..., None] * by.friction
             self._recent.appendleft(self._position.copy())
         self._dt = float(s.dt[-1].mean())
