@@ -11,8 +11,8 @@ from serpent_twin.identification.fitted import NORMAL_95, Fit
 from serpent_twin.identification.free_parameters import prior_information
 from serpent_twin.machines.case import Case
 
-_ALONE = 0.25
-"""Share of the information on a parameter, left without one segment, below which that one alone tells it"""
+_ALONE = 0.1
+"""Share of the information along a direction, left without one segment, below which it alone tells that"""
 _SHARED = 1 / 3
 """Variance of what is wrong with a twin in all segments alike, in variances of what is wrong with it in one
 alone: as found on arms whose true parts are known
@@ -28,8 +28,8 @@ def standard_errors(
     The greater of two, because no twin is exact, and its errors within a segment are correlated: from scatter
     and priors; and from priors and the disagreement of segments, each taken as one independent draw (Liang
     and Zeger 1986). A fit takes up part of what segments disagree on, so each is left out in turn (the
-    jackknife; Bell and McCaffrey, Survey Methodology 28 (2002) 169), but for a parameter that one segment
-    alone tells, which the others cannot predict. Where they disagree more than independent numbers would,
+    jackknife; Bell and McCaffrey, Survey Methodology 28 (2002) 169), but not along a direction that it
+    alone tells, in which the others predict nothing. Where they disagree more than independent numbers would,
     the twin lacks something, of which `shared` is what is wrong in all segments alike, as a multiple of the
     variance in one.
     """
@@ -41,16 +41,15 @@ def standard_errors(
     error = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(error, error)
     segments = residual.shape[0]
-    if segments < 3:
+    if segments < 3 or not np.isfinite(correlation).all():
         return error, correlation
     pull = np.einsum("msn,sn->ms", jacobian, residual, dtype=float) / each
-    without = [_inverse(square - part) for part in told]
-    left_out = np.stack([inverse @ pull[:, s] for s, inverse in enumerate(without)], axis=1)
-    alone = np.min([error**2 / np.diag(inverse) for inverse in without], axis=0) < _ALONE
+    variance, along = np.linalg.eigh(correlation)
+    root = error[:, None] * along * np.sqrt(np.maximum(variance, 0.0))
+    each_alone = zip(told, pull.T, strict=True)
+    left_out = np.stack([_left_out(root, part, by) for part, by in each_alone], axis=1)
     one_less = (segments - 1) / segments
-    between = np.maximum(
-        _squares(covariance @ pull) / one_less, np.where(alone, 0.0, _squares(left_out) * one_less)
-    )
+    between = np.maximum(_squares(covariance @ pull) / one_less, _squares(left_out) * one_less)
     if shared:
         independent = _inverse(each * data + weight)
         chance = np.diag(independent) - independent**2 @ prior
@@ -67,6 +66,15 @@ def stated(case: Case[Any], found: Fit) -> Fit:
     prior = prior_information(case, found.free)
     about = (found.jacobian, found.residual, found.variance_inflation, prior)
     return replace(found, error=np.maximum(found.error, standard_errors(*about, _SHARED)[0]))
+
+
+def _left_out(root: Array, part: Array, pull: Array) -> Array:
+    """What leaving out a segment moves m parameters by, (m,), from a root of their covariance, (m, m), and
+    the segment's information, (m, m), and pull, (m,).
+    """
+    share, along = np.linalg.eigh(root.T @ part @ root)
+    left = np.where(share > 1 - _ALONE, 1.0, 1 - share)
+    return root @ (along @ (along.T @ (root.T @ pull) / left))
 
 
 def _inverse(square: Array) -> Array:

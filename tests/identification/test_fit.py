@@ -17,7 +17,7 @@ from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.left_out import left_out
 from serpent_twin.identification.objective import variance_inflation
 from serpent_twin.identification.score_test import full_fit, placed, scores, worth_fitting
-from serpent_twin.identification.standard_errors import stated
+from serpent_twin.identification.standard_errors import standard_errors, stated
 from serpent_twin.identification.uncertainty import indistinguishable
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.machine import Declared
@@ -119,6 +119,17 @@ def test_intervals_hold_where_all_segments_share_what_is_wrong(spread):
     assert 0.91 * 2 * arms <= inside <= 0.985 * 2 * arms
     if not spread:
         assert np.median(wide) < 1.3
+
+
+def test_what_one_segment_alone_tells_does_not_widen_other_intervals():
+    """Its derivative may be off there, as where a strand turns slack, and leave a pull."""
+    rng = np.random.default_rng(8)
+    jacobian, residual = rng.standard_normal((2, 3, NUMBERS)), rng.standard_normal((3, NUMBERS))
+    jacobian[1, 1:] *= 1e-3
+    jacobian[0, 0] += 0.3 * jacobian[1, 0]
+    residual[0] += jacobian[1, 0]
+    error, _ = standard_errors(jacobian, residual, 1.0, np.full(2, 1e-6))
+    assert error[0] < 5 / np.sqrt(3 * NUMBERS)
 
 
 def test_the_score_finds_what_is_there_and_how_strong():
