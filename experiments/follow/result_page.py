@@ -36,9 +36,10 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
     text = (
         "The last table says what nobody had declared of each arm. Its twin is what `trace` wrote from its "
         f"logs. The tip goes along each path at {1e3 * SPEED:.0f} mm/s, without a camera in the loop; errors "
-        "are distances of the true tip, the gripper's end, from where it was to be at that instant. *Geometry* "
-        "turns the motors as stiff cables would need it. The twins' ways turn them as rehearsed on a twin: "
-        "the nominal one, or the arm's own. *Feedback* adds what the observer says that the joints lack."
+        "are distances of the true tip, the gripper's end, from where it was to be at that instant. "
+        "*Geometry* turns the motors as stiff cables would need it. The twins' ways turn them as rehearsed "
+        "on a twin: the nominal one, or the arm's own. *Feedback* adds what the observer says that the "
+        "joints lack."
     )
     failures = [f"{name}: {why}" for name, why in results["failed"].items()]
     failures += [
