@@ -175,7 +175,7 @@ def weakness_of_fit(fit: Fit, found: Gain, several: Mapping[str, Candidate]) -> 
     for name, candidate in several.items():
         if ends := too_strong(candidate, fit.point.effects[name]):
             return f"{found}; its {', '.join(ends)} runs to the end of the range"
-        if not _matters(candidate, fit.point.effects[name]):
+        if not matters(candidate, fit.point.effects[name]):
             return f"{found}; its strength is less than {MATTERS:.0%} of what is typical"
     if too_weak := weakness(found):
         return f"{found}{too_weak}"
@@ -184,7 +184,7 @@ def weakness_of_fit(fit: Fit, found: Gain, several: Mapping[str, Candidate]) -> 
     return "" if shown or sure else f"{found}; its strength may be zero"
 
 
-def _matters(candidate: Candidate, values: Array) -> bool:
+def matters(candidate: Candidate, values: Array) -> bool:
     """Whether one of an effect's strengths is worth a name."""
     ranges = list(candidate.ranges.values())
     return any(abs(values[k]) >= MATTERS * abs(ranges[k].typical) for k in strengths(candidate))

@@ -20,6 +20,7 @@ from serpent_twin.identification.acceptance import (
     Selection,
     best_trial,
     better_trial,
+    matters,
     promising,
     weakness_of_fit,
 )
@@ -82,7 +83,7 @@ class Tracer:
         calibrated, base, rounds = self.named()
         base = self._more(base, rounds)
         settled = without_proxies(self.trials, self.case, base, rounds)
-        final = self._sharpened(settled)
+        final = self._without_idle(self._sharpened(settled))
         self.final = final.point
         rivals = {n: self.trials.rivals(self.case, n, rounds) for n in final.point.effects}
         return Selection(
@@ -234,6 +235,19 @@ class Tracer:
             return found
         self.case = self._weighed_by(found)
         return self._fit("last", found.point, found.free, 0, carried=found, last=True)
+
+    def _without_idle(self, last: Fit) -> Fit:
+        """The last fit without effects that it has brought to nothing: what they had gained, it gains too."""
+        effects = last.point.effects
+        kept = {n: v for n, v in effects.items() if matters(self.case.candidates[n], v)}
+        if len(kept) == len(effects):
+            return last
+        declared = range(len(last.free.declared))
+        of_kept = [
+            n for n, (name, _) in enumerate(last.free.effects, len(declared)) if name in kept
+        ]
+        rest, point = last.only([*declared, *of_kept]), ParameterVector(last.point.declared, kept)
+        return self._fit("last_without", point, rest.free, 0, carried=rest, last=True)
 
     def _round(self, base: Fit, number: int, opening: _Opening | None) -> Round:
         """Try all candidates; those that calibration may have absorbed also from the opening; and pairs, if

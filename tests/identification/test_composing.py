@@ -8,10 +8,12 @@ from linear_case import GUST, SEGMENTS, START, case, every
 
 from serpent_twin.identification import Trace, composing, steps, trace
 from serpent_twin.identification.acceptance import Round
+from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.composing import ComposingTracer
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors
 from serpent_twin.identification.least_squares import fit
+from serpent_twin.machines.case import Stopwatch
 
 
 def test_after_many_laws_no_other_is_sought_and_the_trace_says_so():
@@ -62,3 +64,15 @@ def test_a_law_takes_the_place_of_a_named_effect_that_is_a_part_of_it(tmp_path, 
     assert (law["name"], law["place"]["name"], law["law"]) == ("discovered", "link_3", "above")
     assert law["parameters"]["size_z"]["value"] == pytest.approx(-3.0, rel=0.1)
     assert any("instead" in each.name for each in (tmp_path / "trace" / "stages").iterdir())
+
+
+@pytest.mark.parametrize("strength", [0.0, 0.7])
+def test_an_effect_that_the_last_fit_brings_to_nothing_is_left_out(strength, tmp_path):
+    arm = case(strength)
+    notes = Checkpoints(tmp_path, Stopwatch())
+    tracer = ComposingTracer(arm, every(), every(), notes, print, 0)
+    begun = START.having(GUST, [0.3])
+    found = fit(arm, every(), begun, free_parameters(arm, (GUST,)), 2, 99)
+    kept = tracer._without_idle(found)
+    assert set(kept.point.effects) == ({GUST} if strength else set())
+    assert len(kept.free) == 2 + bool(strength) == len(kept.error)
