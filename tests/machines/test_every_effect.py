@@ -237,8 +237,9 @@ def test_comes_back_from_a_file(kind):
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_memory_alone_outlives_a_restart(name):
-    """After a restart, an arm that remembers pulls otherwise than a fresh one: what forgets within 10 rows
-    may begin every segment anew.
+    """After a restart, an arm that remembers pulls otherwise than a fresh one at most strands: what forgets
+    within 10 rows may begin every segment anew. Where a hinge slides a little sooner, a few strands pull
+    otherwise.
     """
     motors, at = wander(40, pace=0.08).motors, 30
     arm = TwinModel(effects=CATALOGUE[name].variants()[:1])
@@ -256,7 +257,8 @@ def test_memory_alone_outlives_a_restart(name):
         return np.array(tension[-4:])
 
     long, short = pulled(0), pulled(at)
-    assert (np.abs(long - short).max() > 0.02) == CATALOGUE[name].remembers
+    most = np.median(np.abs((long - short).mean(axis=0)))
+    assert (most > 0.002) == CATALOGUE[name].remembers
 
 
 def rubbed(speed, **given):

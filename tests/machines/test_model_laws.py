@@ -51,7 +51,7 @@ class Relaxing:
 RELAXES = "discovered@joint_torque of pivot: lag joint_angle of pivot"
 LAWS = {
     "stribeck@pivot": (stribeck, [0.04, 0.6]),
-    "cable_friction@cable": (capstan, [0.1, 0.0, 0.0, -1.0]),
+    "cable_friction@cable": (capstan, [0.1, 0.0, 0.0, 0.0, -1.0]),
     "cable_creep@cable": (creep, [0.3, 8.0, -1.0]),
     "clamp_slip@cable": (slip, [1e-3, 4.0, -1.0]),
     "stiffness_drift@cable": (fading_cable, [24.0, 0.0, -1.0]),
