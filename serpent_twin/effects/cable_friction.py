@@ -83,5 +83,6 @@ class CableFriction(Effect):
             bent = np.expm1(self.coefficient * np.abs(moment.joint_angle))
             share = np.where(by_bend, bent, share)
         moment.add_joint_friction(share * pressed, self.transition_velocity)
-        if memory is not None and np.any(self.presliding):
+        if np.any(self.presliding):
+            assert memory is not None
             give_way(moment, memory, self.presliding)

@@ -13,8 +13,9 @@ from serpent_twin.effects.moment import Moment
 
 _LEAST = 1e-9
 _SLIDES = 0.01
-"""Share of the friction that a step at the hinge's speed must add to the bristles' for the hinge to slide: a
-slower hinge is taken to hang on them, so that they carry it back when it is let go"""
+"""A hinge at its limit slides if a step at its speed would load the bristles by more than this share of the
+friction. A slower one hangs on them, and they carry it back when it is let go
+"""
 _HARD = 1e-4
 """Transition velocity of a hinge that slides [rad/s]"""
 

@@ -69,7 +69,8 @@ def build_diagnosis(
     still = [each.told for each in stuck(case, tracer.training, final)] if suspect else []
     rest = unexplained(found["corrected"], error, load, bar.bar, still)
     shapes = _shapes(case, tracer.training, final)
-    named = _named(tracer, selection, held["calibrated"], held["corrected"])
+    told = stated(case, final)
+    named = _named(tracer, selection, told, held["calibrated"], held["corrected"])
     nearest = named if rest.is_ and _stands_in(error, bar) else ()
     return Diagnosis(
         arm=arm,
@@ -81,7 +82,7 @@ def build_diagnosis(
         error=error | {"noise_floor": noise.mean_floor, "expected": bar.bar},
         load_error=load | {"noise_floor": noise.load_floor},
         cautions=(*_cautions(case, selection), *_unstable(case, selection, tracer.training)),
-        calibration=_calibration(case, stated(case, final)),
+        calibration=_calibration(case, told),
         comparisons=compared,
         findings=found,
         learned=learned,
@@ -122,12 +123,11 @@ def _curves(case: Case, training: Any, final: Fit) -> dict[str, FreeCurve]:
 
 
 def _named(
-    tracer: Tracer, selection: Selection, before: Errors, after: Errors
+    tracer: Tracer, selection: Selection, told: Fit, before: Errors, after: Errors
 ) -> tuple[Named, ...]:
-    """The effects found; the whole gain belongs to an effect that is alone."""
-    case = selection.case
+    """The effects found, by the fit as it is told; the whole gain belongs to an effect that is alone."""
+    case, named = selection.case, []
     alone = len(selection.final.point.effects) == 1
-    named, told = [], stated(case, selection.final)
     for name in selection.final.point.effects:
         trial = selection.rounds[accepting(selection.rounds, name)].trials[name]
         assert trial.gain is not None

@@ -12,7 +12,7 @@ from serpent_twin.identification.free_parameters import prior_information
 from serpent_twin.machines.case import Case
 
 _ALONE = 0.1
-"""Share of the information along a direction, left without one segment, below which it alone tells that"""
+"""A segment alone tells a direction if the others have less than this share of the information along it"""
 _SHARED = 1 / 3
 """Variance of what is wrong with a twin in all segments alike, in variances of what is wrong with it in one
 alone: as found on arms whose true parts are known
@@ -33,7 +33,7 @@ def standard_errors(
     the twin lacks something, of which `shared` is what is wrong in all segments alike, as a multiple of the
     variance in one.
     """
-    # In single precision, what a prior alone tells could be lost.
+    # Single precision would lose parameters of which priors alone say anything.
     told = [part.astype(float) @ part.T.astype(float) / each for part in jacobian.swapaxes(0, 1)]
     data, weight = sum(told), np.diag(prior.astype(float))
     square = data + weight

@@ -242,11 +242,9 @@ class Tracer:
         kept = {n: v for n, v in effects.items() if matters(self.case.candidates[n], v)}
         if len(kept) == len(effects):
             return last
-        declared = range(len(last.free.declared))
-        of_kept = [
-            n for n, (name, _) in enumerate(last.free.effects, len(declared)) if name in kept
-        ]
-        rest, point = last.only([*declared, *of_kept]), ParameterVector(last.point.declared, kept)
+        owners = [*len(last.free.declared) * [None], *(name for name, _ in last.free.effects)]
+        rest = last.only([n for n, name in enumerate(owners) if name is None or name in kept])
+        point = ParameterVector(last.point.declared, kept)
         return self._fit("last_without", point, rest.free, 0, carried=rest, last=True)
 
     def _round(self, base: Fit, number: int, opening: _Opening | None) -> Round:

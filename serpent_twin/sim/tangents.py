@@ -101,7 +101,7 @@ class Tangents:
         self._recent.clear()
         self._recent.append(self._position.copy())
 
-    def begin_step(self, dt: Array, winch_angle: Array, presliding: Array | float = 0.0) -> None:
+    def begin_step(self, dt: Array, winch_angle: Array, presliding: Array | float) -> None:
         """Note the runs before a time step [s], (S, 1), with what winds their strands [rad], (S, 10), and how
         hinges that stick give way [rad/(N m)], (S, 9).
         """
@@ -131,6 +131,7 @@ class Tangents:
         added = friction_inertia(s.impedance[:, 0], self._model.dof_invweight0)
         creep = added * 2 / (s.impedance[:, 1] * time)
         held, crept = np.where(sticks, added, 0.0), np.where(sticks, creep, 0.0)
+        gives = s.presliding.any()
         most = s.dt / np.maximum(s.presliding, _RIGID)
         rate = np.where(sticks, np.minimum(creep, most), 0.0)
         lasting = s.presliding * rate / s.dt
@@ -147,12 +148,15 @@ class Tangents:
             force = slides[k][..., None] * by.friction - s.velocity[k][..., None] * by.damping
             force -= less[k][..., None] * by.slope + self._along.T @ pull
             force -= spring[k] @ self._position + damper[k] @ self._velocity
-            force -= more[parts[k]] + hangs[k][..., None] * self._held
+            force -= more[parts[k]]
+            if gives:
+                force -= hangs[k][..., None] * self._held
             self._velocity += s.dt[k][..., None] * (answer[k] @ force)
             self._position += s.dt[k][..., None] * self._velocity
-            self._held *= lasting[k][..., None]
-            self._held += rate[k][..., None] * self._velocity
-            self._held += slides[k][..., None] * by.friction
+            if gives:
+                self._held *= lasting[k][..., None]
+                self._held += rate[k][..., None] * self._velocity
+                self._held += slides[k][..., None] * by.friction
             self._recent.appendleft(self._position.copy())
         self._dt = float(s.dt[-1].mean())
 

@@ -13,7 +13,7 @@ FORCE = np.array([0.2, -0.1, 0.2])
 
 
 def _found(worth: float) -> float:
-    """Share that is found of pushes by `FORCE`; the loads tell equally much along all axes."""
+    """Share of pushes by `FORCE` that are found; the loads say as much about each axis."""
     told = np.eye(3) * worth / (FORCE @ FORCE)
     return found_by_ideal(told, told @ FORCE, ROWS, INTERVAL)
 

@@ -86,7 +86,7 @@ def test_intervals_hold_as_often_as_they_say():
 
 
 def test_intervals_hold_where_few_segments_disagree():
-    """The parameters differ from segment to segment, as where no twin is exact. The first tells most."""
+    """No twin is exact, so each segment has parameters of its own. The first segment tells most."""
     inside, arms = 0, 150
     for seed in range(arms):
         rng = np.random.default_rng([5, seed])
