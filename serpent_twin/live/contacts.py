@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.arm.geometry import ARM
 from serpent_twin.arrays import Array
 from serpent_twin.estimators.force_filter import FeltForce
 from serpent_twin.live.follower import Follower
@@ -28,14 +27,14 @@ _LEAN = np.deg2rad(15.0)
 """How far its mean may be from straight down [rad]"""
 _PARTS, _STEADY = 4, 0.5
 """Parts of the time of a weight, and by which share of its mean what pulls down in each may differ from it"""
-_GRAVITY: Array = np.array(ARM.gravity)
-_DOWN: Array = _GRAVITY / np.linalg.norm(_GRAVITY)
 
 
 @dataclass
 class Touch:
     """What touched the arm from one reading on until another."""
 
+    gravity: Array
+    """In the base frame [m/s²], (3,): a weight pulls along it, and a base may lean"""
     time: list[float] = field(default_factory=list)
     felt: list[FeltForce] = field(default_factory=list)
 
@@ -62,18 +61,21 @@ class Touch:
         """
         if self.time[-1] - self.time[0] < _WEIGHT_S or len(force) < _PARTS:
             return None
-        mean = force.mean(axis=0)
-        down = float(mean @ _DOWN)
-        parts = [each.mean(axis=0) @ _DOWN for each in np.array_split(force, _PARTS)]
+        mean, size = force.mean(axis=0), float(np.linalg.norm(self.gravity))
+        along = self.gravity / size
+        down = float(mean @ along)
+        parts = [each.mean(axis=0) @ along for each in np.array_split(force, _PARTS)]
         upright = down > np.cos(_LEAN) * float(np.linalg.norm(mean))
         steady = np.abs(np.array(parts) - down).max() < _STEADY * down
-        return down / float(np.linalg.norm(_GRAVITY)) if upright and steady else None
+        return down / size if upright and steady else None
 
 
 class Contacts:
     """The contacts of a run, and how far felt forces were from known ones."""
 
-    def __init__(self) -> None:
+    def __init__(self, gravity: Array) -> None:
+        """`gravity` of the arm in the base frame [m/s²], (3,)."""
+        self._gravity = gravity
         self._contacts: list[Touch] = []
         self._off: list[Array] = []
         self._pushed: list[bool] = []
@@ -114,7 +116,7 @@ class Contacts:
         now = float(row["time"])
         if felt.touched:
             if not self._contacts or now - self._contacts[-1].time[-1] > _APART_S:
-                self._contacts.append(Touch())
+                self._contacts.append(Touch(self._gravity))
             self._contacts[-1].time.append(now)
             self._contacts[-1].felt.append(felt)
         if KNOWN[0] in row:

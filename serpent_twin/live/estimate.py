@@ -16,6 +16,7 @@ from serpent_twin.live.run import LivePlan, readout_hashes, run_and_state
 from serpent_twin.recording import collect, run_settings
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sim import arm_file, twin_model
+from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
 SETTINGS = "estimate.json"
 RESULTS = "results.json"
@@ -27,7 +28,8 @@ def estimate(config: Estimate) -> dict[str, Any]:
     if plan.note:
         print(plan.note)
     follower = Follower(plan.estimator, config.steps, config.learn, config.prior_runtime_s)
-    course, contacts = Course(config.steps), Contacts()
+    own = plan.estimator.own_twin or NOMINAL_TWIN  # what feels has its own
+    course, contacts = Course(config.steps), Contacts(own.gravity)
     if config.force:
         plan = replace(plan, beside=contacts.beside(follower))
     said = settings(config, plan)

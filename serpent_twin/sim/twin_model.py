@@ -69,6 +69,11 @@ class TwinModel:
         return self.tolerances.built(self.arm)
 
     @property
+    def gravity(self) -> Array:
+        """Gravity in the base frame, as effects turn it [m/s²], (3,)."""
+        return mjcf.world_from_base().T @ self.spec(motors=False).option.gravity
+
+    @property
     def transition_velocity(self) -> Array:
         """Below which each hinge's friction creeps [rad/s], (9,)."""
         return self.parameters.transition_velocity * np.exp(self.tolerances.transition_velocity)

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from live_runs import column, estimated, logged, train_few
 
+from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL
+from serpent_twin.effects.base_tilt import BaseTilt
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import load
 from serpent_twin.estimators.bus_reading import readings
@@ -17,7 +19,9 @@ from serpent_twin.live.contacts import COLUMNS, CONTACT, FORCE, LINK, TOUCHED, T
 from serpent_twin.live.estimate import estimate
 from serpent_twin.live.options import Estimate
 from serpent_twin.readouts.windows import bus_of
+from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
+GRAVITY = np.array(ARM.gravity)
 DAMPED = replace(NOMINAL, joint_damping=0.02)
 PUSH = "link,begin,end,force_x,force_y,force_z,shape\n9,10,20,0.2,0.7,-0.4,step\n"
 
@@ -101,8 +105,8 @@ def test_a_readout_of_windows_feels_nothing_and_says_so(folder):
     assert not (folder / "none").exists()
 
 
-def lasting(force, seconds=20.0):
-    contact = Touch()
+def lasting(force, seconds=20.0, gravity=GRAVITY):
+    contact = Touch(gravity)
     known = 0.01 * np.eye(3)
     for n, now in enumerate(force):
         contact.time.append(n * seconds / len(force))
@@ -125,3 +129,13 @@ def test_a_weight_pulls_down_and_stays():
     assert lasting(down, seconds=3.0).found()["weight_kg"] is None
     swinging = down * np.linspace(0.0, 2.5, 80)[:, None]
     assert lasting(swinging).found()["weight_kg"] is None
+
+
+def test_a_weight_on_a_base_that_leans_pulls_along_the_twins_gravity():
+    """A turn by 0.4 rad about y moves what pulls along x against z."""
+    twin = NOMINAL_TWIN.with_effect(BaseTilt(about_y=0.4))
+    expected = 9.81 * np.array([np.cos(0.4), 0.0, -np.sin(0.4)])
+    assert twin.gravity == pytest.approx(expected, abs=1e-12)
+    pulled = np.tile(0.05 * expected, (80, 1))
+    assert lasting(pulled, gravity=twin.gravity).found()["weight_kg"] == pytest.approx(0.05)
+    assert lasting(pulled).found()["weight_kg"] is None
