@@ -7,6 +7,14 @@ from serpent_twin.arrays import Array, cross
 
 _LEAN = 1e-6  # [m²] (0.2 mm of noise over 0.2 rad)²: the prior of the first guess, for lost markers
 _LONGEST_STEP = 0.2  # [rad] Gauss-Newton overshoots from far away
+_SETTLED = (
+    1e-7  # [rad] the next step would be smaller by the markers' errors over the links' length
+)
+
+_MOVED, _MOVES = np.tril_indices(N_JOINTS)
+"""Each marker with each joint that moves it, (45,)"""
+_PLACE = N_JOINTS * (3 * _MOVED[:, None] + np.arange(3)) + _MOVES[:, None]
+"""Where their derivatives stand in a Jacobian that is written in one line, (45, 3)"""
 
 
 def marker_jacobian(q: Array, arm: Arm = ARM) -> tuple[Array, Array, Array]:
@@ -16,10 +24,9 @@ def marker_jacobian(q: Array, arm: Arm = ARM) -> tuple[Array, Array, Array]:
     origin, rotation = link_frames(q, arm)
     marker = markers_on(origin, rotation, arm)
     axis = (rotation @ arm.joint_axes[:, :, None])[..., 0]
-    slope = np.zeros((*q.shape[:-1], N_JOINTS, 3, N_JOINTS))
-    for i in range(N_JOINTS):
-        arm_of_lever = marker[..., i:, :] - origin[..., i, None, :]
-        cross(axis[..., i, None, :], arm_of_lever, slope[..., i:, :, i])
+    lever = marker[..., _MOVED, :] - origin[..., _MOVES, :]
+    slope = np.zeros((*q.shape[:-1], 3 * N_JOINTS * N_JOINTS))
+    slope[..., _PLACE] = cross(axis[..., _MOVES, :], lever)
     return marker, slope.reshape(*q.shape[:-1], 3 * N_JOINTS, N_JOINTS), rotation
 
 
@@ -27,7 +34,8 @@ def joints_from_markers(marker: Array, start: Array, arm: Arm = ARM, iterations:
     """Joint angles [rad], (..., 9), that put the markers nearest to measured ones [m], (..., 9, 3).
 
     NaN markers do not count; what they leave open stays near `start`, such as A⁻¹ of the motor angles,
-    (..., 9), from which Gauss-Newton begins.
+    (..., 9), from which Gauss-Newton begins. It ends where a step changes nothing, at the latest after so
+    many iterations.
     """
     q = start.copy()
     seen = np.isfinite(marker).reshape(*q.shape[:-1], -1)
@@ -40,6 +48,8 @@ def joints_from_markers(marker: Array, start: Array, arm: Arm = ARM, iterations:
         pull = (np.swapaxes(slope, -1, -2) @ error[..., None])[..., 0] - lean * (q - start)
         step = np.linalg.solve(normal, pull[..., None])[..., 0]
         q = q + np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
+        if (np.abs(step) < _SETTLED).all():
+            break
     return q
 
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin import estimators
 from serpent_twin.arrays import Array
@@ -58,7 +59,7 @@ def follow(config: Follow) -> dict[str, Any]:
 
     def tell(results: Mapping[str, Any]) -> None:
         print(_told(results))
-        write(config.out / PICTURE, _drawn(plan, steering, course.rows))
+        write(config.out / PICTURE, _drawn(plan, steering, _on_path(plan, steering, course)))
 
     def found() -> dict[str, Any]:
         return _errors(plan, steering, course)
@@ -66,11 +67,15 @@ def follow(config: Follow) -> dict[str, Any]:
     return run_and_state(live, follower, course, (SETTINGS, RESULTS), said, found, tell)
 
 
-def _drawn(plan: PathPlan, steering: PathSteering, rows: int) -> Any:
-    on_path = slice(plan.begins, rows)
-    time = (np.arange(plan.rows) - plan.begins) * plan.period
-    tips = {"as estimated": steering.estimated[on_path]}
-    return drawn(time[on_path], plan.tip[on_path], tips)
+def _on_path(plan: PathPlan, steering: PathSteering, course: Course) -> NDArray[np.intp]:
+    """The control steps that were driven on the path itself."""
+    return np.flatnonzero(steering.planned[: course.rows] >= plan.begins)
+
+
+def _drawn(plan: PathPlan, steering: PathSteering, rows: NDArray[np.intp]) -> Any:
+    time = (steering.planned[rows] - plan.begins) * plan.period
+    tips = {"as estimated": steering.estimated[rows]}
+    return drawn(time, steering.tip_wanted[rows], tips)
 
 
 def _estimator(config: Follow, twin: twin_model.TwinModel) -> Estimator:
@@ -127,8 +132,9 @@ def _about(config: Follow) -> dict[str, Any]:
 
 def _errors(plan: PathPlan, steering: PathSteering, course: Course) -> dict[str, Any]:
     """How far the gripper's end was from the path: as estimated, and the last marker as measured."""
-    rows = slice(plan.begins, course.rows)
-    estimated = np.linalg.norm(steering.estimated[rows] - plan.tip[rows], axis=1)
+    rows = _on_path(plan, steering, course)
+    off = steering.estimated[rows] - steering.tip_wanted[rows]
+    estimated = np.linalg.norm(off, axis=1)
     wanted = steering.markers_wanted[rows, -1]
     marker = np.linalg.norm(course.measured[rows, -1] - wanted, axis=1)
     return {

@@ -51,13 +51,20 @@ class PathSteering:
         self._before, self._joint = 0.0, plan.joint_angle[0]
         self.most_added = np.zeros(angle.shape[1])
         """Furthest that feedback moved each motor from the plan [rad], (10,)"""
+        self.planned = np.zeros(plan.rows, int)
+        """The plan's row of each control step, (T,): a loop that is late goes on where the path is by then"""
         self.estimated = np.full((plan.rows, 3), np.nan)
         """Where the gripper's end was estimated to be [m], (T, 3)"""
 
     @property
     def markers_wanted(self) -> Array:
-        """Where the markers are to be [m], (T, 9, 3)."""
-        return markers(self.plan.joint_angle, self._built)
+        """Where the markers were to be in each control step [m], (T, 9, 3)."""
+        return markers(self.plan.joint_angle[self.planned], self._built)
+
+    @property
+    def tip_wanted(self) -> Array:
+        """Where the gripper's end was to be in each control step [m], (T, 3)."""
+        return self.plan.tip[self.planned]
 
     @property
     def rows(self) -> int:
@@ -67,7 +74,7 @@ class PathSteering:
     def command(self, now: StepReading) -> tuple[Array, Array]:
         """The joints' planned angles, and the velocities to be sent."""
         plan, position = self.plan, now.state.position
-        row = self._row(now)
+        row = self.planned[now.number] = min(round(now.time / plan.period), self.rows - 1)
         wanted = plan.rehearsal.motor_angle[row]
         belief = self._follower.update(now)
         interval, self._before = now.time - self._before, now.time
@@ -84,9 +91,5 @@ class PathSteering:
 
     def columns(self, step: Step) -> dict[str, float]:
         """The log's columns of a step."""
-        values = [*self.plan.tip[self._row(step)], *self.estimated[step.number]]
+        values = [*self.plan.tip[self.planned[step.number]], *self.estimated[step.number]]
         return dict(zip(COLUMNS, map(float, values), strict=True))
-
-    def _row(self, now: StepReading) -> int:
-        """The row of the plan nearest in time."""
-        return min(round(now.time / self.plan.period), self.rows - 1)

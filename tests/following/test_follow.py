@@ -2,10 +2,12 @@
 
 import json
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
 
+from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.following.follow import follow
 from serpent_twin.following.options import Follow
@@ -42,6 +44,28 @@ def test_an_arm_of_soft_cables_keeps_to_its_path(config):
     assert len(log) == found["rows"]
     there = np.stack([log.extra[f"path_{axis}"] for axis in "xyz"], axis=1)
     np.testing.assert_allclose(there[-1], [0.48, 0.04, -0.2], atol=1e-4)
+
+
+def test_a_loop_that_is_late_goes_on_where_the_path_is_by_then(config, monkeypatch):
+    """One step comes 2 s late, in which the path goes on by 20 mm; its error is not that of another place."""
+    waited, calls = SimulatedBus.wait, count()
+    late = 2.0
+
+    def wait(self, period):
+        return waited(self, period + late * (next(calls) == 30))
+
+    monkeypatch.setattr(SimulatedBus, "wait", wait)
+    found = follow(config)
+    log = read_session(config.out / "session_01.parquet")
+    steps = np.diff(log.time)
+    assert (steps.max(), np.median(steps)) == pytest.approx((0.25 + late, 0.25), abs=0.02)
+    there = log.extra["path_y"]
+    n = int(np.argmax(steps))
+    assert n > len(log) - 33  # on the path
+    assert there[n + 1] - there[n] == pytest.approx(0.01 * steps[n], abs=1e-3)
+    assert found["marker9_error_mm"]["rms"] < 8.0
+    assert found["path_rows"] == 33
+    np.testing.assert_allclose(there[-8:], 0.04, atol=1e-4)  # it rests at the end
 
 
 def test_by_geometry_the_same_arm_is_far_off(config, tmp_path):
