@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
 from serpent_twin import estimators
 from serpent_twin.arrays import Array
@@ -12,6 +13,7 @@ from serpent_twin.estimators import Estimator
 from serpent_twin.estimators.observer import Observer
 from serpent_twin.following import path as paths
 from serpent_twin.following.options import Follow
+from serpent_twin.following.path import PathToFollow
 from serpent_twin.following.picture import drawn, write
 from serpent_twin.following.planning import PathPlan, planned, slack_cables
 from serpent_twin.following.reaching import JointBounds
@@ -38,15 +40,7 @@ def follow(config: Follow) -> dict[str, Any]:
     way = paths.read(config.path)
     estimator = _estimator(config, twin)
     estimator.require_rate(config.rate_hz)
-    print("rehearsing on the twin")
-    plan = planned(
-        way,
-        twin,
-        config.rate_hz,
-        JointBounds.usual(config.wider),
-        _limits(config),
-        config.prior_runtime_s,
-    )
+    plan = _rehearsed(config, way, twin)
     print(_said(plan))
     drive = _drive(config, plan)
     follower = Follower(estimator, plan.rows, prior_runtime=config.prior_runtime_s)
@@ -65,6 +59,19 @@ def follow(config: Follow) -> dict[str, Any]:
         return _errors(plan, steering, course)
 
     return run_and_state(live, follower, course, (SETTINGS, RESULTS), said, found, tell)
+
+
+def _rehearsed(config: Follow, way: PathToFollow, twin: twin_model.TwinModel) -> PathPlan:
+    bounds, limits = JointBounds.usual(config.wider), _limits(config)
+    with tqdm(desc="on the twin", unit="rehearsal") as bar:
+
+        def tell(missed: float) -> None:
+            bar.set_postfix_str(
+                f"joints miss their angles by {1e3 * missed:.2f} mrad", refresh=False
+            )
+            bar.update()
+
+        return planned(way, twin, config.rate_hz, bounds, limits, config.prior_runtime_s, tell)
 
 
 def _on_path(plan: PathPlan, steering: PathSteering, course: Course) -> NDArray[np.intp]:

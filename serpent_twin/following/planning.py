@@ -10,7 +10,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.following.path import PathToFollow
 from serpent_twin.following.reaching import NEAR, JointBounds, all_reached, reached, tips
-from serpent_twin.following.rehearsal import TIMES, Rehearsal, rehearsed
+from serpent_twin.following.rehearsal import TIMES, Rehearsal, Tell, rehearsed
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.sim.twin_model import TwinModel
 
@@ -72,12 +72,13 @@ def planned(
     bounds: JointBounds,
     limits: Limits,
     prior_runtime: float = 0.0,
+    tell: Tell = lambda _: None,
 ) -> PathPlan:
     """How the arm of a twin follows a path, from where it hangs straight; raises a `SerpentError` that says
     where and why it cannot.
 
     Of the poses that put the tip on the path, those are taken for which no motor has to turn a joint further
-    than it may.
+    than it may. After each rehearsal, `tell` is given by how much joints miss their angles [rad rms].
     """
     period = 1 / rate_hz
     time = np.arange(int(np.floor(path.duration / period + 1e-9)) + 1) * period
@@ -90,7 +91,7 @@ def planned(
     _refuse_fast(path, np.cumsum(along, axis=1), 0, period, limits)
 
     def rehearsed_in(times: int) -> PathPlan:
-        return _rehearsed(path, period, along, twin, prior_runtime, times)
+        return _rehearsed(path, period, along, twin, prior_runtime, times, tell)
 
     for _ in range(_EASED if path.of_tip else 0):
         tried = rehearsed_in(_FEW)
@@ -115,12 +116,13 @@ def _rehearsed(
     twin: TwinModel,
     prior_runtime: float,
     times: int,
+    tell: Tell,
 ) -> PathPlan:
     """The plan that leads along some poses, (T, 9), rehearsed so many times at most."""
     there, arm = _way_there(along[0], period), twin.built
     joint_angle = np.concatenate([there, along])
     wanted = path.at(np.arange(len(along)) * period) if path.of_tip else tips(along, arm)
-    rehearsal = rehearsed(twin, joint_angle, period, prior_runtime, times)
+    rehearsal = rehearsed(twin, joint_angle, period, prior_runtime, times, tell)
     tip = np.concatenate([tips(there, arm), wanted])
     return PathPlan(period, len(there), tip, joint_angle, rehearsal, arm)
 

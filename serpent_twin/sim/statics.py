@@ -40,11 +40,17 @@ def gravity_stiffness(joint_angle: Array) -> Array:
     return np.stack(steps, axis=-1) / (2 * _STEP)
 
 
+def held_by_cables(twin: TwinModel) -> Array:
+    """Stiffness with which cables hold the joints, where each one's strand of either side pulls [N m/rad],
+    (9, 9).
+    """
+    strand = strand_stiffness(twin)
+    return of_joints((strand[0::2] + strand[1::2]) / 2 * ARM.pulley_radii**2)
+
+
 def gives_way(twin: TwinModel, joint_angle: Array) -> Array:
     """By how much the joints' angles on stiff cables must change for a change of the joints, (…, 9, 9), where
     each cable's strand of either side pulls: 1 + C⁻¹ G, with the stiffness C of cables and G of gravity.
     """
-    strand = strand_stiffness(twin)
-    cable = (strand[0::2] + strand[1::2]) / 2 * ARM.pulley_radii**2
-    held = of_joints(cable)
-    return np.eye(N_JOINTS) + np.linalg.solve(held, gravity_stiffness(joint_angle))
+    more = np.linalg.solve(held_by_cables(twin), gravity_stiffness(joint_angle))
+    return np.eye(N_JOINTS) + more
