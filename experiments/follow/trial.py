@@ -121,7 +121,7 @@ def _error(
     bus = BenchBus(made, effects, seed=arm.seed, prior_runtime=arm.runtime)
     estimator = estimator or Observer.of(twin)
     follower = Follower(estimator, plan.rows, prior_runtime=arm.runtime)
-    steering = PathSteering(plan, twin, follower, twin.parameters.controller_gain, feedback)
+    steering = PathSteering(plan, twin, follower, feedback)
     tip: list[Array] = []
     half = (plan.begins + plan.rows) // 2
     with bus:

@@ -44,8 +44,7 @@ def follow(config: Follow) -> dict[str, Any]:
     print(_said(plan))
     drive = _drive(config, plan)
     follower = Follower(estimator, plan.rows, prior_runtime=config.prior_runtime_s)
-    gain = twin.parameters.controller_gain
-    steering = PathSteering(plan, twin, follower, gain, config.feedback)
+    steering = PathSteering(plan, twin, follower, config.feedback)
     beside = Beside(COLUMNS, steering.columns, {"path": _about(config)})
     live = LivePlan(config, estimator, drive, steering=steering, beside=beside)
     course = Course(plan.rows)

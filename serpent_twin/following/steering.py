@@ -8,6 +8,7 @@ from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
 from serpent_twin.following.planning import PathPlan
 from serpent_twin.following.reaching import tips
+from serpent_twin.hardware.xl430 import VELOCITY_UNIT
 from serpent_twin.live.follower import Follower
 from serpent_twin.recording.loop import Step, StepReading
 from serpent_twin.sim.statics import gives_way
@@ -17,6 +18,10 @@ WANTED = ("path_x", "path_y", "path_z")
 ESTIMATED = ("tip_x", "tip_y", "tip_z")
 COLUMNS = (*WANTED, *ESTIMATED)
 """Of a log: where the gripper's end is to be, and where it is estimated to be, in the base frame [m]"""
+_GAIN, _STEP = 5.0, 0.4
+"""What of its angle a motor lacks it turns in a second [1/s], and in a control step at most: one that answers
+late would swing about it
+"""
 _MOST = 0.3
 """Furthest that feedback moves a motor from the plan [rad]"""
 
@@ -25,6 +30,7 @@ class PathSteering:
     """The planned motion of the motors, with feedback of the joints' estimated angles.
 
     A motor turns as in the rehearsal, and is drawn towards its angle there in proportion to what it lacks.
+    What the motors' unit of speed rounds off a command is added to the next one.
     What the estimate says that the joints lack is turned into motor angles by the inverse stiffness and added
     slowly. An estimate that is the twin's own, with motors that follow, agrees with the rehearsal, so that
     nothing is added.
@@ -35,20 +41,18 @@ class PathSteering:
         plan: PathPlan,
         twin: TwinModel,
         follower: Follower,
-        gain: float,
         feedback: float,
     ) -> None:
-        """`gain` draws motors to their angles [1/s]; `feedback` takes up what the joints lack [1/s], 0 for
-        open loop.
-        """
+        """`feedback` takes up what the joints lack [1/s], 0 for open loop."""
         self.plan, self._follower = plan, follower
-        self._gain, self._feedback = min(gain, 0.4 / plan.period), feedback
+        self._gain, self._feedback = min(_GAIN, _STEP / plan.period), feedback
         self._built = twin.built
         self._more = gives_way(twin, plan.joint_angle)
         angle = plan.rehearsal.motor_angle
         self._speed = np.diff(angle, axis=0, append=angle[-1:]) / plan.period
         self._added = np.zeros(angle.shape[1])
         self._before, self._joint = 0.0, plan.joint_angle[0]
+        self._asked = np.zeros(angle.shape[1])
         self.most_added = np.zeros(angle.shape[1])
         """Furthest that feedback moved each motor from the plan [rad], (10,)"""
         self.planned = np.zeros(plan.rows, int)
@@ -87,7 +91,9 @@ class PathSteering:
             self._added = np.clip(added, -_MOST, _MOST)
             self.most_added = np.maximum(self.most_added, np.abs(self._added))
         toward = self._gain * (wanted + self._added - position)
-        return plan.joint_angle[row], self._speed[row] + toward
+        rounded = np.clip(self._asked - now.before, -VELOCITY_UNIT, VELOCITY_UNIT)
+        self._asked = self._speed[row] + toward + rounded
+        return plan.joint_angle[row], self._asked
 
     def columns(self, step: Step) -> dict[str, float]:
         """The log's columns of a step."""

@@ -9,9 +9,11 @@ import pytest
 
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
+from serpent_twin.following import steering
 from serpent_twin.following.follow import follow
 from serpent_twin.following.options import Follow
 from serpent_twin.following.steering import PathSteering
+from serpent_twin.hardware.xl430 import VELOCITY_UNIT
 from serpent_twin.sessions import read_session
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin_model import NOMINAL_TWIN
@@ -66,6 +68,22 @@ def test_a_loop_that_is_late_goes_on_where_the_path_is_by_then(config, monkeypat
     assert found["marker9_error_mm"]["rms"] < 8.0
     assert found["path_rows"] == 33
     np.testing.assert_allclose(there[-8:], 0.04, atol=1e-4)  # it rests at the end
+
+
+def test_what_is_rounded_off_a_speed_is_made_up_for(config, monkeypatch):
+    """Without a gain, motors still end where the sum of the asked speeds would bring them."""
+    monkeypatch.setattr(steering, "_GAIN", 0.0)
+    asked, commanded = [], PathSteering.command
+
+    def command(self, now):
+        asked.append(self._speed[min(round(now.time / self.plan.period), self.rows - 1)])
+        return commanded(self, now)
+
+    monkeypatch.setattr(PathSteering, "command", command)
+    follow(replace(config, feedback=0.0))
+    sent = read_session(config.out / "session_01.parquet").motor_velocity_command
+    lacking = np.cumsum(np.array(asked) - sent, axis=0)
+    assert np.abs(lacking).max() <= 0.501 * VELOCITY_UNIT
 
 
 def test_by_geometry_the_same_arm_is_far_off(config, tmp_path):
