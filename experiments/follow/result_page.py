@@ -8,12 +8,14 @@ import numpy as np
 from experiments.follow.over_device import SLOW
 from experiments.follow.paths import PATHS, SPEED
 from experiments.follow.trial import (
+    EACH,
     FIRST,
     GEOMETRY,
     LOADED,
     LOADED_OPEN,
     MENDED,
     NOMINAL,
+    RATE,
     RATES,
     WAYS,
     WEIGHED,
@@ -35,8 +37,9 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
     rows = results["rows"]
     text = (
         "The last table says what nobody had declared of each arm. Its twin is what `trace` wrote from its "
-        f"logs. The tip goes along each path at {1e3 * SPEED:.0f} mm/s, without a camera in the loop; errors "
-        "are distances of the true tip, the gripper's end, from where it was to be at that instant. "
+        f"logs. The tip goes along each path at {1e3 * SPEED:.0f} mm/s, in {RATE:g} control steps a second "
+        "and without a camera in the loop; errors are distances of the true tip, the gripper's end, from "
+        "where it was to be at that instant. "
         "*Geometry* turns the motors as stiff cables would need it. The twins' ways turn them as rehearsed "
         "on a twin: the nominal one, or the arm's own. *Feedback* adds what the observer says that the "
         "joints lack."
@@ -134,7 +137,7 @@ def _on_path(row: Mapping[str, Any]) -> Figure:
     """Where one arm's tip truly was."""
     wanted, ways = np.array(row["wanted"]), row["paths"][FIRST]
     tips = {way: np.array(ways[way]["tip"]) for way in (GEOMETRY, NOMINAL, MENDED)}
-    drawing = drawn(np.arange(len(wanted)) / RATES[0], wanted, tips)
+    drawing = drawn(np.arange(len(wanted)) * EACH / RATE, wanted, tips)
     kind = row["name"].replace("_", " ")
     caption = (
         f"Where the tip of an arm truly was on the {FIRST}; by its own twin it was as far off as the middle "

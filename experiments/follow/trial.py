@@ -29,8 +29,12 @@ from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
 
 GEOMETRY, NOMINAL, MENDED, FEEDBACK = "geometry", "nominal twin", "its twin", "its twin, feedback"
 WAYS = GEOMETRY, NOMINAL, MENDED, FEEDBACK
-RATES = 4.0, 20.0, 100.0
-"""Control steps per second; the first for all ways, the others for feedback on the first path"""
+RATE = 20.0
+"""Control steps per second"""
+RATES = 4.0, RATE, 100.0
+"""With feedback on the first path"""
+EACH = 5
+"""Of so many rows the tip's place is kept once"""
 LIMITS = Limits(joint_angle=np.pi / 2)
 """For the joints' angles that the motors' would give on stiff cables; arm.toml has 60° unless changed"""
 LOAD = 0.05
@@ -60,8 +64,8 @@ def _followed(arm: StudyArm, twin: TwinModel) -> dict[str, Any]:
             MENDED: _error(arm, own, twin, keep=name == FIRST),
             FEEDBACK: _error(arm, own, twin, feedback=1.0),
         }
-    (own, _), rates = plans[FIRST], {f"{RATES[0]:g}": found[FIRST][FEEDBACK]}
-    for rate in RATES[1:]:
+    (own, _), rates = plans[FIRST], {f"{RATE:g}": found[FIRST][FEEDBACK]}
+    for rate in set(RATES) - {RATE}:
         plan = _planned(PATHS[FIRST], twin, arm, rate)
         rates[f"{rate:g}"] = _error(arm, plan, twin, feedback=1.0)
     weighing = observer_of(WeighingObserver, arm)
@@ -71,7 +75,7 @@ def _followed(arm: StudyArm, twin: TwinModel) -> dict[str, Any]:
         WEIGHED_LOADED: _error(arm, own, twin, weighing, feedback=1.0, load=LOAD),
         WEIGHED: _error(arm, own, twin, weighing, feedback=1.0),
     }
-    wanted = np.round(own.tip[own.begins :], 4).tolist()
+    wanted = np.round(own.tip[own.begins :: EACH], 4).tolist()
     return {
         "paths": found,
         "refused": refused,
@@ -91,7 +95,7 @@ def _plans(
     refused: dict[str, str] = {}
     for name, path in PATHS.items():
         try:
-            own, nominal = (_planned(path, each, arm, RATES[0]) for each in (twin, NOMINAL_TWIN))
+            own, nominal = (_planned(path, each, arm, RATE) for each in (twin, NOMINAL_TWIN))
         except SerpentError as error:
             if name == FIRST:
                 raise
@@ -135,7 +139,7 @@ def _error(
     last = off[-((plan.rows - plan.begins) // 6) :]
     took = follower.update_ms[np.isfinite(follower.update_ms)]
     return {
-        "tip": np.round(np.array(tip)[plan.begins :], 4).tolist() if keep else None,
+        "tip": np.round(np.array(tip)[plan.begins :: EACH], 4).tolist() if keep else None,
         "mean": float(off.mean()),
         "rms": float(np.sqrt((off**2).mean())),
         "last_rms": float(np.sqrt((last**2).mean())),

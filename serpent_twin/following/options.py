@@ -42,7 +42,7 @@ class Follow(Checked):
     wider: Annotated[float, within(0.5, 2.0)] = 1.0
     """Times the joints' usual range, -22.5 ... 22.5 degrees for odd joints and 0 ... 22.5 for even ones, in
     which poses are sought. The logs that the twin was traced from hardly go beyond."""
-    rate_hz: RateHz = 4.0
+    rate_hz: RateHz = 20.0
     """Control steps per second."""
     simulate: Annotated[Path | None, SIMULATED, when(backend="sim")] = None
     """The arm to simulate, for --backend sim: another twin.json. Without: the twin itself."""

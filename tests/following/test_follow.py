@@ -33,7 +33,7 @@ def config(tmp_path):
     np.savetxt(path, np.column_stack([time, points]), delimiter=",", header=header, comments="")
     twin = tmp_path / "twin.json"
     twin_model.write(twin, SOFT, {})
-    return Follow(path=path, twin=twin, out=tmp_path / "run", record=False)
+    return Follow(path=path, twin=twin, out=tmp_path / "run", record=False, rate_hz=4.0)
 
 
 def test_an_arm_of_soft_cables_keeps_to_its_path(config):
