@@ -9,6 +9,7 @@ from diagnoses import ERRORS, diagnosis, estimate
 from experiments.confusion import arms as confusion_arms
 from experiments.confusion import plan as confusion_plan
 from experiments.confusion import score as confusion_score
+from experiments.confusion.page import page
 from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR
 
 
@@ -152,3 +153,13 @@ def test_strengths_of_unlike_variants_have_limits_of_their_own():
     bend, tension = limits["cable_friction (by_bend 1)"], limits["cable_friction (by_bend 0)"]
     assert 0.5 * 0.4 < bend < 0.75 * 0.4
     assert 0.5 * 0.1 < tension < 0.75 * 0.1
+
+
+def test_a_study_of_pairs_alone_has_no_matrix_of_single_faults():
+    pair, alone = row(PAIR, "payload + base_tilt"), row(KNOWN, "payload")
+    titles = [
+        [section.title for section in page(rows, confusion_score.scores(rows), {}).sections]
+        for rows in ([pair], [pair, alone])
+    ]
+    assert titles[1][0] == "What was there, and what was called"
+    assert titles[0][0] == titles[1][1]
