@@ -6,6 +6,7 @@ from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arm.geometry import markers
 from serpent_twin.arm.inverse_kinematics import joints_from_markers
 from serpent_twin.arrays import Array
+from serpent_twin.effects.motor_latency import MotorLatency
 from serpent_twin.following.planning import PathPlan
 from serpent_twin.following.reaching import tips
 from serpent_twin.hardware.xl430 import VELOCITY_UNIT
@@ -18,9 +19,9 @@ WANTED = ("path_x", "path_y", "path_z")
 ESTIMATED = ("tip_x", "tip_y", "tip_z")
 COLUMNS = (*WANTED, *ESTIMATED)
 """Of a log: where the gripper's end is to be, and where it is estimated to be, in the base frame [m]"""
-_GAIN, _STEP = 5.0, 0.4
-"""What of its angle a motor lacks it turns in a second [1/s], and in a control step at most: one that answers
-late would swing about it
+_GAIN, _LATE = 5.0, 0.4
+"""What of its angle a motor lacks it turns in a second [1/s], and at most until its answer shows: else it
+would swing about it
 """
 _MOST = 0.3
 """Furthest that feedback moves a motor from the plan [rad]"""
@@ -29,7 +30,8 @@ _MOST = 0.3
 class PathSteering:
     """The planned motion of the motors, with feedback of the joints' estimated angles.
 
-    A motor turns as in the rehearsal, and is drawn towards its angle there in proportion to what it lacks.
+    A motor turns as in the rehearsal, and is drawn towards its angle there in proportion to what it lacks. Of
+    one that reports late, the rehearsal has what it will report: it turns as much earlier.
     What the motors' unit of speed rounds off a command is added to the next one.
     What the estimate says that the joints lack is turned into motor angles by the inverse stiffness and added
     slowly. An estimate that is the twin's own, with motors that follow, agrees with the rehearsal, so that
@@ -45,11 +47,13 @@ class PathSteering:
     ) -> None:
         """`feedback` takes up what the joints lack [1/s], 0 for open loop."""
         self.plan, self._follower = plan, follower
-        self._gain, self._feedback = min(_GAIN, _STEP / plan.period), feedback
+        delay = twin.effect_of(MotorLatency).delay
+        self._gain, self._feedback = min(_GAIN, _LATE / (plan.period + delay)), feedback
         self._built = twin.built
         self._more = gives_way(twin, plan.joint_angle)
         angle = plan.rehearsal.motor_angle
-        self._speed = np.diff(angle, axis=0, append=angle[-1:]) / plan.period
+        self._speed = _ahead(np.diff(angle, axis=0, append=angle[-1:]), delay / plan.period)
+        self._speed /= plan.period
         self._added = np.zeros(angle.shape[1])
         self._before, self._joint = 0.0, plan.joint_angle[0]
         self._asked = np.zeros(angle.shape[1])
@@ -99,3 +103,9 @@ class PathSteering:
         """The log's columns of a step."""
         values = [*self.plan.tip[self.planned[step.number]], *self.estimated[step.number]]
         return dict(zip(COLUMNS, map(float, values), strict=True))
+
+
+def _ahead(rows: Array, count: float) -> Array:
+    """Rows, (T, n), that are so many rows later, interpolated; beyond the last one, zero."""
+    at = np.arange(len(rows))
+    return np.stack([np.interp(at + count, at, each, right=0.0) for each in rows.T], axis=1)
