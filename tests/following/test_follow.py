@@ -7,6 +7,7 @@ from itertools import count
 import numpy as np
 import pytest
 
+from serpent_twin.effects.motor_latency import MotorLatency
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.following import steering
@@ -84,6 +85,12 @@ def test_what_is_rounded_off_a_speed_is_made_up_for(config, monkeypatch):
     sent = read_session(config.out / "session_01.parquet").motor_velocity_command
     lacking = np.cumsum(np.array(asked) - sent, axis=0)
     assert np.abs(lacking).max() <= 0.501 * VELOCITY_UNIT
+
+
+def test_motors_that_report_late_turn_in_time(config):
+    """Those that turned as late as they report would be 3.5 mm off."""
+    twin_model.write(config.twin, SOFT.with_effect(MotorLatency(delay=0.2)), {})
+    assert follow(replace(config, rate_hz=20.0))["marker9_error_mm"]["rms"] < 2.0
 
 
 def test_by_geometry_the_same_arm_is_far_off(config, tmp_path):
