@@ -166,7 +166,13 @@ def _weights(rows: Rows) -> Table:
                 )
             )
     return Table(
-        ("what is wrong", "felt", "mean force, x down [N]", "where", "called a weight"),
+        (
+            "what is wrong",
+            "felt",
+            "mean force [N], x down unless the base leans",
+            "where",
+            "called a weight",
+        ),
         tuple(lines),
         "The share of the rows in which contact is reported, and the mean over them.",
     )
