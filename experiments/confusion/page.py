@@ -32,10 +32,11 @@ RIGHT, WRONG = COLOURS[3], COLOURS[2]
 def page(rows: Sequence[Row], figures: Mapping[str, Any], facts: Mapping[str, str]) -> Report:
     """The report over all rows."""
     found = limits(rows)
-    sections = [Section("How the aims are met", "", (aims_table(rows, figures),))]
+    sections = list[Section]()
     if any(row["kind"] != PAIR for row in rows):
         matrices = _picture(rows), _counts(rows)
-        sections.insert(0, Section("What was there, and what was called", _MATRIX, matrices))
+        sections.append(Section("What was there, and what was called", _MATRIX, matrices))
+    sections.append(Section("How the aims are met", "", (aims_table(rows, figures),)))
     if found:
         sections.append(
             Section("How weak a fault is noticed", _LIMITS, (_curves(found), limits_table(found)))

@@ -89,8 +89,8 @@ def _pushes(rows: Rows, of: str) -> list[Mapping[str, Any]]:
 def _contacts_told(rows: Rows) -> str:
     hours, false = sum(r["free_hours"] for r in rows), sum(r["false_contacts"] for r in rows)
     return (
-        f"Nothing touched the arms for {hours:.1f} hours. In that time, {counted(false, 'false contact')} "
-        f"came up ({_listed(rows)}). A push "
+        f"In {hours:.1f} hours without a touch, the observers reported {counted(false, 'false contact')} "
+        f"({_listed(rows)}). A push "
         "is found in its first second if contact is reported within it. How much that second can tell "
         "depends on pose, direction and link: where a force hardly turns a joint, or motors stand, nobody "
         "could feel it. *Possible* is how many would be reported within that second by the ideal detector. "

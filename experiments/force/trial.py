@@ -81,7 +81,7 @@ class Run:
 
     def __init__(self, observer: Observer, log: Session, arm: StudyArm) -> None:
         self.link, self.force = before(log)
-        self._gravity = observer.arm.gravity
+        self._twin = observer.arm
         live = feeling(observer).live(arm.runtime)
         bound = Bound(arm.built()[0].load_noise)
         self.felt, self.known, took, least = [], [], [], []
@@ -137,7 +137,7 @@ class Run:
 
     def weight(self) -> dict[str, Any]:
         """What is felt of a weight that the arm carries all the time, all contacts taken together."""
-        each = Touch(self._gravity)
+        each = Touch(self._twin.gravity)
         for n, felt in enumerate(self.felt[_DROP:]):
             if felt.touched:
                 each.time.append(n / RATE)

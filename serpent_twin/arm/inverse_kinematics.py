@@ -7,9 +7,7 @@ from serpent_twin.arrays import Array, cross
 
 _LEAN = 1e-6  # [m²] (0.2 mm of noise over 0.2 rad)²: the prior of the first guess, for lost markers
 _LONGEST_STEP = 0.2  # [rad] Gauss-Newton overshoots from far away
-_SETTLED = (
-    1e-7  # [rad] the next step would be smaller by the markers' errors over the links' length
-)
+_SETTLED = 1e-7  # [rad] far below the markers' noise, and the next step would be smaller still
 
 _MOVED, _MOVES = np.tril_indices(N_JOINTS)
 """Each marker with each joint that moves it, (45,)"""

@@ -52,7 +52,7 @@ def follow(config: Follow) -> dict[str, Any]:
 
     def tell(results: Mapping[str, Any]) -> None:
         print(_told(results))
-        write(config.out / PICTURE, _drawn(plan, steering, _on_path(plan, steering, course)))
+        write(config.out / PICTURE, _drawn(plan, steering, course))
 
     def found() -> dict[str, Any]:
         return _errors(plan, steering, course)
@@ -78,7 +78,8 @@ def _on_path(plan: PathPlan, steering: PathSteering, course: Course) -> NDArray[
     return np.flatnonzero(steering.planned[: course.rows] >= plan.begins)
 
 
-def _drawn(plan: PathPlan, steering: PathSteering, rows: NDArray[np.intp]) -> Any:
+def _drawn(plan: PathPlan, steering: PathSteering, course: Course) -> Any:
+    rows = _on_path(plan, steering, course)
     time = (steering.planned[rows] - plan.begins) * plan.period
     tips = {"as estimated": steering.estimated[rows]}
     return drawn(time, steering.tip_wanted[rows], tips)

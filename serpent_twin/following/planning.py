@@ -78,7 +78,7 @@ def planned(
     where and why it cannot.
 
     Of the poses that put the tip on the path, those are taken for which no motor has to turn a joint further
-    than it may. After each rehearsal, `tell` is given by how much joints miss their angles [rad rms].
+    than it may. `tell` is called after each rehearsal.
     """
     period = 1 / rate_hz
     time = np.arange(int(np.floor(path.duration / period + 1e-9)) + 1) * period

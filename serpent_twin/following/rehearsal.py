@@ -19,6 +19,7 @@ from serpent_twin.sim.stepper import addresses
 from serpent_twin.sim.twin_model import TwinModel
 
 Tell = Callable[[float], object]
+"""Is given by how much joints miss their angles [rad rms]"""
 
 TIMES = 60
 """Rehearsals at most"""
@@ -52,8 +53,8 @@ def rehearsed(
     times: int = TIMES,
     tell: Tell = lambda _: None,
 ) -> Rehearsal:
-    """The motors' angles along which a twin's joints go through some [rad], (T, 9), a period apart [s]; after
-    each rehearsal, `tell` is given by how much they miss them [rad rms].
+    """The motors' angles along which a twin's joints go through some [rad], (T, 9), a period apart [s];
+    `tell` is called after each rehearsal.
 
     Iterative learning control: what stretch, slack, friction and gravity keep the joints from in one
     rehearsal is added to the motors' angles at that instant in the next, so that slack is taken up as the

@@ -30,9 +30,10 @@ _MOST = 0.3
 class PathSteering:
     """The planned motion of the motors, with feedback of the joints' estimated angles.
 
-    A motor turns as in the rehearsal, and is drawn towards its angle there in proportion to what it lacks. Of
-    one that reports late, the rehearsal has what it will report: it turns as much earlier.
-    What the motors' unit of speed rounds off a command is added to the next one.
+    A motor turns as in the rehearsal, and is drawn towards its angle there in proportion to what it lacks. If
+    motors report late, the rehearsal has the angles that they will report, so each turns earlier by that
+    delay. What rounding to the motors' unit of speed takes from a command is added to the next one.
+
     What the estimate says that the joints lack is turned into motor angles by the inverse stiffness and added
     slowly. An estimate that is the twin's own, with motors that follow, agrees with the rehearsal, so that
     nothing is added.
@@ -52,8 +53,8 @@ class PathSteering:
         self._built = twin.built
         self._more = gives_way(twin, plan.joint_angle)
         angle = plan.rehearsal.motor_angle
-        self._speed = _ahead(np.diff(angle, axis=0, append=angle[-1:]), delay / plan.period)
-        self._speed /= plan.period
+        speed = np.diff(angle, axis=0, append=angle[-1:]) / plan.period
+        self._speed = _ahead(speed, delay / plan.period)
         self._added = np.zeros(angle.shape[1])
         self._before, self._joint = 0.0, plan.joint_angle[0]
         self._asked = np.zeros(angle.shape[1])

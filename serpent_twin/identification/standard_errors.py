@@ -12,7 +12,8 @@ from serpent_twin.identification.free_parameters import prior_information
 from serpent_twin.machines.case import Case
 
 _ALONE = 0.1
-"""A segment alone tells a direction if the others have less than this share of the information along it"""
+"""No segment is left out along a direction of which the others hold less than this share of the information
+"""
 _SHARED = 1 / 3
 """Variance of what is wrong with a twin in all segments alike, in variances of what is wrong with it in one
 alone: as found on arms whose true parts are known

@@ -16,7 +16,6 @@ from serpent_twin.live.run import LivePlan, readout_hashes, run_and_state
 from serpent_twin.recording import collect, run_settings
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sim import arm_file, twin_model
-from serpent_twin.sim.twin_model import NOMINAL_TWIN
 
 SETTINGS = "estimate.json"
 RESULTS = "results.json"
@@ -28,19 +27,19 @@ def estimate(config: Estimate) -> dict[str, Any]:
     if plan.note:
         print(plan.note)
     follower = Follower(plan.estimator, config.steps, config.learn, config.prior_runtime_s)
-    own = plan.estimator.own_twin or NOMINAL_TWIN  # what feels has its own
-    course, contacts = Course(config.steps), Contacts(own.gravity)
-    if config.force:
+    course, twin = Course(config.steps), plan.estimator.own_twin
+    contacts = Contacts(twin.gravity) if config.force and twin else None
+    if contacts:
         plan = replace(plan, beside=contacts.beside(follower))
     said = settings(config, plan)
     arm = {"simulated_arm": plan.note, "trained_on_simulated_arm": plan.trained_on_it}
 
     def found() -> dict[str, Any]:
-        return arm | (contacts.found() if config.force else {})
+        return arm | (contacts.found() if contacts else {})
 
     def tell(results: Mapping[str, Any]) -> None:
         print(told(results))
-        if config.force:
+        if contacts:
             print(contacts.told())
 
     return run_and_state(plan, follower, course, (SETTINGS, RESULTS), said, found, tell)

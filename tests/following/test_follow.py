@@ -77,8 +77,9 @@ def test_what_is_rounded_off_a_speed_is_made_up_for(config, monkeypatch):
     asked, commanded = [], PathSteering.command
 
     def command(self, now):
-        asked.append(self._speed[min(round(now.time / self.plan.period), self.rows - 1)])
-        return commanded(self, now)
+        found = commanded(self, now)
+        asked.append(self._speed[self.planned[now.number]])
+        return found
 
     monkeypatch.setattr(PathSteering, "command", command)
     follow(replace(config, feedback=0.0))

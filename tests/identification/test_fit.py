@@ -86,7 +86,7 @@ def test_intervals_hold_as_often_as_they_say():
 
 
 def test_intervals_hold_where_few_segments_disagree():
-    """No twin is exact, so each segment has parameters of its own. The first segment tells most."""
+    """Each segment is made with slightly different parameters. The first segment has the most information."""
     inside, arms = 0, 150
     for seed in range(arms):
         rng = np.random.default_rng([5, seed])
