@@ -44,6 +44,9 @@ BEYOND_DOUBT = 1e-4
 """Probability of chance below which a gain shows by itself that a lone strength is not zero, however much the
 segments disagree about its size"""
 
+_OUTDONE = 2
+"""Candidates that are fitted beside the accepted one that outdid them, whatever a score test says"""
+
 
 @dataclass(frozen=True)
 class CandidateTrial:
@@ -222,6 +225,24 @@ def promising(trials: Mapping[str, CandidateTrial]) -> str:
         and trial.gain.probability_of_chance < CHANCE
     }
     return max(good, key=lambda name: good[name], default="")
+
+
+def outdone(done: Round) -> dict[str, Array]:
+    """The best few candidates whose gain in a round would have been worth it, had another's not been greater,
+    with the parameters of their fits. Where the accepted one has taken up their part, as a payload too heavy
+    does that of links that bend, a score test at no strength misses them beside it.
+    """
+    gains = {
+        name: trial.gain.relative
+        for name, trial in done.trials.items()
+        if name not in done.accepted and trial.gain and trial.gain.relative > WORTH_IT
+    }
+    found = {}
+    for name in sorted(gains, key=lambda name: -gains[name])[:_OUTDONE]:
+        alone = done.trials[name].fit
+        assert alone is not None
+        found[name] = alone.point.effects[name]
+    return found
 
 
 def _as_good(one: CandidateTrial, best: CandidateTrial) -> bool:

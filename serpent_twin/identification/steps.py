@@ -6,7 +6,7 @@
 repeat with it included. (5) An error above that of a twin that lacks nothing is unexplained.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +21,7 @@ from serpent_twin.identification.acceptance import (
     best_trial,
     better_trial,
     matters,
+    outdone,
     promising,
     weakness_of_fit,
 )
@@ -85,7 +86,8 @@ class Tracer:
         settled = without_proxies(self.trials, self.case, base, rounds)
         final = self._without_idle(self._sharpened(settled))
         self.final = final.point
-        rivals = {n: self.trials.rivals(self.case, n, rounds) for n in final.point.effects}
+        named = final.point.effects
+        rivals = {n: self.trials.rivals(self.case, n, named, rounds) for n in named}
         return Selection(
             self.case, calibrated, settled, final, tuple(rounds), rivals, self.cautions
         )
@@ -96,7 +98,7 @@ class Tracer:
         opening, calibrated = self._calibrate(start)
         base, rounds = calibrated, list[Round]()
         while len(rounds) < _MOST_EFFECTS:
-            rounds.append(self._round(base, len(rounds) + 1, None if rounds else opening))
+            rounds.append(self._round(base, rounds, None if rounds else opening))
             if (better := self._stands(rounds)) is None:
                 break
             base = self._settled(better, len(rounds))
@@ -247,17 +249,21 @@ class Tracer:
         point = ParameterVector(last.point.declared, kept)
         return self._fit("last_without", point, rest.free, 0, carried=rest, last=True)
 
-    def _round(self, base: Fit, number: int, opening: _Opening | None) -> Round:
+    def _round(self, base: Fit, rounds: Sequence[Round], opening: _Opening | None) -> Round:
         """Try all candidates; those that calibration may have absorbed also from the opening; and pairs, if
         none is accepted alone. Without any, a promising candidate stands until it was fitted again.
         """
+        number = len(rounds) + 1
         names = [
             n
             for n in self.case.candidates
             if n not in base.point.effects and n not in self.case.unseen
         ]
         before = self.errors(base.point)
-        trials = self.trials.each(names, self.case, base, base, before, f"{number}_base")
+        much = bool(rounds) and not self.trials.little(self.case, before)
+        missed = outdone(rounds[-1]) if much else {}
+        stage = f"{number}_base"
+        trials = self.trials.each(names, self.case, base, base, before, stage, anyway=missed)
         plain = any(trial.gain and trial.gain.relative > _PLAIN for trial in trials.values())
         if opening and not plain:
             again = self.trials.each(

@@ -1,11 +1,13 @@
 """Fit candidates fully, alone and in pairs, and judge the fits on logs that they were not fitted to."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from serpent_twin.arrays import Array
 from serpent_twin.identification.acceptance import (
     HARDLY,
     CandidateTrial,
@@ -32,6 +34,7 @@ from serpent_twin.identification.score_test import (
     full_fit,
     placed,
     scores,
+    times_strength,
     worth_fitting,
 )
 from serpent_twin.identification.wording import spaced
@@ -43,6 +46,8 @@ _NEAR = 0.3
 """Share of the best candidate's gain in cost from which another is fitted further"""
 _MORE, _ROUNDS = 3, 2
 """Derivatives of a fit that goes on, and its rounds along its weakest directions"""
+_WEAK = 0.1
+"""Share of the strength that an effect had alone, from which it is fitted beside another"""
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
 _RIVALS = 2
@@ -73,15 +78,22 @@ class Trials:
         most: int | None = None,
         beat: float = np.inf,
         beside: float = 0.0,
+        anyway: Mapping[str, Array] = MappingProxyType({}),
     ) -> dict[str, CandidateTrial]:
         """Score tests of candidates on top of a fit, and full fits of the selected ones, judged against the
         base. One that is not below the cost `beat` after its first derivative is fitted no further. With a
         share `beside` of what the best removes, others must remove that much, and fits go on only where much
-        is left; beside the `most` best, the best of those that change something else is fitted, too.
+        is left; beside the `most` best, the best of those that change something else is fitted, too. Those in
+        `anyway` are fitted whatever their scores, from the parameters given but weaker.
         """
         found = self.placed(stage, case, begun, self.scores(stage, case, begun, names))
-        trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
         chosen = self._chosen(case, begun, before, found, most, beside)
+        missed = [name for name in anyway if name in found and name not in chosen]
+        for name in missed:
+            weak = times_strength(case.candidates[name], anyway[name], _WEAK)
+            found[name] = replace(found[name], start=weak)
+        chosen += missed
+        trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
         best = begun.cost
         for name in chosen:
             number, begins = stage.split("_")[:2]
@@ -96,6 +108,8 @@ class Trials:
             if fitted is None:
                 trials[name] = replace(trials[name], score=replace(found[name], unstable=True))
                 continue
+            if name in missed:  # what has taken up its part must give way
+                fitted = self._further(case, fitted, f"fit_{stage}_{name}_beside", 0)
             best = min(best, fitted.cost)
             trials[name] = self._judged(case, found[name], base, fitted, before, len(chosen))
         near = min(beat, begun.cost - _NEAR * (begun.cost - best))
@@ -188,12 +202,17 @@ class Trials:
             out.append(PairTrial(pair, trial, why))
         return tuple(out)
 
-    def rivals(self, case: Case[Any], name: str, rounds: Sequence[Round]) -> tuple[Rival, ...]:
-        """The rivals of an accepted effect, each fitted in its place and compared on held-out logs."""
+    def rivals(
+        self, case: Case[Any], name: str, accepted: Collection[str], rounds: Sequence[Round]
+    ) -> tuple[Rival, ...]:
+        """The rivals of an `accepted` effect, each fitted in its place and compared on held-out logs; none is
+        accepted itself.
+        """
         number = accepting(rounds, name) + 1
         done = rounds[number - 1]
         case = replace(case, noise=done.base.noise)  # by which the base's derivative is weighed
-        scores = {other: trial.score for other, trial in done.trials.items()}
+        others = {n: trial for n, trial in done.trials.items() if n not in accepted or n == name}
+        scores = {other: trial.score for other, trial in others.items()}
         alike, winner = rivals(name, scores, case.candidates), done.trials[name].errors
         if case.candidates[name].composed:
             alike = {n: c for n, c in alike.items() if not _less(scores, name, n, done.base)}

@@ -9,7 +9,9 @@ from serpent_twin.effects import Range
 from serpent_twin.identification.acceptance import (
     BEYOND_DOUBT,
     CandidateTrial,
+    Round,
     best_trial,
+    outdone,
     promising,
     weakness,
     weakness_of_fit,
@@ -104,6 +106,23 @@ def test_what_is_half_worth_it_is_fitted_again_before_it_is_rejected():
         )
     }
     assert promising(chance) == "" and promising({}) == ""
+
+
+def test_the_two_best_of_those_that_another_outdid_are_tried_beside_it():
+    arm = case(0.7)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+    better = {"best": 0.5, "good": 0.3, "fair": 0.2, "less": 0.1, "not_worth_it": 0.03}
+    trials = {name: fitted(GUST, arm, base, gained, 0.005) for name, gained in better.items()}
+    trials = {
+        name: replace(each, fit=replace(each.fit, point=START.having(name, np.array([n]))))
+        for n, (name, each) in enumerate(trials.items())
+    }
+    trials["not_fitted"] = replace(trials["best"], fit=None, gain=None)
+    errors = Errors(np.ones((7, 5)), np.full((7, 5), np.nan))
+    done = Round(base, errors, trials, ("best",))
+    assert outdone(done) == {"good": 1, "fair": 2}
+    only = {name: trials[name] for name in ("best", "not_worth_it", "not_fitted")}
+    assert outdone(replace(done, trials=only)) == {}
 
 
 def test_a_strength_at_the_end_of_its_range_is_a_law_where_the_range_says_so():

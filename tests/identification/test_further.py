@@ -43,6 +43,30 @@ def test_a_fit_that_is_half_way_goes_on(tmp_path, monkeypatch, law, little, goes
     assert made[GUST].fit.point.effects[GUST][0] == pytest.approx(0.7, abs=0.1)
 
 
+@dataclass(frozen=True)
+class Blind(Unjudged):
+    """Trials whose score tests show nothing."""
+
+    def scores(self, stage, case, base, names):
+        found = super().scores(stage, case, base, names)
+        return {name: replace(each, share=0.0) for name, each in found.items()}
+
+
+def test_what_another_outdid_is_fitted_whatever_the_score_test_says(tmp_path):
+    """From a tenth of the strength that it had alone."""
+    arm = case(0.7)
+    base = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
+    trials = Blind(every(), every(), Checkpoints(tmp_path, Stopwatch()), lambda _: None)
+    before = Errors(*np.ones((2, 4, 5)))
+    assert trials.each([GUST], arm, base, base, before, "2_base")[GUST].fit is None
+    alone = {GUST: np.array([2.0])}
+    made = trials.each([GUST], arm, base, base, before, "2_base", anyway=alone)[GUST]
+    assert made.score.start == pytest.approx([0.2])
+    assert made.fit.point.effects[GUST][0] == pytest.approx(0.7, abs=0.1)
+    assert (tmp_path / f"fit_2_base_{GUST}_beside.npz").exists()
+    assert not trials.each([], arm, base, base, before, "3_base", anyway=alone)
+
+
 def test_costs_of_fits_that_weigh_the_same_data_otherwise_are_compared():
     arm = case(0.7)
     made = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
