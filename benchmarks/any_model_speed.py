@@ -124,7 +124,7 @@ def opened(path: Path) -> tuple[Case, list]:
 def simulated(case: Case, logs: list) -> Callable[[], float]:
     """Simulates a twin that is a little off, from the poses of the nominal one."""
     pieces, rng = case.pieces(logs), np.random.default_rng(1)
-    case.residual([ParameterVector(np.zeros(len(case.declared)))], pieces)
+    case.residual([ParameterVector.nominal(case.declared)], pieces)
 
     def run() -> float:
         off = 0.01 * rng.standard_normal(len(case.declared))

@@ -90,7 +90,7 @@ def main(config: TraceSpeed) -> None:
     twice = ratio(lambda: simulated(points, few), small, config.rounds)
     rows.add("twice the designs to half of them", twice)
 
-    start = ParameterVector(np.zeros(len(case.declared)))
+    start = ParameterVector.nominal(case.declared)
     base = fit(case, every, start, free_parameters(case, ()), 1, 3, steps=0)
     names = list(case.candidates)
 

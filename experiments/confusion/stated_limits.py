@@ -36,7 +36,7 @@ def limit_of(traced: Trace, effect: Mapping[str, Any]) -> float:
     case = rig.open(training)
     notes = Checkpoints(traced.out / "stages", case.clock)
     pieces = case.pieces(training)
-    start = ParameterVector(np.zeros(len(case.declared)))
+    start = ParameterVector.nominal(case.declared)
     case = case.reweighted(start, pieces)
     opening = notes.fit("opening", lambda: opening_fit(case, pieces))
     like = case.candidates[effect["name"]]

@@ -112,7 +112,7 @@ def carried(
     ends = []
     for variant in case.candidates["payload"].variants:
         values = {name: np.array(of) for name, of in found.items()} | {"payload": variant}
-        start = ParameterVector(np.zeros(len(case.declared)), values)
+        start = ParameterVector.nominal(case.declared, values)
         weighed = case.reweighted(start, pieces)
         fitted = fit(
             weighed, pieces, start, free_parameters(case, list(values)), _DERIVATIVES, _SEGMENTS

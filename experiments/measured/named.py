@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from serpent_twin.identification.build_diagnosis import estimates
 from serpent_twin.identification.diagnosis import ParameterEstimate
 from serpent_twin.identification.discovery import with_laws
@@ -41,7 +39,7 @@ def judge(
     """Fit the effects of a traced twin, twin.json, to all training runs; compare on those that judge."""
     named = read_twin(twin, rig.name).point.effects
     case = with_laws(rig.open(training), named)
-    bare = _fitted(case, training, ParameterVector(np.zeros(len(case.declared))))
+    bare = _fitted(case, training, ParameterVector.nominal(case.declared))
     whole = _fitted(case, training, replace(bare.point, effects=named)) if named else bare
     points = {"nominal": None, "calibrated": bare.point, "corrected": whole.point}
     runs = case.pieces(judging)

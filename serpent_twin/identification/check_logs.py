@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 from tqdm import tqdm
 from tyro.conf import arg
 
@@ -93,7 +92,7 @@ def _checked(rig: machines.Rig, logs: Sequence[Log]) -> Identifiability:
         case = rig.open(logs)
         begin("weights")
         pieces = case.pieces(logs)
-        case = case.reweighted(ParameterVector(np.zeros(len(case.declared))), pieces)
+        case = case.reweighted(ParameterVector.nominal(case.declared), pieces)
         begin("derivatives")
         opening = opening_fit(case, pieces)
         begin("effects")

@@ -51,7 +51,7 @@ _MOST_TIMES = 1e6
 
 def opening_fit(case: Case[Any], pieces: Any) -> Fit:
     """First guesses as a fit without any step, with the derivatives by all declared parameters."""
-    start, free = ParameterVector(np.zeros(len(case.declared))), free_parameters(case, ())
+    start, free = ParameterVector.nominal(case.declared), free_parameters(case, ())
     return fit(case, pieces, start, free, 1, case.segments[0], steps=0)
 
 

@@ -1,6 +1,6 @@
 """Hold a fitted twin, with the standard errors of its parameters."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,6 +58,13 @@ class Fit:
             correlation=self.correlation[np.ix_(some, some)],
             jacobian=self.jacobian[some],
         )
+
+    def without(self, names: Collection[str]) -> "Fit":
+        """The same as if some effects were neither present nor free: its residual is still with them."""
+        first = len(self.free.declared)
+        others = [first + k for k, (n, _) in enumerate(self.free.effects) if n not in names]
+        held = self.only([*range(first), *others])
+        return replace(held, point=self.point.without(names))
 
     def interval(
         self, name: str, index: int, simplified: float = Effect.simplified

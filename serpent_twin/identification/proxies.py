@@ -13,7 +13,6 @@ from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import ParameterVector
 
 _DERIVATIVES = 3
 
@@ -26,9 +25,8 @@ def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequenc
     for name in names:
         if name == names[-1] and len(final.point.effects) == len(names):
             break
-        rest = {n: v for n, v in final.point.effects.items() if n != name}
-        point = ParameterVector(final.point.declared, rest)
-        free = free_parameters(case, list(rest))
+        point = final.point.without([name])
+        free = free_parameters(case, list(point.effects))
         less = trials.stable(
             f"without_{len(rounds)}_{name}",
             lambda p=point, m=free, f=final: fit(

@@ -3,8 +3,6 @@
 from contextlib import suppress
 from dataclasses import replace
 
-import numpy as np
-
 from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.discovery import better_thresholds
 from serpent_twin.identification.fitted import Fit
@@ -54,7 +52,7 @@ class RefittingTracer(Tracer):
         """A fit's effects fitted after the nominal twin with them was calibrated."""
         effects = found.point.effects
         stage = f"anew_{number}_{mark(list(effects))}"
-        start = ParameterVector(np.zeros(len(self.case.declared)), effects)
+        start = ParameterVector.nominal(self.case.declared, effects)
         self.case = self.case.reweighted(start, self.training)
         first = self._fit(f"{stage}_1", start, free_parameters(self.case, ()), 1)
         held = self._reweighted(stage, first)

@@ -10,8 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from serpent_twin.arrays import Array
 from serpent_twin.identification.absorbed import told_together, without_ends
 from serpent_twin.identification.acceptance import (
@@ -94,7 +92,7 @@ class Tracer:
 
     def named(self) -> tuple[Fit, Fit, list[Round]]:
         """The calibrated twin, the fit with the named effects that were added to it, and the rounds."""
-        start = ParameterVector(np.zeros(len(self.case.declared)))
+        start = ParameterVector.nominal(self.case.declared)
         opening, calibrated = self._calibrate(start)
         base, rounds = calibrated, list[Round]()
         while len(rounds) < _MOST_EFFECTS:
@@ -241,13 +239,11 @@ class Tracer:
     def _without_idle(self, last: Fit) -> Fit:
         """The last fit without effects that it has brought to nothing: what they had gained, it gains too."""
         effects = last.point.effects
-        kept = {n: v for n, v in effects.items() if matters(self.case.candidates[n], v)}
-        if len(kept) == len(effects):
+        idle = [n for n, v in effects.items() if not matters(self.case.candidates[n], v)]
+        if not idle:
             return last
-        owners = [*len(last.free.declared) * [None], *(name for name, _ in last.free.effects)]
-        rest = last.only([n for n, name in enumerate(owners) if name is None or name in kept])
-        point = ParameterVector(last.point.declared, kept)
-        return self._fit("last_without", point, rest.free, 0, carried=rest, last=True)
+        rest = last.without(idle)
+        return self._fit("last_without", rest.point, rest.free, 0, carried=rest, last=True)
 
     def _round(self, base: Fit, rounds: Sequence[Round], opening: _Opening | None) -> Round:
         """Try all candidates; those that calibration may have absorbed also from the opening; and pairs, if

@@ -6,7 +6,7 @@ which noise, and which effects are candidates. `residual` and `trace` use machin
 alone.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol, Self, TypeVar
@@ -93,9 +93,20 @@ class ParameterVector:
     effects: Mapping[str, Array] = field(default_factory=dict)
     """All parameters of each effect that is present, by name, in the order of its ranges"""
 
+    @classmethod
+    def nominal(
+        cls, declared: Sequence[Declared], effects: Mapping[str, Array] | None = None
+    ) -> "ParameterVector":
+        """The twin as it is declared, with some effects' parameters."""
+        return cls(np.zeros(len(declared)), effects or {})
+
     def having(self, name: str, values: Array) -> "ParameterVector":
         """The same vector with one effect's parameters set."""
         return replace(self, effects={**self.effects, name: np.asarray(values, float)})
+
+    def without(self, names: Collection[str]) -> "ParameterVector":
+        """The same vector without some effects."""
+        return replace(self, effects={n: v for n, v in self.effects.items() if n not in names})
 
     def after(self, change: Array) -> "ParameterVector":
         """The same vector with the declared parameters changed, (P,)."""

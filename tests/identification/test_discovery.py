@@ -214,7 +214,7 @@ def test_the_arms_places_show_what_a_simulation_shows():
     sessions = read_logs(rig, (DATA / "arm_a",))[:2]
     case = rig.open(sessions)
     pieces, arm = case.pieces(sessions[:1]).take([1]), case.machine
-    point = ParameterVector(np.zeros(len(arm.declared)))
+    point = ParameterVector.nominal(arm.declared)
     places = arm.responses_at_places(point, pieces)
     shown = {(r.handle, r.place): r.change for r in places.responses}
     before = arm.respond([point], pieces)[0]

@@ -42,7 +42,7 @@ def opened(logs):
     read = MACHINE.read(logs)
     case = MACHINE.open(read)
     pieces = case.pieces(read)
-    case = case.reweighted(ParameterVector(np.zeros(len(case.declared))), pieces)
+    case = case.reweighted(ParameterVector.nominal(case.declared), pieces)
     effect = case.candidates[EFFECT]
     return case, pieces, opening_fit(case, pieces), replace(effect, variants=effect.variants[:1])
 

@@ -68,7 +68,7 @@ def test_a_law_at_a_place_moves_a_model_as_its_equations_say(tmp_path, name):
     recordings = rig.read(pulled_lever.log(tmp_path / "log.csv", 0, law, noise=0.0))
     case = rig.open(recordings)
     pieces = case.pieces(recordings)
-    zero = ParameterVector(np.zeros(len(case.declared)))
+    zero = ParameterVector.nominal(case.declared)
     having, without = (
         np.nanstd(pieces.measured - case.machine.respond([at], pieces)[0])
         for at in (zero.having(name, np.array(values)), zero)
@@ -84,7 +84,7 @@ def test_what_lags_remembers_the_rows_before_a_segment(tmp_path, segment):
     recordings = rig.read(pulled_lever.log(tmp_path / "log.csv", 0, Relaxing(), noise=0.0))
     case = rig.open(recordings)
     pieces = case.pieces(recordings)
-    zero = ParameterVector(np.zeros(len(case.declared)))
+    zero = ParameterVector.nominal(case.declared)
     at = zero.having(RELAXES, np.array([0.8, 0, 0, 0, 0.5, 0, 0, 0]))
     having, without = (
         np.nanstd(pieces.measured - case.machine.respond([point], pieces)[0])
@@ -101,7 +101,7 @@ def test_the_strength_of_a_law_is_found_from_its_candidate_s_starts(tmp_path, na
     recordings = rig.read(pulled_lever.log(tmp_path / "log.csv", 1, law))
     case = rig.open(recordings)
     pieces, known = case.pieces(recordings), case.candidates[name]
-    zero = ParameterVector(np.zeros(len(case.declared)))
+    zero = ParameterVector.nominal(case.declared)
     fitted = [n for n, each in enumerate(known.ranges.values()) if each.fitted]
     seen = np.isfinite(pieces.measured)
 

@@ -38,7 +38,7 @@ def test_a_model_of_the_machine_predicts_its_poses(tmp_path):
     recordings = rig.read(logs(tmp_path / "logs", 2))
     case = rig.open(recordings)
     pieces = case.pieces(recordings)
-    at = ParameterVector(np.zeros(len(case.declared)))
+    at = ParameterVector.nominal(case.declared)
     off = pieces.measured - case.machine.respond([at], pieces)[0]
     assert np.nanstd(off) == pytest.approx(3e-4, rel=0.15)  # the noise of the log
 
@@ -93,7 +93,7 @@ def test_a_link_rests_bent_however_stiff_it_is(tmp_path, strength):
     case = rig.open(recordings)
     ranges = case.machine.candidates["link_flex@upper"].ranges.values()
     bent = {"link_flex@upper": strength * np.array([each.typical for each in ranges])}
-    at = ParameterVector(np.zeros(len(case.declared)), bent)
+    at = ParameterVector.nominal(case.declared, bent)
     assert np.isfinite(case.machine.respond([at], case.pieces(recordings))).all()
 
 
@@ -197,7 +197,7 @@ def test_the_twin_of_a_model_is_written_as_mjcf(tmp_path):
     rig = open_machine(posed_models.machine(tmp_path / "arm"))
     recordings = rig.read(logs(tmp_path / "logs", 2))
     case = rig.open(recordings)
-    at = ParameterVector(np.zeros(len(case.declared)), {"gravity": np.array([1.0, 0.0, 0.5])})
+    at = ParameterVector.nominal(case.declared, {"gravity": np.array([1.0, 0.0, 0.5])})
     case.write(at, tmp_path / "twin.json", {})
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))
     np.testing.assert_allclose(model.opt.gravity, [1.0, 0.0, -9.31])

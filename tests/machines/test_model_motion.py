@@ -27,7 +27,7 @@ def test_a_model_of_a_moving_machine_predicts_its_motion(tmp_path):
     case = rig.open(recordings)
     pieces = case.pieces(recordings)
     assert pieces.time.shape == (4, 112)  # 97 rows, after a lead of 15
-    at = ParameterVector(np.zeros(len(case.declared)))
+    at = ParameterVector.nominal(case.declared)
     off = pieces.measured - case.machine.respond([at], pieces)[0]
     assert np.sqrt(np.nanmean(off**2)) < 6e-4  # rad: hardly more than the noise of 5e-4
 

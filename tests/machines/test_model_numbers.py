@@ -126,9 +126,7 @@ def responses(path, logs):
     rig = open_machine(path)
     runs = [run for each in logs for run in rig.read(each)]
     case = rig.open(runs)
-    return case.machine.respond([ParameterVector(np.zeros(len(case.declared)))], case.pieces(runs))[
-        0
-    ]
+    return case.machine.respond([ParameterVector.nominal(case.declared)], case.pieces(runs))[0]
 
 
 def bare(change, on, steps=32):

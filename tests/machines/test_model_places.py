@@ -34,7 +34,7 @@ def places(opened):
 
 def start(case, **effects):
     """The nominal twin, with effects."""
-    return ParameterVector(np.zeros(len(case.declared)), effects)
+    return ParameterVector.nominal(case.declared, effects)
 
 
 def nominal(rig, logs):

@@ -35,7 +35,7 @@ def chain(tmp_path_factory):
 def places(chain):
     """What changes at its places show."""
     case, pieces = chain
-    return case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+    return case.places(ParameterVector.nominal(case.declared), pieces)
 
 
 def shown(opened, at="", *values, **effects):
@@ -44,7 +44,7 @@ def shown(opened, at="", *values, **effects):
     there = {name.replace("_at_", "@"): np.array(each) for name, each in effects.items()}
     if at:
         there[f"discovered@{at}"] = np.array([*values, 0.0, 0.0])
-    point = ParameterVector(np.zeros(len(case.declared)), there)
+    point = ParameterVector.nominal(case.declared, there)
     return case.machine.respond([point], pieces)[0]
 
 
@@ -225,7 +225,7 @@ def turned(tmp_path_factory):
 
 def test_places_of_a_model_with_prescribed_motion(turned):
     case, pieces = turned
-    places = case.places(ParameterVector(np.zeros(len(case.declared))), pieces)
+    places = case.places(ParameterVector.nominal(case.declared), pieces)
     there = {(r.handle, r.place): r for r in places.responses}
     assert {*there} == {
         ("joint_torque", "elbow"), ("command", "at_elbow"), ("reading_shift", "elbow"),

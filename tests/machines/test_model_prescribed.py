@@ -29,7 +29,7 @@ def opened(path, log, steps=0):
     assert isinstance(machine, ModelMachine)
     machine = replace(machine, steps=steps or machine.steps)
     pieces = case.pieces(recordings)
-    at = ParameterVector(np.zeros(len(case.declared)))
+    at = ParameterVector.nominal(case.declared)
     return case, pieces, pieces.measured - machine.respond([at], pieces)[0]
 
 
@@ -215,6 +215,6 @@ def test_a_twin_is_written_without_what_holds_it(tmp_path):
     path = swinging_models.machine(tmp_path)
     rig = open_machine(path)
     case = rig.open(rig.read(swinging_models.log(tmp_path / "log.csv", 0)))
-    case.write(ParameterVector(np.zeros(len(case.declared))), tmp_path / "twin.json", {})
+    case.write(ParameterVector.nominal(case.declared), tmp_path / "twin.json", {})
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))
     assert model.neq == 0 and model.jnt_limited[0]

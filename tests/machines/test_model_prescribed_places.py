@@ -56,7 +56,7 @@ def nominal(path, log):
     rig = open_machine(path)
     case = rig.open(sessions := rig.read(log))
     pieces = case.pieces(sessions)
-    start = ParameterVector(np.zeros(len(case.declared)))
+    start = ParameterVector.nominal(case.declared)
     return case, pieces, case.places(start, pieces), case.machine.respond([start], pieces)[0]
 
 
@@ -89,7 +89,7 @@ def shown(opened, at):
     unit = next(iter(responses[law.handle, law.place].of(follows[None])))[0]
     size = 2e-3 / np.sqrt(np.mean(unit**2))
     effects = {f"discovered@{at}": numbers(size, first)}
-    point = ParameterVector(np.zeros(len(case.declared)), effects)
+    point = ParameterVector.nominal(case.declared, effects)
     return case.machine.respond([point], pieces)[0] - plain, size * unit
 
 
@@ -123,7 +123,7 @@ def test_what_a_prescribed_joint_takes_up_is_no_place(opened):
     assert not [each for each in places.responses if each.place == "shoulder"]
     assert ("joint_angle", "shoulder") in places.readings
     law = {"discovered@joint_torque of shoulder: constant": numbers(0.1)}
-    point = ParameterVector(np.zeros(len(case.declared)), law)
+    point = ParameterVector.nominal(case.declared, law)
     with_it = case.machine.respond([point], pieces)[0]
     assert np.abs(with_it - plain).max() < 1e-4
 

@@ -23,7 +23,7 @@ SITE = swung_models.TOML.replace(
 def proposals(path, log, count, rate_hz, **changed):
     rig = open_machine(path)
     machine = replace(rig.open(rig.read(log)).machine, **changed)
-    nominal = ParameterVector(np.zeros(len(machine.declared)))
+    nominal = ParameterVector.nominal(machine.declared)
     return machine.propose(nominal, count, 20.0, rate_hz, np.random.default_rng(0))
 
 

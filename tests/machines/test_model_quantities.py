@@ -142,7 +142,7 @@ def test_a_late_reading_is_late_at_its_own_place_only(tmp_path):
     recordings = rig.read(log)
     case = rig.open(recordings)
     pieces = case.pieces(recordings)
-    at = ParameterVector(np.zeros(len(case.declared)))
+    at = ParameterVector.nominal(case.declared)
     seen = case.machine.respond([at], pieces)[0]
     a_row_late = SensorDelay(float(pieces.period[0]), at="bend")
     late = reread(

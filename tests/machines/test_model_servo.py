@@ -28,7 +28,7 @@ def opened(folder, *made):
     rig = open_machine(TOML)
     runs = rig.read(folder)
     case = rig.open(runs)
-    return case, case.pieces(runs), ParameterVector(np.zeros(len(case.declared)))
+    return case, case.pieces(runs), ParameterVector.nominal(case.declared)
 
 
 def test_switched_off_it_swings_like_a_pendulum(tmp_path):
@@ -127,8 +127,8 @@ def test_frictions_and_saturation_halve_the_error_on_an_unseen_gain():
     training = [r for r in everything if not r.name.startswith("kp200")]
     judging = [r for r in everything if r.name.startswith("kp200")]
     case = rig.open(training)
-    start = ParameterVector(
-        np.zeros(len(case.declared)), {GEARS: np.array([0.3]), SATURATION: np.array([0.5])}
+    start = ParameterVector.nominal(
+        case.declared, {GEARS: np.array([0.3]), SATURATION: np.array([0.5])}
     )
     pieces, held_out = case.pieces(training), case.pieces(judging)
     case = case.reweighted(start, pieces)

@@ -48,7 +48,7 @@ def test_an_error_of_the_start_that_noise_makes_is_expected(tmp_path):
     rig = open_machine(tmp_path / "machine.toml")
     logs = rig.read(tmp_path / "log.csv")
     case = rig.open(logs)
-    pieces, true = case.pieces(logs), ParameterVector(np.zeros(len(case.declared)))
+    pieces, true = case.pieces(logs), ParameterVector.nominal(case.declared)
     off = pieces.measured - case.machine.respond([true], pieces)[0]
     left = 1e3 * np.nanmean(np.abs(off))
     wanted = case.expected(true, [true] * 4, pieces, np.random.default_rng(0))

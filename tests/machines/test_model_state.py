@@ -211,7 +211,7 @@ def lever(tmp_path):
     rig = open_machine(pulled_lever.machine(tmp_path))
     recordings = rig.read(pulled_lever.log(tmp_path / "log.csv", 0))
     case = rig.open(recordings)
-    return case, case.pieces(recordings), ParameterVector(np.zeros(len(case.declared)))
+    return case, case.pieces(recordings), ParameterVector.nominal(case.declared)
 
 
 def test_a_law_that_is_absent_leaves_a_model_bit_for_bit_as_it_was(tmp_path, monkeypatch):
@@ -228,7 +228,7 @@ def test_laws_in_motion_are_refused_in_poses(tmp_path):
     rig = open_machine(posed_models.machine(tmp_path))
     recordings = rig.read(posed_models.log(tmp_path / "log.csv", 0))
     case = rig.open(recordings)
-    at = ParameterVector(np.zeros(len(case.declared)), {"stribeck@elbow": np.array([0.1, 0.2])})
+    at = ParameterVector.nominal(case.declared, {"stribeck@elbow": np.array([0.1, 0.2])})
     with pytest.raises(SerpentError, match="stribeck@elbow acts in motion"):
         case.residual([at], case.pieces(recordings))
 

@@ -142,13 +142,13 @@ def test_a_trunk_that_cannot_be_built_has_no_prediction_and_leaves_the_others():
 def test_what_was_hung_on_is_found_in_the_trunks_own_weights(tmp_path):
     """From twin.json of the bare trunk, as the loop writes it."""
     bare = MACHINE.open([made(Trunk(shape()), moving(14))])
-    bare.write(ParameterVector(np.zeros(len(bare.declared))), tmp_path / "twin.json", {})
+    bare.write(ParameterVector.nominal(bare.declared), tmp_path / "twin.json", {})
     twin = json.loads((tmp_path / "twin.json").read_text())
     loaded = made(bare.machine, moving(34, 1), payload=[0.25, 0.05])
     case = MACHINE.changed(tmp_path / "twin.json").open([loaded])
     assert {name: list(v) for name, v in twin["first"].items()}.keys() == KINDS.keys()
     runs = case.pieces([loaded])
-    start = ParameterVector(np.zeros(len(case.declared)), {"payload": np.array([0.1, 0.05])})
+    start = ParameterVector.nominal(case.declared, {"payload": np.array([0.1, 0.05])})
     case = case.reweighted(start, runs)
     found = fit(case, runs, start, free_parameters(case, ["payload"]), 4, 3)
     value, low, high = found.interval("payload", 0)

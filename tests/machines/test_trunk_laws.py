@@ -46,7 +46,7 @@ def one(rows=3):
 def calibrated(machine, run):
     """The case of a log, its runs, and the fit of the declared parameters, by which channels are weighed."""
     case = Case(machine, np.array([each.noise for each in machine.outputs]))
-    runs, start = case.pieces([run]), ParameterVector(np.zeros(len(case.declared)))
+    runs, start = case.pieces([run]), ParameterVector.nominal(case.declared)
     case = case.reweighted(start, runs)
     base = fit(case, runs, start, free_parameters(case, ()), 2, 3)
     return case.weighed_by(base.residual, case.take(runs, base.used)), runs, base
@@ -112,10 +112,10 @@ def test_the_clock_is_the_sessions_in_every_window():
     runs = machine.pieces([run])
     law = "discovered@winch_angle of motor2: above time of session"
     there = machine.respond(
-        [ParameterVector(np.zeros(len(machine.declared)), {law: np.array(numbers(0.2, first=13.0))})],
+        [ParameterVector.nominal(machine.declared, {law: np.array(numbers(0.2, first=13.0))})],
         runs,
     )[0]  # fmt: skip
-    usual = machine.respond([ParameterVector(np.zeros(len(machine.declared)))], runs)[0]
+    usual = machine.respond([ParameterVector.nominal(machine.declared)], runs)[0]
     moved = np.abs(there - usual)[..., 8] > 1e-4
     since = runs.time - 13.0
     assert len(runs) == 5
@@ -136,7 +136,7 @@ def test_the_clock_is_the_sessions_in_every_window():
 )
 def test_to_first_order_a_response_is_what_a_small_change_shows(handle, reading):
     machine, run = Trunk(shape()), log(moving(6))
-    runs, start = runs_of(machine, run), ParameterVector(np.zeros(len(machine.declared)))
+    runs, start = runs_of(machine, run), ParameterVector.nominal(machine.declared)
     places = machine.responses_at_places(start, runs)
     found = {(each.handle, each.place): each.change[0] for each in places.responses}
     place = PLACES[HANDLES[handle].kind][1]
@@ -157,7 +157,7 @@ def test_to_first_order_a_response_is_what_a_small_change_shows(handle, reading)
 def test_readings_are_those_that_a_law_follows_behind_a_delay():
     """A twin whose goals arrive late follows late goals, in the search as in the simulation."""
     machine, run = Trunk(shape()), log(moving(4))
-    runs, start = runs_of(machine, run), ParameterVector(np.zeros(len(machine.declared)))
+    runs, start = runs_of(machine, run), ParameterVector.nominal(machine.declared)
     late = machine.responses_at_places(start.having("command_delay", np.array([0.2])), runs)
     for reading in ("command", "motor_angle"):
         found = late.readings[reading, "motor1"][0]

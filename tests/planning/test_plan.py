@@ -34,7 +34,7 @@ def trace(tmp_path_factory):
     logs = rig.read(folder / "logs")
     case = rig.open(logs)
     pieces = case.pieces(logs)
-    case = case.reweighted(ParameterVector(np.zeros(len(case.declared))), pieces)
+    case = case.reweighted(ParameterVector.nominal(case.declared), pieces)
     return Traced(folder, case, pieces, opening_fit(case, pieces), {}, "arm", 4.0, {})
 
 

@@ -72,7 +72,7 @@ def _trunk_text() -> str:
     case = MACHINE.open([trunk_log(Trunk(shape()), moving(14))])
     with TemporaryDirectory() as folder:
         path = Path(folder) / "twin.json"
-        case.write(ParameterVector(np.zeros(len(case.declared))), path, {})
+        case.write(ParameterVector.nominal(case.declared), path, {})
         return path.read_text()
 
 

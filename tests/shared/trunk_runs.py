@@ -32,8 +32,8 @@ def log(goal, seconds=None, period=0.01, seed=0):
 
 def answer(machine, run, **there):
     """Disks (T, 3, 3), servos (T, 6) and times (T,) of a whole run."""
-    point = ParameterVector(
-        np.zeros(len(machine.declared)), {name: np.array(values) for name, values in there.items()}
+    point = ParameterVector.nominal(
+        machine.declared, {name: np.array(values) for name, values in there.items()}
     )
     runs = cut([run], machine.columns, [each.name for each in machine.outputs], machine.every)
     found = machine.respond([point], runs)[0, 0]

@@ -61,7 +61,7 @@ def logged():
     sessions = MACHINE.read(DATA / "arm_a")[:2]
     case = MACHINE.open(sessions)
     some = case.take(case.pieces(sessions), [0, 3])
-    start = ParameterVector(np.zeros(len(case.declared)))
+    start = ParameterVector.nominal(case.declared)
     return case, some, start, case.machine.derivatives(start, some, case.noise)
 
 

@@ -13,7 +13,6 @@ from serpent_twin.identification.discovery.composed import APART
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.wording import DISCOVERED
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import ParameterVector
 
 _SHARE = 0.05
 """Another shape is distinguished if it loses this share of what the law gains, and `APART` at least"""
@@ -30,8 +29,7 @@ def steps_alike(case: Case[Any], training: Any, found: Fit, name: str) -> list[L
     tried = [*candidate.alike.items(), *_otherwise_ended(law, values)]
     if not tried:
         return []
-    others = {n: v for n, v in found.point.effects.items() if n != name}
-    without = ParameterVector(found.point.declared, others)
+    without = found.point.without([name])
     points = [
         without.having(
             f"{DISCOVERED}@{replace(law, shape=shape)}", _moved(values, law.shape, shape, numbers)

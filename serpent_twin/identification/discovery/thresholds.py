@@ -70,9 +70,5 @@ def _finely(law: Law, first: float, second: float, x: Array) -> list[Way]:
 
 def _without(case: Case[Any], some: Any, found: Fit, name: str) -> Fit:
     """A fit as if one of its effects had been neither simulated nor free."""
-    others = {n: values for n, values in found.point.effects.items() if n != name}
-    point = ParameterVector(found.point.declared, others)
-    first = len(found.free.declared)
-    of_others = [first + k for k, (n, _) in enumerate(found.free.effects) if n != name]
-    held = found.only([*range(first), *of_others])
-    return replace(held, point=point, residual=case.residual([point], some)[0])
+    held = found.without([name])
+    return replace(held, residual=case.residual([held.point], some)[0])

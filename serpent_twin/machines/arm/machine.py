@@ -229,7 +229,7 @@ class ArmMachine:
 
     def _nominal(self, pieces: ArmPieces) -> Response:
         nominal = replace(self, vector=replace(self.vector, start=NOMINAL_TWIN))
-        return nominal.simulate([ParameterVector(np.zeros(len(self.declared)))], pieces)
+        return nominal.simulate([ParameterVector.nominal(self.declared)], pieces)
 
     @property
     def error_before_change(self) -> float:

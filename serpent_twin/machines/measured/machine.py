@@ -147,7 +147,7 @@ class RunMachine(ABC):
 
     def compare(self, point: ParameterVector | None, pieces: Runs) -> Comparison:
         """Measured beside predicted, in blocks that are judged one by one."""
-        at = point or ParameterVector(np.zeros(len(self.declared)))
+        at = point or ParameterVector.nominal(self.declared)
         predicted = self.respond([at], pieces)[0]
         rows = min(self.block_rows(pieces), pieces.time.shape[1])
         n = pieces.time.shape[1] // rows

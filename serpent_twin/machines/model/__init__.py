@@ -115,7 +115,7 @@ def open_machine(path: Path, model_file: Path | None = None) -> ModelRig:
 
 def _nominal(machine: ModelMachine, few: Runs) -> Array:
     """What the model as it is shows in some segments, (S, T, C)."""
-    return machine.respond([ParameterVector(np.zeros(len(machine.declared)))], few)[0]
+    return machine.respond([ParameterVector.nominal(machine.declared)], few)[0]
 
 
 def _quieter(machine: ModelMachine, few: Runs, found: Array) -> ModelMachine:

@@ -199,7 +199,7 @@ class ModelMachine(RunMachine):
 
     def _in_motion(self, points: Sequence[ParameterVector]) -> TwinsInMotion:
         """Twins of one structure in motion."""
-        zero = ParameterVector(np.zeros(len(self.declared)))
+        zero = ParameterVector.nominal(self.declared)
         nominal = self._moving(zero, ())
         twins = [self._moving(point, effects_at(point)) for point in points]
         return TwinsInMotion(

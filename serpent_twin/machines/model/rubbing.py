@@ -50,7 +50,7 @@ def sized(machine: ModelMachine, few: Runs) -> ModelMachine:
     """The same machine, its friction of such strengths as change what is seen of some poses by a share of
     its span.
     """
-    known, at = dict(machine.known), ParameterVector(np.zeros(len(machine.declared)))
+    known, at = dict(machine.known), ParameterVector.nominal(machine.declared)
     laws = [law for law in _STRENGTH if law in known]
     free = machine.respond([at], few)[0] if laws else np.empty(0)
     for law in laws:
@@ -72,7 +72,7 @@ def _of_size(machine: Described, one: Candidate, law: str, typical: float) -> Ca
 
 def _typical(machine: ModelMachine, law: str, few: Runs, free: Array) -> float:
     """The strength that changes what is seen without friction, (S, T, C), as much as is wanted."""
-    at = ParameterVector(np.zeros(len(machine.declared)))
+    at = ParameterVector.nominal(machine.declared)
     span = np.nanmax(few.measured, axis=(0, 1)) - np.nanmin(few.measured, axis=(0, 1))
     span[span == 0] = np.inf  # what does not move shows nothing
     strength = _FIRST * float(np.max(machine.described.model.jnt_stiffness, initial=1.0))
