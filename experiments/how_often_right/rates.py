@@ -1,7 +1,7 @@
 """Count how often the trace is right, from lines of arms."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,8 @@ STRONG = 2.0
 """Times a stated detection limit from which on an effect should be named"""
 NEAR, LEFT = 0.15, 1.3
 """How far the size of a discovered law may be off, and what it may leave, of what a complete twin would"""
+LAST = 50
+"""Arms, of those as built, that tell how the program does now"""
 _NONE = "none"
 
 
@@ -38,17 +40,13 @@ def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
     """All figures, as results.json holds them."""
     known = [each for each in lines if each.kind == KNOWN]
     newest = [each for each in lines if each.generation >= AS_BUILT]
-    as_built = _rates(newest)
+    groups = {"as_built": newest, "last": newest[-LAST:]}
     return {
         "arms": len(lines),
         "as_built": len(newest),
+        "last": len(newest[-LAST:]),
         "versions_of_lines": sorted({each.version for each in lines}),
-        "rates": {
-            name: share.numbers()
-            | {"said": str(share), "aim": aim, "as_built": as_built[name][0].numbers()}
-            | {"as_built_said": str(as_built[name][0])}
-            for name, (share, aim) in _rates(lines).items()
-        },
+        "rates": _rates_of(lines, groups),
         "effects": _effects(known, lines),
         "named_from": _named_from(known),
         "trials": [_trial(each) for each in known if np.isfinite(each.of_limit)],
@@ -58,6 +56,20 @@ def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
         "commits": _commits(lines),
         "median_seconds": _median(each.seconds for each in lines),
     }
+
+
+def _rates_of(
+    lines: Sequence[ArmLine], groups: Mapping[str, Sequence[ArmLine]]
+) -> dict[str, dict[str, Any]]:
+    """Each rate, with its aim, of all lines, and of some groups of them."""
+    of_groups = {group: _rates(some) for group, some in groups.items()}
+    out: dict[str, dict[str, Any]] = {}
+    for name, (share, aim) in _rates(lines).items():
+        out[name] = share.numbers() | {"said": str(share), "aim": aim}
+        for group, each in of_groups.items():
+            found = each[name][0]
+            out[name] |= {group: found.numbers(), f"{group}_said": str(found)}
+    return out
 
 
 def _rates(lines: Sequence[ArmLine]) -> dict[str, tuple[Share, str]]:

@@ -17,10 +17,10 @@ from serpent_twin.reporting.report import Figure, Section, Table
 _TEXT = """Every arm is another one of `bench_arm`, whose cable law, integration and servo model
 the twin does not share. Its fault, that fault's strength and place, and all other numbers are drawn. The last
 session of each arm judged its trace. Lines of all arms, those whose trace failed included, are in
-`how-often-right.csv` beside this page; only those of one version of the project are counted together. The
-last column is of arms whose links, axes and cameras are off as well; those of all other arms are exactly as
-drawn. Many were traced before faults of the program were mended that they had shown. In
-brackets, 95 % intervals."""
+`how-often-right.csv` beside this page; only those of one version of the project are counted together. Arms as
+built are those whose links, axes and cameras are off as well; those of all other arms are exactly as drawn.
+Many were traced before faults of the program were mended that they had shown; those traced last tell most of
+how it does now. In brackets, 95 % intervals."""
 _LIMITS = """Every trace states, for each effect, the strength from which on it would be accepted: the
 detection limit, computed from that arm's own logs before any search. The table has its median, the effect
 present or not. Limits and what is counted in them are of arms since limits are what a fit cannot take up;
@@ -55,13 +55,21 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
 
 def _rates(results: Mapping[str, Any]) -> Table:
     lines = [
-        (name, of["aim"], of["said"], of["as_built_said"]) for name, of in results["rates"].items()
+        (name, of["aim"], of["said"], of["as_built_said"], of["last_said"])
+        for name, of in results["rates"].items()
     ]
     from_where = f"stated detection limits from which on {100 * NAMED:.0f} % are named"
-    lines.append((from_where, "1", results["named_from"], ""))
+    lines.append((from_where, "1", results["named_from"], "", ""))
     if results["median_seconds"]:
-        lines.append(("median of a trace's time", "", f"{results['median_seconds']:.0f} s", ""))
-    return Table(("", "aim", "all", f"{results['as_built']} as built"), tuple(lines))
+        lines.append(("median of a trace's time", "", f"{results['median_seconds']:.0f} s", "", ""))
+    head = (
+        "",
+        "aim",
+        "all",
+        f"{results['as_built']} as built",
+        f"the {results['last']} traced last",
+    )
+    return Table(head, tuple(lines))
 
 
 def _effects(results: Mapping[str, Any]) -> Table:

@@ -17,7 +17,7 @@ from experiments.confusion.plan import CLEAN, KNOWN, OUTSIDE, PAIR, Trial
 from experiments.confusion.stated_limits import stated_limits, times_limit
 from experiments.confusion.worth import true_law
 from experiments.how_often_right import __main__ as how_often_right
-from experiments.how_often_right.rates import rates
+from experiments.how_often_right.rates import LAST, rates
 from experiments.result_rows import failed_row
 from serpent_twin import __version__
 from serpent_twin.errors import SerpentError
@@ -124,6 +124,18 @@ def test_arms_as_built_are_told_besides():
     found = rates([drawn, LINE, LINE])["rates"]["false alarms"]
     assert (found["count"], found["of"]) == (1, 3)
     assert (found["as_built"]["count"], found["as_built"]["of"]) == (0, 2)
+
+
+def test_arms_traced_last_are_told_besides():
+    """Of those as built."""
+    early = [replace(LINE, called="payload", right=False)] * 3
+    drawn = replace(LINE, generation=1)
+    found = rates([*early, *[LINE] * LAST, drawn])
+    assert found["last"] == LAST
+    alarms = found["rates"]["false alarms"]
+    assert (alarms["count"], alarms["of"]) == (3, LAST + 4)
+    assert (alarms["last"]["count"], alarms["last"]["of"]) == (0, LAST)
+    assert found["rates"]["traces that failed"]["last_said"].startswith(f"0 of {LAST} ")
 
 
 def test_the_page_and_what_reports_quote_are_of_one_version(tmp_path, monkeypatch, capsys):
