@@ -218,11 +218,11 @@ def _drawn(rows: Rows) -> Figure:
         right.plot(worth[which], after[which], "o", ms=3.5, color=colour, label=name)
     lost = np.isnan(after)
     right.plot(worth[lost], np.full(lost.sum(), 11.0), "x", ms=4, color=COLOURS[3])
-    right.legend(loc="center left")
+    right.legend(loc="upper right", bbox_to_anchor=(1.0, 0.93))
     right.set_xscale("log")
     right.set_xlabel("worth of the first second [standard errors²]")
     right.set_ylabel("found after [s]")
-    left.legend(loc="upper left")
+    left.legend(loc="lower right")
     finish(drawing, left, legend=False)
     finish(drawing, right, legend=False)
     caption = (
