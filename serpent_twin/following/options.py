@@ -38,7 +38,8 @@ class Follow(Checked):
     """What estimates the pose: a trained readout, OUT/models/NAME of python -m serpent_twin.train. Without:
     the twin, driven by the motors' angles."""
     feedback: Annotated[float, within(0.0, 10.0, "1/s")] = 1.0
-    """How fast what the joints are estimated to lack is added; 0: as rehearsed, whatever is estimated."""
+    """Share of what the joints are estimated to lack that is added in a second [1/s]; 0: the arm moves as
+    rehearsed, whatever is estimated."""
     wider: Annotated[float, within(0.5, 2.0)] = 1.0
     """Times the joints' usual range, -22.5 ... 22.5 degrees for odd joints and 0 ... 22.5 for even ones, in
     which poses are sought. The logs that the twin was traced from hardly go beyond."""
