@@ -18,7 +18,7 @@ $(READY): requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --no-deps --editable .
 	touch $@
 
-demo: setup  ## Collect, train, close the loop, replay: some eight minutes, results in demo/
+demo: setup  ## Collect, train, close the loop, replay: some ten minutes, results in demo/
 	$(BIN)/python -m experiments.demo --out demo
 
 test: setup lint  ## What CI runs: lint, types, the tests without the slow ones
