@@ -3,13 +3,14 @@
 import tempfile
 import time
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 from benchmarks.rows import BenchmarkRows
 from experiments.confusion.arm_line import ArmLine, line_of, read
-from experiments.confusion.arms import planned
+from experiments.confusion.arms import GENERATION, planned
 from experiments.confusion.config import Confusion
 from experiments.confusion.plan import Trial
 from experiments.confusion.trial import run_trial
@@ -26,7 +27,7 @@ class RightNames(Checked):
     """Trace arms of earlier studies again, and compare what is right."""
 
     arms: Annotated[int, within(1, 1000)] = 12
-    """So many, of unlike faults, of the fewest sessions."""
+    """So many, of unlike faults, of the quickest traces."""
     rows: Path = PAGES / "how-often-right.csv"
     """Lines of arms, as experiments.confusion --rows adds them."""
     out: Path | None = None
@@ -34,11 +35,12 @@ class RightNames(Checked):
 
 
 def chosen(lines: Sequence[ArmLine], count: int) -> list[ArmLine]:
-    """Arms in which each fault comes as often as any other; of each fault those of the fewest sessions
-    first, and of an arm that was traced more than once the last line.
+    """Arms in which each fault comes as often as any other; of each fault those of the quickest traces
+    first, and of an arm that was traced more than once the last line. Arms are built as of this generation.
     """
     last = {(each.seed, each.sessions, each.steps, each.arm): each for each in lines}
-    ordered = sorted(last.values(), key=lambda each: (each.sessions * each.steps, each.arm))
+    built = [each for each in last.values() if each.generation == GENERATION]
+    ordered = sorted(built, key=lambda each: (each.seconds, each.arm))
     turn, ranked = dict[str, int](), []
     for each in ordered:
         turn[each.there] = turn.get(each.there, 0) + 1
@@ -56,23 +58,24 @@ def main(config: RightNames) -> None:
     """Print how many are right, then and now."""
     before = chosen([each for each in read(config.rows) if each.source == "bench"], config.arms)
     now, began = [], time.perf_counter()
-    with tempfile.TemporaryDirectory() as folder:
-        for line in before:
-            trial = trial_of(line)
-            how = Confusion(Path(folder), "bench", steps=line.steps, seed=line.seed)
-            now.append(line_of(run_trial(how, trial), trial, how))
+    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor() as pool:
+        hows = [Confusion(Path(folder), "bench", steps=x.steps, seed=x.seed) for x in before]
+        trials = [trial_of(line) for line in before]
+        rows = pool.map(run_trial, hows, trials)
+        for line, trial, how, row in zip(before, trials, hows, rows, strict=True):
+            now.append(line_of(row, trial, how))
             verdict = "as before" if now[-1].called == line.called else f"before: {line.called}"
             print(f"{line.there}: called {now[-1].called}, {verdict}", flush=True)
-    took, rows = time.perf_counter() - began, BenchmarkRows()
+    took, found = time.perf_counter() - began, BenchmarkRows()
     was, right = (sum(each.right for each in several) for several in (before, now))
-    rows.add("arms", len(now))
-    rows.add("right before", was)
-    rows.add("right now", right, "", f"at least {was}")
-    rows.add(
+    found.add("arms", len(now))
+    found.add("right before", was)
+    found.add("right now", right, "", f"at least {was}")
+    found.add(
         "called as before", sum(a.called == b.called for a, b in zip(before, now, strict=True))
     )
-    rows.add("time to its limit", took / _LIMIT, "", "at most 1")
-    rows.write(config.out)
+    found.add("time to its limit", took / _LIMIT, "", "at most 1")
+    found.write(config.out)
 
 
 if __name__ == "__main__":
