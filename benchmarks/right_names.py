@@ -1,10 +1,11 @@
 """Trace arms of earlier studies again, and compare what is right with the lines that are kept of them."""
 
+import os
 import tempfile
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +18,8 @@ from experiments.confusion.trial import run_trial
 from experiments.result_page import PAGES
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked
+from serpent_twin.runs.processes import processes
+from serpent_twin.runs.worker_pool import execute
 from serpent_twin.stored import within
 
 _LIMIT = 900.0  # [s] on two cores
@@ -57,25 +60,30 @@ def trial_of(line: ArmLine) -> Trial:
 def main(config: RightNames) -> None:
     """Print how many are right, then and now."""
     before = chosen([each for each in read(config.rows) if each.source == "bench"], config.arms)
-    now, began = [], time.perf_counter()
-    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor() as pool:
-        hows = [Confusion(Path(folder), "bench", steps=x.steps, seed=x.seed) for x in before]
-        trials = [trial_of(line) for line in before]
-        rows = pool.map(run_trial, hows, trials)
-        for line, trial, how, row in zip(before, trials, hows, rows, strict=True):
-            now.append(line_of(row, trial, how))
-            verdict = "as before" if now[-1].called == line.called else f"before: {line.called}"
-            print(f"{line.there}: called {now[-1].called}, {verdict}", flush=True)
-    took, found = time.perf_counter() - began, BenchmarkRows()
-    was, right = (sum(each.right for each in several) for several in (before, now))
-    found.add("arms", len(now))
-    found.add("right before", was)
-    found.add("right now", right, "", f"at least {was}")
-    found.add(
-        "called as before", sum(a.called == b.called for a, b in zip(before, now, strict=True))
-    )
-    found.add("time to its limit", took / _LIMIT, "", "at most 1")
-    found.write(config.out)
+    both, began = list[tuple[ArmLine, ArmLine]](), time.perf_counter()
+
+    def keep(line: ArmLine, again: ArmLine) -> None:
+        both.append((line, again))
+        verdict = "as before" if again.called == line.called else f"before: {line.called}"
+        print(f"{line.there}: called {again.called}, {verdict}", flush=True)
+
+    with tempfile.TemporaryDirectory() as folder, processes(os.cpu_count() or 1) as pool:
+        execute(before, partial(_again, Path(folder)), pool, keep)
+    took, rows = time.perf_counter() - began, BenchmarkRows()
+    was, right = sum(each.right for each in before), sum(again.right for _, again in both)
+    rows.add("arms", len(both))
+    rows.add("right before", was)
+    rows.add("right now", right, "", f"at least {was}")
+    rows.add("called as before", sum(again.called == line.called for line, again in both))
+    rows.add("time to its limit", took / _LIMIT, "", "at most 1")
+    rows.write(config.out)
+
+
+def _again(folder: Path, line: ArmLine) -> ArmLine:
+    """The line of an arm that is recorded and traced again; arms of two seeds may have one name."""
+    how = Confusion(folder / str(line.seed), "bench", steps=line.steps, seed=line.seed)
+    trial = trial_of(line)
+    return line_of(run_trial(how, trial), trial, how)
 
 
 if __name__ == "__main__":

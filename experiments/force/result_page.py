@@ -103,7 +103,8 @@ def _contacts_told(rows: Rows) -> str:
 def _listed(rows: Rows) -> str:
     several: dict[str, list[str]] = {}
     for row in rows:
-        several.setdefault(row["name"].replace("_", " "), []).append(str(row["false_contacts"]))
+        name = "nothing wrong" if row["name"] == "none" else row["name"].replace("_", " ")
+        several.setdefault(name, []).append(str(row["false_contacts"]))
     return "; ".join(f"{name}: {', '.join(counts)}" for name, counts in several.items())
 
 

@@ -20,7 +20,7 @@ STRONG = 2.0
 NEAR, LEFT = 0.15, 1.3
 """How far the size of a discovered law may be off, and what it may leave, of what a complete twin would"""
 LAST = 50
-"""Arms, of those as built, that tell how the program does now"""
+"""How many arms as built, the last ones, show how good the program is now"""
 _NONE = "none"
 
 
@@ -43,8 +43,7 @@ def rates(lines: Sequence[ArmLine]) -> dict[str, Any]:
     groups = {"as_built": newest, "last": newest[-LAST:]}
     return {
         "arms": len(lines),
-        "as_built": len(newest),
-        "last": len(newest[-LAST:]),
+        **{group: len(some) for group, some in groups.items()},
         "versions_of_lines": sorted({each.version for each in lines}),
         "rates": _rates_of(lines, groups),
         "effects": _effects(known, lines),
