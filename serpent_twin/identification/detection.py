@@ -73,9 +73,11 @@ def identifiability(
     """What logs can tell by a fit of all declared parameters without any step, and score tests on it."""
     explained = explain(case, opening, scored)
     effects = [EffectChange(case, explained, score) for score in scored]
-    found = []
+    found, goals = [], dict[float | None, Array]()
     for of in effects:
-        limits = keeping(of.score.name, lambda of=of: _limits(case, pieces, opening, explained, of))
+        limits = keeping(
+            of.score.name, lambda of=of: _limits(case, pieces, opening, explained, of, goals)
+        )
         found.append(_detection(of, effects, limits))
     hidden = {
         each.score.name: each.score.tried
@@ -99,7 +101,12 @@ def identifiability(
 
 
 def _limits(
-    case: Case[Any], pieces: Any, opening: Fit, explained: Explained, of: EffectChange
+    case: Case[Any],
+    pieces: Any,
+    opening: Fit,
+    explained: Explained,
+    of: EffectChange,
+    goals: dict[float | None, Array],
 ) -> Array:
     """How many typical strengths an effect must have to be seen beside what is left of the residual, by
     scatter and by gain, as inverses; and the share of its change that the parameters leave.
@@ -112,7 +119,7 @@ def _limits(
         if not times < of.most:
             break
         effect = of.score.name, of.score.sized(of.candidate, times)
-        fitted = Imitation(case, pieces, opening, explained.known, explained.scale, effect)
+        fitted = Imitation(case, pieces, opening, explained.known, explained.scale, effect, goals)
         if (found := fitted.fitted(times**2 * of.information)) is None:
             break
         beyond = found.left / times

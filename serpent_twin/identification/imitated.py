@@ -46,9 +46,11 @@ class Imitation(Objective):
         known: Information,
         scale: Array,
         effect: tuple[str, Array],
+        goals: dict[float | None, Array],
     ) -> None:
         """`known` is the opening's information by other weights, `scale` what these make of its numbers (N,),
-        and the effect a name and values.
+        and the effect a name and values. `goals` keeps the opening's residuals by time steps [s] for further
+        effects, and may be empty.
         """
         super().__init__(case, case.take(pieces, opening.used), opening.free, None)
         self.variance_inflation = 1 / known.weight
@@ -56,7 +58,9 @@ class Imitation(Objective):
         self._scale = scale.reshape(opening.residual.shape)
         self._slopes = known.slopes.reshape(len(self.free), *opening.residual.shape)
         self._step = case.coarse_step([opening.point.having(*effect)])
-        self._goal = case.residual([opening.point], self.some, self._step)[0]
+        if self._step not in goals:
+            goals[self._step] = case.residual([opening.point], self.some, self._step)[0]
+        self._goal = goals[self._step]
 
     def residuals(self, points: Sequence[ParameterVector]) -> Array:
         """What the effect and the parameters change together, (points, S, n)."""

@@ -3,7 +3,8 @@
 A law changes the prediction in each row by f(reading) times what its place shows there. What it would remove
 of the residual's squares follows, beyond what the free parameters take up, from sums over rows alone:
 with F the ways in which a change may follow readings, h the residual's product with the place's response, and
-D that of the Jacobian, the pull is F h and the Gram matrix F² |R|² − w (F D) M⁻¹ (F D)ᵀ.
+D that of the Jacobian, the pull is F h and the Gram matrix F² |R|² − w (F D) M⁻¹ (F D)ᵀ. The Jacobian is by
+combinations of the parameters for which M is the unit matrix.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,6 +12,7 @@ from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects.law import HANDLES, Law
@@ -30,13 +32,14 @@ from serpent_twin.identification.discovery.followed import (
 from serpent_twin.identification.discovery.rows_in_time import RowsInTime
 from serpent_twin.identification.discovery.sizes import FLAT, of_one_phase, shows_flat, solved
 from serpent_twin.identification.discovery.sums import (
+    Changes,
     ResidualRows,
+    Shown,
     Sums,
-    between,
     beyond,
     by_row,
     columns,
-    sums,
+    shown,
 )
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.information import Information
@@ -52,6 +55,8 @@ _MOST = 0.99
 """Share of the residual's squares that a law is taken to remove at most"""
 _SAME = 1e-3
 """Of a change's squares, below which declared parameters do the same"""
+_ROUNDING = 1e-14
+"""Of the greatest eigenvalue of an information matrix, what may be rounding"""
 
 
 def screened(case: Case[Any], pieces: Any, fit: Fit, places: Places) -> list[Composed]:
@@ -77,19 +82,25 @@ class Search:
         known = replace(known, slopes=slopes.reshape(len(slopes), scale.size))
         self.readings = readings
         self.in_time = RowsInTime.among(readings)
-        self.ways, self.F = ways(readings, self.in_time)
+        self.ways, rows = ways(readings, self.in_time)
+        self.usual = Changes(rows)
+        kinds = list(map(_kind, self.ways))
+        self._kinds = {kind: n for n, kind in enumerate(dict.fromkeys(kinds))}
+        self._kind = np.array([self._kinds[kind] for kind in kinds])
         self.weight, self.channels = known.weight, scale.shape[-1]
         residual = beyond(free, residual.astype(float)).ravel()
         pull = known.weight * (known.slopes @ residual) + known.prior * known.lean
         self.total = float(residual @ residual)
-        self.inverse = np.linalg.inv(known.matrix)
-        self.without_priors = np.linalg.pinv(
-            known.slopes @ known.slopes.T, rcond=FLAT**2, hermitian=True
-        )
-        left = residual - known.slopes.T @ (self.inverse @ pull)
+        value, axes = np.linalg.eigh(known.matrix)
+        spread = np.sqrt(np.maximum(value, _ROUNDING * value.max(initial=0.0)))
+        to_unit, from_unit = (axes / spread).T, axes * spread
+        without = np.linalg.pinv(known.slopes @ known.slopes.T, rcond=FLAT**2, hermitian=True)
+        self.without_priors = from_unit.T @ without @ from_unit
+        slopes = to_unit @ known.slopes
+        left = residual - slopes.T @ (to_unit @ pull)
         shape = (scale.size // self.channels, self.channels)
         self.rows = ResidualRows(
-            left.reshape(shape), known.slopes.reshape(len(known.slopes), *shape), scale, free
+            left.reshape(shape), slopes.reshape(len(slopes), *shape), scale, free
         )
 
     @classmethod
@@ -121,25 +132,31 @@ class Search:
 
     def at(self, response: Response, besides: Sequence[Way] = ()) -> list[Composed]:
         """The best laws at a place, some ways beside the usual ones included."""
-        F = np.concatenate([self.F, self.changes(besides)]) if besides else self.F
-        several = [*self.ways, *besides]
-        possible = [n for n, way in enumerate(several) if _law(response, way).possible]
-        if len(possible) < len(several):
-            F, several = F[possible], [several[n] for n in possible]
-        kept = self._among(response, several, F, _REFINED)
+        here = shown(self.rows, response)
+        which = np.flatnonzero(self._possible(response)[self._kind])
+        several = [self.ways[n] for n in which]
+        found = here.sums(self.usual, which if len(which) < len(self.ways) else None)
+        if more := [way for way in besides if _law(response, way).possible]:
+            several, found = [*several, *more], found.then(here.sums(self.changes(more)))
+        kept = self._best(response, several, found, _REFINED)
         finer = [
             way for each in kept for way in around(each.law, each.first, each.second, self.readings)
         ]
         if finer:
-            kept = _best_of([*kept, *self.among(response, finer, _REFINED)])
+            kept = _best_of([*kept, *self._among(here, response, finer, _REFINED)])
         kept = _first_few(kept)
-        declared = self._declared(response)
+        declared = self._declared(here)
         kept = [each if each.law.reading else replace(each, declared=declared) for each in kept]
         return [from_then_on(each) for each in kept]
 
-    def _declared(self, response: Response) -> bool:
+    def _possible(self, response: Response) -> NDArray[np.bool_]:
+        """Of each kind of the usual ways, whether a place may change so."""
+        laws = (Law(response.handle, response.place, *kind) for kind in self._kinds)
+        return np.array([law.possible for law in laws])
+
+    def _declared(self, here: Shown) -> bool:
         """Whether declared parameters could do what a constant change does, were it not for their priors."""
-        found = sums(self.rows, response, np.ones((1, self.F.shape[1]), np.float32))
+        found = here.sums(Changes(np.ones((1, self.usual.rows.shape[1]), np.float32)))
         taken = found.taken[:, 0]
         left = found.raw[0] - taken @ self.without_priors @ taken.T
         return bool(np.trace(left) < _SAME * np.trace(found.raw[0]))
@@ -148,18 +165,18 @@ class Search:
         self, response: Response, several: Sequence[Way], most: int = _EACH
     ) -> list[Composed]:
         """The best of some laws at a place, one for each reading."""
-        return self._among(response, several, self.changes(several), most)
+        return self._among(shown(self.rows, response), response, several, most)
 
-    def changes(self, several: Sequence[Way]) -> Array:
-        """The change of each of some ways in all rows, (W, N)."""
-        return rows_of(several, self.readings, self.in_time)
+    def changes(self, several: Sequence[Way]) -> Changes:
+        """The changes of some ways in all rows."""
+        return Changes(rows_of(several, self.readings, self.in_time))
 
     def together(self, response: Response, F: Array) -> tuple[Array, Array, float]:
         """Sizes of several changes at once, (W,), of a place with one component, their standard errors, and
         the squared standard errors that they remove together.
         """
-        raw, pull, taken = between(self.rows, response, F)
-        gram = raw - self.weight * taken @ self.inverse @ taken.T
+        raw, pull, taken = shown(self.rows, response).between(Changes(F))
+        gram = raw - self.weight * taken @ taken.T
         inverse = np.linalg.pinv(gram, rcond=FLAT, hermitian=True)
         size = -inverse @ pull
         error = np.sqrt(np.maximum(np.diag(inverse), 0.0) / self.weight)
@@ -170,44 +187,34 @@ class Search:
         return -self.weight * self.total * np.log1p(-np.minimum(share, _MOST))
 
     def _among(
-        self, response: Response, several: Sequence[Way], F: Array, most: int
+        self, here: Shown, response: Response, several: Sequence[Way], most: int
     ) -> list[Composed]:
-        """The best laws at a place, among some ways whose changes are F, (W, N)."""
-        return self._best(response, several, *self.beyond_free(response, F), most)
+        return self._best(response, several, here.sums(self.changes(several)), most)
 
-    def beyond_free(self, response: Response, F: Array) -> tuple[Sums, Array]:
-        """Sums over the rows of a place whose changes are F, (W, N), and their Gram matrices, (W, d, d),
-        beyond what the free parameters take up.
-        """
-        found, inverse = sums(self.rows, response, F), self.inverse.astype(np.float32)
-        gram, beside = found.raw.copy(), found.beside
-        for a, b in np.ndindex(gram.shape[1:]):
-            known = found.taken[a] @ inverse
-            gram[:, a, b] -= self.weight * (known * found.taken[b]).sum(axis=1)
-            beside[:, a, b] -= self.weight * (known[:-1] * found.taken[b][1:]).sum(axis=1)
+    def _beyond_free(self, found: Sums) -> tuple[Sums, Array]:
+        """Sums of a place, and their Gram matrices, (W, d, d), beyond what the free parameters take up."""
+        taken, now, next_ = found.taken, found.taken[:, :-1], found.taken[:, 1:]
+        gram = found.raw - self.weight * np.einsum("awm,bwm->wab", taken, taken)
+        beside = found.beside - self.weight * np.einsum("awm,bwm->wab", now, next_)
         return replace(found, beside=beside), gram
 
     def _best(
-        self,
-        response: Response,
-        tried: Sequence[Way],
-        found: Sums,
-        grams: Array,
-        most: int,
+        self, response: Response, tried: Sequence[Way], raw: Sums, most: int
     ) -> list[Composed]:
+        """The best laws at a place, among some ways with their sums."""
+        found, grams = self._beyond_free(raw)
         size, gain = solved(found.pulls, grams, found.raw)
         handle = HANDLES[response.handle]
         if handle.only_more:
             gain = np.where(size[:, -1] > 0, gain, 0.0)
-        pairs = of_one_phase(tried, found, grams)
-        several = [*tried, *(each for each, *_ in pairs)]
-        size = np.concatenate([size, *(s[None] for _, s, _ in pairs)])
-        gain = np.concatenate([gain, [g for *_, g in pairs]])
-        periodic = np.array([each.shape == "periodic" for each in tried] + [False] * len(pairs))
-        share = np.where(periodic, 0.0, gain) / self.total
+        phased, *of_phased = of_one_phase(tried, found, grams)
+        several = [*tried, *phased]
+        size, gain = map(np.concatenate, zip((size, gain), of_phased, strict=True))
+        periodic = np.array([each.shape == "periodic" for each in several])
+        share = np.where(periodic & (np.arange(len(several)) < len(tried)), 0.0, gain) / self.total
         gain = self.gain(share)
         if handle.only_more:  # friction that follows a swing would be negative at times
-            gain = np.where([each.shape == "periodic" for each in several], 0.0, gain)
+            gain = np.where(periodic, 0.0, gain)
         cost = np.array([PER_PARAMETER * each.parameters for each in several])
         kept: list[Composed] = []
         alone = in_one_sensor(response.channels, self.channels)
@@ -246,6 +253,10 @@ def _best_shapes(several: Sequence[Way], gain: Array) -> dict[tuple[str, str], d
 
 def _composed(response: Response, way: Way, size: Array, gain: float, share: float) -> Composed:
     return Composed(_law(response, way), size, way.first, way.second, gain, share)
+
+
+def _kind(way: Way) -> tuple[str, str, str]:
+    return way.shape, way.reading, way.where
 
 
 def _law(response: Response, way: Way) -> Law:

@@ -34,22 +34,24 @@ def shows_flat(raw: Array) -> bool:
 
 def of_one_phase(
     several: Sequence[Way], found: Sums, grams: Array
-) -> list[tuple[Way, Array, float]]:
-    """Periodic laws with the best phase, from their sines and cosines; of a vector, that of its strongest
-    component.
+) -> tuple[list[Way], Array, Array]:
+    """Periodic laws with the best phase, from their sines and cosines, with their sizes, (K, d), and by how
+    much each reduces the residual's squares, (K,); of a vector, the phase of its strongest component.
     """
-    out, d = [], grams.shape[1]
-    for n, each in enumerate(several):
-        if each.shape != "periodic" or each.second:
-            continue
-        across = found.beside[n]
-        gram = np.block([[grams[n], across], [across.T, grams[n + 1]]])
-        raw, pull = found.raw[n : n + 2], found.pulls[n : n + 2].ravel()
-        size, gain = solved(pull[None], gram[None], raw.sum(axis=0)[None])
-        if gain[0] <= 0:
-            continue
-        u, _, v = np.linalg.svd(size.reshape(2, d))  # phases by components
-        phase, along = float(np.arctan2(u[1, 0], u[0, 0])), np.outer(u[:, 0], v[0]).ravel()
-        length = -float(along @ pull) / float(along @ gram @ along)
-        out.append((replace(each, second=phase), length * v[0], -length * float(along @ pull)))
-    return out
+    d = grams.shape[1]
+    at = [n for n, way in enumerate(several) if way.shape == "periodic" and not way.second]
+    sine = np.array(at, np.intp)
+    cosine, across = sine + 1, found.beside[sine]
+    upper = np.concatenate([grams[sine], across], axis=2)
+    lower = np.concatenate([across.swapaxes(1, 2), grams[cosine]], axis=2)
+    gram = np.concatenate([upper, lower], axis=1)
+    pull = np.concatenate([found.pulls[sine], found.pulls[cosine]], axis=1)
+    size, gain = solved(pull, gram, found.raw[sine] + found.raw[cosine])
+    kept = gain > 0
+    u, _, v = np.linalg.svd(size[kept].reshape(-1, 2, d))  # phases by components
+    phase, along = np.arctan2(u[:, 1, 0], u[:, 0, 0]), u[:, :, :1] * v[:, :1]
+    along, pull, gram = along.reshape(-1, 2 * d), pull[kept], gram[kept]
+    pulled = (along * pull).sum(axis=1)
+    length = -pulled / np.einsum("kd,kde,ke->k", along, gram, along)
+    ways = [replace(several[n], second=float(by)) for n, by in zip(sine[kept], phase, strict=True)]
+    return ways, length[:, None] * v[:, 0], -length * pulled

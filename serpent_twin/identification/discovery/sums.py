@@ -1,9 +1,12 @@
 """Sum over rows what the residual says of changes at one place that follow readings."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.places import LaggedResponse, Response
@@ -21,7 +24,9 @@ class ResidualRows:
     left: Array
     """Of the residual, beyond the free parameters, (N, C)"""
     slopes: Array
-    """Its derivative by the free parameters, (M, N, C)"""
+    """Its derivative by combinations of the free parameters whose posterior covariance is the unit matrix,
+    (M, N, C)
+    """
     scale: Array
     """One over the noise, 0 where nothing was measured, (S, T, C)"""
     free: Array | None = None
@@ -56,52 +61,146 @@ def beyond(free: Array | None, values: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
+class Changes:
+    """How W changes go on in N rows."""
+
+    rows: Array
+    """(W, N)"""
+
+    def __getitem__(self, which: NDArray[np.intp]) -> "Changes":
+        return Changes(self.rows[which])
+
+    @cached_property
+    def squares(self) -> Array:
+        """Of each change, in each row, (W, N)."""
+        return self.rows**2
+
+    @cached_property
+    def by_next(self) -> Array:
+        """Products of each change with the next one, (W - 1, N)."""
+        return self.rows[:-1] * self.rows[1:]
+
+
+@dataclass(frozen=True, eq=False)
 class Sums:
-    """Of W ways of a place with d components."""
+    """Of W changes of a place with d components."""
 
     pulls: Array
     """Products with the residual, (W, d)"""
     raw: Array
     """Products of components with each other, (W, d, d)"""
     beside: Array
-    """Products of components with those of the next way, (W - 1, d, d)"""
+    """Products of components with those of the next change, (W - 1, d, d)"""
     taken: Array
-    """Products with the derivatives by the free parameters, (d, W, M)"""
+    """Products with the slopes of the residual's rows, (d, W, M)"""
+
+    def __getitem__(self, which: NDArray[np.intp]) -> "Sums":
+        """Those of some changes, in their order; of each that stays beside its next one, that product."""
+        beside = self.beside[which[:-1]]
+        return Sums(self.pulls[which], self.raw[which], beside, self.taken[:, which])
+
+    def then(self, others: "Sums") -> "Sums":
+        """These, and others of the same place after them."""
+        of_two = np.zeros((1, *self.raw.shape[1:]))  # the last of these and the first of the others
+        return Sums(
+            np.concatenate([self.pulls, others.pulls]),
+            np.concatenate([self.raw, others.raw]),
+            np.concatenate([self.beside, of_two, others.beside]),
+            np.concatenate([self.taken, others.taken], axis=1),
+        )
 
 
-def sums(rows: ResidualRows, response: Response, F: Array) -> Sums:
-    """The sums of a place's response to changes that follow F, (W, N)."""
-    if not isinstance(response, LaggedResponse):
-        return _in_their_row(rows, rows.weighed(response.change), F)
-    d, W, M = len(response.enters), len(F), len(rows.slopes)
-    pulls, taken = np.empty((W, d)), np.empty((d, W, M))
-    raw, beside = np.empty((W, d, d)), np.empty((W - 1, d, d))
-    last: list[Array] = [np.empty((0, rows.left.size), np.float32)] * d
-    left = rows.left.ravel().astype(np.float32)
-    slopes = rows.slopes.reshape(M, -1).astype(np.float32)
-    for which, each in _changes(rows, response, F):
-        pulls[which] = np.stack([y @ left for y in each], axis=1)
-        those = slice(which.start - len(last[0]), which.start + len(each[0]) - 1)
-        for a, b in np.ndindex(d, d):
-            raw[which, a, b] = np.einsum("wn,wn->w", each[a], each[b])
-            before = np.concatenate([last[a], each[a][:-1]])
-            next_ = each[b] if len(last[b]) else each[b][1:]
-            beside[those, a, b] = np.einsum("wn,wn->w", before, next_)
-        for a in range(d):
-            taken[a, which] = each[a] @ slopes.T
-        last = [one[-1:] for one in each]
-    return Sums(pulls, raw, beside, taken)
+class Shown(ABC):
+    """What changes at one place show in the residual."""
+
+    @abstractmethod
+    def sums(self, changes: Changes, which: NDArray[np.intp] | None = None) -> Sums:
+        """The sums of so many changes, or of `which` of them."""
+
+    @abstractmethod
+    def between(self, changes: Changes) -> tuple[Array, Array, Array]:
+        """Products of all changes with each other, (W, W), with the residual, (W,), and with its slopes,
+        (W, M); of a place with one component.
+        """
 
 
-def between(rows: ResidualRows, response: Response, F: Array) -> tuple[Array, Array, Array]:
-    """Products of the changes of all ways with each other, (W, W), with the residual, (W,), and with the
-    derivatives by the free parameters, (W, M); of a place with one component.
-    """
+def shown(rows: ResidualRows, response: Response) -> Shown:
+    """What changes that a place's response answers to show in rows of a residual."""
     if isinstance(response, LaggedResponse):
-        Y = np.concatenate([each[0] for _, each in _changes(rows, response, F)]).astype(float)
-    else:
-        R = rows.weighed(response.change)[0]
-        Y = (F[..., None] * R).reshape(len(F), -1)
+        return _ShownLater(rows, response)
+    return _ShownAtOnce(rows, response)
+
+
+class _ShownAtOnce(Shown):
+    """Of what shows in its row alone: with the changes' squares and products, row by row."""
+
+    def __init__(self, rows: ResidualRows, response: Response) -> None:
+        R = rows.weighed(response.change)
+        self._R, self._rows = R, rows
+        self._pulls = np.einsum("dnc,nc->nd", R, rows.left).astype(np.float32)
+        D = np.einsum("dnc,mnc->dnm", R, rows.slopes, optimize=True)
+        self._slopes = D.astype(np.float32)
+        self._squares = np.einsum("anc,bnc->nab", R, R).astype(np.float32)
+
+    def sums(self, changes: Changes, which: NDArray[np.intp] | None = None) -> Sums:
+        squares, d = self._squares.reshape(len(self._squares), -1), len(self._R)
+        found = Sums(
+            (changes.rows @ self._pulls).astype(float),
+            (changes.squares @ squares).reshape(-1, d, d).astype(float),
+            (changes.by_next @ squares).reshape(-1, d, d).astype(float),
+            np.array([changes.rows @ each for each in self._slopes]),
+        )
+        return found if which is None else found[which]
+
+    def between(self, changes: Changes) -> tuple[Array, Array, Array]:
+        Y = (changes.rows[..., None] * self._R[0]).reshape(len(changes.rows), -1)
+        return _between(self._rows, Y)
+
+
+class _ShownLater(Shown):
+    """Of what goes on from row to row."""
+
+    def __init__(self, rows: ResidualRows, response: LaggedResponse) -> None:
+        self._rows, self._response = rows, response
+
+    def sums(self, changes: Changes, which: NDArray[np.intp] | None = None) -> Sums:
+        F, rows = changes.rows if which is None else changes.rows[which], self._rows
+        d, W, M = len(self._response.enters), len(F), len(rows.slopes)
+        pulls, taken = np.empty((W, d)), np.empty((d, W, M))
+        raw, beside = np.empty((W, d, d)), np.empty((W - 1, d, d))
+        last: list[Array] = [np.empty((0, rows.left.size), np.float32)] * d
+        left = rows.left.ravel().astype(np.float32)
+        slopes = rows.slopes.reshape(M, -1).astype(np.float32)
+        for some, each in self._some(F):
+            pulls[some] = np.stack([y @ left for y in each], axis=1)
+            those = slice(some.start - len(last[0]), some.start + len(each[0]) - 1)
+            for a, b in np.ndindex(d, d):
+                raw[some, a, b] = np.einsum("wn,wn->w", each[a], each[b])
+                before = np.concatenate([last[a], each[a][:-1]])
+                next_ = each[b] if len(last[b]) else each[b][1:]
+                beside[those, a, b] = np.einsum("wn,wn->w", before, next_)
+            for a in range(d):
+                taken[a, some] = each[a] @ slopes.T
+            last = [one[-1:] for one in each]
+        return Sums(pulls, raw, beside, taken)
+
+    def between(self, changes: Changes) -> tuple[Array, Array, Array]:
+        Y = np.concatenate([each[0] for _, each in self._some(changes.rows)]).astype(float)
+        return _between(self._rows, Y)
+
+    def _some(self, F: Array) -> Iterator[tuple[slice, list[Array]]]:
+        """Some changes after the other: what they do to the residual, (W, N · C) for each component."""
+        rows = self._rows
+        at_once = max(1, int(_AT_ONCE / rows.left.size))
+        for n in range(0, len(F), at_once):
+            some = slice(n, n + at_once)
+            follows = F[some].reshape(-1, *rows.scale.shape[:2]).astype(np.float32)
+            weighed = [rows.weighed(each) for each in self._response.of(follows)]
+            yield some, [each.reshape(len(each), -1).astype(np.float32) for each in weighed]
+
+
+def _between(rows: ResidualRows, Y: Array) -> tuple[Array, Array, Array]:
+    """Products of what changes do, (W, N · C), with each other, with the residual and with its slopes."""
     return Y @ Y.T, Y @ rows.left.ravel(), Y @ rows.slopes.reshape(len(rows.slopes), -1).T
 
 
@@ -116,27 +215,3 @@ def by_row(rows: ResidualRows, response: Response) -> tuple[Array, Array]:
         return found, np.ones_like(found)
     R = rows.weighed(response.change)
     return np.einsum("dnc,nc->dn", R, rows.left), (R**2).sum(axis=2)
-
-
-def _in_their_row(rows: ResidualRows, R: Array, F: Array) -> Sums:
-    """Of what shows in its row alone: with the way's squares and products, row by row."""
-    h = np.einsum("dnc,nc->dn", R, rows.left).astype(np.float32)
-    D = np.einsum("dnc,mnc->dnm", R, rows.slopes, optimize=True).astype(np.float32)
-    d, W = len(R), len(F)
-    raw, beside = np.empty((W, d, d)), np.empty((W - 1, d, d))
-    for a, b in np.ndindex(d, d):
-        both = (R[a] * R[b]).sum(axis=1).astype(np.float32)
-        raw[:, a, b], beside[:, a, b] = F**2 @ both, (F[:-1] * F[1:]) @ both
-    return Sums((F @ h.T).astype(float), raw, beside, np.array([F @ each for each in D]))
-
-
-def _changes(
-    rows: ResidualRows, response: LaggedResponse, F: Array
-) -> Iterator[tuple[slice, list[Array]]]:
-    """Some ways after the other: what they do to the residual, (W, N · C) for each component."""
-    at_once = max(1, int(_AT_ONCE / rows.left.size))
-    for n in range(0, len(F), at_once):
-        which = slice(n, n + at_once)
-        follows = F[which].reshape(-1, *rows.scale.shape[:2]).astype(np.float32)
-        weighed = [rows.weighed(each) for each in response.of(follows)]
-        yield which, [each.reshape(len(each), -1).astype(np.float32) for each in weighed]
