@@ -36,7 +36,7 @@ def softness(
     with a time constant that is no shorter than the one given [s].
     """
     quick = 2 * transition / np.maximum(friction * inverse_inertia, 1e-12)  # (1 − d) τ
-    give = np.clip(quick / time, 1 - STICKS, 1 - _SOFTEST)
+    give = np.minimum(np.maximum(quick / time, 1 - STICKS), 1 - _SOFTEST)
     return np.maximum(time, quick / give), 1 - give
 
 

@@ -61,6 +61,14 @@ class CableFriction(Effect):
     def _chosen(self) -> NDArray[np.bool_]:
         return chosen_at(self.at, self.strand)
 
+    @cached_property
+    def _bends(self) -> NDArray[np.bool_]:
+        return np.equal(self.by_bend, 1.0)
+
+    @cached_property
+    def _gives_way(self) -> bool:
+        return bool(np.any(self.presliding))
+
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Let a tendon of a model stick."""
         if self.at:
@@ -79,10 +87,10 @@ class CableFriction(Effect):
         rubs = self._chosen * moment.tension
         pressed = at_joints(moment.arm.pulley_radii * loops(rubs))
         share = self.coefficient
-        if np.any(by_bend := np.equal(self.by_bend, 1.0)):
+        if self._bends.any():
             bent = np.expm1(self.coefficient * np.abs(moment.joint_angle))
-            share = np.where(by_bend, bent, share)
+            share = np.where(self._bends, bent, share)
         moment.add_joint_friction(share * pressed, self.transition_velocity)
-        if np.any(self.presliding):
+        if self._gives_way:
             assert memory is not None
             give_way(moment, memory, self.presliding)

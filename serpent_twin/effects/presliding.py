@@ -33,7 +33,7 @@ def give_way(moment: Moment, held: Array, compliance: Array | float) -> None:
     give = np.maximum(compliance + dt * moment.transition_velocity / limit, _LEAST)
     torque = (compliance * held + moment.dt * speed) / give
     slides = (np.abs(torque) >= limit) & (moment.dt * np.abs(speed) > _SLIDES * limit * give)
-    held[...] = np.clip(torque, -limit, limit)
+    np.minimum(np.maximum(torque, -limit), limit, out=held)
     outside = np.where(slides, 0.0, held * compliance / give)
     moment.joint_torque = moment.joint_torque - outside
     elastic = np.greater(compliance, 0.0)
@@ -41,4 +41,4 @@ def give_way(moment: Moment, held: Array, compliance: Array | float) -> None:
     near = np.where(slides, _HARD, room * give / dt)
     moment.transition_velocity = np.where(elastic, near, moment.transition_velocity)
     moment.joint_friction = room
-    moment.presliding = np.broadcast_to(compliance, limit.shape)
+    moment.presliding = compliance

@@ -12,7 +12,7 @@ from serpent_twin.arm.hinge_friction import BRISK, USUAL, softness
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Moment
 from serpent_twin.sim.pushed_statics import StretchedStrands
-from serpent_twin.sim.stepper import Stepper, addresses
+from serpent_twin.sim.stepper import Stepper, addresses, in_a_row
 from serpent_twin.sim.twin_model import TwinModel
 
 _MORE = 1.001
@@ -30,11 +30,12 @@ class CableDynamics(Stepper[Moment]):
         super().__init__(batch, [design.active for design in designs])
         model = batch.model
         self.arm, self._motors = designs[0].arm, motors
-        self._joint_q, self._joint_v = addresses(model, mjcf.JOINTS)
-        self._motor_v = addresses(model, mjcf.MOTORS)[1] if motors else None
-        self._jaw_q, jaw_v = addresses(model, ("jaw",))
+        self._joint_q, self._joint_v = map(in_a_row, addresses(model, mjcf.JOINTS))
+        self._motor_v = in_a_row(addresses(model, mjcf.MOTORS)[1]) if motors else None
+        self._jaw_q, jaw_v = map(in_a_row, addresses(model, ("jaw",)))
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._rest = batch.expand("tendon_lengthspring")
+        self._rest_plus, self._rest_minus = (self._rest[:, side::2, 1] for side in (0, 1))
         self._stiffness = batch.expand("tendon_stiffness")
         self._friction = batch.expand("dof_frictionloss")
         self._bend = batch.expand("tendon_stiffnesspoly")  # T = k x + bend x²
@@ -55,9 +56,8 @@ class CableDynamics(Stepper[Moment]):
         self.winch_reach = self.arm.pulley_radii * self.winch_ratio
         self.prior_runtime: Array | float = 0.0
         """Total time of earlier sessions [s], or (n, 1)"""
-        self._rubs: tuple[Array, ...] = (np.empty(0), np.empty(0))
-        self.reading_age = np.zeros(len(designs))
-        """How old the motors' readings are, as the last moment had it [s], (n,)"""
+        self._rubs = b""
+        self._age: Array | float = 0.0
         self.marker_shift: Array | float = 0.0
         """Where the last moment had the cameras see the markers besides [m], or (n, 9, 3)"""
         self.load_shift: Array | float = 0.0
@@ -65,14 +65,14 @@ class CableDynamics(Stepper[Moment]):
         self.load_scale: Array | float = 0.0
         """And as a share of the loads themselves, or (n, 10)"""
         self.presliding: Array | float = 0.0
-        """How hinges that stick give way [rad/(N m)], or (n, 9)"""
+        """How hinges that stick give way [rad/(N m)], or (n, 1)"""
 
     def moment(
         self, time: Array, motor_angle: Array, motor_velocity: Array, dt: float | Array = 0.0
     ) -> Moment:
         """The present instant without effects, of motors, (n, 10), at times (n, 1)."""
-        joints = self._qpos[:, self._joint_q], self._qvel[:, self._joint_v]
-        for each in (jaw := self._qpos[:, self._jaw_q], *joints):
+        joints = self._qpos[:, self._joint_q].copy(), self._qvel[:, self._joint_v].copy()
+        for each in (jaw := self._qpos[:, self._jaw_q].copy(), *joints):
             each.setflags(write=False)
         return Moment.of(
             arm=self.arm,
@@ -111,7 +111,7 @@ class CableDynamics(Stepper[Moment]):
         if self._motor_v is not None:
             self._friction[:, self._motor_v] = moment.gear_friction
             self._applied[:, self._motor_v] = moment.motor_torque
-        self.reading_age = np.broadcast_to(moment.reading_age, (len(self.reading_age), 1))[:, 0]
+        self._age = moment.reading_age
         self.marker_shift, self.load_shift = moment.marker_shift, moment.load_shift
         self.load_scale, self.presliding = moment.load_scale, moment.presliding
 
@@ -142,10 +142,10 @@ class CableDynamics(Stepper[Moment]):
 
     def _rub(self, moment: Moment) -> None:
         """Set the hinges' friction to this moment's, where it has changed."""
-        wanted = moment.joint_friction, moment.transition_velocity
-        if all(map(np.array_equal, wanted, self._rubs)):
+        wanted = moment.joint_friction.tobytes() + moment.transition_velocity.tobytes()
+        if wanted == self._rubs:
             return
-        self._rubs = tuple(each.copy() for each in wanted)
+        self._rubs = wanted
         reference, impedance, inverse_inertia = self._soft
         friction, v = moment.joint_friction, self._joint_v
         time = np.where(friction > _MORE * self.joint_friction, BRISK, USUAL)
@@ -153,6 +153,11 @@ class CableDynamics(Stepper[Moment]):
         self._friction[:, v] = friction
         reference[:, v, 0] = soft[0]
         impedance[:, v, :2] = soft[1][..., None]
+
+    @property
+    def reading_age(self) -> Array:
+        """How old the motors' readings are, as the last moment had it [s], (n,)."""
+        return np.broadcast_to(self._age, (len(self._qpos), 1))[:, 0]
 
     def jaw_at_rest(self, wound: Array) -> Array:
         """Angle of the jaw at rest [rad], (n, 1): as near to zero as its friction holds it against its
@@ -167,8 +172,8 @@ class CableDynamics(Stepper[Moment]):
         """Shift the strands' rest lengths by what the winches wind outside the model."""
         wound = winch_angle - motor_angle if self._motors else winch_angle
         taken = self.winch_reach * wound
-        self._rest[:, 0::2, 1] = slack[:, 0::2] - taken
-        self._rest[:, 1::2, 1] = slack[:, 1::2] + taken
+        np.subtract(slack[:, 0::2], taken, out=self._rest_plus)
+        np.add(slack[:, 1::2], taken, out=self._rest_minus)
 
     def strands(self, run: int) -> StretchedStrands:
         """The strands of one run at the present instant."""

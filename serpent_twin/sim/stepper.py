@@ -109,3 +109,9 @@ def addresses(
         np.array([int(j.qposadr[0]) for j in joints], np.intp),
         np.array([int(j.dofadr[0]) for j in joints], np.intp),
     )
+
+
+def in_a_row(indices: NDArray[np.intp]) -> NDArray[np.intp] | slice:
+    """Indices as a slice where each follows the other: NumPy reads and writes that in a third of the time."""
+    first, last = int(indices[0]), int(indices[-1]) + 1
+    return slice(first, last) if np.array_equal(indices, np.arange(first, last)) else indices

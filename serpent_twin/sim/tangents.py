@@ -103,7 +103,7 @@ class Tangents:
 
     def begin_step(self, dt: Array, winch_angle: Array, presliding: Array | float) -> None:
         """Note the runs before a time step [s], (S, 1), with what winds their strands [rad], (S, 10), and how
-        hinges that stick give way [rad/(N m)], (S, 9).
+        hinges that stick give way [rad/(N m)], (S, 1).
         """
         self._end_step()
         wound = _SIGN * np.repeat(winch_angle, 2, axis=1)
