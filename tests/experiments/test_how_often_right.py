@@ -166,6 +166,21 @@ def test_the_gate_takes_unlike_faults_and_finds_their_trials():
     assert (trial.id, trial.sessions, trial.kind) == ("payload-03", 2, KNOWN)
 
 
+def test_the_gate_takes_as_many_faults_as_its_time_allows():
+    many = [replace(LINE, arm=f"clean-00-{n}", seconds=100 + n) for n in range(3)]
+    many += [replace(heavy(0.1, number=n), seconds=200 + 10 * n) for n in range(2)]
+    many += [replace(heavy(0.1), there="base_tilt", arm="base_tilt-00", seconds=300)]
+
+    def times(count: int, seconds: float) -> list[float]:
+        return [each.seconds for each in chosen(many, count, seconds)]
+
+    assert times(3, 601) == [100, 200, 300]
+    assert times(3, 500) == [100, 200, 101]
+    assert times(3, 400) == times(3, 0) == [100, 101, 102]
+    assert times(9, 0) == [100, 101, 102, 200, 210, 300]
+    assert chosen([], 3) == []
+
+
 def test_faults_that_were_worth_finding_are_counted_alone():
     outside = replace(LINE, kind=OUTSIDE, there="soft_stop")
     lines = [
