@@ -25,7 +25,7 @@ from serpent_twin.runs.worker_pool import execute
 from serpent_twin.stored import within
 
 _LIMIT = 900.0  # [s] on two cores
-_EACH = 120.0
+_EACH = 130.0
 """Mean time of a trace [s] with which twelve arms are recorded and traced within the limit on two cores"""
 
 
@@ -34,7 +34,7 @@ class RightNames(Checked):
     """Trace arms of earlier studies again, and compare what is right."""
 
     arms: Annotated[int, within(1, 1000)] = 12
-    """So many, of as many unlike faults as two minutes of tracing an arm allow."""
+    """So many, of as many unlike faults as its limit allows."""
     rows: Path = PAGES / "how-often-right.csv"
     """Lines of arms, as experiments.confusion --rows adds them."""
     out: Path | None = None
