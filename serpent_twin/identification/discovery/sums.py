@@ -67,9 +67,6 @@ class Changes:
     rows: Array
     """(W, N)"""
 
-    def __getitem__(self, which: NDArray[np.intp]) -> "Changes":
-        return Changes(self.rows[which])
-
     @cached_property
     def squares(self) -> Array:
         """Of each change, in each row, (W, N)."""
