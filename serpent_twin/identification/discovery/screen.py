@@ -34,7 +34,7 @@ from serpent_twin.identification.discovery.sizes import FLAT, of_one_phase, show
 from serpent_twin.identification.discovery.sums import (
     Changes,
     ResidualRows,
-    Shown,
+    ShownChanges,
     Sums,
     beyond,
     by_row,
@@ -154,7 +154,7 @@ class Search:
         laws = (Law(response.handle, response.place, *kind) for kind in self._kinds)
         return np.array([law.possible for law in laws])
 
-    def _declared(self, here: Shown) -> bool:
+    def _declared(self, here: ShownChanges) -> bool:
         """Whether declared parameters could do what a constant change does, were it not for their priors."""
         found = here.sums(Changes(np.ones((1, self.usual.rows.shape[1]), np.float32)))
         taken = found.taken[:, 0]
@@ -187,7 +187,7 @@ class Search:
         return -self.weight * self.total * np.log1p(-np.minimum(share, _MOST))
 
     def _among(
-        self, here: Shown, response: Response, several: Sequence[Way], most: int
+        self, here: ShownChanges, response: Response, several: Sequence[Way], most: int
     ) -> list[Composed]:
         return self._best(response, several, here.sums(self.changes(several)), most)
 

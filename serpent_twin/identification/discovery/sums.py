@@ -107,7 +107,7 @@ class Sums:
         )
 
 
-class Shown(ABC):
+class ShownChanges(ABC):
     """What changes at one place show in the residual."""
 
     @abstractmethod
@@ -121,14 +121,14 @@ class Shown(ABC):
         """
 
 
-def shown(rows: ResidualRows, response: Response) -> Shown:
+def shown(rows: ResidualRows, response: Response) -> ShownChanges:
     """What changes that a place's response answers to show in rows of a residual."""
     if isinstance(response, LaggedResponse):
         return _ShownLater(rows, response)
     return _ShownAtOnce(rows, response)
 
 
-class _ShownAtOnce(Shown):
+class _ShownAtOnce(ShownChanges):
     """Of what shows in its row alone: with the changes' squares and products, row by row."""
 
     def __init__(self, rows: ResidualRows, response: Response) -> None:
@@ -154,7 +154,7 @@ class _ShownAtOnce(Shown):
         return _between(self._rows, Y)
 
 
-class _ShownLater(Shown):
+class _ShownLater(ShownChanges):
     """Of what goes on from row to row."""
 
     def __init__(self, rows: ResidualRows, response: LaggedResponse) -> None:
