@@ -49,9 +49,10 @@ def chosen(lines: Sequence[ArmLine], count: int, seconds: float = np.inf) -> lis
     last = {(each.seed, each.sessions, each.steps, each.arm): each for each in lines}
     built = [each for each in last.values() if each.generation == GENERATION]
     ordered = sorted(built, key=lambda each: (each.seconds, each.arm))
-    quickest = {each.there: each for each in reversed(ordered)}
-    unlike = [each for each in ordered if quickest[each.there] is each]
-    some = ordered[:count]
+    quickest = dict[str, ArmLine]()
+    for each in ordered:
+        quickest.setdefault(each.there, each)
+    unlike, some = list(quickest.values()), ordered[:count]
     for n in range(2, min(count, len(unlike)) + 1):
         others = [each for each in ordered if each not in unlike[:n]]
         more = unlike[:n] + others[: count - n]
@@ -79,7 +80,8 @@ def main(config: RightNames) -> None:
         verdict = "as before" if again.called == line.called else f"before: {line.called}"
         print(f"{line.there}: called {again.called}, {verdict}", flush=True)
 
-    with tempfile.TemporaryDirectory() as folder, processes(os.cpu_count() or 1) as pool:
+    cores = min(os.cpu_count() or 1, config.arms)
+    with tempfile.TemporaryDirectory() as folder, processes(cores) as pool:
         execute(before, partial(_again, Path(folder)), pool, keep)
     took, rows = time.perf_counter() - began, BenchmarkRows()
     was, right = sum(each.right for each in before), sum(again.right for _, again in both)

@@ -9,6 +9,7 @@ what that leaves decides.
 """
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -73,10 +74,12 @@ def identifiability(
     """What logs can tell by a fit of all declared parameters without any step, and score tests on it."""
     explained = explain(case, opening, scored)
     effects = [EffectChange(case, explained, score) for score in scored]
-    found, goals = [], dict[float | None, Array]()
+    some = case.take(pieces, opening.used)
+    goal = cache(lambda timestep: case.residual([opening.point], some, timestep)[0])
+    found = []
     for of in effects:
         limits = keeping(
-            of.score.name, lambda of=of: _limits(case, pieces, opening, explained, of, goals)
+            of.score.name, lambda of=of: _limits(case, pieces, opening, explained, of, goal)
         )
         found.append(_detection(of, effects, limits))
     hidden = {
@@ -86,7 +89,6 @@ def identifiability(
     }
     found += [_unseen(case.candidates[name], why) for name, why in case.unseen.items()]
     found.sort(key=lambda each: (not each.delay, -each.limit / each.typical))
-    some = case.take(pieces, opening.used)
     parameters, directions = _parameters(case, explained.known, effects)
     without = case.compare(opening.point, some)
     return Identifiability(
@@ -106,7 +108,7 @@ def _limits(
     opening: Fit,
     explained: Explained,
     of: EffectChange,
-    goals: dict[float | None, Array],
+    goal: Callable[[float | None], Array],
 ) -> Array:
     """How many typical strengths an effect must have to be seen beside what is left of the residual, by
     scatter and by gain, as inverses; and the share of its change that the parameters leave.
@@ -119,7 +121,7 @@ def _limits(
         if not times < of.most:
             break
         effect = of.score.name, of.score.sized(of.candidate, times)
-        fitted = Imitation(case, pieces, opening, explained.known, explained.scale, effect, goals)
+        fitted = Imitation(case, pieces, opening, explained.known, explained.scale, effect, goal)
         if (found := fitted.fitted(times**2 * of.information)) is None:
             break
         beyond = found.left / times

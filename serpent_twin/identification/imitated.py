@@ -4,7 +4,7 @@ To first order, parameters that would have to move far seem to leave more of an 
 joints stick, a derivative holds for small steps alone. So a twin with the effect is fitted to that without.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,11 +46,10 @@ class Imitation(Objective):
         known: Information,
         scale: Array,
         effect: tuple[str, Array],
-        goals: dict[float | None, Array],
+        goal: Callable[[float | None], Array],
     ) -> None:
         """`known` is the opening's information by other weights, `scale` what these make of its numbers (N,),
-        and the effect a name and values. `goals` keeps the opening's residuals by time steps [s] for further
-        effects, and may be empty.
+        and the effect a name and values. `goal` gives the opening's residual in time steps of a length [s].
         """
         super().__init__(case, case.take(pieces, opening.used), opening.free, None)
         self.variance_inflation = 1 / known.weight
@@ -58,9 +57,7 @@ class Imitation(Objective):
         self._scale = scale.reshape(opening.residual.shape)
         self._slopes = known.slopes.reshape(len(self.free), *opening.residual.shape)
         self._step = case.coarse_step([opening.point.having(*effect)])
-        if self._step not in goals:
-            goals[self._step] = case.residual([opening.point], self.some, self._step)[0]
-        self._goal = goals[self._step]
+        self._goal = goal(self._step)
 
     def residuals(self, points: Sequence[ParameterVector]) -> Array:
         """What the effect and the parameters change together, (points, S, n)."""

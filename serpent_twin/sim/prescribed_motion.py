@@ -252,10 +252,8 @@ class _Path:
         before = self._before + self._old * np.minimum(t, self._dead)
         since = np.maximum(t - self._dead, 0.0)
         angle, velocity = taken_up(before, self._old, self._new, since, self._lag)
-        velocity = np.broadcast_to(velocity, angle.shape)
-        for each in (angle, velocity):
-            each.setflags(write=False)  # effects read them in every time step
-        return angle, velocity
+        angle.setflags(write=False)  # effects read it in every time step
+        return angle, np.broadcast_to(velocity, angle.shape)
 
 
 def taken_up(

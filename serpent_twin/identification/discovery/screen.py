@@ -207,9 +207,9 @@ class Search:
         handle = HANDLES[response.handle]
         if handle.only_more:
             gain = np.where(size[:, -1] > 0, gain, 0.0)
-        phased, *of_phased = of_one_phase(tried, found, grams)
+        phased, sizes, gains = of_one_phase(tried, found, grams)
         several = [*tried, *phased]
-        size, gain = map(np.concatenate, zip((size, gain), of_phased, strict=True))
+        size, gain = np.concatenate([size, sizes]), np.concatenate([gain, gains])
         periodic = np.array([each.shape == "periodic" for each in several])
         share = np.where(periodic & (np.arange(len(several)) < len(tried)), 0.0, gain) / self.total
         gain = self.gain(share)
@@ -260,7 +260,7 @@ def _kind(way: Way) -> tuple[str, str, str]:
 
 
 def _law(response: Response, way: Way) -> Law:
-    return Law(response.handle, response.place, way.shape, way.reading, way.where)
+    return Law(response.handle, response.place, *_kind(way))
 
 
 def _best_of(found: Sequence[Composed]) -> list[Composed]:

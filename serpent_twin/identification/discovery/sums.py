@@ -32,6 +32,12 @@ class ResidualRows:
     free: Array | None = None
     """What each segment's start may change, weighed, as orthonormal columns, (S, T · C, k)"""
 
+    @cached_property
+    def in_single_precision(self) -> tuple[Array, Array]:
+        """What is left, (N · C,), and its slopes, (M, N · C)."""
+        left, slopes = self.left.ravel(), self.slopes.reshape(len(self.slopes), -1)
+        return left.astype(np.float32), slopes.astype(np.float32)
+
     def weighed(self, change: Array) -> Array:
         """What changes of the prediction, (…, S, T, C), do to the residual, beyond what starts may,
         (…, N, C).
@@ -162,12 +168,11 @@ class _ShownLater(ShownChanges):
 
     def sums(self, changes: Changes, which: NDArray[np.intp] | None = None) -> Sums:
         F, rows = changes.rows if which is None else changes.rows[which], self._rows
-        d, W, M = len(self._response.enters), len(F), len(rows.slopes)
+        left, slopes = rows.in_single_precision
+        d, W, M = len(self._response.enters), len(F), len(slopes)
         pulls, taken = np.empty((W, d)), np.empty((d, W, M))
         raw, beside = np.empty((W, d, d)), np.empty((W - 1, d, d))
         last: list[Array] = [np.empty((0, rows.left.size), np.float32)] * d
-        left = rows.left.ravel().astype(np.float32)
-        slopes = rows.slopes.reshape(M, -1).astype(np.float32)
         for some, each in self._some(F):
             pulls[some] = np.stack([y @ left for y in each], axis=1)
             those = slice(some.start - len(last[0]), some.start + len(each[0]) - 1)
