@@ -89,8 +89,8 @@ def _pushes(rows: Rows, of: str) -> list[Mapping[str, Any]]:
 def _contacts_told(rows: Rows) -> str:
     hours, false = sum(r["free_hours"] for r in rows), sum(r["false_contacts"] for r in rows)
     return (
-        f"In {hours:.1f} hours without a touch, the observers reported {counted(false, 'false contact')} "
-        f"({_listed(rows)}). A push "
+        f"In {hours:.1f} hours without a touch, the observers reported {counted(false, 'false contact')}. "
+        f"By the fault of each arm, there were: {_listed(rows)}. A push "
         "is found in its first second if contact is reported within it. How much that second can tell "
         "depends on pose, direction and link: where a force hardly turns a joint, or motors stand, nobody "
         "could feel it. *Possible* is how many would be reported within that second by the ideal detector. "
@@ -103,9 +103,9 @@ def _contacts_told(rows: Rows) -> str:
 def _listed(rows: Rows) -> str:
     several: dict[str, list[str]] = {}
     for row in rows:
-        name = "nothing wrong" if row["name"] == "none" else row["name"].replace("_", " ")
+        name = "no fault" if row["name"] == "none" else row["name"].replace("_", " ")
         several.setdefault(name, []).append(str(row["false_contacts"]))
-    return "; ".join(f"{name}: {', '.join(counts)}" for name, counts in several.items())
+    return ", ".join(f"{name} {' and '.join(counts)}" for name, counts in several.items())
 
 
 def _contacts(rows: Rows) -> Table:

@@ -125,7 +125,7 @@ def _curves(case: Case, training: Any, final: Fit) -> dict[str, FreeCurve]:
 def _named(
     tracer: Tracer, selection: Selection, told: Fit, before: Errors, after: Errors
 ) -> tuple[Named, ...]:
-    """The effects found, with the standard errors of `told`. A single effect has the whole gain."""
+    """The effects found, with standard errors from `told`. A sole effect accounts for all of the gain."""
     case, named = selection.case, []
     alone = len(selection.final.point.effects) == 1
     for name in selection.final.point.effects:
