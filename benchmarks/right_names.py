@@ -34,7 +34,7 @@ class RightNames(Checked):
     """Trace arms of earlier studies again, and compare what is right."""
 
     arms: Annotated[int, within(1, 1000)] = 12
-    """So many, of as many unlike faults as its limit allows."""
+    """How many arms to trace, with as many different faults as fifteen minutes on two cores allow."""
     rows: Path = PAGES / "how-often-right.csv"
     """Lines of arms, as experiments.confusion --rows adds them."""
     out: Path | None = None
