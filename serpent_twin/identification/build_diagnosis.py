@@ -92,7 +92,7 @@ def build_diagnosis(
         pairs=tuple(pair for each in selection.rounds for pair in each.pairs),
         marker=compared["corrected"].marker,
         load=compared["corrected"].load,
-        identifiability=tracer.identifiability,
+        identifiability=tracer.identifiability if named or rest.is_ else tracer.exact_limits(),
         whiteness=whiteness(compared["corrected"]),
         places={name: each.place for name, each in case.candidates.items()}
         | {name: place for several in shapes.values() for name, place in several.items()},

@@ -4,8 +4,8 @@ All is to first order at a fit without any step, from the Jacobian J by the decl
 changes c of the residual by each effect. What all of them together leave of the residual weighs the channels
 anew, and the information matrix w J Jᵀ + Λ then gives each parameter's posterior covariance. The strength of
 an effect, relative to the one that makes the change c, is known to within 1/√(w cᵀ b), b being what the
-parameters cannot take up of c. Twice the strength that would be found by this is then taken up by a fit, and
-what that leaves decides.
+parameters cannot take up of c. Where a limit is asked for exactly, twice the strength that would be found by
+this is then taken up by a fit, and what that leaves decides.
 """
 
 from collections.abc import Callable, Sequence
@@ -60,27 +60,30 @@ Keeping = Callable[[str, Callable[[], Array]], Array]
 """Gives the limits of an effect by its name, computed now or read back"""
 
 
-def _computed(_: str, make: Callable[[], Array]) -> Array:
-    return make()
-
-
 def identifiability(
     case: Case[Any],
     pieces: Any,
     opening: Fit,
     scored: Sequence[Score],
-    keeping: Keeping = _computed,
+    exactly: Keeping | None = None,
 ) -> Identifiability:
-    """What logs can tell by a fit of all declared parameters without any step, and score tests on it."""
+    """What logs can tell by a fit of all declared parameters without any step, and score tests on it: with
+    detection limits to first order, or, with `exactly`, by a fit for each.
+    """
     explained = explain(case, opening, scored)
     effects = [EffectChange(case, explained, score) for score in scored]
     some = case.take(pieces, opening.used)
     goal = cache(lambda timestep: case.residual([opening.point], some, timestep)[0])
     found = []
     for of in effects:
-        limits = keeping(
-            of.score.name, lambda of=of: _limits(case, pieces, opening, explained, of, goal)
-        )
+        limits = _first_order(case, explained, of)
+        if exactly:
+            limits = exactly(
+                of.score.name,
+                lambda of=of, first=limits: _limits(
+                    case, pieces, opening, explained, of, goal, first
+                ),
+            )
         found.append(_detection(of, effects, limits))
     hidden = {
         each.score.name: each.score.tried
@@ -102,6 +105,16 @@ def identifiability(
     )
 
 
+def _first_order(case: Case[Any], explained: Explained, of: EffectChange) -> Array:
+    """How many typical strengths an effect must have to be seen beside what is left of the residual, by
+    scatter and by gain, as inverses; and the share of its change that the parameters leave. All to first
+    order.
+    """
+    by_scatter = SURE / np.sqrt(of.information) if of.information > 0 else np.inf
+    by_gain = _worth(case, explained, of.beyond)
+    return np.array([1 / by_scatter, 1 / by_gain, of.left / of.size if of.size else 1.0])
+
+
 def _limits(
     case: Case[Any],
     pieces: Any,
@@ -109,13 +122,12 @@ def _limits(
     explained: Explained,
     of: EffectChange,
     goal: Callable[[float | None], Array],
+    first: Array,
 ) -> Array:
-    """How many typical strengths an effect must have to be seen beside what is left of the residual, by
-    scatter and by gain, as inverses; and the share of its change that the parameters leave.
-    """
-    by_scatter = SURE / np.sqrt(of.information) if of.information > 0 else np.inf
-    by_gain = _worth(case, explained, of.beyond)
-    share = of.left / of.size if of.size else 1.0
+    """The same once a fit took up what it can of the effect, from what it is to first order."""
+    with np.errstate(divide="ignore"):
+        by_scatter, by_gain = (1 / first[:2]).tolist()
+    share = float(first[2])
     times = _SURELY * max(by_scatter, by_gain)
     for _ in range(_TRIES):
         if not times < of.most:

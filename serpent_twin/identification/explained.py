@@ -1,7 +1,7 @@
 """Tell what effects change of a residual beyond what parameters take up, to first order."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.information import Information
-from serpent_twin.identification.objective import variance_inflation
+from serpent_twin.identification.objective import cost_at, variance_inflation
 from serpent_twin.identification.score_test import Score, strengths
 from serpent_twin.machines.candidate import Candidate
 from serpent_twin.machines.case import Case
@@ -49,6 +49,25 @@ def explain(case: Case[Any], opening: Fit, scored: Sequence[Score]) -> Explained
     inflation = variance_inflation(left.reshape(shape), case.channels)
     known = Information(before.slopes * scale, 1 / inflation, before.prior, before.lean)
     return Explained(known, left, noise, scale)
+
+
+def weighed_by_left(
+    case: Case[Any], opening: Fit, scored: Sequence[Score]
+) -> tuple[Case[Any], Fit]:
+    """A fit without any step, and its case, weighed by what parameters and effects leave to first order: the
+    weights of a first guess hide what is small beside it.
+    """
+    found, shape = explain(case, opening, scored), opening.residual.shape
+    slopes = (opening.jacobian.reshape(len(opening.free), -1) * found.scale).astype(np.float32)
+    weighed = replace(
+        opening,
+        variance_inflation=1 / found.known.weight,
+        jacobian=slopes.reshape(opening.jacobian.shape),
+        residual=(opening.residual * found.scale.reshape(shape)).astype(np.float32),
+        noise=found.noise,
+    )
+    cost = cost_at(case, opening.point, weighed.residual, weighed.variance_inflation)
+    return replace(case, noise=found.noise), replace(weighed, cost=cost)
 
 
 def _precision(of: Candidate, score: Score) -> float:

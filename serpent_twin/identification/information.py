@@ -64,9 +64,18 @@ class Information:
         taken = np.linalg.solve(self.matrix, self.weight * (self.slopes @ change.T))
         return change - (self.slopes.T @ taken).T
 
+    def left(self, residual: Array) -> float:
+        """Squares of a residual, (N,), and of the priors' share of it, once free parameters took up what they
+        can.
+        """
+        pull = self.weight * (self.slopes @ residual) + self.prior * self.lean
+        removed = float(pull @ np.linalg.solve(self.matrix, pull))
+        priors = float(self.prior @ self.lean**2)
+        return float(residual @ residual) + (priors - removed) / self.weight
+
     def projected(self, change: Array, residual: Array) -> tuple[Array, float, float]:
-        """What is left of a change, (N,), beyond the free parameters; the share of the residual's squares
-        that it removes; and the size of the step along it that removes most.
+        """What is left of a change, (N,), beyond the free parameters; the squares of the residual that it
+        removes beyond what they do; and the size of the step along it that removes most.
         """
         left = self.beyond(change)
         along = float(left @ change)
@@ -74,4 +83,4 @@ class Information:
             return left, 0.0, 0.0
         pull = (self.slopes @ change) @ np.linalg.solve(self.matrix, self.prior * self.lean)
         size = -(float(left @ residual) - float(pull)) / along
-        return left, size * size * along / float(residual @ residual), size
+        return left, size * size * along, size

@@ -49,7 +49,7 @@ class Score:
 
     name: str
     share: float
-    """Of the residual's squares, beyond what the declared parameters take up [1]"""
+    """Of the residual's squares that free parameters leave to first order [1]"""
     excitation: float
     """How much its typical strength changes the residual, as a share of the residual's rms [1]"""
     start: Array
@@ -101,12 +101,13 @@ def _tested(case: Case[Any], pieces: Any, base: Fit, tried: _Tried) -> dict[str,
     points = {n: [base.point.having(n, v) for v in columns] for n, (_, columns) in tried.items()}
     every = [base.point, *(point for several in points.values() for point in several)]
     without, *changed = case.residual(every, some, case.coarse_step(every))
-    out = {}
+    flat, out = base.residual.ravel().astype(float), {}
+    left = known.left(flat)
     for name, (candidate, _) in tried.items():
         changes = np.array([changed.pop(0) - without for _ in points[name]])
         weaker = partial(_weaker_point, base, candidate, points[name])
         changes = steadied(case, some, base.point, changes, weaker)
-        out[name] = _score(known, base.residual, candidate, points[name], changes)
+        out[name] = _score(known, flat, left, candidate, points[name], changes)
     return out
 
 
@@ -135,24 +136,26 @@ def _places(candidate: Candidate, values: Array) -> list[Array]:
 
 def _score(
     known: Information,
-    residual: Array,
+    flat: Array,
+    remains: float,
     candidate: Candidate,
     points: Sequence[ParameterVector],
     changes: Array,
 ) -> Score:
-    """The best variant of a candidate, from what each changes of the residual, (k, S, n)."""
-    flat = residual.ravel().astype(float)
+    """The best variant of a candidate, from what each changes, (k, S, n), of the residual, (N,), of whose
+    squares free parameters leave what `remains`.
+    """
     none = np.zeros(flat.size, np.float32)
     start, most = candidate.variants[0], 0.0
     best = Score(candidate.name, 0.0, 0.0, start, change=none, beyond=none, tried=start)
     for change, point in zip(changes.reshape(len(changes), -1), points, strict=True):
         if not np.isfinite(change).all():
             continue
-        left, share, size = known.projected(change.astype(float), flat)
+        left, removed, size = known.projected(change.astype(float), flat)
         most = max(most, float(np.linalg.norm(change) / max(np.linalg.norm(flat), 1e-15)))
         tried = point.effects[candidate.name]
         start = _scaled(candidate, tried, size)
-        share = share if start is not None else 0.0
+        share = min(removed / max(remains, 1e-30), 1.0) if start is not None else 0.0
         start = tried if start is None else start
         if share > best.share or not best.beyond.any():
             left = left.astype(np.float32)

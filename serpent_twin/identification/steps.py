@@ -7,7 +7,7 @@ repeat with it included. (5) An error above that of a twin that lacks nothing is
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from serpent_twin.arrays import Array
@@ -17,7 +17,6 @@ from serpent_twin.identification.acceptance import (
     Round,
     Selection,
     best_trial,
-    better_trial,
     matters,
     outdone,
     promising,
@@ -32,6 +31,7 @@ from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.proxies import without_proxies
+from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
@@ -42,20 +42,11 @@ BEATS = 0.97
 """Share of a fit's cost that a fit from another start must come below to replace it. A candidate from the
 opening must come below that share of a first calibration's cost with its first derivative
 """
-_PLAIN = 0.2
-"""Relative gain of a candidate above which those that calibration may have absorbed are not tried"""
 _UNDONE = "another, which did not stand when everything was fitted anew"
 
 
-@dataclass(frozen=True)
-class _Opening:
-    """Where a trace begins."""
-
-    case: Case[Any]
-    fit: Fit
-    """Without any step"""
-    calibrated: float
-    """What a first calibration makes of its cost"""
+_Opening = tuple[Case[Any], Fit]
+"""Where a trace begins: the case, and the fit without any step"""
 
 
 class Tracer:
@@ -75,6 +66,7 @@ class Tracer:
         self.trials = Trials(training, held_out, notes, on_progress)
         self.final: ParameterVector | None = None
         self.identifiability: Identifiability | None = None
+        self._at_opening: tuple[Case[Any], Fit, list[Score]]
         self.cautions: tuple[str, ...] = ()
 
     def select(self) -> Selection:
@@ -171,7 +163,7 @@ class Tracer:
         self.identifiability = self._identifiable(begun)
         weighed = self.case
         first = self._fit("calibrated_1", start, free, 1, begun)
-        return _Opening(weighed, begun, first.cost), self._reweighted("calibrated", first)
+        return (weighed, begun), self._reweighted("calibrated", first)
 
     def _reweighted(self, name: str, first: Fit) -> Fit:
         """A first fit gone on with, its weights updated in between."""
@@ -185,15 +177,21 @@ class Tracer:
         return self.case.weighed_by(found.residual, self.case.take(self.training, found.used))
 
     def _identifiable(self, opening: Fit) -> Identifiability:
-        """What these logs can tell at all."""
+        """What these logs can tell at all, to first order."""
         names = [name for name in self.case.candidates if name not in self.case.unseen]
-        found = self.trials.scores("1_start", self.case, opening, names)
+        found = list(self.trials.scores("1_start", self.case, opening, names).values())
+        self._at_opening = (self.case, opening, found)
+        return identifiability(self.case, self.training, opening, found)
+
+    def exact_limits(self) -> Identifiability:
+        """The same with detection limits by a fit for each, for a verdict that quotes them."""
+        case, opening, found = self._at_opening
 
         def limits(name: str, make: Callable[[], Array]) -> Array:
             self.on_progress(f"detection limit of {spaced(name)}")
             return self.notes.numbers(f"limits_{name}", 3, make)
 
-        return identifiability(self.case, self.training, opening, list(found.values()), limits)
+        return identifiability(case, self.training, opening, found, limits)
 
     def _fit(
         self,
@@ -258,21 +256,15 @@ class Tracer:
         before = self.errors(base.point)
         much = bool(rounds) and not self.trials.little(self.case, before)
         missed = outdone(rounds[-1]) if much else {}
-        stage = f"{number}_base"
-        trials = self.trials.each(names, self.case, base, base, before, stage, anyway=missed)
-        plain = any(trial.gain and trial.gain.relative > _PLAIN for trial in trials.values())
-        if opening and not plain:
-            again = self.trials.each(
-                names,
-                opening.case,
-                opening.fit,
-                base,
-                before,
-                f"{number}_start",
-                2,
-                BEATS * opening.calibrated,
-            )
-            trials = {name: better_trial(trials[name], again[name]) for name in names}
+        opened = {}
+        if opening:
+            case, begun = opening
+            opened = self.trials.from_opening(names, case, begun, base, before, f"{number}_start")
+        done = [name for name, each in opened.items() if each.fit]
+        trials = self.trials.each(
+            names, self.case, base, base, before, f"{number}_base", anyway=missed, but=done
+        )
+        trials |= {name: replace(opened[name], score=trials[name].score) for name in done}
         if best := best_trial(trials, self.case.candidates):
             return Round(base, before, trials, (best,))
         tried = self.trials.pairs(

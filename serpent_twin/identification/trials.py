@@ -19,6 +19,7 @@ from serpent_twin.identification.acceptance import (
 from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.discovery.composed import APART
+from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
 from serpent_twin.identification.gained import gained, happens_once
@@ -44,12 +45,14 @@ from serpent_twin.numerals import counted
 
 _NEAR = 0.3
 """Share of the best candidate's gain in cost from which another is fitted further"""
-_MORE, _ROUNDS = 3, 2
-"""Derivatives of a fit that goes on, and its rounds along its weakest directions"""
+_MORE = 3
+"""Derivatives of a fit that goes on"""
 _WEAK = 0.1
 """Share of the strength that an effect had alone, from which it is fitted beside another"""
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
+_FROM_OPENING = 3
+"""Candidates that are fitted from where nothing is calibrated"""
 _RIVALS = 2
 """Rivals, below which those that were not fitted in their round are fitted afterwards"""
 
@@ -79,16 +82,19 @@ class Trials:
         beat: float = np.inf,
         beside: float = 0.0,
         anyway: Mapping[str, Array] = MappingProxyType({}),
+        but: Collection[str] = (),
     ) -> dict[str, CandidateTrial]:
         """Score tests of candidates on top of a fit, and full fits of the selected ones, judged against the
         base. One that is not below the cost `beat` after its first derivative is fitted no further. With a
         share `beside` of what the best removes, others must remove that much, and fits go on only where much
         is left; beside the `most` best, the best of those that change something else is fitted, too. Those in
-        `anyway` are fitted whatever their scores, from the parameters given but weaker.
+        `anyway` are fitted whatever their scores, from the parameters given but weaker; all `but` those are
+        fitted that were.
         """
         found = self.placed(stage, case, begun, self.scores(stage, case, begun, names))
         chosen = self._chosen(case, begun, before, found, most, beside)
-        missed = [name for name in anyway if name in found and name not in chosen]
+        chosen = [name for name in chosen if name not in but]
+        missed = [name for name in anyway if name in found and name not in (*chosen, *but)]
         for name in missed:
             weak = times_strength(case.candidates[name], anyway[name], _WEAK)
             found[name] = replace(found[name], start=weak)
@@ -109,16 +115,50 @@ class Trials:
                 trials[name] = replace(trials[name], score=replace(found[name], unstable=True))
                 continue
             if name in missed:  # what has taken up its part must give way
-                fitted = self._further(case, fitted, f"fit_{stage}_{name}_beside", 0)
+                fitted = self._further(case, fitted, f"fit_{stage}_{name}_beside")
             best = min(best, fitted.cost)
             trials[name] = self._judged(case, found[name], base, fitted, before, len(chosen))
         near = min(beat, begun.cost - _NEAR * (begun.cost - best))
         for name in () if beside and self.little(case, before) else chosen:
             fitted = trials[name].fit
             if fitted and not fitted.converged and fitted.cost < near:
-                rounds = 0 if beside else _ROUNDS
-                further = self._further(case, fitted, f"fit_{stage}_{name}_further", rounds)
+                further = self._further(case, fitted, f"fit_{stage}_{name}_further")
                 trials[name] = self._judged(case, found[name], base, further, before, len(chosen))
+        return trials
+
+    def from_opening(
+        self,
+        names: Sequence[str],
+        case: Case[Any],
+        opening: Fit,
+        base: Fit,
+        before: Errors,
+        stage: str,
+    ) -> dict[str, CandidateTrial]:
+        """Score tests of candidates where nothing is calibrated, and full fits of the best few together with
+        all declared parameters, judged against the base. What a calibration without them has absorbed shows
+        here.
+        """
+        found = self.placed(stage, case, opening, self.scores(stage, case, opening, names))
+        trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
+        chosen = worth_fitting(list(found.values()), case.candidates)[:_FROM_OPENING]
+        if not chosen:
+            return trials
+        weighed, begun = weighed_by_left(case, opening, list(found.values()))
+        scale = np.tile(base.noise / weighed.noise, base.residual.shape[1] // case.channels)
+        for name in chosen:
+            self.on_progress(f"{stage.split('_')[0]}, from the opening: fitting {spaced(name)}")
+            fitted = self.stable(
+                f"fit_{stage}_{name}",
+                lambda one=found[name]: full_fit(
+                    weighed, self.training, begun, one, self.on_progress
+                ),
+            )
+            if fitted is None:
+                trials[name] = replace(trials[name], score=replace(found[name], unstable=True))
+                continue
+            fitted = self._further(weighed, fitted, f"fit_{stage}_{name}_further")
+            trials[name] = self._judged(weighed, found[name], base, fitted, before, len(chosen))
         return trials
 
     def _chosen(
@@ -143,9 +183,9 @@ class Trials:
         except UnstableStartError:
             return None
 
-    def _further(self, case: Case[Any], begun: Fit, stage: str, rounds: int) -> Fit:
-        """A fit that its last derivative still bettered, gone on with derivatives by all parameters, and in
-        so many rounds along its weakest directions: what is compared with others should not be half-way.
+    def _further(self, case: Case[Any], begun: Fit, stage: str) -> Fit:
+        """A fit that its last derivative still bettered, gone on with derivatives by all parameters: what is
+        compared with others should not be half-way.
         """
         self.on_progress(f"fitting {' and '.join(map(spaced, begun.point.effects))} further")
         most, free = len(begun.used), begun.free
@@ -160,7 +200,6 @@ class Trials:
                 most,
                 self.on_progress,
                 carried=begun,
-                rounds=min(rounds, case.weak_rounds),
             ),
         )
 

@@ -87,6 +87,8 @@ class ModelRig:
             steps=self.described.about.steps or STEPS[0],
         )
         pieces = machine.pieces(training)
+        if self.described.about.rows == MOTION:
+            machine = replace(machine, row=float(np.median(pieces.period)))
         require_moving_poses(self.described, pieces)
         require_enough(self.described, len(machine.declared), pieces)
         few = pieces.take(range(0, len(pieces), max(1, len(pieces) // _FEW)))

@@ -43,6 +43,8 @@ from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Measure
 from serpent_twin.sim.quiet import quietly
 
+EVERY = 1_000_000
+"""Segments of the last fit: all"""
 _MANY, _ROUNDS = 12, (8, 2)
 """Degrees of freedom that are many; rounds along weak directions with fewer of them, and with so many"""
 
@@ -60,11 +62,13 @@ class ModelMachine(RunMachine):
     """What motions keep that are proposed"""
     frame: Mapping[str, Any]
     """`shift` of the cameras' frame, and the `pivot` about which it is turned, (3,) each [m]"""
-    segments: tuple[int, int] = (40, 80)
+    segments: tuple[int, int] = (40, EVERY)
     rests: Rests = field(default_factory=Rests, compare=False, repr=False)
     """Poses found so far"""
     steps: int = STEPS[0]
     """Of time in a row of a motion, at least"""
+    row: float = 0.0
+    """Of a motion [s]"""
     gains: StartGains = field(default_factory=StartGains, compare=False, repr=False)
     """How starts are improved"""
     every: int = 1
@@ -184,9 +188,10 @@ class ModelMachine(RunMachine):
                 return np.array([self._at_rest(point).shown(pieces) for point in points])
             several = acting_on_state(effects_at(points[0]), self.described.model)
             at_once = len(points) if several or self.described.prescribed else 1
+            steps = round(self.row / timestep) if timestep else self.steps
             return np.concatenate(
                 [
-                    self._in_motion(points[n : n + at_once]).shown(pieces)
+                    self._in_motion(points[n : n + at_once], steps).shown(pieces)
                     for n in range(0, len(points), at_once)
                 ]
             )
@@ -197,18 +202,22 @@ class ModelMachine(RunMachine):
         compiled = partial(self._compiled, point.declared, there)
         return TwinAtRest(self.described, self.frame, self.places, self.rests, there, x, compiled)
 
-    def _in_motion(self, points: Sequence[ParameterVector]) -> TwinsInMotion:
-        """Twins of one structure in motion."""
+    def _in_motion(self, points: Sequence[ParameterVector], steps: int = 0) -> TwinsInMotion:
+        """Twins of one structure in motion, in so many time steps a row, or the usual ones."""
         zero = ParameterVector.nominal(self.declared)
         nominal = self._moving(zero, ())
         twins = [self._moving(point, effects_at(point)) for point in points]
         return TwinsInMotion(
-            self.described, self.frame, self.places, twins, nominal, self.gains, self.steps
+            self.described, self.frame, self.places, twins, nominal, self.gains, steps or self.steps
         )
 
     def _moving(self, point: ParameterVector, there: Sequence[Effect]) -> MovingTwin:
         x = by_coordinate(self.declared, point.declared)
         return MovingTwin(self.described, there, x, partial(self._compiled, point.declared, there))
+
+    def coarse_step(self, points: Sequence[ParameterVector]) -> float | None:
+        """The fewest time steps in a row of a motion, if the usual ones are more [s]."""
+        return self.row / STEPS[0] if self.steps > STEPS[0] and self.row else None
 
     def responses_at_places(
         self, point: ParameterVector, pieces: Runs

@@ -17,8 +17,8 @@ _IMPROVED = 4
 _DIFFERENCE = 1e-4  # [rad], [rad/s]
 _FAR = 20.0
 """Times the noise, by which a start may be off in what the lead hardly shows"""
-STEPS = (16, 32, 64, 128)
-"""Of a row, of which a machine takes as few as its noise allows"""
+STEPS = (8, 16, 32, 64, 128)
+"""Of a row, of which a machine takes as few as its noise allows, and differences between twins the fewest"""
 
 
 @dataclass(frozen=True)
