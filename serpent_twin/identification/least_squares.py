@@ -30,7 +30,10 @@ _SETTLED_SHARE = 1e-2
 """
 _STILL = 0.5
 """A fit has also converged if its last derivative changed its effects by fewer standard errors"""
-_STEPS = 10
+_STEPS, _MORE = 10, 3
+"""Steps that a derivative serves which costs much more than they do; where it costs hardly more, it serves
+fewer, and there are so many times as many derivatives
+"""
 OnProgress = Callable[[str], None]
 
 
@@ -47,22 +50,26 @@ def fit(
     on_progress: OnProgress = _silent,
     known: Fit | None = None,
     carried: Fit | None = None,
-    steps: int = _STEPS,
+    steps: int | None = None,
     near: float = np.inf,
     rounds: int = 0,
+    afresh: bool = False,
 ) -> Fit:
     """Fit to at most so many segments, spread evenly, with at most so many derivatives.
 
     A derivative serves several steps, with Broyden's rank-one update after each. From a fit that is `known`,
     the segments and the derivative by the declared parameters are taken, so that only the effects' are
-    simulated. From one that is `carried` over from other weights, and maybe fewer segments, the derivative
-    is taken for the first steps instead of a simulation. The fit has converged when a new derivative gives no
-    better step; with no steps it is the derivative at the start. Above the cost `near` there is no second
-    derivative, and small steps are not worth it. In so many `rounds` at most a fit is finished along what
-    the data tell least.
+    simulated, unless all are to be taken `afresh`. From one that is `carried` over from other weights, and
+    maybe fewer segments, the derivative is taken for the first steps instead of a simulation. The fit has
+    converged when a new derivative gives no better step; with no steps it is the derivative at the start.
+    Above the cost `near` there is no second derivative, and small steps are not worth it. In so many `rounds`
+    at most a fit is finished along what the data tell least.
     """
+    if steps is None:
+        steps = case.steps_of_derivative
+        derivatives *= _MORE if steps < _STEPS else 1
     used = known.used if known else _spread(len(pieces), most, carried.used if carried else ())
-    problem = Objective(case, case.take(pieces, used), free, known)
+    problem = Objective(case, case.take(pieces, used), free, known, afresh)
     at, jacobian = problem.carry(start, carried, used) if carried else problem.begin(start)
 
     def small(before: At, after: At) -> bool:

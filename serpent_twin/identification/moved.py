@@ -21,6 +21,8 @@ FAR = 3.0
 LIKE = 0.5
 """Least cosine between the changes of a parameter and of an effect, for one to stand for the other"""
 _NAMED = 3
+ABSENT = 0.01
+"""Share of what is expected below which a number is as good as absent"""
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,8 @@ class Moved:
     def __str__(self) -> str:
         """The finding as a clause of a sentence."""
         found = f"{self.name} is {self.value:.3g} {self.unit} where {self.expected:.3g} is expected"
+        if abs(self.value) < ABSENT * abs(self.expected):
+            return f"{found}: as good as absent".replace("-", "−")
         return f"{found}, {abs(self.widths):.1f} × its tolerance".replace("-", "−")
 
 
@@ -74,9 +78,11 @@ def moved(case: Case[Any], fit: Fit, scores: Sequence[Score]) -> tuple[Moved, ..
         if np.isfinite(width * expected):
             off = each.beside(value[k], expected)
         else:
-            off, width, expected = fit.point.declared[k], case.declared[k].prior, each.after(0.0)
+            built = case.machine.declared[k].prior
+            off, width, expected = fit.point.declared[k], built, each.after(0.0)
             error[k] = fit.standard_error([k])
-        if k in fit.free.declared and abs(off) > FAR * max(width, error[k]):
+        far = abs(off) > FAR * max(width, error[k])
+        if k in fit.free.declared and (far or names[k] in case.widened):
             like = _like(case, fit, scores, k)
             unit = "" if each.unit == "1" else each.unit
             found.append(Moved(names[k], each.name, value[k], expected, unit, off / width, like))

@@ -68,8 +68,17 @@ class At:
 class Objective:
     """The objective of a fit: a case's residual on some segments, and the priors."""
 
-    def __init__(self, case: Case[Any], some: Any, free: FreeParameters, known: Fit | None) -> None:
+    def __init__(
+        self,
+        case: Case[Any],
+        some: Any,
+        free: FreeParameters,
+        known: Fit | None,
+        afresh: bool = False,
+    ) -> None:
+        """With `known`, derivatives by the declared parameters are that fit's, unless taken afresh."""
         self.case, self.some, self.free, self.known = case, some, free, known
+        self.afresh = afresh or known is None
         self.prior = prior_information(case, free)
         self.variance_inflation = 1.0
         self.damped = False
@@ -128,7 +137,7 @@ class Objective:
         ends = room(self.case, at.point, self.free)
         plain = [(0.0, pull)]
         other = [(damping, pull) for damping in _DAMPINGS]
-        if self.known:
+        if not self.afresh:
             other.append((0.0, pull - self._left))
         for group in ([*plain, *other],) if self.damped else (plain, other):
             self.damped = len(group) > 1
@@ -155,7 +164,7 @@ class Objective:
 
     def _jacobian(self, point: ParameterVector) -> tuple[Array, Array]:
         self.damped = False
-        if self.known is None:
+        if self.known is None or self.afresh:
             return jacobian(self.case, point, self.free, self.some)
         residual, by_effects = jacobian(
             self.case, point, FreeParameters((), self.free.effects), self.some

@@ -253,9 +253,11 @@ def full_fit(
     found: Score,
     on_progress: OnProgress,
     near: float = np.inf,
+    afresh: bool = False,
 ) -> Fit:
     """A candidate fitted together with all declared parameters, from the best of a few strengths. It must
-    come below the cost `near` with its first derivative for a second one.
+    come below the cost `near` with its first derivative for a second one. Derivatives by the declared
+    parameters are the base's, or are taken afresh.
     """
     names = [*base.point.effects, found.name]
     starts = _starts(case.candidates[found.name], found.start)
@@ -270,7 +272,8 @@ def full_fit(
         weak = times_strength(case.candidates[found.name], found.start, _WEAK)
         start = base.point.having(found.name, weak)
     free = free_parameters(case, names)
-    return fit(case, pieces, start, free, _DERIVATIVES, 1, on_progress, known=base, near=near)
+    about = {"known": base, "near": near, "afresh": afresh}
+    return fit(case, pieces, start, free, _DERIVATIVES, 1, on_progress, **about)
 
 
 def _starts(candidate: Candidate, values: Array) -> list[Array]:

@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from serpent_twin.arrays import Array
 from serpent_twin.identification.absorbed import told_together, without_ends
 from serpent_twin.identification.acceptance import (
@@ -22,7 +24,7 @@ from serpent_twin.identification.acceptance import (
     promising,
     weakness_of_fit,
 )
-from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.checkpoints import Checkpoints, mark
 from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
@@ -33,6 +35,7 @@ from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
+from serpent_twin.identification.widened import leaving, stands, widened
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
@@ -88,11 +91,40 @@ class Tracer:
         opening, calibrated = self._calibrate(start)
         base, rounds = calibrated, list[Round]()
         while len(rounds) < _MOST_EFFECTS:
-            rounds.append(self._round(base, rounds, None if rounds else opening))
+            done = self._round(base, rounds, opening)
+            if not rounds and (wide := self._far_off(base, opening, done)):
+                calibrated = base = wide
+                continue
+            rounds.append(done)
             if (better := self._stands(rounds)) is None:
                 break
             base = self._settled(better, len(rounds))
         return calibrated, base, rounds
+
+    def _far_off(self, base: Fit, opening: _Opening, done: Round) -> Fit | None:
+        """The calibration in which one number may be far off, if that explains as much as what a round
+        accepted.
+        """
+        if self.trials.little(self.case, done.errors):
+            return None
+        case, begun = opening
+        case = replace(case, widened=self.case.widened)
+        names, found = leaving(case, begun), list[tuple[Case[Any], CandidateTrial]]()
+        kept = [name for name in case.candidates if name not in case.unseen]
+        scored = list(self.trials.scores("1_start", case, begun, kept).values())
+        for name in names:
+            tried = widened(self.trials, (case, begun), scored, base, done.errors, name, len(names))
+            if tried and stands(tried[1], done):
+                found.append(tried)
+                assert tried[1].errors is not None
+                if self.trials.little(self.case, tried[1].errors):
+                    break
+        if not found:
+            return None
+        case, best = min(found, key=lambda each: each[1].error)
+        assert best.fit is not None
+        self.case = replace(self.case, widened=case.widened, noise=case.noise)
+        return self._reweighted(f"widened_{mark(list(case.widened))}", best.fit)
 
     def _settled(self, better: Fit, number: int) -> Fit:
         """The fit of an accepted effect, to which others are added."""
@@ -243,22 +275,39 @@ class Tracer:
         rest = last.without(idle)
         return self._fit("last_without", rest.point, rest.free, 0, carried=rest, last=True)
 
-    def _round(self, base: Fit, rounds: Sequence[Round], opening: _Opening | None) -> Round:
-        """Try all candidates; those that calibration may have absorbed also from the opening; and pairs, if
-        none is accepted alone. Without any, a promising candidate stands until it was fitted again.
+    def _opened(self, base: Fit, number: int) -> _Opening:
+        """Where a round begins that is not the first: the nominal twin with the effects, and the numbers far
+        off, that were found so far.
         """
-        number = len(rounds) + 1
+        start = ParameterVector.nominal(self.case.declared, base.point.effects)
+        wide = [each.name in self.case.widened for each in self.case.declared]
+        start = start.after(np.where(wide, base.point.declared, 0.0))
+        case = self.case.reweighted(start, self.training)
+        free = free_parameters(case, list(base.point.effects))
+        self.on_progress(f"opening of round {number}")
+        begun = self.notes.fit(
+            f"opening_{number}",
+            lambda: fit(case, self.training, start, free, 1, case.segments[0], steps=0),
+        )
+        return case, begun
+
+    def _round(self, base: Fit, rounds: Sequence[Round], opening: _Opening) -> Round:
+        """Try all candidates; those that calibration may have absorbed also where nothing is calibrated yet;
+        and pairs, if none is accepted alone. Without any, a promising candidate stands until it was fitted
+        again.
+        """
+        number = len(rounds) + len(self.case.widened) + 1
         names = [
             n
             for n in self.case.candidates
             if n not in base.point.effects and n not in self.case.unseen
         ]
         before = self.errors(base.point)
-        much = bool(rounds) and not self.trials.little(self.case, before)
-        missed = outdone(rounds[-1]) if much else {}
+        much = number > 1 and not self.trials.little(self.case, before)
+        missed = outdone(rounds[-1]) if much and rounds else {}
         opened = {}
-        if opening:
-            case, begun = opening
+        if much or number == 1:
+            case, begun = self._opened(base, number) if number > 1 else opening
             opened = self.trials.from_opening(names, case, begun, base, before, f"{number}_start")
         done = [name for name, each in opened.items() if each.fit]
         trials = self.trials.each(

@@ -115,14 +115,14 @@ class Trials:
                 trials[name] = replace(trials[name], score=replace(found[name], unstable=True))
                 continue
             if name in missed:  # what has taken up its part must give way
-                fitted = self._further(case, fitted, f"fit_{stage}_{name}_beside")
+                fitted = self.further(case, fitted, f"fit_{stage}_{name}_beside")
             best = min(best, fitted.cost)
             trials[name] = self._judged(case, found[name], base, fitted, before, len(chosen))
         near = min(beat, begun.cost - _NEAR * (begun.cost - best))
         for name in () if beside and self.little(case, before) else chosen:
             fitted = trials[name].fit
             if fitted and not fitted.converged and fitted.cost < near:
-                further = self._further(case, fitted, f"fit_{stage}_{name}_further")
+                further = self.further(case, fitted, f"fit_{stage}_{name}_further")
                 trials[name] = self._judged(case, found[name], base, further, before, len(chosen))
         return trials
 
@@ -145,19 +145,18 @@ class Trials:
         if not chosen:
             return trials
         weighed, begun = weighed_by_left(case, opening, list(found.values()))
-        scale = np.tile(base.noise / weighed.noise, base.residual.shape[1] // case.channels)
         for name in chosen:
             self.on_progress(f"{stage.split('_')[0]}, from the opening: fitting {spaced(name)}")
             fitted = self.stable(
                 f"fit_{stage}_{name}",
                 lambda one=found[name]: full_fit(
-                    weighed, self.training, begun, one, self.on_progress
+                    weighed, self.training, begun, one, self.on_progress, afresh=True
                 ),
             )
             if fitted is None:
                 trials[name] = replace(trials[name], score=replace(found[name], unstable=True))
                 continue
-            fitted = self._further(weighed, fitted, f"fit_{stage}_{name}_further")
+            fitted = self.further(weighed, fitted, f"fit_{stage}_{name}_further")
             trials[name] = self._judged(weighed, found[name], base, fitted, before, len(chosen))
         return trials
 
@@ -183,7 +182,7 @@ class Trials:
         except UnstableStartError:
             return None
 
-    def _further(self, case: Case[Any], begun: Fit, stage: str) -> Fit:
+    def further(self, case: Case[Any], begun: Fit, stage: str) -> Fit:
         """A fit that its last derivative still bettered, gone on with derivatives by all parameters: what is
         compared with others should not be half-way.
         """

@@ -12,6 +12,8 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import listed
 
 _LISTED = 6
+_LEAST = 0.01
+"""Share of a fitted number that a drawn one has at least"""
 
 
 def drawn(
@@ -26,6 +28,9 @@ def drawn(
     half = np.linalg.cholesky(found.correlation + 1e-9 * np.eye(len(found.error)))
     steps = (half @ rng.standard_normal((len(found.error), n))).T * (share * found.error)
     steps[:, len(found.free.declared) :][:, fixed] = 0.0
+    far_off = [k for k, each in enumerate(found.free.declared) if _is_far_off(case, each)]
+    # a number that may be nearly nothing is uncertain by itself, and not by its logarithm
+    steps[:, far_off] = np.log1p(np.maximum(steps[:, far_off], _LEAST - 1))
     return [moved(case, found.point, found.free, step) for step in steps]
 
 
@@ -40,7 +45,8 @@ def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[
         f"{listed([names[n] for n in group])} cannot be told apart." for group in _groups(alike)
     ]
     prior = np.array([case.declared[k].prior for k in found.free.declared])
-    blind = np.flatnonzero(found.error[: len(prior)] > 0.9 * prior)
+    far_off = [_is_far_off(case, k) for k in found.free.declared]
+    blind = np.flatnonzero((found.error[: len(prior)] > 0.9 * prior) & ~np.array(far_off, bool))
     if blind.size:
         named = ", ".join(names[n] for n in blind[:_LISTED])
         more = f" and {blind.size - _LISTED} more parameters" if blind.size > _LISTED else ""
@@ -48,6 +54,11 @@ def indistinguishable(case: Case[Any], found: Fit, above: float = 0.95) -> list[
             f"The logs do not determine {named}{more}: they hardly depend on it, or segments disagree on it."
         )
     return told
+
+
+def _is_far_off(case: Case[Any], coordinate: int) -> bool:
+    """Whether a declared coordinate has a widened prior, by its number."""
+    return case.declared[coordinate].name in case.widened
 
 
 def _groups(alike: NDArray[np.bool_]) -> list[list[int]]:

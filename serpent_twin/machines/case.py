@@ -44,13 +44,18 @@ class Case(Generic[P]):
     """Candidates that the logs cannot show, and why"""
     composed: Mapping[str, Candidate] = field(default_factory=dict)
     """Candidates that were composed from what the machine's own leave"""
+    widened: Mapping[str, float] = field(default_factory=dict)
+    """Priors of declared coordinates that are wider than the machine's, by name"""
     clock: Stopwatch = field(default_factory=Stopwatch)
     """Time spent in simulation"""
 
     @property
     def declared(self) -> Sequence[Declared]:
         """The coordinates of the fit, (P,)."""
-        return self.machine.declared
+        wide = self.widened
+        if not wide:
+            return self.machine.declared
+        return [replace(d, prior=wide.get(d.name, d.prior)) for d in self.machine.declared]
 
     @property
     def quantities(self) -> Sequence[Quantity]:
@@ -75,6 +80,11 @@ class Case(Generic[P]):
         return self.machine.weak_rounds
 
     @property
+    def steps_of_derivative(self) -> int:
+        """Steps of a fit that one derivative serves."""
+        return self.machine.steps_of_derivative
+
+    @property
     def channels(self) -> int:
         """Numbers that a residual has for each row of a log, C."""
         return len(self.machine.outputs)
@@ -82,6 +92,10 @@ class Case(Generic[P]):
     def composing(self, candidates: Sequence[Candidate]) -> "Case[P]":
         """The same case with further candidates."""
         return replace(self, composed={**self.composed, **{each.name: each for each in candidates}})
+
+    def widening(self, name: str, prior: float) -> "Case[P]":
+        """The same case with a wider prior of one declared coordinate."""
+        return replace(self, widened={**self.widened, name: prior})
 
     @property
     def composes(self) -> bool:

@@ -203,6 +203,11 @@ class Machine(Protocol[P]):
         """At most so many rounds along weak directions end the last fit; 0 where derivatives are exact."""
         ...
 
+    @property
+    def steps_of_derivative(self) -> int:
+        """Steps of a fit that one derivative serves: few where it costs hardly more than these."""
+        ...
+
     def pieces(self, sessions: Sequence[Any]) -> P:
         """Cut sessions into segments."""
         ...

@@ -37,6 +37,7 @@ class LinearCase:
     channels: int = 3
     segments: tuple = (99, 99)
     weak_rounds: int = 0
+    steps_of_derivative: int = 10
     noise: np.ndarray = field(default_factory=lambda: np.ones(3))
 
     @property

@@ -70,6 +70,7 @@ class ArmMachine:
     """How many segments a fit uses while it searches, and the last fit"""
     weak_rounds: int = 0
     """None: tangents, not differences, are its derivatives"""
+    steps_of_derivative: int = 10
 
     @property
     def track_record(self) -> Mapping[str, tuple[int, int]]:

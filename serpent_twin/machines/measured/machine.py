@@ -51,6 +51,8 @@ class RunMachine(ABC):
     """How many runs a fit uses at most while it searches, and the last fit"""
     weak_rounds: int = 8
     """At most so many rounds along weak directions end the last fit"""
+    steps_of_derivative: int = 2
+    """Few: a derivative is one more simulation for each free parameter"""
 
     @property
     @abstractmethod
