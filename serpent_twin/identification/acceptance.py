@@ -44,6 +44,8 @@ BEYOND_DOUBT = 1e-4
 """Probability of chance below which a gain shows by itself that a lone strength is not zero, however much the
 segments disagree about its size"""
 
+_LEAST_ERROR = 1e-6
+"""Share of an error that is left at least"""
 _OUTDONE = 2
 """Candidates that are fitted beside the accepted one that outdid them, whatever a score test says"""
 
@@ -62,6 +64,16 @@ class CandidateTrial:
     """Probability of chance by the training sessions, each predicted by a fit to the others"""
     errors: Errors | None = None
     """Held-out, with it if it was fitted"""
+    fits: float = 0.0
+    """By how much it fits the training segments better, as the logarithm of the ratio of rms residuals"""
+
+    @property
+    def evidence(self) -> float:
+        """By how much errors are less on training and on held-out logs alike, in logarithms: the held-out
+        logs of one session alone may prefer a candidate of which another fits all others better.
+        """
+        gained = self.gain.whole if self.gain else 0.0
+        return (self.fits - float(np.log(max(1 - gained, _LEAST_ERROR)))) / 2
 
 
 @dataclass(frozen=True)
@@ -194,11 +206,11 @@ def matters(candidate: Candidate, values: Array) -> bool:
 
 
 def best_trial(trials: dict[str, CandidateTrial], candidates: Mapping[str, Candidate]) -> str:
-    """The candidate with the greatest gain, if that is large enough, significant and within its range; of
-    those that held-out logs do not tell from it, the one with the fewest parameters.
+    """The candidate that leaves least of training and held-out logs, if its gain is large enough, significant
+    and within its range; of those that logs do not tell from it, the one with the fewest parameters.
     """
     good = {
-        name: trial.gain.whole
+        name: trial.evidence
         for name, trial in trials.items()
         if trial.gain and not why_not(name, trial, candidates[name])
     }
@@ -246,8 +258,8 @@ def outdone(done: Round) -> dict[str, Array]:
 
 
 def _as_good(one: CandidateTrial, best: CandidateTrial) -> bool:
-    """Whether held-out logs do not tell one candidate's fit from the best one's."""
-    if one.errors is None or best.errors is None:
+    """Whether held-out logs do not tell one candidate's fit from the best one's, and training logs hardly do."""
+    if one.errors is None or best.errors is None or best.fits - one.fits > WORTH_IT:
         return False
     return gain(one.errors, best.errors).probability_of_chance > APART
 

@@ -10,6 +10,8 @@ from serpent_twin.effects.effect import Effect
 from serpent_twin.identification.free_parameters import FreeParameters
 from serpent_twin.machines.machine import ParameterVector
 
+_LEAST = 1e-9
+"""Rms of a residual in units of its noise, below which it is none"""
 NORMAL_95 = 1.96
 """Standard errors from the middle to the end of a 95 % interval"""
 
@@ -74,3 +76,16 @@ class Fit:
         value = float(self.point.effects[name][index])
         half = NORMAL_95 * float(np.hypot(self.error[at], simplified * value))
         return value, value - half, value + half
+
+
+def fits_better(before: Fit, after: Fit, channels: int) -> float:
+    """By how much one fit leaves less of the segments that both used than another, by that one's weights: the
+    logarithm of the ratio of rms residuals.
+    """
+    common = sorted({*before.used} & {*after.used})
+    size = []
+    for each in (before, after):
+        at = [each.used.index(k) for k in common]
+        rows = each.residual[at].reshape(-1, channels).astype(float) * each.noise / before.noise
+        size.append(float(np.sqrt((rows**2).mean())))
+    return float(np.log(max(size[0], _LEAST) / max(size[1], _LEAST)))

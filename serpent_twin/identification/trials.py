@@ -20,7 +20,7 @@ from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.discovery.composed import APART
 from serpent_twin.identification.explained import weighed_by_left
-from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.fitted import Fit, fits_better
 from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
 from serpent_twin.identification.gained import gained, happens_once
 from serpent_twin.identification.held_out import Errors, errors, gain, gave_up
@@ -293,7 +293,8 @@ class Trials:
         sensor = sensor_of(case, score)
         selected = chance_of_selection(case, base, fitted, parts, among, sensor, once)
         better = gained(case, score, (base, fitted), (before, after), selected)
-        return CandidateTrial(score, fitted, better, after.marker, selected, after)
+        fits = fits_better(base, fitted, case.channels)
+        return CandidateTrial(score, fitted, better, after.marker, selected, after, fits)
 
     def scores(
         self, stage: str, case: Case[Any], base: Fit, names: Sequence[str]

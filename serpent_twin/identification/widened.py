@@ -9,7 +9,7 @@ import numpy as np
 from serpent_twin.identification.acceptance import CHANCE, CandidateTrial, Round, weakness
 from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.explained import weighed_by_left
-from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.fitted import Fit, fits_better
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors, gain, gave_up
 from serpent_twin.identification.information import Information
@@ -95,7 +95,8 @@ def widened(
     selected = chance_of_selection(case, base, fitted, trials.training.session, among)
     found = gain(before, after, selected)
     score = Score(name, 1.0, 1.0, np.zeros(0))
-    return case, CandidateTrial(score, fitted, found, after.marker, selected, after)
+    fits = fits_better(base, fitted, case.channels)
+    return case, CandidateTrial(score, fitted, found, after.marker, selected, after, fits)
 
 
 def stands(trial: CandidateTrial, done: Round) -> bool:

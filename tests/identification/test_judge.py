@@ -120,7 +120,8 @@ def test_a_parameter_that_is_not_as_built_is_named_with_what_it_may_stand_for():
         quantities = [
             Quantity(d.name, "mm", 5.0, 1.0, (d.name,), 5.0, tolerance) for d in alike.declared
         ]
-        names = {n: getattr(alike, n) for n in ("declared", "noise", "candidates", "channels")}
+        kept = ("declared", "noise", "candidates", "channels", "machine", "widened")
+        names = {n: getattr(alike, n) for n in kept}
         return moved(SimpleNamespace(quantities=quantities, **names), base, found)
 
     two, one = built(0.1)
