@@ -1,6 +1,11 @@
 """Test the servos on the pseudo-terminal against the manual, with the vendor's own SDK."""
 
+import fcntl
 import importlib.util
+import os
+import select
+import struct
+import sys
 import time
 from dataclasses import fields
 from pathlib import Path
@@ -175,6 +180,24 @@ def test_a_port_at_another_speed_hears_nobody(device):
     client.port.setBaudRate(1_000_000)
     assert len(client.ask(protocol.instruction_packet(1, 1))) == 1
     client.port.closePort()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="termios2 is Linux's")
+@pytest.mark.parametrize(("rate", "answers"), [(1_000_000, 1), (985_000, 1), (960_000, 0)])
+def test_a_speed_set_as_a_plain_number_is_heard(device, rate, answers):
+    """As Rust's serialport sets it: TCSETS2 with BOTHER. A UART bears an error of 3 %."""
+    tcgets2, tcsets2, bother, all_speeds = 0x802C542A, 0x402C542B, 0o010000, 0o010017
+    port = os.open(device.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    flags = struct.Struct("4I20B2I")
+    words = list(flags.unpack(fcntl.ioctl(port, tcgets2, bytes(flags.size))))
+    words[2] = words[2] & ~all_speeds | bother
+    words[-2:] = rate, rate
+    fcntl.ioctl(port, tcsets2, flags.pack(*words))
+    os.write(port, protocol.instruction_packet(1, protocol.Instruction.PING))
+    ready, _, _ = select.select([port], [], [], 1.0 if answers else 0.1)
+    found = protocol.Parser().feed(os.read(port, 4096)) if ready else []
+    os.close(port)
+    assert [packet.id for packet in found] == [1] * answers
 
 
 def test_lockstep_is_the_simulated_bus_word_for_word():
