@@ -57,6 +57,8 @@ class SimulatedMotors:
         self.time = 0.0
         self.goal = np.zeros(N_MOTORS, np.int64)
         self.torque = np.zeros(N_MOTORS, bool)
+        self.duty = np.ones(N_MOTORS)
+        """Greatest share of the supply's voltage that a drive applies, 0 … 1 [1]"""
         self.hardware_error = np.zeros(N_MOTORS, np.int64)
         self.temperature_rise = np.zeros(N_MOTORS)
         self.voltage = xl430.words(np.full(N_MOTORS, twin.arm.servo.voltage), xl430.VOLTAGE_UNIT)
@@ -87,6 +89,7 @@ class SimulatedMotors:
     def advance(self, duration: float) -> None:
         """Let time pass [s] at the present goals; the load's noise is drawn once."""
         stall = self.twin.arm.servo.stall_torque
+        self.twin.limit_voltage(self.duty)
         torque = self.twin.advance(self.goal * self.sense * xl430.VELOCITY_UNIT, duration)[0]
         self.time += duration
         self._protect(torque / stall, duration)

@@ -19,12 +19,12 @@ from serpent_twin.hardware.dynamixel.turns import turns_file
 from serpent_twin.hardware.dynamixel.wire import Wire
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.hardware.protocol import CLEAR_POSITION, Instruction
-from serpent_twin.hardware.xl430 import POSITION_UNIT
+from serpent_twin.hardware.xl430 import CENTRE, POSITION_UNIT
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.options import Collect, RealArm
 
 MOTORS = range(1, 11)
-STRAIGHT = ArmSetup(zero=(0,) * 10)
+STRAIGHT = ArmSetup(zero=(CENTRE,) * 10)
 
 
 @dataclass
@@ -44,8 +44,12 @@ class Bench:
         write_setup(replace(known, port=self.device.port, path=self.path))
 
     def remember(self, position: int = 0, simulated: bool = True, **further: object) -> None:
-        """Write where motor 1, and all others at zero, were last seen [counts]."""
-        content = {"position": [position] + [0] * 9, "turns": [0] * 10, "simulated": simulated}
+        """Write where motor 1, from zero, and all others at zero were last seen [counts]."""
+        content = {
+            "position": [CENTRE + position] + [CENTRE] * 9,
+            "turns": [0] * 10,
+            "simulated": simulated,
+        }
         turns_file(self.path).write_text(json.dumps(content | further))
 
     def bend(self, *degrees: float, setup: ArmSetup | None = None) -> None:
@@ -276,7 +280,9 @@ def is_straight(device: Running) -> bool:
     replies = wire.sync_read(MOTORS, item.address, item.size)
     wire.close()
     counts = np.array([item.unpack(reply.data) for reply in replies.values()])
-    return len(counts) == len(MOTORS) and bool((np.abs(counts * POSITION_UNIT) < 0.03).all())
+    return len(counts) == len(MOTORS) and bool(
+        (np.abs((counts - CENTRE) * POSITION_UNIT) < 0.03).all()
+    )
 
 
 def reset(device: Running) -> None:

@@ -138,9 +138,50 @@ def test_position_mode_loses_the_turns_when_it_starts(bus):
 def test_factory_reset_keeps_the_id_and_restarts(bus):
     bus.write(9, "torque_enable", 0)
     bus.write(9, "velocity_limit", 50)
-    assert bus.sdk.factoryReset(bus.port, 9, 0xFF) == (COMM_SUCCESS, RANGE)
+    assert bus.sdk.factoryReset(bus.port, 9, 3) == (COMM_SUCCESS, RANGE)
     assert bus.sdk.factoryReset(bus.port, 9, 2) == (COMM_SUCCESS, OK)
     assert bus.ask(protocol.instruction_packet(9, 1), seconds=0.05) == []
     time.sleep(0.35)
     assert bus.read(9, "velocity_limit") == 265
     assert bus.read(9, "operating_mode") == 3
+
+
+def test_a_factory_reset_of_all_is_a_servo_from_the_box(bus):
+    bus.send(protocol.instruction_packet(protocol.BROADCAST, 6, b"\xff"))  # manual: not for all
+    assert bus.read(9, "operating_mode") == 1
+    assert bus.sdk.factoryReset(bus.port, 9, 0xFF) == (COMM_SUCCESS, OK)
+    time.sleep(0.35)
+    assert bus.ask(protocol.instruction_packet(9, 1), seconds=0.05) == []
+    bus.port.setBaudRate(57_600)
+    (answer,) = bus.ask(protocol.instruction_packet(protocol.BROADCAST, 1), seconds=0.3)
+    assert answer.id == 1
+
+
+STORE, RESTORE = b"\x01CTRL", b"\x02CTRL"
+
+
+def back_up(bus, id, params):
+    (answer,) = bus.ask(protocol.instruction_packet(id, 0x20, params))
+    return answer.params[0]
+
+
+def test_a_backup_restores_the_eeprom_and_at_the_start_the_ram(bus):
+    assert protocol.instruction_packet(1, 0x20, STORE)[-2:] == b"\x16\xf5"  # manual's example
+    assert back_up(bus, 4, STORE) == RESULT_FAIL  # torque on
+    bus.write(4, "torque_enable", 0)
+    assert back_up(bus, 4, RESTORE) == RESULT_FAIL  # there is none
+    assert back_up(bus, 4, b"\x03CTRL") == RANGE
+    for name, value in (("velocity_limit", 50), ("startup_configuration", 3)):
+        assert bus.write(4, name, value) == OK
+    for name, value in (("profile_velocity", 9), ("position_p_gain", 700), ("led", 1)):
+        assert bus.write(4, name, value) == OK
+    assert bus.read(4, "backup_ready") == 0
+    assert back_up(bus, 4, STORE) == OK
+    assert bus.read(4, "backup_ready") == 1
+    bus.write(4, "velocity_limit", 60)
+    bus.write(4, "profile_velocity", 8)
+    assert back_up(bus, 4, RESTORE) == OK
+    time.sleep(0.35)
+    names = ("velocity_limit", "profile_velocity", "position_p_gain", "led", "backup_ready")
+    assert [bus.read(4, name) for name in names] == [50, 9, 700, 0, 1]
+    assert bus.read(4, "torque_enable") == 1  # Startup Torque On

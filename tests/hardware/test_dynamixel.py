@@ -25,10 +25,10 @@ def test_over_a_bad_cable_every_word_that_is_believed_is_true(rate):
     """Bytes are spoilt both ways; the same commands in process say what the words must be."""
     rng = np.random.default_rng(1)
     with (
-        running("--lockstep", "--load-noise", "0.02") as device,
+        running("--lockstep", "--load-noise", "0.02", "--start-counts", "0") as device,
         BadCable(device.port, 0.0) as cable,
     ):
-        setup = ArmSetup(cable.port, limits=WIDE, patience=20.0)
+        setup = ArmSetup(cable.port, limits=WIDE, patience=20.0, zero=(0,) * 10)
         with (
             DynamixelBus(setup) as bus,
             SimulatedBus(rng=np.random.default_rng(0), load_noise=0.02) as truth,
@@ -109,7 +109,7 @@ def test_a_fault_of_the_moment_is_overcome_and_noted(fault, motor, kind):
 
 
 def test_a_motor_that_restarts_gets_its_turns_and_its_goal_back():
-    with real_time() as (device, bus):
+    with real_time("--start-counts", "0", zero=(0,) * 10) as (device, bus):
         bus.write_velocity(-np.array(MILD))
         bus.wait(0.3)
         before = bus.read_state()

@@ -31,7 +31,7 @@ def bench(tmp_path):
     open_devices = []
 
     def start(*arguments, **setup):
-        context = running(*arguments)
+        context = running(*arguments, "--start-counts", "0")
         device = context.__enter__()
         open_devices.append(context)
         path = tmp_path / "arm.toml"

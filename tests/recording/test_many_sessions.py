@@ -13,7 +13,7 @@ from serpent_twin.hardware.dynamixel import DynamixelBus, bus, find_setup
 from serpent_twin.hardware.dynamixel.registers import MotorRegisters
 from serpent_twin.hardware.dynamixel.setup import setup_to_run
 from serpent_twin.hardware.dynamixel.wire import Wire
-from serpent_twin.hardware.xl430 import POSITION_UNIT
+from serpent_twin.hardware.xl430 import CENTRE, POSITION_UNIT
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.loop import TargetSteering, record
 from serpent_twin.recording.options import Collect, RealArm
@@ -78,7 +78,9 @@ def test_motors_that_restart_unseen_have_their_turns_back_from_the_pose(tmp_path
                 found = arm.read_state().position
                 events = [event["kind"] for event in arm.recovery.events]
             last = [event for event in read_transcript(truth) if event["event"] == "read"][-1]
-            assert found == pytest.approx(np.array(last["true_position"]) * POSITION_UNIT)
+            assert found == pytest.approx(
+                (np.array(last["true_position"]) - CENTRE) * POSITION_UNIT
+            )
     assert found.min() < -np.pi / 2
     assert events == ["turns"]
 

@@ -40,7 +40,7 @@ _READS = (
 
 
 class Device:
-    """Ten servos behind a terminal.
+    """Servos behind a terminal.
 
     In lockstep (`period` [s]) the motors' time stands still but for one period after each group
     write of goals, and the bus watchdog with it; else it follows the wall clock. The wire follows
@@ -109,6 +109,7 @@ class Device:
         """Inject a fault once, as a person orders it; returns the answer to them."""
         try:
             fault = Fault.order(line)
+            self.faults.require_motor(fault)
         except SerpentError as error:
             return f"error: {error}"
         if fault.kind.strikes in (Strikes.STATUS, Strikes.INSTRUCTION):

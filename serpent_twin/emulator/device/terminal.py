@@ -14,7 +14,9 @@ from serpent_twin.errors import SerpentError
 
 _CHUNK = 65536
 _TCGETS2 = 0x802C542A  # Linux: _IOR('T', 0x2A, struct termios2), where a speed is a plain number
-_TERMIOS2 = struct.Struct("4I20B2I")  # flags, line discipline and characters, input and output speed
+_TERMIOS2 = struct.Struct(
+    "4I20B2I"
+)  # flags, line discipline and characters, input and output speed
 _RATES = {
     value: int(name[1:])
     for name, value in vars(termios).items()
