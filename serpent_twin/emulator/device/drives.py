@@ -78,8 +78,7 @@ class Drives:
         while left:
             sliced = any(self._is_steered(index) for index in range(len(self._tables)))
             steps = min(left, max(1, round(_SLICE / step))) if sliced else left
-            for index in range(len(self._tables)):
-                self._steer(index, steps * step)
+            self._steer_all(steps * step)
             self._motors.advance(steps * step)
             left -= steps
 
@@ -137,8 +136,13 @@ class Drives:
         rate = quickest * _ACCELERATION_COUNTS / _VELOCITY_COUNTS
         return profile.ramp(0.0, velocity, goal, abs(goal - velocity) / rate if quickest else 0.0)
 
-    def _steer(self, index: int, duration: float) -> None:
-        """Set what the motor is told for the coming duration [s]."""
+    def _steer_all(self, duration: float) -> None:
+        """Set what the motors are told for the coming duration [s]."""
+        present = self._motors.registers().present_position
+        for index in range(len(self._tables)):
+            self._steer(index, duration, int(present[index]))
+
+    def _steer(self, index: int, duration: float, present: int) -> None:
         table, motors = self._tables[index], self._motors
         limit = min(abs(table["goal_pwm"]), table["pwm_limit"])
         motors.duty[index] = min(1.0, limit * xl430.PWM_UNIT)
@@ -148,16 +152,16 @@ class Drives:
         if mode == Mode.PWM:
             motors.goal[index] = np.sign(table["goal_pwm"]) * _FULL_SPEED
         elif mode in _POSITIONS:
-            motors.goal[index] = self._speed_to_goal(index, duration)
+            motors.goal[index] = self._speed_to_goal(index, duration, present)
         elif self._profile[index] is not None:
             (now, _), (later, _) = (self._reference(index, after) for after in (0.0, duration))
             motors.goal[index] = round((later - now) / duration)
 
-    def _speed_to_goal(self, index: int, duration: float) -> int:
+    def _speed_to_goal(self, index: int, duration: float, present: int) -> int:
         table = self._tables[index]
         gain = _POSITION_RATE * table["position_p_gain"] / TABLE["position_p_gain"].default
         (now, _), (later, _) = (self._reference(index, after) for after in (0.0, duration))
-        speed = (later - now) / duration + gain * (now - self._present(index))
+        speed = (later - now) / duration + gain * (now - present)
         fastest = self._motors.twin.arm.servo.no_load_speed / xl430.VELOCITY_UNIT
         return int(np.clip(np.rint(speed / _VELOCITY_COUNTS), -fastest, fastest))
 
