@@ -65,6 +65,8 @@ class SimulatedMotors:
         self.sense = np.ones(N_MOTORS, np.int64)
         self.homing_offset = np.zeros(N_MOTORS, np.int64)
         self.moving_threshold = np.full(N_MOTORS, TABLE["moving_threshold"].default)
+        self.max_voltage_limit = np.full(N_MOTORS, TABLE["max_voltage_limit"].default)
+        self.min_voltage_limit = np.full(N_MOTORS, TABLE["min_voltage_limit"].default)
         self.temperature_limit = np.full(N_MOTORS, TABLE["temperature_limit"].default)
         self.shutdown = np.full(N_MOTORS, TABLE["shutdown"].default)
         self._rng, self._load_noise, self._protection = rng, load_noise, protection
@@ -167,3 +169,6 @@ class SimulatedMotors:
         hot = self._temperature() > self.temperature_limit
         if hot.any():
             self.trip(hot, OVERHEATING)
+        low, high = self.voltage < self.min_voltage_limit, self.voltage > self.max_voltage_limit
+        if low.any() or high.any():
+            self.trip(low | high, VOLTAGE_ERROR)

@@ -182,3 +182,8 @@ def test_a_change_of_mode_puts_gains_profile_and_goal_pwm_back(bench):
     bench.write(operating_mode=1)
     assert all(bench.read(name) == TABLE[name].default for name in changed)
     assert bench.read("goal_pwm") == 500
+
+
+def test_without_a_position_gain_nothing_moves(bench):
+    bench.write(position_p_gain=0, torque_enable=1, profile_velocity=30, goal_position=2500)
+    assert (bench.run(1.0)["present_position"] == 2048).all()

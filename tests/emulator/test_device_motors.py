@@ -185,3 +185,27 @@ def test_a_backup_restores_the_eeprom_and_at_the_start_the_ram(bus):
     names = ("velocity_limit", "profile_velocity", "position_p_gain", "led", "backup_ready")
     assert [bus.read(4, name) for name in names] == [50, 9, 700, 0, 1]
     assert bus.read(4, "torque_enable") == 1  # Startup Torque On
+
+
+def test_a_secondary_id_is_written_to_and_does_not_answer(bus):
+    for id in (3, 4):
+        bus.write(id, "torque_enable", 0)
+        assert bus.write(id, "secondary_id", 5) == OK
+    led = protocol.instruction_packet(5, 3, bytes([65, 0, 1]))
+    assert [packet.id for packet in bus.ask(led, 3, 0.1)] == [5]
+    assert [bus.read(id, "led") for id in (2, 3, 4, 5)] == [0, 1, 1, 1]
+    bus.write(3, "secondary_id", 100)
+    group = GroupSyncWrite(bus.port, bus.sdk, 65, 1)
+    group.addParam(100, [0])
+    group.txPacket()
+    assert [bus.read(id, "led") for id in (3, 4)] == [0, 1]
+    threshold = protocol.instruction_packet(100, 3, bytes([24, 0, 50, 0, 0, 0]))
+    assert bus.ask(threshold, 1, 0.05) == []
+    assert bus.read(3, "moving_threshold") == 10  # EEPROM
+
+
+def test_a_supply_beyond_a_voltage_limit_is_an_error(bus):
+    bus.write(3, "torque_enable", 0)
+    assert bus.write(3, "min_voltage_limit", 130) == OK  # the supply has 12 V
+    bus.goals([0] * 10)
+    assert [bus.read(id, "hardware_error_status") for id in (2, 3)] == [0, 1]

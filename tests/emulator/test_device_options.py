@@ -116,7 +116,7 @@ def test_the_help_says_what_each_fault_means_and_what_is_not_simulated(capsys):
     text = " ".join(capsys.readouterr().out.replace("│", " ").split())
     for kind in KINDS.values():
         assert f"{kind.name}, {kind.help}" in text
-    assert "Not simulated: the voltage limits" in text
+    assert "Not simulated: gains but Position P" in text
     assert "`unplug - 2`" in text
 
 

@@ -161,7 +161,8 @@ class Drives:
         table = self._tables[index]
         gain = _POSITION_RATE * table["position_p_gain"] / TABLE["position_p_gain"].default
         (now, _), (later, _) = (self._reference(index, after) for after in (0.0, duration))
-        speed = (later - now) / duration + gain * (now - present)
+        forward = min(1.0, gain / _POSITION_RATE) * (later - now) / duration  # none without a gain
+        speed = forward + gain * (now - present)
         fastest = self._motors.twin.arm.servo.no_load_speed / xl430.VELOCITY_UNIT
         return int(np.clip(np.rint(speed / _VELOCITY_COUNTS), -fastest, fastest))
 

@@ -50,8 +50,8 @@ class DeviceOptions(Checked):
     1 MBd: position mode, torque off, return delay 500 µs. `--count 1 --baud 57600` is one from the box, as
     published examples expect it.
 
-    Not simulated: the voltage limits (only the fault voltage raises that error), gains but Position P, jerk
-    control, secondary ids, Protocol 1.0, and collisions of two motors with one id.
+    Not simulated: gains but Position P, jerk control, weakness at low voltage, Protocol 1.0, and collisions
+    of two motors with one id.
     """
 
     link: Path | None = None

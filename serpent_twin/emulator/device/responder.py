@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from serpent_twin.emulator.device.control_table import ControlTable
 from serpent_twin.emulator.device.servos import RESET_ALL, Servos
 from serpent_twin.hardware import protocol
-from serpent_twin.hardware.control_table import BAUD_RATES, TABLE
+from serpent_twin.hardware.control_table import BAUD_RATES, FIRST_RAM_ADDRESS, TABLE
 from serpent_twin.hardware.protocol import BROADCAST, Error, Instruction, Packet
 
 _DELAY_UNIT = 2e-6  # [s] manual: Return Delay Time (9), 1 unit = 2 µs
@@ -84,6 +84,9 @@ class Responder:
             case Instruction.STATUS:
                 return []
         replies = [self._single(index, packet) for index in self.addressed(packet.id)]
+        if packet.instruction == Instruction.WRITE:
+            address = int.from_bytes(packet.params[:2], "little")
+            self._write_secondary(Access(packet.id, address, 0, packet.params[2:]))
         return [reply for reply in replies if reply]
 
     def sets_goals(self, packet: Packet) -> bool:
@@ -164,6 +167,13 @@ class Responder:
     def _write_all(self, wanted: list[Access]) -> None:
         for access in wanted:
             for index in self.addressed(access.id):
+                self.servos.write(index, access.address, access.data)
+            self._write_secondary(access)
+
+    def _write_secondary(self, access: Access) -> None:
+        """Write to servos by their secondary id, which is not answered and leaves the EEPROM alone."""
+        if access.address >= FIRST_RAM_ADDRESS:
+            for index in filter(self.listens, self.servos.with_secondary_id(access.id)):
                 self.servos.write(index, access.address, access.data)
 
     def _fast_read(self, wanted: list[Access]) -> list[Reply]:

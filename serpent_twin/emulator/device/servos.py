@@ -17,8 +17,15 @@ from serpent_twin.hardware.protocol import ALERT, Error
 
 _WATCHDOG_UNIT = 0.02  # [s] manual: Bus Watchdog (98), 1 unit = 20 ms
 _REVERSE, _TORQUE_ON_BY_GOAL = 1 << 0, 1 << 3  # of Drive Mode (10)
-_MIRRORED = ("moving_threshold", "temperature_limit", "shutdown")
+_MIRRORED = (
+    "moving_threshold",
+    "temperature_limit",
+    "max_voltage_limit",
+    "min_voltage_limit",
+    "shutdown",
+)
 _GAINS = tuple(name for name in TABLE if name.endswith("_gain"))
+_NO_SECONDARY = 253  # manual: from this value on, Secondary ID (12) is off
 _STARTUP_TORQUE_ON, _RAM_RESTORE = 1 << 0, 1 << 1  # of Startup Configuration (60)
 _KEPT_AT_RESET = {0xFF: (), 1: ("id",), 2: ("id", "baud_rate")}  # by option
 RESET_ALL = b"\xff"
@@ -66,6 +73,14 @@ class Servos:
     def with_id(self, id: int) -> list[int]:
         """The servos that listen to an id: one, none, or several that were given the same."""
         return [index for index, table in enumerate(self.table) if table["id"] == id]
+
+    def with_secondary_id(self, id: int) -> list[int]:
+        """The servos that listen to an id as their secondary one; 253 and more stand for none."""
+        return [
+            index
+            for index, table in enumerate(self.table)
+            if id < _NO_SECONDARY and table["secondary_id"] == id != table["id"]
+        ]
 
     def alert(self, index: int) -> int:
         """The alert bit of the error byte."""
