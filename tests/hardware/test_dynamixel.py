@@ -12,6 +12,8 @@ from wire_proxy import BadCable
 from serpent_twin.emulator.device import running
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware.dynamixel import DynamixelBus, reading
+from serpent_twin.hardware.dynamixel.reader import StateReader
+from serpent_twin.hardware.dynamixel.registers import MotorRegisters
 from serpent_twin.hardware.dynamixel.setup import ArmSetup
 from serpent_twin.hardware.dynamixel.wire import PortLostError, Wire
 from serpent_twin.hardware.limits import Guard, Limits
@@ -62,6 +64,17 @@ def test_random_bytes_are_never_an_answer(seed):
         assert wire.sync_read(range(1, 11), 120, 27) == {}
         os.read(host, 4096)
     wire.close()
+
+
+def test_a_reader_of_four_motors_reads_four():
+    with running("--count", "4", "--no-paced") as device:
+        device.trigger("overload", 2)
+        wire = Wire(device.port, 1_000_000)
+        wire.open()
+        read = StateReader(MotorRegisters(wire, (1, 2, 3, 4)), time.monotonic).attempt().registers
+        wire.close()
+    assert read.hardware_error.tolist() == [0, 32, 0, 0]
+    assert {len(column) for column in vars(read).values()} == {4}
 
 
 def test_ticks_tell_old_answers_and_wrap():
