@@ -76,7 +76,8 @@ def forget_zero_on_real_motors(bench):
 
 
 def clear_turns(bench):
-    bench.know()
+    """Below 0, where there is a turn to clear."""
+    bench.know(replace(STRAIGHT, zero=(0,) * 10))
     bench.bend(-15, setup=setup.read_setup(bench.path))
     wire = Wire(bench.device.port, 1_000_000)
     wire.open()
@@ -170,7 +171,6 @@ REFUSALS: dict[str, State] = {
     "drive mode": lambda b: b.touch((3, "drive_mode", 8)),
     "another homing offset": know_another_homing_offset,
     "restarted far from where it was": restart_far_from_where_it_was,
-    "turns cleared": clear_turns,
     "turns of other motors": know_other_motors,
     "damaged turns": damage_turns,
     "nowhere to keep turns": lock_the_folder,
@@ -184,6 +184,7 @@ FOR_GOOD = {
     "missing": lambda b: b.device.trigger("missing", 9),
     "doubled": lambda b: b.device.trigger("doubled", 5),
     "another model": lambda b: b.device.trigger("wrong_model", 4),
+    "turns cleared": clear_turns,
     "bent too far by another program": lambda b: b.bend_from_elsewhere(60, 60),
     "bent too far and restarted": bend_too_far_and_restart,
 }
@@ -219,7 +220,8 @@ def test_what_is_refused_is_objected_to(bench, name):
 
 @pytest.mark.parametrize("name", FOR_GOOD)
 def test_what_lasts_is_objected_to(tmp_path, monkeypatch, name):
-    with running("--lockstep") as device:
+    start = "0" if name == "turns cleared" else str(CENTRE)
+    with running("--lockstep", "--start-counts", start) as device:
         bench = Bench(device, tmp_path / "arm.toml", monkeypatch)
         FOR_GOOD[name](bench)
         assert None not in verdicts(bench)
