@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from serpent_twin.emulator.device import profile
-from serpent_twin.emulator.device.profile import Shape
+from serpent_twin.emulator.device.profile import ProfileType
 
 
 def moved(made):
@@ -18,7 +18,7 @@ def moved(made):
 def test_a_trapezoid_from_rest(sense):
     """t₁ = V/A, and t₃ = distance/V + V/A."""
     made = profile.by_velocity(100, 0, 100 + sense * 3000, 500, 1000)
-    assert made.shape is Shape.TRAPEZOIDAL
+    assert made.shape is ProfileType.TRAPEZOIDAL
     assert made.duration == pytest.approx(3000 / 500 + 500 / 1000)
     assert made.at(0.25) == pytest.approx((100 + sense * 1000 * 0.25**2 / 2, sense * 250))
     assert made.at(made.duration / 2) == pytest.approx((100 + sense * 1500, sense * 500))
@@ -28,7 +28,7 @@ def test_a_trapezoid_from_rest(sense):
 def test_a_triangle_from_rest():
     """It peaks at √(A · distance), after √(distance/A)."""
     made = profile.by_velocity(0, 0, 90, 500, 1000)
-    assert made.shape is Shape.TRIANGULAR
+    assert made.shape is ProfileType.TRIANGULAR
     assert made.duration == pytest.approx(2 * np.sqrt(90 / 1000))
     assert made.at(0.3)[1] == pytest.approx(np.sqrt(90 * 1000))
 
@@ -49,7 +49,7 @@ def test_from_any_velocity_the_goal_is_reached_within_the_limits(velocity, goal)
 
 def test_without_acceleration_it_is_a_rectangle_and_without_velocity_a_step():
     made = profile.by_velocity(0, 0, -300, 100, 0)
-    assert (made.shape, made.duration, made.at(1)) == (Shape.RECTANGULAR, 3, (-100, -100))
+    assert (made.shape, made.duration, made.at(1)) == (ProfileType.RECTANGULAR, 3, (-100, -100))
     assert profile.by_velocity(0, 0, 300, 0, 1000).at(0) == (300, 0)
     assert profile.by_time(0, 0, 300, 0, 0.1).at(0) == (300, 0)
     assert profile.by_velocity(7, 0, 7, 100, 0).duration == 0
@@ -58,10 +58,10 @@ def test_without_acceleration_it_is_a_rectangle_and_without_velocity_a_step():
 @pytest.mark.parametrize(
     ("rise", "shape"),
     [
-        (0, Shape.RECTANGULAR),
-        (0.3, Shape.TRAPEZOIDAL),
-        (1, Shape.TRIANGULAR),
-        (5, Shape.TRIANGULAR),
+        (0, ProfileType.RECTANGULAR),
+        (0.3, ProfileType.TRAPEZOIDAL),
+        (1, ProfileType.TRIANGULAR),
+        (5, ProfileType.TRIANGULAR),
     ],
 )
 def test_a_profile_by_time_takes_its_time(rise, shape):

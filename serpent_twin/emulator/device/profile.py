@@ -9,7 +9,7 @@ from enum import IntEnum
 from math import copysign, sqrt
 
 
-class Shape(IntEnum):
+class ProfileType(IntEnum):
     """Type of a profile, as bits 4 and 5 of Moving Status (123) have it."""
 
     STEP = 0
@@ -38,7 +38,7 @@ class Phase:
 class Profile:
     """A trajectory from `start` over phases to `goal`, from where it continues at velocity `final`."""
 
-    shape: Shape
+    shape: ProfileType
     start: float
     goal: float
     phases: tuple[Phase, ...] = ()
@@ -67,7 +67,7 @@ class Profile:
 
 def step(goal: float) -> Profile:
     """No profile: the goal is demanded at once."""
-    return Profile(Shape.STEP, goal, goal)
+    return Profile(ProfileType.STEP, goal, goal)
 
 
 def by_velocity(
@@ -82,7 +82,7 @@ def by_velocity(
     if not acceleration:
         way = goal - start
         phases = (Phase(abs(way) / fastest, copysign(fastest, way)),) if way else ()
-        return Profile(Shape.RECTANGULAR, start, goal, phases)
+        return Profile(ProfileType.RECTANGULAR, start, goal, phases)
     stop = start + velocity * abs(velocity) / (2 * acceleration)  # if it braked at once
     sense = 1.0 if goal >= stop else -1.0
     way, initial = sense * (goal - start), sense * velocity
@@ -93,7 +93,7 @@ def by_velocity(
     braking = Phase(cruise / acceleration, sense * cruise, -sense * acceleration)
     left = way - sense * sum(phase.after(phase.duration)[0] for phase in (speeding, braking))
     cruising = Phase(max(left, 0.0) / cruise if cruise else 0.0, sense * cruise)
-    shape = Shape.TRAPEZOIDAL if peak > fastest else Shape.TRIANGULAR
+    shape = ProfileType.TRAPEZOIDAL if peak > fastest else ProfileType.TRIANGULAR
     return Profile(shape, start, goal, (speeding, cruising, braking))
 
 
@@ -107,21 +107,21 @@ def by_time(start: float, velocity: float, goal: float, total: float, rise: floa
     rise = min(rise, total / 2)
     if not rise:
         phases = (Phase(total, (goal - start) / total),)
-        return Profile(Shape.RECTANGULAR, start, goal, phases)
+        return Profile(ProfileType.RECTANGULAR, start, goal, phases)
     cruise = (goal - start - velocity * rise / 2) / (total - rise)
     phases = (
         Phase(rise, velocity, (cruise - velocity) / rise),
         Phase(total - 2 * rise, cruise),
         Phase(rise, cruise, -cruise / rise),
     )
-    shape = Shape.TRAPEZOIDAL if total > 2 * rise else Shape.TRIANGULAR
+    shape = ProfileType.TRAPEZOIDAL if total > 2 * rise else ProfileType.TRIANGULAR
     return Profile(shape, start, goal, phases)
 
 
 def ramp(start: float, velocity: float, goal_velocity: float, rise: float) -> Profile:
     """A change of velocity at constant acceleration within `rise` [s]."""
     if not rise:
-        return Profile(Shape.STEP, start, start, final=goal_velocity)
+        return Profile(ProfileType.STEP, start, start, final=goal_velocity)
     change = Phase(rise, velocity, (goal_velocity - velocity) / rise)
     end = start + change.after(rise)[0]
-    return Profile(Shape.TRAPEZOIDAL, start, end, (change,), goal_velocity)
+    return Profile(ProfileType.TRAPEZOIDAL, start, end, (change,), goal_velocity)
