@@ -22,6 +22,13 @@ class Mode(IntEnum):
     PWM = 16
 
 
+GOAL_OF = {
+    Mode.VELOCITY: "goal_velocity",
+    Mode.POSITION: "goal_position",
+    Mode.EXTENDED_POSITION: "goal_position",
+    Mode.PWM: "goal_pwm",
+}
+"""The register that a servo follows in each mode."""
 TIME_BASED = 1 << 2
 """The bit of Drive Mode (10) that selects time-based profiles."""
 _IN_POSITION, _ONGOING, _NOT_FOLLOWING = 1 << 0, 1 << 1, 1 << 3  # of Moving Status (123)

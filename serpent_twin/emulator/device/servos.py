@@ -9,7 +9,7 @@ import numpy as np
 
 from serpent_twin.emulator.device import backup
 from serpent_twin.emulator.device.control_table import ControlTable, Words
-from serpent_twin.emulator.device.drives import Drives, Mode
+from serpent_twin.emulator.device.drives import GOAL_OF, Drives, Mode
 from serpent_twin.emulator.device.refusals import WATCHDOG_TRIPPED, refusal
 from serpent_twin.emulator.motors import SimulatedMotors
 from serpent_twin.hardware.control_table import BAUD_RATES, FIRST_RAM_ADDRESS, TABLE, Item
@@ -249,9 +249,7 @@ class Servos:
 
     def _go(self, index: int, name: str, value: int) -> None:
         table = self.table[index]
-        mode = table["operating_mode"]
-        wanted = {Mode.VELOCITY: "goal_velocity", Mode.PWM: "goal_pwm"}.get(mode, "goal_position")
-        if name != wanted:
+        if name != GOAL_OF[Mode(table["operating_mode"])]:
             return
         wakes = table["drive_mode"] & _TORQUE_ON_BY_GOAL and not self._is_shut_down(index)
         if wakes and not self.motors.torque[index]:

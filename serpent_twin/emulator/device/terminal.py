@@ -17,7 +17,7 @@ _TCGETS2 = 0x802C542A  # Linux: _IOR('T', 0x2A, struct termios2), where a speed 
 _TERMIOS2 = struct.Struct(
     "4I20B2I"
 )  # flags, line discipline and characters, input and output speed
-_RATES = {
+_RATES: dict[int, int] = {
     value: int(name[1:])
     for name, value in vars(termios).items()
     if name.startswith("B") and name[1:].isdecimal()
@@ -78,7 +78,7 @@ class Terminal:
         try:
             settings = fcntl.ioctl(self._slave, _TCGETS2, bytes(_TERMIOS2.size))
         except OSError:  # no Linux
-            speed = termios.tcgetattr(self._slave)[5]
+            speed = int(termios.tcgetattr(self._slave)[5])
             return _RATES.get(speed, speed)
         return _TERMIOS2.unpack(settings)[-1]
 
