@@ -153,7 +153,7 @@ class _Bench:
         self.device: Running
 
     def __enter__(self) -> "_Bench":
-        self._running = running(*self._arguments)
+        self._running = running(*self._arguments, "--start-counts", "0")
         self.device = self._running.__enter__()
         setup = ArmSetup(self.device.port, zero=(0,) * 10, path=self.folder / "arm.toml")
         write_setup(setup)

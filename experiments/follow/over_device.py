@@ -17,6 +17,7 @@ from serpent_twin.emulator.device import running
 from serpent_twin.emulator.device.options import CAMERAS
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
+from serpent_twin.hardware.xl430 import CENTRE
 from serpent_twin.runs.files import write_json
 
 _KEPT = ("rows", "missed_deadlines", "latency_ms", "marker9_error_mm", "tip_error_as_estimated_mm")
@@ -46,7 +47,7 @@ def _drive(arm: StudyArm, rate: float, folder: Path) -> None:
     _write_path(path)
     CAMERAS.inverse().save(frame)
     with running("--realtime", "--model", str(arm.twin_file), "--cameras", cameras) as device:
-        setup = ArmSetup(device.port, zero=(0,) * 10, limits=LIMITS, path=folder / "arm.toml")
+        setup = ArmSetup(device.port, zero=(CENTRE,) * 10, limits=LIMITS, path=folder / "arm.toml")
         write_setup(setup)
         command = [sys.executable, "-m", "serpent_twin.follow", "--backend", "real"]
         command += ["--path", str(path), "--twin", str(arm.twin_file), "--rate-hz", f"{rate:g}"]

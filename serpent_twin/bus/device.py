@@ -16,12 +16,16 @@ def main(options: DeviceOptions) -> None:
     device = build(options)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, device.stop)
-    device.serve(Orders(hint=_hint), options.until_eof)
+    device.serve(Orders(hint=_hint if options.is_the_arm else _no_hint), options.until_eof)
     print(json.dumps(device.tally()), flush=True)
 
 
 def _hint(port: str) -> str:
     return next_step.line(next_step.after_device(port))
+
+
+def _no_hint(port: str) -> str:
+    return ""
 
 
 if __name__ == "__main__":

@@ -121,7 +121,7 @@ def _show_live(setup: ArmSetup) -> None:
     print("degrees of motor 1 … 10 as the setup has them; Ctrl-C ends")
     try:
         while True:
-            counts = registers.get_all("present_position") - np.array(setup.zero or (0,) * N_MOTORS)
+            counts = registers.get_all("present_position") - setup.straight
             degrees = counts * np.array(setup.direction) * 360 / TURN
             print("\r" + " ".join(f"{angle:7.1f}" for angle in degrees), end="", flush=True)
             time.sleep(0.2)

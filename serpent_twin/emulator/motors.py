@@ -57,12 +57,16 @@ class SimulatedMotors:
         self.time = 0.0
         self.goal = np.zeros(N_MOTORS, np.int64)
         self.torque = np.zeros(N_MOTORS, bool)
+        self.duty = np.ones(N_MOTORS)
+        """Greatest share of the supply's voltage that a drive applies, 0 … 1 [1]"""
         self.hardware_error = np.zeros(N_MOTORS, np.int64)
         self.temperature_rise = np.zeros(N_MOTORS)
         self.voltage = xl430.words(np.full(N_MOTORS, twin.arm.servo.voltage), xl430.VOLTAGE_UNIT)
         self.sense = np.ones(N_MOTORS, np.int64)
         self.homing_offset = np.zeros(N_MOTORS, np.int64)
         self.moving_threshold = np.full(N_MOTORS, TABLE["moving_threshold"].default)
+        self.max_voltage_limit = np.full(N_MOTORS, TABLE["max_voltage_limit"].default)
+        self.min_voltage_limit = np.full(N_MOTORS, TABLE["min_voltage_limit"].default)
         self.temperature_limit = np.full(N_MOTORS, TABLE["temperature_limit"].default)
         self.shutdown = np.full(N_MOTORS, TABLE["shutdown"].default)
         self._rng, self._load_noise, self._protection = rng, load_noise, protection
@@ -87,6 +91,7 @@ class SimulatedMotors:
     def advance(self, duration: float) -> None:
         """Let time pass [s] at the present goals; the load's noise is drawn once."""
         stall = self.twin.arm.servo.stall_torque
+        self.twin.limit_voltage(self.duty)
         torque = self.twin.advance(self.goal * self.sense * xl430.VELOCITY_UNIT, duration)[0]
         self.time += duration
         self._protect(torque / stall, duration)
@@ -164,3 +169,6 @@ class SimulatedMotors:
         hot = self._temperature() > self.temperature_limit
         if hot.any():
             self.trip(hot, OVERHEATING)
+        low, high = self.voltage < self.min_voltage_limit, self.voltage > self.max_voltage_limit
+        if low.any() or high.any():
+            self.trip(low | high, VOLTAGE_ERROR)

@@ -24,6 +24,7 @@ PWM_LIMIT = 885  # default of PWM Limit (36): 100 %
 TICK_WRAP = 32768  # [ms] Realtime Tick (120) counts 0 … 32,767
 OVERLOAD = 1 << 5  # Hardware Error Status (70)
 TURN = ARM.servo.counts_per_turn
+CENTRE = TURN // 2  # the SDK's table of the model: its position at 0 rad
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,8 @@ _GOALS, _PACES = slice(0, 2 * N_MOTORS, 2), slice(1, 2 * N_MOTORS, 2)
 """Of the controls: actuators that effects add come after the motors"""
 _TORQUE = slice(2 * N_MOTORS, 3 * N_MOTORS)  # in the sensor vector, as mjcf.py orders it
 _MARKERS = slice(3 * N_MOTORS, 3 * N_MOTORS + 3 * N_JOINTS)
-_GAIN_I, _GAIN_P = 4, 6  # of a dcmotor's gainprm: mjcf.py's `controller`
+_GAIN_I, _GAIN_P, _VOLTAGE = 4, 6, 7  # of a dcmotor's gainprm: mjcf.py's `controller`
+_NO_VOLTAGE = 1e-6  # [1] share of the supply; MuJoCo takes 0 for no limit
 _SETTLE = 2.0  # [s]
 _UNSTABLE = (
     "the twin's simulation became unstable in {}. Lower the strand stiffness or raise the damping in "
@@ -147,6 +148,12 @@ class Twin:
             self._gain[:, :, gain] = np.where(on, self._firmware_gain[:, :, gain], 0.0)
         self._goal = np.where(on & was_on, self._goal, self.motor_angle)
         self._pace = np.where(on & was_on, self._pace, 0.0)
+
+    def limit_voltage(self, share: ArrayLike) -> None:
+        """Limit the drives' voltages to shares of the full one, 0 … 1, broadcast to (nsim, 10)."""
+        share = np.maximum(np.broadcast_to(share, self._goal.shape), _NO_VOLTAGE)
+        full = self._firmware_gain[:, :, _VOLTAGE]
+        self._gain[:, :, _VOLTAGE] = np.where(share < 1, share * full, full)
 
     def advance(self, velocity: ArrayLike, duration: float) -> Array:
         """Hold goal velocities [rad/s], broadcast to (nsim, 10), for a duration [s].

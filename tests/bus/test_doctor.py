@@ -13,6 +13,7 @@ from serpent_twin.hardware.control_table import TABLE
 from serpent_twin.hardware.dynamixel import ArmSetup
 from serpent_twin.hardware.dynamixel.examination import examine
 from serpent_twin.hardware.dynamixel.wire import Wire
+from serpent_twin.hardware.xl430 import CENTRE
 
 
 def errors(diagnosis):
@@ -36,7 +37,7 @@ def registers(port):
 def test_a_sound_bus_has_nothing_against_it_and_stays_as_it_was():
     with running("--realtime") as device:
         before = registers(device.port)
-        diagnosis = examine(ArmSetup(device.port, zero=(0,) * 10), reads=30)
+        diagnosis = examine(ArmSetup(device.port, zero=(CENTRE,) * 10), reads=30)
         assert registers(device.port) == before
     assert not diagnosis.findings
     assert [m["motor"] for m in diagnosis.motors] == list(range(1, 11))
@@ -59,7 +60,7 @@ def test_every_finding_names_the_motor():
         device.trigger("missing", 9)
         device.trigger("overload", 8)
         device.trigger("voltage", 10, 20)
-        setup = ArmSetup(device.port, zero=(0,) * 10, homing_offset=(0,) * 10)
+        setup = ArmSetup(device.port, zero=(CENTRE,) * 10, homing_offset=(0,) * 10)
         diagnosis = examine(setup, reads=0)
     said = "\n".join(errors(diagnosis))
     for text in (
@@ -81,7 +82,32 @@ def test_another_baud_rate_is_found():
         touch(device.port, *[(motor, "baud_rate", 1) for motor in range(1, 11)])
         diagnosis = examine(ArmSetup(device.port), reads=0)
     (finding,) = [f for f in diagnosis.findings if f.level == "error"]
-    assert "57600 bit/s" in finding.todo
+    assert "id 1, 2, 3, 4, 5, 6, 7, 8, 9, 10 at 57600 bit/s" in finding.what
+    assert "baud = 57600" in finding.todo
+
+
+def test_one_motor_at_another_baud_rate_is_found_there():
+    """One has a wrong rate, one is as from the box, with its id, and one is gone."""
+    with running("--realtime") as device:
+        touch(device.port, (5, "baud_rate", 2), (8, "baud_rate", 1), (9, "id", 99))
+        wire = Wire(device.port, 57_600)
+        wire.open()
+        assert wire.write(8, TABLE["id"], 77)
+        wire.close()
+        diagnosis = examine(ArmSetup(device.port), reads=0)
+    found = {f.what: f.todo for f in diagnosis.findings if f.level == "error"}
+    assert set(found) == {
+        "motor 5 answers at 115200 bit/s, not at 1000000",
+        "motor 8 is missing",
+        "motor 9 is missing",
+    }
+    todo = found["motor 5 answers at 115200 bit/s, not at 1000000"]
+    assert "write 3 (1000000 bit/s) to its Baud Rate (8)" in todo
+    assert warnings(diagnosis) == [
+        "id 99 is on the bus, but not in the setup",
+        "id 77 is on the bus, at 57600 bit/s, but not in the setup",
+    ]
+    assert len(diagnosis.motors) == 7
 
 
 def test_a_bus_that_loses_answers_is_noticed():

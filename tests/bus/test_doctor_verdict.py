@@ -19,12 +19,12 @@ from serpent_twin.hardware.dynamixel.turns import turns_file
 from serpent_twin.hardware.dynamixel.wire import Wire
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.hardware.protocol import CLEAR_POSITION, Instruction
-from serpent_twin.hardware.xl430 import POSITION_UNIT
+from serpent_twin.hardware.xl430 import CENTRE, POSITION_UNIT
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.options import Collect, RealArm
 
 MOTORS = range(1, 11)
-STRAIGHT = ArmSetup(zero=(0,) * 10)
+STRAIGHT = ArmSetup(zero=(CENTRE,) * 10)
 
 
 @dataclass
@@ -44,8 +44,12 @@ class Bench:
         write_setup(replace(known, port=self.device.port, path=self.path))
 
     def remember(self, position: int = 0, simulated: bool = True, **further: object) -> None:
-        """Write where motor 1, and all others at zero, were last seen [counts]."""
-        content = {"position": [position] + [0] * 9, "turns": [0] * 10, "simulated": simulated}
+        """Write where motor 1, from zero, and all others at zero were last seen [counts]."""
+        content = {
+            "position": [CENTRE + position] + [CENTRE] * 9,
+            "turns": [0] * 10,
+            "simulated": simulated,
+        }
         turns_file(self.path).write_text(json.dumps(content | further))
 
     def bend(self, *degrees: float, setup: ArmSetup | None = None) -> None:
@@ -72,7 +76,8 @@ def forget_zero_on_real_motors(bench):
 
 
 def clear_turns(bench):
-    bench.know()
+    """Below 0, where there is a turn to clear."""
+    bench.know(replace(STRAIGHT, zero=(0,) * 10))
     bench.bend(-15, setup=setup.read_setup(bench.path))
     wire = Wire(bench.device.port, 1_000_000)
     wire.open()
@@ -166,7 +171,6 @@ REFUSALS: dict[str, State] = {
     "drive mode": lambda b: b.touch((3, "drive_mode", 8)),
     "another homing offset": know_another_homing_offset,
     "restarted far from where it was": restart_far_from_where_it_was,
-    "turns cleared": clear_turns,
     "turns of other motors": know_other_motors,
     "damaged turns": damage_turns,
     "nowhere to keep turns": lock_the_folder,
@@ -180,6 +184,7 @@ FOR_GOOD = {
     "missing": lambda b: b.device.trigger("missing", 9),
     "doubled": lambda b: b.device.trigger("doubled", 5),
     "another model": lambda b: b.device.trigger("wrong_model", 4),
+    "turns cleared": clear_turns,
     "bent too far by another program": lambda b: b.bend_from_elsewhere(60, 60),
     "bent too far and restarted": bend_too_far_and_restart,
 }
@@ -215,7 +220,8 @@ def test_what_is_refused_is_objected_to(bench, name):
 
 @pytest.mark.parametrize("name", FOR_GOOD)
 def test_what_lasts_is_objected_to(tmp_path, monkeypatch, name):
-    with running("--lockstep") as device:
+    start = "0" if name == "turns cleared" else str(CENTRE)
+    with running("--lockstep", "--start-counts", start) as device:
         bench = Bench(device, tmp_path / "arm.toml", monkeypatch)
         FOR_GOOD[name](bench)
         assert None not in verdicts(bench)
@@ -276,7 +282,9 @@ def is_straight(device: Running) -> bool:
     replies = wire.sync_read(MOTORS, item.address, item.size)
     wire.close()
     counts = np.array([item.unpack(reply.data) for reply in replies.values()])
-    return len(counts) == len(MOTORS) and bool((np.abs(counts * POSITION_UNIT) < 0.03).all())
+    return len(counts) == len(MOTORS) and bool(
+        (np.abs((counts - CENTRE) * POSITION_UNIT) < 0.03).all()
+    )
 
 
 def reset(device: Running) -> None:

@@ -211,13 +211,14 @@ def test_a_frame_is_used_by_a_run_that_can_begin(tmp_path, monkeypatch):
     from serpent_twin.hardware.base_frame import IDENTITY
     from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
     from serpent_twin.hardware.natnet.live import NatNet
+    from serpent_twin.hardware.xl430 import CENTRE
 
     there = NatNet(server="10.0.0.7", labels=tuple("abcdefghi"))
     step = next_step.after_frame(Path("base.json"), there)
     assert step == ["serpent_twin.bus.doctor", "--help"]  # no arm is set up here
     IDENTITY.save(Path("base.json"))
     with running("--lockstep") as device:
-        write_setup(ArmSetup(device.port, zero=(0,) * 10, path=Path("arm.toml")))
+        write_setup(ArmSetup(device.port, zero=(CENTRE,) * 10, path=Path("arm.toml")))
         step = next_step.after_frame(Path("base.json"), there)
     assert options(step) == {
         "": ["serpent_twin.collect"],

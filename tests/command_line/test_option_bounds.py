@@ -22,7 +22,7 @@ SENSIBLE = {
         "start_counts", "slack", "damping", "load_noise", "delays", "memory_delay", "washout", "trials",
         "budget_minutes", "design", "at", "strand_stiffness", "strand_slack", "joint_friction",
         "joint_damping", "transition_velocity", "gear_friction", "servo_lag", "controller_gain",
-        "marker_noise", "prior_runtime_h", "feedback", "free_hours",
+        "marker_noise", "prior_runtime_h", "feedback", "free_hours", "count", "ids",
     },
     -1: {"start_counts"},
 }  # fmt: skip

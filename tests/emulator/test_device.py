@@ -1,6 +1,11 @@
 """Test the servos on the pseudo-terminal against the manual, with the vendor's own SDK."""
 
+import fcntl
 import importlib.util
+import os
+import select
+import struct
+import sys
 import time
 from dataclasses import fields
 from pathlib import Path
@@ -75,7 +80,7 @@ def test_a_refused_goal_is_not_applied(bus):
 
 def test_eeprom_ranges_and_limits_with_torque_off(bus):
     bus.write(2, "torque_enable", 0)
-    assert bus.write(2, "operating_mode", 16) == RANGE
+    assert bus.write(2, "operating_mode", 5) == RANGE  # current control, which it lacks
     assert bus.write(2, "return_delay_time", 255) == RANGE
     assert bus.write(2, "velocity_limit", 100) == OK
     assert bus.write(2, "torque_enable", 1) == OK
@@ -90,13 +95,37 @@ def test_lengths_and_gaps(bus):
     assert bus.raw_write(1, 66, b"\1") == ACCESS
     assert bus.raw_write(1, goal, bytes(8)) == OK  # goal velocity and profile acceleration
     assert bus.raw_write(1, goal, bytes(4) + b"\1") == LENGTH
-    assert bus.ask(protocol.instruction_packet(1, 2, bytes([66, 0, 1, 0])))[0].params == bytes(
+    assert bus.ask(protocol.instruction_packet(1, 2, bytes([66, 0, 2, 0])))[0].params == bytes(
         [ACCESS]
     )
     assert bus.ask(protocol.instruction_packet(1, 2, bytes([64, 0, 0, 0])))[0].params == bytes(
         [LENGTH]
     )
     assert bus.ask(protocol.instruction_packet(1, 0x77))[0].params == bytes([INSTRUCTION])
+
+
+@pytest.mark.parametrize(("address", "length"), [(0, 147), (64, 83), (0, 662)])
+def test_a_block_over_gaps_reads_what_its_registers_do(bus, address, length):
+    """As the vendor's monitor reads the table; the gaps read 0."""
+    data, result, error = bus.sdk.readTxRx(bus.port, 3, address, length)
+    assert (result, error, len(data)) == (COMM_SUCCESS, OK, length)
+    whole, gaps = bytes(data), bytearray(data)
+    inside = [
+        i for i in TABLE.values() if address <= i.address and i.address + i.size <= address + length
+    ]
+    for item in inside:
+        found = whole[item.address - address :][: item.size]
+        if not item.name.startswith("indirect_data"):  # other registers' words
+            assert item.unpack(found) == bus.read(3, item.name), item.name
+        for n in range(item.size):
+            gaps[item.address - address + n] = 0
+    assert not any(gaps)
+
+
+def test_protocol_1_is_refused(bus):
+    bus.write(1, "torque_enable", 0)
+    assert bus.write(1, "protocol_type", 1) == RANGE
+    assert bus.write(1, "protocol_type", 2) == OK
 
 
 def test_one_refused_register_refuses_the_whole_write(bus):
@@ -177,11 +206,29 @@ def test_a_port_at_another_speed_hears_nobody(device):
     client.port.closePort()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="termios2 is Linux's")
+@pytest.mark.parametrize(("rate", "answers"), [(1_000_000, 1), (985_000, 1), (960_000, 0)])
+def test_a_speed_set_as_a_plain_number_is_heard(device, rate, answers):
+    """As Rust's serialport sets it: TCSETS2 with BOTHER. A UART bears an error of 3 %."""
+    tcgets2, tcsets2, bother, all_speeds = 0x802C542A, 0x402C542B, 0o010000, 0o010017
+    port = os.open(device.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    flags = struct.Struct("4I20B2I")
+    words = list(flags.unpack(fcntl.ioctl(port, tcgets2, bytes(flags.size))))
+    words[2] = words[2] & ~all_speeds | bother
+    words[-2:] = rate, rate
+    fcntl.ioctl(port, tcsets2, flags.pack(*words))
+    os.write(port, protocol.instruction_packet(1, protocol.Instruction.PING))
+    ready, _, _ = select.select([port], [], [], 1.0 if answers else 0.1)
+    found = protocol.Parser().feed(os.read(port, 4096)) if ready else []
+    os.close(port)
+    assert [packet.id for packet in found] == [1] * answers
+
+
 def test_lockstep_is_the_simulated_bus_word_for_word():
     """The same commands in process and over the wire; time passes with the goals and not with reads."""
     rng = np.random.default_rng(4)
     steps = rng.integers(-12, 13, (25, 10))
-    with running("--lockstep", "--seed", "6", "--rate-hz", "10") as device:
+    with running("--lockstep", "--seed", "6", "--rate-hz", "10", "--start-counts", "0") as device:
         client = Client(device.port)
         client.prepare()
         bus = SimulatedBus(Twin(), np.random.default_rng(6), NOMINAL.load_noise)

@@ -138,9 +138,74 @@ def test_position_mode_loses_the_turns_when_it_starts(bus):
 def test_factory_reset_keeps_the_id_and_restarts(bus):
     bus.write(9, "torque_enable", 0)
     bus.write(9, "velocity_limit", 50)
-    assert bus.sdk.factoryReset(bus.port, 9, 0xFF) == (COMM_SUCCESS, RANGE)
+    assert bus.sdk.factoryReset(bus.port, 9, 3) == (COMM_SUCCESS, RANGE)
     assert bus.sdk.factoryReset(bus.port, 9, 2) == (COMM_SUCCESS, OK)
     assert bus.ask(protocol.instruction_packet(9, 1), seconds=0.05) == []
     time.sleep(0.35)
     assert bus.read(9, "velocity_limit") == 265
     assert bus.read(9, "operating_mode") == 3
+
+
+def test_a_factory_reset_of_all_is_a_servo_from_the_box(bus):
+    bus.send(protocol.instruction_packet(protocol.BROADCAST, 6, b"\xff"))  # manual: not for all
+    assert bus.read(9, "operating_mode") == 1
+    assert bus.sdk.factoryReset(bus.port, 9, 0xFF) == (COMM_SUCCESS, OK)
+    time.sleep(0.35)
+    assert bus.ask(protocol.instruction_packet(9, 1), seconds=0.05) == []
+    bus.port.setBaudRate(57_600)
+    (answer,) = bus.ask(protocol.instruction_packet(protocol.BROADCAST, 1), seconds=0.3)
+    assert answer.id == 1
+
+
+STORE, RESTORE = b"\x01CTRL", b"\x02CTRL"
+
+
+def back_up(bus, id, params):
+    (answer,) = bus.ask(protocol.instruction_packet(id, 0x20, params))
+    return answer.params[0]
+
+
+def test_a_backup_restores_the_eeprom_and_at_the_start_the_ram(bus):
+    assert protocol.instruction_packet(1, 0x20, STORE)[-2:] == b"\x16\xf5"  # manual's example
+    assert back_up(bus, 4, STORE) == RESULT_FAIL  # torque on
+    bus.write(4, "torque_enable", 0)
+    assert back_up(bus, 4, RESTORE) == RESULT_FAIL  # there is none
+    assert back_up(bus, 4, b"\x03CTRL") == RANGE
+    for name, value in (("velocity_limit", 50), ("startup_configuration", 3)):
+        assert bus.write(4, name, value) == OK
+    for name, value in (("profile_velocity", 9), ("position_p_gain", 700), ("led", 1)):
+        assert bus.write(4, name, value) == OK
+    assert bus.read(4, "backup_ready") == 0
+    assert back_up(bus, 4, STORE) == OK
+    assert bus.read(4, "backup_ready") == 1
+    bus.write(4, "velocity_limit", 60)
+    bus.write(4, "profile_velocity", 8)
+    assert back_up(bus, 4, RESTORE) == OK
+    time.sleep(0.35)
+    names = ("velocity_limit", "profile_velocity", "position_p_gain", "led", "backup_ready")
+    assert [bus.read(4, name) for name in names] == [50, 9, 700, 0, 1]
+    assert bus.read(4, "torque_enable") == 1  # Startup Torque On
+
+
+def test_a_secondary_id_is_written_to_and_does_not_answer(bus):
+    for id in (3, 4):
+        bus.write(id, "torque_enable", 0)
+        assert bus.write(id, "secondary_id", 5) == OK
+    led = protocol.instruction_packet(5, 3, bytes([65, 0, 1]))
+    assert [packet.id for packet in bus.ask(led, 3, 0.1)] == [5]
+    assert [bus.read(id, "led") for id in (2, 3, 4, 5)] == [0, 1, 1, 1]
+    bus.write(3, "secondary_id", 100)
+    group = GroupSyncWrite(bus.port, bus.sdk, 65, 1)
+    group.addParam(100, [0])
+    group.txPacket()
+    assert [bus.read(id, "led") for id in (3, 4)] == [0, 1]
+    threshold = protocol.instruction_packet(100, 3, bytes([24, 0, 50, 0, 0, 0]))
+    assert bus.ask(threshold, 1, 0.05) == []
+    assert bus.read(3, "moving_threshold") == 10  # EEPROM
+
+
+def test_a_supply_beyond_a_voltage_limit_is_an_error(bus):
+    bus.write(3, "torque_enable", 0)
+    assert bus.write(3, "min_voltage_limit", 130) == OK  # the supply has 12 V
+    bus.goals([0] * 10)
+    assert [bus.read(id, "hardware_error_status") for id in (2, 3)] == [0, 1]

@@ -1,6 +1,7 @@
 """Test the device's options, and that impossible ones are refused."""
 
 import json
+import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,7 +27,14 @@ from serpent_twin.hardware.control_table import TABLE
         ({"realtime": True, "lockstep": True}, "--realtime would be ignored beside --lockstep"),
         ({"rate_hz": 0.0}, "--rate-hz"),
         ({"lockstep": True, "rate_hz": 3.0}, "time step"),
-        ({"start_counts": (1, 2)}, "--start-counts"),
+        ({"start_counts": (1, 2)}, "--start-counts has 2 numbers; give 1 or 10"),
+        ({"count": 2, "start_counts": (1,) * 3}, "give 1 or 2"),
+        ({"count": 11}, "--count"),
+        ({"count": 2, "ids": (3, 4, 5)}, "--ids has 3 numbers; give 2"),
+        ({"ids": tuple(range(11))}, "--ids has 11 numbers; give at most 10"),
+        ({"ids": (7, 7)}, "two motors one id"),
+        ({"count": 2, "fault": ("overload=1@3",)}, "motor 3; there are 1 … 2"),
+        ({"count": 1, "cameras": 1510}, "--cameras is for the arm"),
         ({"seed": -1}, "--seed"),
         ({"cameras": 65_536}, "--cameras is 65536"),
         ({"cameras": -1}, "--cameras is -1"),
@@ -108,7 +116,7 @@ def test_the_help_says_what_each_fault_means_and_what_is_not_simulated(capsys):
     text = " ".join(capsys.readouterr().out.replace("│", " ").split())
     for kind in KINDS.values():
         assert f"{kind.name}, {kind.help}" in text
-    assert "Not simulated: goal PWM and its limit (0 does not stop a motor)" in text
+    assert "Not simulated: gains but Position P" in text
     assert "`unplug - 2`" in text
 
 
@@ -152,6 +160,32 @@ def test_the_straight_arm_reads_what_it_is_told_to():
     assert words.tolist() == list(range(2000, 12000, 1000))
     device.servos.reboot(9)
     assert device.servos.motors.registers().present_position[9] == 11000 % 4096
+
+
+def test_one_servo_from_the_box_is_found_and_driven_as_by_published_examples():
+    """Id 1 at 57,600 bit/s goes from end to end of position mode, without an arm that would bind."""
+    with running("--count", "1", "--baud", "57600") as device:
+        client = Client(device.port)
+        client.port.setBaudRate(57_600)
+        assert list(client.sdk.broadcastPing(client.port)[0]) == [1]
+        assert client.read(1, "present_position") == 2048
+        assert client.write(1, "torque_enable", 1) == OK
+        for goal in (0, 4095):
+            assert client.write(1, "goal_position", goal) == OK
+            until = time.monotonic() + 5
+            while abs(client.read(1, "present_position") - goal) > 20:
+                assert time.monotonic() < until
+        assert client.read(1, "hardware_error_status") == 0
+        with pytest.raises(SerpentError, match="there is only motor 1"):
+            device.trigger("overload", 2)
+        client.port.closePort()
+
+
+def test_motors_have_the_ids_that_they_are_given():
+    servos = build(DeviceOptions(ids=(11, 3), start_counts=(100, 200))).servos
+    assert [table["id"] for table in servos.table] == [11, 3]
+    servos.refresh()
+    assert [table["present_position"] for table in servos.table] == [100, 200]
 
 
 def test_a_model_file_is_read_or_what_it_lacks_is_named(tmp_path):

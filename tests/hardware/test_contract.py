@@ -17,6 +17,7 @@ from serpent_twin.hardware.xl430 import Registers
 
 PERIOD = 0.25
 WIDE = Limits(joint_angle=100.0, load=9.0)
+_OPTIONS = "--lockstep --load-noise 0.02 --start-counts 0"  # counted as in process
 
 
 @contextmanager
@@ -28,8 +29,8 @@ def in_process(seed=0):
 @contextmanager
 def over_the_wire(seed=0):
     with (
-        running("--lockstep", "--seed", str(seed), "--load-noise", "0.02") as device,
-        DynamixelBus(ArmSetup(port=device.port, limits=WIDE)) as bus,
+        running("--seed", str(seed), *_OPTIONS.split()) as device,
+        DynamixelBus(ArmSetup(port=device.port, limits=WIDE, zero=(0,) * 10)) as bus,
     ):
         yield bus
 

@@ -12,6 +12,8 @@ from wire_proxy import BadCable
 from serpent_twin.emulator.device import running
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.hardware.dynamixel import DynamixelBus, reading
+from serpent_twin.hardware.dynamixel.reader import StateReader
+from serpent_twin.hardware.dynamixel.registers import MotorRegisters
 from serpent_twin.hardware.dynamixel.setup import ArmSetup
 from serpent_twin.hardware.dynamixel.wire import PortLostError, Wire
 from serpent_twin.hardware.limits import Guard, Limits
@@ -25,10 +27,10 @@ def test_over_a_bad_cable_every_word_that_is_believed_is_true(rate):
     """Bytes are spoilt both ways; the same commands in process say what the words must be."""
     rng = np.random.default_rng(1)
     with (
-        running("--lockstep", "--load-noise", "0.02") as device,
+        running("--lockstep", "--load-noise", "0.02", "--start-counts", "0") as device,
         BadCable(device.port, 0.0) as cable,
     ):
-        setup = ArmSetup(cable.port, limits=WIDE, patience=20.0)
+        setup = ArmSetup(cable.port, limits=WIDE, patience=20.0, zero=(0,) * 10)
         with (
             DynamixelBus(setup) as bus,
             SimulatedBus(rng=np.random.default_rng(0), load_noise=0.02) as truth,
@@ -62,6 +64,17 @@ def test_random_bytes_are_never_an_answer(seed):
         assert wire.sync_read(range(1, 11), 120, 27) == {}
         os.read(host, 4096)
     wire.close()
+
+
+def test_a_reader_of_four_motors_reads_four():
+    with running("--count", "4", "--no-paced") as device:
+        device.trigger("overload", 2)
+        wire = Wire(device.port, 1_000_000)
+        wire.open()
+        read = StateReader(MotorRegisters(wire, (1, 2, 3, 4)), time.monotonic).attempt().registers
+        wire.close()
+    assert read.hardware_error.tolist() == [0, 32, 0, 0]
+    assert {len(column) for column in vars(read).values()} == {4}
 
 
 def test_ticks_tell_old_answers_and_wrap():
@@ -109,7 +122,7 @@ def test_a_fault_of_the_moment_is_overcome_and_noted(fault, motor, kind):
 
 
 def test_a_motor_that_restarts_gets_its_turns_and_its_goal_back():
-    with real_time() as (device, bus):
+    with real_time("--start-counts", "0", zero=(0,) * 10) as (device, bus):
         bus.write_velocity(-np.array(MILD))
         bus.wait(0.3)
         before = bus.read_state()

@@ -128,7 +128,7 @@ def test_zero_survives_restarts_of_motors_and_of_programs(tmp_path):
 
 def test_turns_that_are_not_certain_are_refused(tmp_path):
     path = tmp_path / "arm.toml"
-    with running("--realtime") as device:
+    with running("--realtime", "--start-counts", "0") as device:
         set_zero(Zero(device.port, path, watch=0.1))
         memory = turns_file(path)
         position, turns = [1500] + [0] * 9, [0] * 10

@@ -14,6 +14,7 @@ from serpent_twin.emulator.device import running
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.base_frame import IDENTITY
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
+from serpent_twin.hardware.xl430 import CENTRE
 from serpent_twin.recording.lost_markers import Watch, say
 from serpent_twin.sessions import read_journal, read_session, write_session
 
@@ -30,7 +31,7 @@ def started(folder, device, it, verb="collect", *arguments):
     """A run of three seconds with markers of the cameras `it`."""
     folder.mkdir(exist_ok=True)
     IDENTITY.save(folder / "frame.json")
-    write_setup(ArmSetup(device.port, zero=(0,) * 10, path=folder / "arm.toml"))
+    write_setup(ArmSetup(device.port, zero=(CENTRE,) * 10, path=folder / "arm.toml"))
     line = [sys.executable, "-m", f"serpent_twin.{verb}", "--backend", "real", "--mocap", "natnet"]
     line += ["--out", folder / "logs", "--setup", folder / "arm.toml", "--rate-hz", RATE]
     line += ["--frame", folder / "frame.json", "--command-port", it.cameras.port, "--steps", STEPS]

@@ -15,6 +15,7 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.emulator.device import running
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
+from serpent_twin.hardware.xl430 import CENTRE
 from serpent_twin.recording import real as real_module
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.ending import loop_times
@@ -35,7 +36,7 @@ def bench(tmp_path):
         device = context.__enter__()
         open_devices.append(context)
         path = tmp_path / "arm.toml"
-        write_setup(ArmSetup(device.port, zero=(0,) * 10, path=path, **setup))
+        write_setup(ArmSetup(device.port, zero=(CENTRE,) * 10, path=path, **setup))
         return device, path
 
     yield start
@@ -186,7 +187,7 @@ def test_simulated_motors_need_no_zero(bench, tmp_path):
     device, _ = bench("--lockstep")
     real = RealArm(port=device.port, setup=tmp_path / "none.toml")
     (path,) = collect(Collect(tmp_path / "logs", backend="real", real=real, sessions=1, steps=3))
-    assert read_session(path).metadata["setup"]["zero"] == [0] * 10
+    assert read_session(path).metadata["setup"]["zero"] == [CENTRE] * 10
     assert not list(tmp_path.glob("none*"))
 
 

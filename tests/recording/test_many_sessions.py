@@ -13,7 +13,7 @@ from serpent_twin.hardware.dynamixel import DynamixelBus, bus, find_setup
 from serpent_twin.hardware.dynamixel.registers import MotorRegisters
 from serpent_twin.hardware.dynamixel.setup import setup_to_run
 from serpent_twin.hardware.dynamixel.wire import Wire
-from serpent_twin.hardware.xl430 import POSITION_UNIT
+from serpent_twin.hardware.xl430 import CENTRE, POSITION_UNIT
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.loop import TargetSteering, record
 from serpent_twin.recording.options import Collect, RealArm
@@ -31,8 +31,9 @@ def quick(monkeypatch):
     monkeypatch.setattr(bus, "Wire", partial(Wire, latency=1.0))
 
 
-def connected(port, folder):
-    return DynamixelBus(setup_to_run(find_setup(folder / "none.toml", port)))
+def connected(port, folder, zero=CENTRE):
+    setup = setup_to_run(find_setup(folder / "none.toml", port))
+    return DynamixelBus(replace(setup, zero=(zero,) * 10))
 
 
 def session(arm, targets, rate_hz=4.0):
@@ -68,13 +69,14 @@ def test_a_hundred_sessions_in_real_time(quick, tmp_path):
 
 def test_motors_that_restart_unseen_have_their_turns_back_from_the_pose(tmp_path):
     truth = tmp_path / "truth.jsonl"
-    with running("--lockstep", "--transcript", str(truth)) as device:
+    arguments = ("--lockstep", "--start-counts", "0", "--transcript", str(truth))
+    with running(*arguments) as device:
         for targets in (BENT, -BENT):
-            with connected(device.port, tmp_path) as arm:
+            with connected(device.port, tmp_path, zero=0) as arm:
                 session(arm, targets)
             for motor in range(1, 11):
                 device.trigger("reboot", motor, 0.01)
-            with connected(device.port, tmp_path) as arm:
+            with connected(device.port, tmp_path, zero=0) as arm:
                 found = arm.read_state().position
                 events = [event["kind"] for event in arm.recovery.events]
             last = [event for event in read_transcript(truth) if event["event"] == "read"][-1]

@@ -8,7 +8,7 @@ from serpent_twin.emulator.device import running
 
 @pytest.fixture
 def device():
-    with running("--lockstep", "--load-noise", "0") as device:
+    with running("--lockstep", "--load-noise", "0", "--start-counts", "0") as device:
         yield device
 
 

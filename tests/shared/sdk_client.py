@@ -1,6 +1,5 @@
 """The vendor's own SDK as a client of the device."""
 
-import termios
 import time
 
 from dynamixel_sdk import (
@@ -100,7 +99,7 @@ def send(device, wire):
     """What `_send` makes of the answers of servos that all listen: (bytes, due [s]) each."""
     sent = []
     device.terminal.send = lambda data, due: sent.append((data, due))
-    device._speed = termios.B1000000
+    device._speed = 1_000_000
     (packet,) = protocol.Parser().feed(wire)
     device._send(Responder(device.servos).answer(packet), packet)
     return sent

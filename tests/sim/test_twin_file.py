@@ -16,7 +16,7 @@ from serpent_twin.emulator.device import running
 from serpent_twin.emulator.simulated_bus import SimulatedBus
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.dynamixel.setup import ArmSetup, write_setup
-from serpent_twin.hardware.xl430 import VELOCITY_UNIT
+from serpent_twin.hardware.xl430 import CENTRE, VELOCITY_UNIT
 from serpent_twin.recording.collect import collect
 from serpent_twin.recording.options import Collect, RealArm
 from serpent_twin.sessions import FIELDS, read_session
@@ -101,7 +101,7 @@ def test_over_the_wire_a_session_has_the_rows_of_the_file_s_arm(logs, tmp_path):
     folder, session = logs
     with running("--lockstep", "--model", str(folder / "twin.json")) as device:
         setup = tmp_path / "arm.toml"
-        write_setup(ArmSetup(device.port, zero=(0,) * 10, path=setup))
+        write_setup(ArmSetup(device.port, zero=(CENTRE,) * 10, path=setup))
         real = RealArm(setup=setup)
         (wire,) = collect(Collect(tmp_path / "real", backend="real", real=real, **SHORT))
     there = read_session(wire)

@@ -156,11 +156,22 @@ class Faults:
         faults: Iterable[Fault],
         rng: np.random.Generator,
         tell: Callable[[str, int | None], None] = lambda name, motor: None,
+        motors: int = N_MOTORS,
     ) -> None:
         self.counts: Counter[str] = Counter()
         self._faults = tuple(faults)
         self._armed: list[Fault] = []
-        self._rng, self._tell = rng, tell
+        self._rng, self._tell, self._motors = rng, tell, motors
+        for fault in self._faults:
+            self.require_motor(fault)
+
+    def require_motor(self, fault: Fault) -> None:
+        """Raise `SerpentError` if a fault is for a motor that is not there."""
+        if (fault.motor or 1) > self._motors:
+            raise SerpentError(
+                f"the fault {fault.kind.name} is for motor {fault.motor}; there "
+                f"{'is only motor 1' if self._motors == 1 else f'are 1 … {self._motors}'}."
+            )
 
     def note(self, name: str, motor: int | None) -> None:
         """Count a fault, and pass it to `tell`."""
@@ -183,7 +194,7 @@ class Faults:
         """A fault with a motor, drawn if it has none and needs one."""
         if not fault.kind.of_motor:
             return fault
-        return replace(fault, motor=fault.motor or int(self._rng.integers(N_MOTORS)) + 1)
+        return replace(fault, motor=fault.motor or int(self._rng.integers(self._motors)) + 1)
 
     def deafens(self) -> bool:
         """Whether the instruction packet that is here now is lost."""

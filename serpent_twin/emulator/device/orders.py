@@ -17,7 +17,7 @@ class Orders:
         sink: TextIO = sys.stdout,
         hint: Callable[[str], str] = str,
     ) -> None:
-        """`hint` makes a line from the port's name, printed once after it."""
+        """`hint` makes a line from the port's name, printed once after it unless it is empty."""
         self._hint = hint
         self._fileno = _descriptor(source)
         self._sink = sink
@@ -50,7 +50,8 @@ class Orders:
         self._say(f"port: {terminal.port}")
         if self._new:
             self._new = False
-            self._say(self._hint(str(terminal.link or terminal.port)))
+            if hint := self._hint(str(terminal.link or terminal.port)):
+                self._say(hint)
 
     def _say(self, line: str) -> None:
         print(line, file=self._sink, flush=True)

@@ -1,13 +1,12 @@
-"""Answer instruction packets as ten servos on one wire do."""
+"""Answer instruction packets as servos on one wire do."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.emulator.device.control_table import ControlTable
-from serpent_twin.emulator.device.servos import Servos
+from serpent_twin.emulator.device.servos import RESET_ALL, Servos
 from serpent_twin.hardware import protocol
-from serpent_twin.hardware.control_table import BAUD_RATES, TABLE
+from serpent_twin.hardware.control_table import BAUD_RATES, FIRST_RAM_ADDRESS, TABLE
 from serpent_twin.hardware.protocol import BROADCAST, Error, Instruction, Packet
 
 _DELAY_UNIT = 2e-6  # [s] manual: Return Delay Time (9), 1 unit = 2 µs
@@ -71,7 +70,7 @@ class Responder:
 
     def answer(self, packet: Packet) -> list[Reply]:
         """Execute an instruction packet; returns its status packets, in order."""
-        for index in filter(self.listens, range(N_MOTORS)):
+        for index in filter(self.listens, range(len(self.servos.table))):
             self.servos.hear(index)
         self.servos.refresh()
         match packet.instruction:
@@ -85,6 +84,9 @@ class Responder:
             case Instruction.STATUS:
                 return []
         replies = [self._single(index, packet) for index in self.addressed(packet.id)]
+        if packet.instruction == Instruction.WRITE:
+            address = int.from_bytes(packet.params[:2], "little")
+            self._write_secondary(Access(packet.id, address, 0, packet.params[2:]))
         return [reply for reply in replies if reply]
 
     def sets_goals(self, packet: Packet) -> bool:
@@ -103,7 +105,7 @@ class Responder:
 
     def addressed(self, id: int) -> Iterator[int]:
         """The servos on the wire that a packet to an id, or to all, is meant for."""
-        indices = range(N_MOTORS) if id == BROADCAST else self.servos.with_id(id)
+        indices = range(len(self.servos.table)) if id == BROADCAST else self.servos.with_id(id)
         return filter(self.listens, indices)
 
     def _single(self, index: int, packet: Packet) -> Reply | None:
@@ -132,12 +134,16 @@ class Responder:
             case Instruction.REBOOT:
                 servos.reboot(index)
                 return Error.NONE, b""
+            case Instruction.FACTORY_RESET if packet.id == BROADCAST and params == RESET_ALL:
+                return Error.NONE, b""  # manual: not activated for all at once
             case Instruction.FACTORY_RESET:
                 return servos.factory_reset(index, params[0] if params else 0), b""
             case Instruction.CLEAR if params == protocol.CLEAR_POSITION:
                 return servos.clear_turns(index), b""
             case Instruction.CLEAR:
                 return Error.DATA_RANGE, b""
+            case Instruction.CONTROL_TABLE_BACKUP:
+                return servos.back_up(index, params), b""
         return Error.INSTRUCTION, b""
 
     def _reply(self, index: int, voice: Voice, error: int, data: bytes = b"") -> Reply:
@@ -161,6 +167,13 @@ class Responder:
     def _write_all(self, wanted: list[Access]) -> None:
         for access in wanted:
             for index in self.addressed(access.id):
+                self.servos.write(index, access.address, access.data)
+            self._write_secondary(access)
+
+    def _write_secondary(self, access: Access) -> None:
+        """Write to servos by their secondary id, which is not answered and leaves the EEPROM alone."""
+        if access.address >= FIRST_RAM_ADDRESS:
+            for index in filter(self.listens, self.servos.with_secondary_id(access.id)):
                 self.servos.write(index, access.address, access.data)
 
     def _fast_read(self, wanted: list[Access]) -> list[Reply]:

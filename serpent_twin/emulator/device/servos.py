@@ -1,29 +1,36 @@
-"""Simulate how ten XL430-W250 react to writes to their control tables, refusals included.
+"""Simulate how XL430-W250 servos react to writes to their control tables, refusals included.
 
-Behaviour from ROBOTIS' e-manual of the XL430-W250. Gains, profile acceleration and goal PWM can be
-written and read, and have no effect; PWM mode, the secondary id and backups are not simulated.
+Behaviour from ROBOTIS' e-manual of the XL430-W250, and of Protocol 2.0.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
-from serpent_twin.arm.geometry import N_MOTORS
+from serpent_twin.emulator.device import backup
 from serpent_twin.emulator.device.control_table import ControlTable, Words
+from serpent_twin.emulator.device.drives import GOAL_OF, Drives, Mode
+from serpent_twin.emulator.device.refusals import WATCHDOG_TRIPPED, refusal
 from serpent_twin.emulator.motors import SimulatedMotors
-from serpent_twin.hardware import xl430
-from serpent_twin.hardware.control_table import FIRST_RAM_ADDRESS, TABLE, Item
+from serpent_twin.hardware.control_table import BAUD_RATES, FIRST_RAM_ADDRESS, TABLE, Item
 from serpent_twin.hardware.protocol import ALERT, Error
 
-WATCHDOG_TRIPPED = -1
-"""What Bus Watchdog (98) reads after it stopped the motor."""
 _WATCHDOG_UNIT = 0.02  # [s] manual: Bus Watchdog (98), 1 unit = 20 ms
-_BAUD_1M = 3  # of Baud Rate (8)
-_VELOCITY, _POSITION, _EXTENDED = 1, 3, 4  # of Operating Mode (11)
 _REVERSE, _TORQUE_ON_BY_GOAL = 1 << 0, 1 << 3  # of Drive Mode (10)
-_GOALS = ("goal_pwm", "goal_velocity", "goal_position")
-_MIRRORED = ("homing_offset", "moving_threshold", "temperature_limit", "shutdown")
-_FURTHEST = 1_048_575  # manual: Goal Position (116) in extended position mode, 256 turns either way
-_POSITION_RATE = 8.0  # [1/s] A: speed per angle to go, at the default Position P Gain
-_SLICE = 0.02  # [s] between two corrections of a position
+_MIRRORED = (
+    "moving_threshold",
+    "temperature_limit",
+    "max_voltage_limit",
+    "min_voltage_limit",
+    "shutdown",
+)
+_GAINS = tuple(name for name in TABLE if name.endswith("_gain"))
+_NO_SECONDARY = 253  # manual: from this value on, Secondary ID (12) is off
+_STARTUP_TORQUE_ON, _RAM_RESTORE = 1 << 0, 1 << 1  # of Startup Configuration (60)
+_KEPT_AT_RESET = {0xFF: (), 1: ("id",), 2: ("id", "baud_rate")}  # by option
+RESET_ALL = b"\xff"
+"""Parameters of a Factory Reset of everything."""
+_HOMING_REACH = 1_024  # [counts] manual: a Homing Offset beyond it is ignored in position mode
 _LIVE = np.dtype(  # registers 120 … 146 as they lie in the table, by the names of `Registers`
     [
         ("realtime_tick", "<u2"),
@@ -42,27 +49,38 @@ _LIVE = np.dtype(  # registers 120 … 146 as they lie in the table, by the name
 
 
 class Servos:
-    """Ten servos over one set of motors, as new ones that were set to ids 1 … 10 and 1 MBd.
+    """Servos of the first motors, as new ones that were set to ids and a baud rate [bit/s].
 
-    Servos are indexed from 0. Position modes 3 and 4 are a P loop on top of the velocity loop, at
-    most as fast as Profile Velocity.
+    Servos are indexed from 0.
     """
 
-    def __init__(self, motors: SimulatedMotors) -> None:
+    def __init__(
+        self, motors: SimulatedMotors, ids: Sequence[int] = range(1, 11), baud: int = 1_000_000
+    ) -> None:
         self.motors = motors
-        self.table = [ControlTable() for _ in range(N_MOTORS)]
+        self.table = [ControlTable() for _ in ids]
         self.restarted: set[int] = set()
         """Who restarted since this was last emptied: a restart takes a while."""
-        self._registered: list[tuple[int, bytes] | None] = [None] * N_MOTORS
-        self._heard = np.zeros(N_MOTORS)
+        self._registered: list[tuple[int, bytes] | None] = [None] * len(ids)
+        self._backup: list[backup.Backup | None] = [None] * len(ids)
+        self._heard = np.zeros(len(ids))
+        self._drives = Drives(motors, self.table)
         for index, table in enumerate(self.table):
             table.reset(0)
-            table["id"], table["baud_rate"] = index + 1, _BAUD_1M
+            table["id"], table["baud_rate"] = ids[index], BAUD_RATES.index(baud)
             self._mirror(index)
 
     def with_id(self, id: int) -> list[int]:
         """The servos that listen to an id: one, none, or several that were given the same."""
         return [index for index, table in enumerate(self.table) if table["id"] == id]
+
+    def with_secondary_id(self, id: int) -> list[int]:
+        """The servos that listen to an id as their secondary one; 253 and more stand for none."""
+        return [
+            index
+            for index, table in enumerate(self.table)
+            if id < _NO_SECONDARY and table["secondary_id"] == id != table["id"]
+        ]
 
     def alert(self, index: int) -> int:
         """The alert bit of the error byte."""
@@ -71,15 +89,18 @@ class Servos:
     def refresh(self) -> None:
         """Bring the live registers of all tables up to the present instant."""
         words = self.motors.registers()
-        live = np.zeros(N_MOTORS, _LIVE)
+        live = np.zeros(len(words.moving), _LIVE)
         for name in set(_LIVE.names or ()) - {"moving_status"}:
             live[name] = getattr(words, name)
         for index, table in enumerate(self.table):
             table.patch(TABLE["realtime_tick"].address, live[index].tobytes())
             table["hardware_error_status"] = int(words.hardware_error[index])
             table["torque_enable"] = int(self.motors.torque[index])
-            if self._holds_position(index):
-                table["position_trajectory"] = table["goal_position"]
+            at = int(words.present_position[index])
+            speed, position = self._drives.trajectory(index, at)
+            table["velocity_trajectory"], table["position_trajectory"] = speed, position
+            table["moving"] |= self._drives.is_ongoing(index)
+            table["moving_status"] = self._drives.status(index, at)
 
     def write(self, index: int, address: int, data: bytes) -> int:
         """Write whole registers: all of them or, with an error, none."""
@@ -109,22 +130,28 @@ class Servos:
         return self.write(index, *kept)
 
     def reboot(self, index: int) -> None:
-        """Restart a servo: RAM to its defaults, EEPROM kept, turns lost."""
+        """Restart a servo: RAM to its defaults or its backup, EEPROM kept, turns lost."""
         self._registered[index] = None
         self.restarted.add(index)
-        self.table[index].reset(FIRST_RAM_ADDRESS)
+        table, kept = self.table[index], self._backup[index]
+        table.reset(FIRST_RAM_ADDRESS)
+        table["goal_pwm"], table["backup_ready"] = table["pwm_limit"], kept is not None
+        if kept and table["startup_configuration"] & _RAM_RESTORE:
+            backup.restore_ram(table, kept)
         self.motors.reboot(index)
+        self._drives.release(index)
         self._heard[index] = self.motors.time
+        if table["startup_configuration"] & _STARTUP_TORQUE_ON:
+            self._switch(index, True)
 
     def factory_reset(self, index: int, option: int) -> int:
-        """Defaults for all but the id (option 1), or id and baud rate (option 2), and a restart.
-
-        Option 0xFF, which would give ten servos the same id, is refused.
+        """Defaults for all (option 0xFF), or all but the id (1), or all but id and baud rate (2), and a
+        restart.
         """
-        if option not in (1, 2):
+        if option not in _KEPT_AT_RESET:
             return Error.DATA_RANGE
         table = self.table[index]
-        kept = {name: table[name] for name in ("id", "baud_rate")[:option]}
+        kept = {name: table[name] for name in _KEPT_AT_RESET[option]}
         table.reset(0)
         for name, value in kept.items():
             table[name] = value
@@ -132,11 +159,35 @@ class Servos:
         self.reboot(index)
         return Error.NONE
 
-    def clear_turns(self, index: int) -> int:
-        """Bring the position back into one turn, if the servo stands still."""
-        if self.motors.registers().moving[index]:
+    def back_up(self, index: int, params: bytes) -> int:
+        """Store the control table, or restore its EEPROM and restart, while the torque is off.
+
+        A: without a backup the restoration fails; the manual does not state it.
+        """
+        if params not in (backup.STORE, backup.RESTORE):
+            return Error.DATA_RANGE
+        kept, table = self._backup[index], self.table[index]
+        if self.motors.torque[index] or (params == backup.RESTORE and kept is None):
             return Error.RESULT_FAIL
+        if params == backup.STORE:
+            self._backup[index] = backup.store(table)
+            table["backup_ready"] = 1
+        elif kept:
+            backup.restore_eeprom(table, kept)
+            self._mirror(index)
+            self.reboot(index)
+        return Error.NONE
+
+    def clear_turns(self, index: int) -> int:
+        """Bring the position back into one turn, if the servo stands still; its goal follows.
+
+        A: the manual does not state the goal, without which the motor would turn back.
+        """
+        if self.motors.registers().moving[index] or self._drives.is_ongoing(index):
+            return Error.RESULT_FAIL
+        before = self._position(index)
         self.motors.lose_turns(index)
+        self._drives.shift(index, self._position(index) - before)
         return Error.NONE
 
     def hear(self, index: int) -> None:
@@ -145,7 +196,7 @@ class Servos:
 
     def watch(self) -> list[int]:
         """Stop the servos whose bus watchdog ran out; returns them."""
-        out = [index for index in range(N_MOTORS) if self._ran_out(index)]
+        out = [index for index in range(len(self.table)) if self._ran_out(index)]
         for index in out:
             self.trip_watchdog(index)
         return out
@@ -153,96 +204,69 @@ class Servos:
     def trip_watchdog(self, index: int) -> None:
         """Stop a servo as its bus watchdog does: its goals are locked until 0 is written to 98."""
         table = self.table[index]
-        self.motors.goal[index] = 0
+        self._drives.release(index)
         table["bus_watchdog"] = WATCHDOG_TRIPPED
+        if table["operating_mode"] == Mode.PWM:
+            table["goal_pwm"] = 0
         for name in ("goal_velocity", "profile_velocity", "profile_acceleration"):
             table[name] = 0
         table["goal_position"] = self._position(index)
 
     def advance(self, duration: float) -> None:
-        """Let time pass [s]: in one go, or in slices while a servo goes to a position."""
-        step = self.motors.twin.model.opt.timestep
-        left = self.motors.twin.substeps(duration)
-        while left:
-            steering = [index for index in range(N_MOTORS) if self._holds_position(index)]
-            for index in steering:
-                self.motors.goal[index] = self._speed_to_goal(index)
-            steps = min(left, max(1, round(_SLICE / step))) if steering else left
-            self.motors.advance(steps * step)
-            left -= steps
+        """Let time pass [s]."""
+        self._drives.advance(duration)
 
     def _refusal(self, index: int, words: Words) -> int:
-        """The error that forbids one of the words now, or `Error.NONE`."""
-        reasons = (self._word_refusal(index, item, value) for item, value in words)
-        return next((reason for reason in reasons if reason), Error.NONE)
-
-    def _word_refusal(self, index: int, item: Item, value: int) -> int:
-        table = self.table[index]
-        if not item.writable or (item.eeprom and self.motors.torque[index]):
-            return Error.ACCESS
-        if item.name in _GOALS and table["bus_watchdog"] == WATCHDOG_TRIPPED:
-            return Error.DATA_RANGE
-        low, high = self._limits(index, item)
-        if not low <= value <= high:
-            return Error.DATA_LIMIT if (low, high) != (item.low, item.high) else Error.DATA_RANGE
-        if item.name == "operating_mode" and value not in (_VELOCITY, _POSITION, _EXTENDED):
-            return Error.DATA_RANGE
-        if item.name == "bus_watchdog" and value and (value < 0 or table[item.name] < 0):
-            return Error.DATA_RANGE
-        if item.name == "torque_enable" and value and self._is_shut_down(index):
-            return Error.RESULT_FAIL
-        return Error.NONE
-
-    def _limits(self, index: int, item: Item) -> tuple[int, int]:
-        """The range that may be written: the item's own, or the one that other registers allow."""
-        table = self.table[index]
-        match item.name:
-            case "goal_velocity":
-                return -table["velocity_limit"], table["velocity_limit"]
-            case "goal_pwm":
-                return -table["pwm_limit"], table["pwm_limit"]
-            case "goal_position" if table["operating_mode"] == _POSITION:
-                return table["min_position_limit"], table["max_position_limit"]
-            case "goal_position" if table["operating_mode"] == _EXTENDED:
-                return -_FURTHEST, _FURTHEST
-        return item.low, item.high
+        torque, shut_down = bool(self.motors.torque[index]), self._is_shut_down(index)
+        return refusal(self.table[index], torque, shut_down, words)
 
     def _apply(self, index: int, item: Item, value: int) -> None:
         """Store a word and apply its effect."""
-        self.table[index][item.name] = value
+        before, self.table[index][item.name] = self.table[index][item.name], value
         match item.name:
             case "torque_enable" if value != self.motors.torque[index]:
                 self._switch(index, bool(value))
-            case "goal_velocity" | "goal_position":
+            case "goal_velocity" | "goal_position" | "goal_pwm":
                 self._go(index, item.name, value)
-            case "operating_mode":
+            case "operating_mode" if value != before:
                 self._change_mode(index, value)
         if item.eeprom:
             self._mirror(index)
 
     def _switch(self, index: int, on: bool) -> None:
-        """Switch torque on or off, with goal velocity zero and no goal position."""
+        """Switch torque on or off, with goal velocity zero and no goal position.
+
+        A: in PWM mode the goal is zero as well; the manual does not state it.
+        """
         table = self.table[index]
-        if on and table["operating_mode"] == _POSITION:
+        if on and table["operating_mode"] == Mode.POSITION:
             self.motors.lose_turns(index)
         self.motors.power(on, index)
+        self._drives.release(index)
         table["goal_velocity"], table["goal_position"] = 0, self._position(index)
+        if table["operating_mode"] == Mode.PWM:
+            table["goal_pwm"] = 0
 
     def _go(self, index: int, name: str, value: int) -> None:
         table = self.table[index]
+        if name != GOAL_OF[Mode(table["operating_mode"])]:
+            return
         wakes = table["drive_mode"] & _TORQUE_ON_BY_GOAL and not self._is_shut_down(index)
         if wakes and not self.motors.torque[index]:
             self._switch(index, True)
             table[name] = value
-        if name == "goal_velocity" and table["operating_mode"] == _VELOCITY:
-            self.motors.goal[index] = value
+        if self.motors.torque[index]:
+            self._drives.take_up(index)
 
     def _change_mode(self, index: int, mode: int) -> None:
+        """Put back what depends on the mode; A: the gains to those of power-on in every mode."""
         table = self.table[index]
+        for name in _GAINS:
+            table[name] = TABLE[name].default
         table["profile_velocity"], table["profile_acceleration"] = 0, 0
         table["goal_pwm"] = table["pwm_limit"]
-        self.motors.goal[index] = 0
-        if mode == _POSITION:
+        self._drives.release(index)
+        if mode in (Mode.POSITION, Mode.EXTENDED_POSITION):
             self.motors.lose_turns(index)
 
     def _mirror(self, index: int) -> None:
@@ -250,6 +274,9 @@ class Servos:
         table = self.table[index]
         for name in _MIRRORED:
             getattr(self.motors, name)[index] = table[name]
+        offset = table["homing_offset"]
+        ignored = table["operating_mode"] == Mode.POSITION and abs(offset) > _HOMING_REACH
+        self.motors.homing_offset[index] = 0 if ignored else offset
         sense = -1 if table["drive_mode"] & _REVERSE else 1
         if sense != self.motors.sense[index]:
             self.motors.sense[index] = sense
@@ -263,16 +290,5 @@ class Servos:
         waited = self.motors.time - self._heard[index]
         return units > 0 and bool(self.motors.torque[index]) and waited > units * _WATCHDOG_UNIT
 
-    def _holds_position(self, index: int) -> bool:
-        mode = self.table[index]["operating_mode"]
-        return mode in (_POSITION, _EXTENDED) and bool(self.motors.torque[index])
-
     def _position(self, index: int) -> int:
         return int(self.motors.registers().present_position[index])
-
-    def _speed_to_goal(self, index: int) -> int:
-        table = self.table[index]
-        gain = _POSITION_RATE * table["position_p_gain"] / TABLE["position_p_gain"].default
-        to_go = (table["goal_position"] - self._position(index)) * xl430.POSITION_UNIT
-        most = min(table["profile_velocity"] or table["velocity_limit"], table["velocity_limit"])
-        return int(np.clip(xl430.words(gain * to_go, xl430.VELOCITY_UNIT), -most, most))

@@ -1,8 +1,10 @@
 """Open the pseudo-terminal through which programs reach the device."""
 
+import fcntl
 import heapq
 import os
 import pty
+import struct
 import termios
 import tty
 from itertools import count
@@ -11,6 +13,15 @@ from pathlib import Path
 from serpent_twin.errors import SerpentError
 
 _CHUNK = 65536
+_TCGETS2 = 0x802C542A  # Linux: _IOR('T', 0x2A, struct termios2), where a speed is a plain number
+_TERMIOS2 = struct.Struct(
+    "4I20B2I"
+)  # flags, line discipline and characters, input and output speed
+_RATES: dict[int, int] = {
+    value: int(name[1:])
+    for name, value in vars(termios).items()
+    if name.startswith("B") and name[1:].isdecimal()
+}
 
 
 class Terminal:
@@ -63,8 +74,13 @@ class Terminal:
         self._outgoing.clear()
 
     def speed(self) -> int:
-        """The speed that the port is set to, as a constant of `termios`."""
-        return termios.tcgetattr(self._slave)[5]
+        """The speed that the port is set to [bit/s], also one that no constant of `termios` names."""
+        try:
+            settings = fcntl.ioctl(self._slave, _TCGETS2, bytes(_TERMIOS2.size))
+        except OSError:  # no Linux
+            speed = int(termios.tcgetattr(self._slave)[5])
+            return _RATES.get(speed, speed)
+        return _TERMIOS2.unpack(settings)[-1]
 
     def read(self) -> bytes:
         """What has arrived."""

@@ -10,7 +10,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.arrays import Array
 from serpent_twin.hardware import xl430
 from serpent_twin.hardware.control_table import TABLE
@@ -226,7 +225,7 @@ class DynamixelBus:
                     self._halt()
 
     def _state(self, found: Reading) -> MotorState:
-        zero = np.array(self.setup.zero or (0,) * N_MOTORS) - self.turns.turns * xl430.TURN
+        zero = self.setup.straight - self.turns.turns * xl430.TURN
         return MotorState.from_registers(found.registers, found.asked, zero, self._direction)
 
     def _halt(self) -> None:

@@ -4,7 +4,7 @@ An error is what a run would refuse, found by the checks of the run itself; all 
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -109,38 +109,75 @@ def _roll_call(registers: MotorRegisters, setup: ArmSetup, into: BusExamination)
     """Find which of the expected motors answer, and which others."""
     wire = registers.wire
     presences = {motor: registers.presence(motor) for motor in registers.motors}
-    for presence in presences.values():
-        if presence.problem:
+    silent = [motor for motor, presence in presences.items() if not presence.answers]
+    elsewhere = _ids_at_other_rates(wire, setup) if silent else {}
+    if len(silent) == len(presences) and elsewhere:
+        _name_the_rates(elsewhere, setup, into)
+        return []
+    for motor, presence in presences.items():
+        baud = next((baud for baud, ids in elsewhere.items() if setup.ids[motor - 1] in ids), None)
+        if motor in silent and baud:
+            what = f"{registers.name([motor])} answers at {baud} bit/s, not at {setup.baud}"
+            into.add("error", what, _set_rate(setup.baud, baud))
+        elif presence.problem:
             into.add("error", presence.problem, "Check cable, supply and ids.")
-    present = [motor for motor, presence in presences.items() if presence.answers]
-    if not present and (todo := _other_rates(wire, setup)):
-        into.findings[:] = [BusFinding("error", "no motor answers at this baud rate", todo)]
-    strangers = sorted({id_ for id_, _ in wire.scan()} - set(setup.ids))
-    if strangers:
-        what = f"id {', '.join(map(str, strangers))} is on the bus, but not in the setup"
+    _name_strangers({id_ for id_, _ in wire.scan()}, setup, into)
+    for baud, ids in elsewhere.items():
+        _name_strangers(ids, setup, into, f", at {baud} bit/s")
+    return [motor for motor in presences if motor not in silent]
+
+
+def _name_strangers(ids: set[int], setup: ArmSetup, into: BusExamination, where: str = "") -> None:
+    if strangers := sorted(ids - set(setup.ids)):
+        what = f"id {', '.join(map(str, strangers))} is on the bus{where}, but not in the setup"
         into.add("warning", what, "Take it off, or correct ids in the setup.")
-    return present
 
 
-def _other_rates(wire: Wire, setup: ArmSetup) -> str:
-    """What to do if motors answer at another baud rate than the setup's, else nothing."""
+def _name_the_rates(
+    elsewhere: Mapping[int, set[int]], setup: ArmSetup, into: BusExamination
+) -> None:
+    """Say where motors answer, of which none does at the setup's rate."""
+    found = [
+        f"id {', '.join(map(str, sorted(ids)))} at {baud} bit/s" for baud, ids in elsewhere.items()
+    ]
+    most = max(elsewhere, key=lambda baud: len(elsewhere[baud]))
+    what = f"no motor answers at {setup.baud} bit/s, but {' and '.join(found)}"
+    todo = f"Set baud = {most} in {setup.path or 'the setup'}."
+    if len(elsewhere) > 1:
+        todo += " A run needs all motors at one rate: write it to their Baud Rate (8)."
+    into.add("error", what, todo)
+
+
+def _set_rate(wanted: int, found: int) -> str:
+    value = (
+        f"{BAUD_RATES.index(wanted)} ({wanted} bit/s)"
+        if wanted in BAUD_RATES
+        else f"{wanted} bit/s"
+    )
+    return (
+        f"Connect to it at {found} bit/s, for example with DYNAMIXEL Wizard, and write {value} to its "
+        "Baud Rate (8)."
+    )
+
+
+def _ids_at_other_rates(wire: Wire, setup: ArmSetup) -> dict[int, set[int]]:
+    """The ids that answer at other baud rates than the setup's."""
     wire.close()
     try:
         rates = [baud for baud in BAUD_RATES if baud != setup.baud]
-        found = [baud for baud in rates if _anybody_at(setup.port, baud)]
+        found = {baud: _ids_at(setup.port, baud) for baud in tqdm(rates, unit="rate", leave=False)}
     finally:
         wire.open()
-    where = setup.path or "the setup"
-    return f"They answer at {found[0]} bit/s: set baud = {found[0]} in {where}." if found else ""
+    return {baud: ids for baud, ids in found.items() if ids}
 
 
-def _anybody_at(port: str, baud: int) -> bool:
+def _ids_at(port: str, baud: int) -> set[int]:
     wire = Wire(port, baud)
     try:
         wire.open()
-        return bool(wire.scan())
+        return {id_ for id_, _ in wire.scan()}
     except BusError:  # the adapter cannot do this rate
-        return False
+        return set()
     finally:
         wire.close()
 

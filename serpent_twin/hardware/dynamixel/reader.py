@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.hardware.dynamixel import reading
 from serpent_twin.hardware.dynamixel.reading import Reading
 from serpent_twin.hardware.dynamixel.registers import MotorRegisters
@@ -114,7 +113,7 @@ class StateReader:
 
     def _out_of_step(self, found: Reading, before: Reading | None) -> np.ndarray:
         if before is None:
-            return np.zeros(N_MOTORS, bool)
+            return np.zeros(len(self._ids), bool)
         now, then = found.registers.realtime_tick, before.registers.realtime_tick
         elapsed, took = found.asked - before.asked, found.had - found.asked
         return np.abs(reading.tick_error(now, then, elapsed)) > self._slack(elapsed, took)
@@ -123,7 +122,7 @@ class StateReader:
         return SLACK_IN_LOCKSTEP if self.lockstep else SLACK + DRIFT * elapsed + took
 
     def _with_errors(self, found: Reading) -> Reading:
-        error = np.zeros(N_MOTORS, np.int64)
+        error = np.zeros(len(self._ids), np.int64)
         for n in np.flatnonzero(found.alert):
             error[n] = self._registers.get(int(n) + 1, "hardware_error_status")
         return reading.with_errors(found, error)

@@ -15,6 +15,7 @@ from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.errors import SerpentError
 from serpent_twin.hardware.limits import Limits
 from serpent_twin.hardware.motor_bus import BusError
+from serpent_twin.hardware.xl430 import CENTRE, Words
 from serpent_twin.numerals import counted
 from serpent_twin.runs.files import write_whole
 from serpent_twin.stored import above, many, require_fields, within
@@ -68,6 +69,11 @@ class ArmSetup:
             self._refuse("ids must be ten different numbers from 0 to 252")
 
     @property
+    def straight(self) -> Words:
+        """Present Position with the arm straight [counts], (10,): `zero`, or the middle of a turn."""
+        return np.array(self.zero or (CENTRE,) * N_MOTORS)
+
+    @property
     def watchdog_words(self) -> int:
         """The watchdog's time in units of 20 ms, rounded down."""
         return int(self.watchdog / 0.02 + 1e-9)
@@ -109,12 +115,12 @@ def find_setup(path: Path, port: str = "") -> ArmSetup:
 def setup_to_run(setup: ArmSetup) -> ArmSetup:
     """The setup that motors are driven by: it must know where the arm is straight.
 
-    Simulated motors count from the straight pose unless a setup says otherwise.
+    Simulated motors start straight in the middle of a turn unless a setup says otherwise.
     """
     if setup.zero:
         return setup
     if is_pseudo_terminal(setup.port):
-        return replace(setup, zero=(0,) * N_MOTORS, path=None)
+        return replace(setup, zero=(CENTRE,) * N_MOTORS, path=None)
     raise BusError(
         f"{setup.path} holds no zero, so nobody knows where the arm is straight. {zero_again(setup)}"
     )

@@ -185,8 +185,7 @@ class TurnCounter:
 
     def _counts(self, position: Words) -> Words:
         """Motor angles from the straight pose, in the arm's sense [counts], (10,)."""
-        zero = np.array(self._setup.zero or (0,) * N_MOTORS)
-        return (position - zero) * np.array(self._setup.direction)
+        return (position - self._setup.straight) * np.array(self._setup.direction)
 
     def _restore(self, index: np.ndarray, raw: Words, last: Words) -> None:
         self.turns[index], moved = nearest_turns(raw[index], last[index])
