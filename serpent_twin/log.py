@@ -9,7 +9,8 @@ from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
 from serpent_twin.exchange.exporting import export
-from serpent_twin.exchange.importing import import_logs, summary
+from serpent_twin.exchange.importing import import_logs, machine_beside
+from serpent_twin.exchange.writing import summary
 from serpent_twin.numerals import counted
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sessions.check import examine
@@ -81,19 +82,26 @@ def check_command(path: Positional[Path]) -> None:
     next_step.say(next_step.after_look(path))
 
 
-def import_command(files: Positional[tuple[Path, ...]], map: Path, out: Path) -> None:
-    """Make logs of recordings of other tools: CSV, Parquet, MCAP, ROS bags, LeRobot data sets.
+def import_command(
+    files: Positional[tuple[Path, ...]], map: Path, out: Path, machine: Path | None = None
+) -> None:
+    """Make logs of recordings of other tools: tables, MCAP, ROS bags, LeRobot data sets.
 
     Units, frames, rates and clocks are as the map says. OUT gets NAME.parquet of each recording, in SI units,
     which a machine.toml names by its columns; and imported.json, which says what was taken and what was left.
+    Exit status 0 for logs, 2 for an error.
 
     Args:
-        files: Recordings: files or folders.
+        files: Recordings: files, or folders of them.
         map: A map.toml, which says which fields become which columns.
         out: Folder for the logs; made if it does not exist.
+        machine: The machine.toml whose drives are commands. Without: one beside the map or OUT, if there is.
     """
-    found = import_logs(files, map, out)
+    machine = machine or machine_beside(map, out)
+    found = import_logs(files, map, out, machine)
     print(summary(found))
+    if machine:
+        print(f"{machine} says which columns are commands.")
     print(f"{out}: {counted(len(found), 'log')}.")
 
 

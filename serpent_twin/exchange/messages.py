@@ -1,17 +1,25 @@
-"""Hold what a source reads of one stream: when, and the fields by their paths."""
+"""Hold what a source reads of one stream: when, by whom, and the fields by their paths."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 
-_PART = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
+Mask = NDArray[np.bool_]
+PUBLISHER = "publisher"
+"""Name of what tells the publishers of one topic apart, where the recording has that"""
+_PART = re.compile(r"([^.\[\]]+)|\[([^\[\]]+)\]")
+_NAMES = ("name", "names", "joint_names")
+"""Fields of a message that list the names of its other fields' entries, as JointState has them"""
+_SENDERS = ("header.frame_id", "child_frame_id", PUBLISHER)
 
 
 @dataclass(frozen=True)
@@ -21,12 +29,46 @@ class Messages:
     recorded: Array
     """When each was recorded, (T,) [s]; NaN where that is not known"""
     field: Callable[[str], Array]
-    """The values of a field, (T,); raises a `SerpentError` that lists the fields there are"""
+    """The values of a field, (T,), NaN where a message lacks it; raises a `SerpentError` that lists the
+    fields there are if all lack it
+    """
     fields: Sequence[str]
     """Those of the first message, or all columns"""
+    texts: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """What tells the messages' senders apart, (T,) each, by name"""
+    has: Callable[[str], Mask] | None = None
+    """Which messages have a field, (T,); without, all"""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Units of fields that the recording states"""
+    notes: tuple[str, ...] = ()
+    """How it was read"""
 
     def __len__(self) -> int:
         return len(self.recorded)
+
+    def with_all(self, paths: Sequence[str]) -> Mask:
+        """Which messages have all of some fields, (T,)."""
+        found = np.ones(len(self), bool)
+        for path in paths if self.has else ():
+            found &= self.has(path)
+        return found
+
+    def kept(self, rows: Mask) -> "Messages":
+        """Some of the messages."""
+        texts = {
+            n: [t for t, k in zip(each, rows, strict=True) if k] for n, each in self.texts.items()
+        }
+        has = self.has
+        some = (lambda path: has(path)[rows]) if has else None
+        return Messages(
+            self.recorded[rows],
+            lambda path: self.field(path)[rows],
+            self.fields,
+            texts,
+            some,
+            self.units,
+            self.notes,
+        )
 
 
 Recorded = Mapping[str, Messages]
@@ -52,24 +94,56 @@ class Source(Protocol):
         ...
 
 
-def of_decoded(recorded: Sequence[float], decoded: Sequence[Any]) -> Messages:
-    """Messages that are objects, mappings and lists."""
+def of_decoded(
+    recorded: Sequence[float], decoded: Sequence[Any], publishers: Sequence[str] = ()
+) -> Messages:
+    """Messages that are objects, mappings and lists, and who sent each, where that is known."""
     fields = sorted(_leaves(decoded[0], "")) if decoded else []
 
-    def field(path: str) -> Array:
-        return np.array([_number(at(each, path, fields), path) for each in decoded])
+    @cache
+    def values(path: str) -> tuple[Array, Mask]:
+        _refuse_moving_index(decoded, path)
+        found = [at(each, path) for each in decoded]
+        has = np.array([each is not ABSENT for each in found], bool)
+        if not has.any():
+            raise unknown_field(path, fields)
+        numbers = [np.nan if each is ABSENT else _number(each, path) for each in found]
+        return np.array(numbers, float), has
 
-    return Messages(np.array(recorded, float), field, fields)
+    texts = {name: [_text(at(each, name)) for each in decoded] for name in _SENDERS[:-1]}
+    texts[PUBLISHER] = publishers or [""] * len(decoded)
+    stamps = {path.rpartition(".")[0]: "s" for path in fields if path.endswith("sec")}
+    return Messages(
+        np.array(recorded, float),
+        lambda path: values(path)[0],
+        fields,
+        texts,
+        lambda path: values(path)[1],
+        stamps,
+    )
 
 
-def at(message: Any, path: str, fields: Sequence[str] = ()) -> Any:
-    """What lies at a path such as pose.position.x or position[2]."""
-    value = message
+class _Absent:
+    """In place of what a message does not have."""
+
+
+ABSENT = _Absent()
+
+
+def at(message: Any, path: str) -> Any:
+    """What lies at a path such as pose.position.x, position[2] or, where the message lists names,
+    position[elbow]; `ABSENT` if nothing does.
+    """
+    value, within = message, message
     for name, index in _PART.findall(path):
         try:
-            value = value[int(index)] if index else _member(value, name)
-        except (KeyError, IndexError, AttributeError, TypeError):
-            raise unknown_field(path, fields) from None
+            if index:
+                value = value[int(index) if index.isdecimal() else _names(within).index(index)]
+            else:
+                within = value if _names(value) else within
+                value = _member(value, name)
+        except (KeyError, IndexError, AttributeError, TypeError, ValueError):
+            return ABSENT
     return value
 
 
@@ -78,12 +152,60 @@ def unknown_field(path: str, fields: Sequence[str]) -> SerpentError:
     return SerpentError(f"there is no field {path!r}; there are: {stored.names(list(fields), 40)}.")
 
 
+def _names(message: Any) -> list[str]:
+    """Names that a message lists; none if it lists none."""
+    for each in _NAMES:
+        try:
+            found = _member(message, each)
+        except (KeyError, AttributeError, TypeError):
+            continue
+        if isinstance(found, list | tuple) and found and all(isinstance(n, str) for n in found):
+            return list(found)
+    return []
+
+
+def _refuse_moving_index(decoded: Sequence[Any], path: str) -> None:
+    """Refuse an entry by its number where messages name their entries in different orders."""
+    parts = _PART.findall(path)
+    number = next((int(index) for _, index in parts if index.isdecimal()), None)
+    if number is None:
+        return
+    head = path.partition("[")[0]
+    named = dict.fromkeys(_named_entries(decoded, head, number))
+    if len(named) > 1:
+        said = " or ".join(map(repr, list(named)[:3]))
+        first = next(iter(named))
+        raise SerpentError(
+            f"{path!r} is {said}: which entry that is changes from message to message, as names in another "
+            f"order, or of another publisher, do. Give its name in place of its number: {head}[{first}]."
+        )
+
+
+def _named_entries(decoded: Sequence[Any], head: str, number: int) -> Iterator[str]:
+    """What each message that has an entry of a list calls it."""
+    for message in decoded:
+        within: Any = message
+        names = _names(message)
+        for part in head.split(".")[:-1]:
+            within = at(within, part)
+            names = _names(within) or names
+        entries = at(message, head)
+        if number < len(names) and entries is not ABSENT and len(entries) == len(names):
+            yield names[number]
+
+
 def _member(value: Any, name: str) -> Any:
     return value[name] if isinstance(value, Mapping) else getattr(value, name)
 
 
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else ""
+
+
 def _number(value: Any, path: str) -> float:
-    """A number; of a time stamp, its seconds."""
+    """A number, NaN for null; of a time stamp, its seconds."""
+    if value is None:
+        return np.nan
     if isinstance(value, int | float | np.number):
         return float(value)
     for seconds, parts in (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec")):

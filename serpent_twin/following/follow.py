@@ -34,8 +34,8 @@ SETTINGS = "follow.json"
 RESULTS = "results.json"
 PICTURE = "path.png"
 _BY_NOMINAL = (
-    "No --twin: the nominal twin plans and estimates. An arm that was built misses its path by centimetres so; "
-    "its own twin.json, of python -m serpent_twin.trace, by millimetres."
+    "No --twin: the nominal twin plans and estimates. So an arm that was built misses its path by "
+    "centimetres; with its own twin.json, of python -m serpent_twin.trace, by millimetres."
 )  # docs/results/follow.md: 45 … 75 mm and 1.3 … 2.1 mm
 
 

@@ -30,8 +30,8 @@ class Follow(Checked):
     out: Path
     """Folder for log, results, picture and recording; made if it does not exist."""
     twin: Path | None = None
-    """The arm's twin.json, of python -m serpent_twin.trace. Without: the nominal twin, by which an arm that was
-    built misses its path by centimetres."""
+    """The arm's twin.json, of python -m serpent_twin.trace. Without: the nominal twin, by which an arm
+    that was built misses its path by centimetres."""
     backend: Literal["sim", "real"] = "sim"
     """sim: a simulated arm, as fast as it computes. real: the arm on its motor bus, in real time; see
     --port."""

@@ -10,6 +10,9 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.exchange.messages import Recorded, of_decoded
 from serpent_twin.exchange.sources import lacks
 
+_LONGEST = 160
+"""Characters of an error of mcap, which may quote a schema"""
+
 
 class McapSource:
     """A file is one recording."""
@@ -31,6 +34,7 @@ class McapSource:
             raise lacks(self.extra, error) from None
         decoders: list[Any] = [DecoderFactory(), _Json()]
         times, decoded = defaultdict[str, list[float]](list), defaultdict[str, list[Any]](list)
+        senders = defaultdict[str, list[str]](list)
         try:
             with path.open("rb") as file:
                 reader = make_reader(file, decoder_factories=decoders)
@@ -39,13 +43,15 @@ class McapSource:
                 for _, channel, message, content in reader.iter_decoded_messages(list(topics)):
                     times[channel.topic].append(1e-9 * message.log_time)
                     decoded[channel.topic].append(content)
+                    sender = channel.metadata.get("callerid") or f"channel {channel.id}"
+                    senders[channel.topic].append(sender)
         except (McapError, EOFError, OSError, ValueError, KeyError) as error:
-            why = " ".join(str(error).split()) or type(error).__name__
-            why = " ".join(str(error).split()) or type(error).__name__
+            why = " ".join(str(error).split())[:_LONGEST] or type(error).__name__
             raise SerpentError(
                 f"{path} cannot be read: {why}. Give a whole file, with messages of ROS 2 or JSON."
             ) from None
-        return {path.stem: {each: of_decoded(times[each], decoded[each]) for each in sorted(known)}}
+        streams = {t: of_decoded(times[t], decoded[t], senders[t]) for t in sorted(known)}
+        return {path.stem: streams}
 
 
 class _Json:
