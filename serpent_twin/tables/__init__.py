@@ -1,7 +1,7 @@
 """Read a table of any common kind as named columns.
 
-`read(path)` returns a `Table`: `.columns` by name, (T,) each, of numbers, time stamps or texts; `.notes`, what
-a user should know of how it was read; `.units`, where the file states them. `Table.numbers(name)` are floats,
+`read(path)` returns a `Table`: `.columns` by name, (T,) each, of numbers, time stamps or texts; `.notes` on
+how it was read, for the user; `.units`, where the file states them. `Table.numbers(name)` are floats,
 `Table.seconds(name, unit)` times. A column of lists is read as `u[0]`, `u[1]`; one of records as `pose.x`.
 """
 

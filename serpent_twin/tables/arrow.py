@@ -34,9 +34,7 @@ def values_of(column: Any) -> Column:
 
 
 def columns_of(name: str, column: Any) -> dict[str, Column]:
-    """The columns of a column: of lists `name[0]` …, of records `name.key`; none of what is no number, time or
-    text.
-    """
+    """The columns of a column: of lists `name[0]` …, of records `name.key`; none of images and the like."""
     kind = column.type
     if pa.types.is_struct(kind):
         whole = column.combine_chunks()

@@ -17,7 +17,7 @@ _EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "--"}
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?inf")
 
 
-class NoHeader(ValueError):
+class NoHeaderError(ValueError):
     """The lines have no header; says why."""
 
 
@@ -57,16 +57,16 @@ class _Line:
 
 
 def find(lines: list[str]) -> Dialect:
-    """The dialect of a text's first lines; raises a `NoHeader`."""
+    """The dialect of a text's first lines; raises a `NoHeaderError`."""
     several = [found for each in _SEPARATORS if (found := _with(lines, each))]
     if several:
         return max(several, key=lambda each: len(each.names))  # the first of equals
     first = next((_cells(line, ",") for line in lines if line.strip() and not _comment(line)), None)
     if first is None:
-        raise NoHeader("it is empty")
+        raise NoHeaderError("it is empty")
     if all(_Line(0, first, False).words):
-        raise NoHeader("no rows of numbers come under the names of its columns")
-    raise NoHeader(
+        raise NoHeaderError("no rows of numbers come under the names of its columns")
+    raise NoHeaderError(
         "there is no header line. Write a first line that names the columns, such as t,goal,angle"
     )
 
@@ -78,15 +78,15 @@ def _with(lines: list[str], separator: str) -> Dialect | None:
         for n, line in enumerate(lines)
         if line.strip()
     ]
-    for n, (one, other) in enumerate(pairwise(split)):
+    for n, (one, other) in enumerate(pairwise(split)):  # noqa: B007
         if not other.comment and _is_header(one, other):
             break
     else:
         return None
     names, units = one, list[str]()
-    if n and _are_units(one.cells) and len(split[n - 1].cells) == len(one.cells):
-        if all(split[n - 1].words):
-            names, units = split[n - 1], [each.strip("[]() ") for each in one.cells]
+    above = split[n - 1] if n else one
+    if n and _are_units(one.cells) and len(above.cells) == len(one.cells) and all(above.words):
+        names, units = above, [each.strip("[]() ") for each in one.cells]
     cells = [each for line in split[n + 1 :] if not line.comment for each in line.cells]
     commas = separator != "," and any(re.fullmatch(r"[+-]?\d*,\d+(?:[eE].*)?", c) for c in cells)
     points = any(re.fullmatch(r"[+-]?\d*\.\d+(?:[eE].*)?", each) for each in cells)

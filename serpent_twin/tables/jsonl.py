@@ -13,8 +13,9 @@ from serpent_twin.tables.text import CUT, unpacked
 
 
 def read(path: Path, advice: str) -> Table:
-    """The table of a file: keys are columns, `u[0]` of lists and `pose.x` of objects; where a line lacks a key,
-    the cell is empty. A last line that is cut off is left out.
+    """The table of a file: keys are columns, `u[0]` of lists and `pose.x` of objects.
+
+    Where a line lacks a key, the cell is empty. A last line that is cut off is left out.
     """
     raw, notes = unpacked(path, advice)
     lines = [(n, line) for n, line in enumerate(raw.split(b"\n"), 1) if line.strip()]

@@ -34,8 +34,8 @@ def read(path: Path, advice: str) -> Table:
     columns, lengths = by_length(arrays)
     if not columns:
         raise SerpentError(
-            f"{path} has no arrays of numbers: tables, timetables and time series are objects that only MATLAB "
-            f"reads. There, write {_REMEDY}."
+            f"{path} has no arrays of numbers: tables, timetables and time series are objects that only "
+            f"MATLAB reads. There, write {_REMEDY}."
         )
     return Table(path, columns, lengths=lengths)
 

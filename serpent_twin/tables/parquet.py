@@ -31,7 +31,7 @@ def read(path: Path, advice: str) -> Table:
         raise SerpentError(
             f"{path} is not a whole Parquet file: torn, damaged or something else. {advice}".rstrip()
         ) from None
-    metadata = {k: v for k, v in (schema.metadata or {}).items()}
+    metadata = dict((schema.metadata or {}).items())
     units = {
         each.name: each.metadata[b"unit"].decode(errors="replace")
         for each in schema

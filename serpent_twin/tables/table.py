@@ -71,7 +71,7 @@ class Table:
         raise SerpentError(text.rstrip())
 
     def numbers(self, name: str, advice: str = "") -> Array:
-        """A column as floats, NaN where its cells are empty; raises a `SerpentError` that names row and cell."""
+        """A column as floats, NaN for empty cells; raises a `SerpentError` that names row and cell."""
         values = self.column(name, advice)
         if values.dtype.kind in "mM":
             raise SerpentError(

@@ -13,7 +13,7 @@ import pyarrow.csv as csv
 from serpent_twin.errors import SerpentError
 from serpent_twin.stored import require_file
 from serpent_twin.tables.arrow import values_of
-from serpent_twin.tables.dialect import BLANKS, COMMENTS, Dialect, NoHeader, find
+from serpent_twin.tables.dialect import BLANKS, COMMENTS, Dialect, NoHeaderError, find
 from serpent_twin.tables.table import MOST_BYTES, Table, require_once, require_room
 
 _HEAD = 1_000_000
@@ -31,8 +31,8 @@ def read(path: Path, advice: str) -> Table:
     try:
         head = raw[:_HEAD].decode(encoding, "replace").removeprefix("\ufeff")
         dialect = find(re.split(r"\r\n|\n|\r", head)[:_HEAD_LINES])
-    except NoHeader as error:
-        raise SerpentError(f"{path} is no table: {error}. {advice}".rstrip()) from None
+    except NoHeaderError as error:
+        raise SerpentError(f"{path} is no table: {error}.") from None
     names = [name for name in dialect.names if name]
     require_once(path, names, advice)
     rows = _Rows(path, dialect, advice)

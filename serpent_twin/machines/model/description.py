@@ -39,6 +39,21 @@ class Column(Form, frozen=True):
     """SI value = offset + scale × value in the unit; negative where the signs differ"""
 
 
+class Clock(Form, frozen=True):
+    """The column with the time."""
+
+    column: Name
+    unit: Unit = "1"
+    """Of numbers; time stamps say themselves what they are"""
+    scale: Number | None = None
+    """Time in the unit = scale × value; 1 states that whole numbers are what the unit says"""
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of a number in the column."""
+        return (1.0 if self.scale is None else self.scale) * TO_SI[self.unit][0]
+
+
 class DriveColumn(Column, frozen=True):
     """A column that drives the model."""
 
@@ -155,7 +170,7 @@ class Description(Form, frozen=True):
     """Of the machine; by default the folder's"""
     keyframe: str = ""
     """Where runs begin, and what `offset = "keyframe"` means"""
-    time: Column | None = None
+    time: Clock | None = None
     """Without: row by row"""
     session: str = ""
     """Column whose value names the session of a row, where a file holds several, one after the other"""

@@ -1,0 +1,258 @@
+"""Make the rows of a log those of an even clock, or poses; commands are held, lost readings left open."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.model.clocks import CLOCK_BEGAN
+from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.doubts import FEWEST
+from serpent_twin.machines.model.starts import measured_joints
+from serpent_twin.numerals import counted, listed
+from serpent_twin.tables.even import EvenRows, Mended, UnevenError, even_rows
+from serpent_twin.tables.sampling import between, held, held_cells, longest_gap, runs_of
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The columns of one table [SI], (T,) each, by name."""
+
+    path: Path
+    clock: str
+    """Name of the column with the time"""
+    time: Array
+    commands: dict[str, Array]
+    """Held until the next one; switches as well"""
+    measured: dict[str, Array]
+    prescribed: dict[str, Array]
+    """Motion that is known"""
+    others: dict[str, Array]
+
+    def of(self, rows: slice) -> "Columns":
+        """Some rows."""
+        kinds = ("commands", "measured", "prescribed", "others")
+        parts = {kind: {n: v[rows] for n, v in getattr(self, kind).items()} for kind in kinds}
+        return replace(self, time=self.time[rows], **parts)
+
+
+def poses(
+    machine: Described, whole: Recording, several: Sequence[Columns], labels: NDArray[Any] | None
+) -> tuple[list[Recording], list[str]]:
+    """Poses row by row; those without a command are left out, and that is said."""
+    if len(several) > 1:
+        raise SerpentError(
+            f"{listed(each.path for each in several)} hold columns of the same poses. Put them into one "
+            "table."
+        )
+    one = several[0]
+    driven = np.array([*one.commands.values(), *one.prescribed.values()])
+    kept = np.isfinite(driven).all(axis=0) & np.isfinite(one.time)
+    if kept.sum() < FEWEST:
+        raise SerpentError(
+            f"{one.path} has {counted(int(kept.sum()), 'row')} in which all drives have a number, fewer than "
+            f"{FEWEST}. Leave it out."
+        )
+    time = one.time[kept]
+    if not (np.diff(time) > 0).all():
+        row = int(np.flatnonzero(kept)[np.argmin(np.diff(time) > 0) + 1]) + 1
+        raise SerpentError(
+            f"{one.path}: {one.clock!r} does not increase in row {row}. Sort the rows, split the log there, "
+            "or leave the column out of machine.toml: then poses are counted."
+        )
+    columns = {"time": time - time[0]}
+    for kind in (one.others, one.commands, one.prescribed, one.measured):
+        columns |= {name: values[kept] for name, values in kind.items()}
+    run = replace(whole, metadata=whole.metadata | {CLOCK_BEGAN: time[0]}, columns=columns)
+    left = int((~kept).sum())
+    notes = [f"{one.path}: {counted(left, 'row')} without a command left out."] if left else []
+    return ([run] if labels is None else _by_label(run, labels[kept])), notes
+
+
+def _by_label(whole: Recording, labels: NDArray[Any]) -> list[Recording]:
+    """A log in parts, each of one label."""
+    return [
+        replace(
+            whole,
+            columns={n: v[rows] for n, v in whole.columns.items()},
+            label=str(labels[rows.start]),
+        )
+        for rows in _same(labels)
+    ]
+
+
+def _same(labels: NDArray[Any]) -> list[slice]:
+    """Rows one after the other that have one label."""
+    begins = np.flatnonzero(np.r_[True, labels[1:] != labels[:-1]])
+    return list(map(slice, begins.tolist(), [*begins[1:].tolist(), len(labels)]))
+
+
+def rows_in_motion(
+    machine: Described, whole: Recording, several: Sequence[Columns], labels: NDArray[Any] | None
+) -> tuple[list[Recording], list[str]]:
+    """A motion on an even clock, in parts where it pauses; and sentences on what was put right."""
+    base, *others = several
+    found: list[Recording] = []
+    mended, notes = Mended(), list[str]()
+    began: float | None = None
+    parts = [slice(None)] if labels is None else _same(labels)
+    for rows in parts:
+        name = whole.label if labels is None else str(labels[rows.start])
+        one = base.of(rows)
+        pieces = _even(machine, one)
+        began = float(pieces[0].time[0]) if began is None else began
+        mended = sum((each.mended for each in pieces), mended)
+        made = [_recording(whole, each, one, others, began, notes) for each in pieces]
+        long = [each for each in made if len(each) >= FEWEST]
+        if dropped := len(made) - len(long):
+            notes.append(
+                f"{base.path}: {counted(dropped, 'part')} of fewer than {FEWEST} rows left out."
+            )
+        if len(long) > 1:
+            notes.append(f"{base.path}: read in {len(long)} parts, as it pauses in between.")
+        stem = name or whole.name
+        found += [
+            replace(each, label=name if len(long) < 2 else f"{stem} part {n}")
+            for n, each in enumerate(long, 1)
+        ]
+    if not found:
+        raise SerpentError(f"{base.path} has no {FEWEST} rows one after the other. Leave it out.")
+    said = mended.sentence()
+    return found, list(dict.fromkeys([*([f"{base.path}: {said}."] if said else []), *notes]))
+
+
+def _even(machine: Described, one: Columns) -> list[EvenRows]:
+    """Even rows of a table, whose joints are all measured if there is more than one part."""
+    every = [*one.commands.values(), *one.measured.values(), *one.prescribed.values()]
+    try:
+        pieces = even_rows(one.time, [*one.measured.values(), *one.prescribed.values()], every)
+    except UnevenError as error:
+        raise SerpentError(f"{one.path}: {one.clock!r} {error}.") from None
+    if len(pieces) > 1 and not measured_joints(machine):
+        end, next_ = pieces[0].time[-1], pieces[1].time[0]
+        raise SerpentError(
+            f"{one.path}: no rows for {next_ - end:.3g} s after {end - pieces[0].time[0]:.4g} s, and not all "
+            "joints are measured, so that what comes after cannot begin there. Split the log where the "
+            "machine is at rest in its keyframe."
+        )
+    return pieces
+
+
+def _recording(
+    whole: Recording,
+    even: EvenRows,
+    one: Columns,
+    others: Sequence[Columns],
+    began: float,
+    notes: list[str],
+) -> Recording:
+    """One part of a log in even rows."""
+    gap = longest_gap(even.period)
+    last = np.maximum.accumulate(np.where(even.row >= 0, np.arange(len(even.row)), 0))
+    columns = {name: values[even.row[last]] for name, values in one.others.items()}
+    if even.stamp is None:
+        commands = {name: held_cells(v)[even.row[last]] for name, v in one.commands.items()}
+        measured = {n: np.where(even.row < 0, np.nan, v[even.row]) for n, v in one.measured.items()}
+        prescribed = {
+            n: np.where(even.row < 0, np.nan, v[even.row]) for n, v in one.prescribed.items()
+        }
+        prescribed = {n: between(even.time, v, even.time, gap) for n, v in prescribed.items()}
+    else:
+        commands = {
+            name: held(
+                even.stamp[np.isfinite(even.stamp)],
+                v[np.isfinite(even.stamp)],
+                even.time,
+                even.period,
+            )
+            for name, v in one.commands.items()
+        }
+        smooth = {**one.measured, **one.prescribed}
+        known = np.isfinite(even.stamp)
+        smooth = {
+            n: between(even.stamp[known], v[known], even.time, gap) for n, v in smooth.items()
+        }
+        measured = {n: smooth[n] for n in one.measured}
+        prescribed = {n: smooth[n] for n in one.prescribed}
+    for other in others:
+        _require_common(one, other, even)
+        order = np.argsort(other.time, kind="stable")
+        order = order[np.isfinite(other.time[order])]
+        own = other.time[order]
+        for name, values in other.commands.items():
+            commands[name] = held(own, values[order], even.time, even.period)
+        for name, values in other.measured.items():
+            measured[name] = between(own, values[order], even.time, gap)
+        for name, values in other.prescribed.items():
+            prescribed[name] = between(own, values[order], even.time, gap)
+    _say_held(one, others, notes)
+    columns |= commands | prescribed | measured
+    rows = _known_rows(one, commands, prescribed, notes)
+    columns = {name: values[rows] for name, values in columns.items()}
+    time = even.time[rows] - began
+    about = whole.metadata | {CLOCK_BEGAN: began}
+    return replace(whole, metadata=about, columns={"time": time, **columns})
+
+
+def _say_held(one: Columns, others: Sequence[Columns], notes: list[str]) -> None:
+    """Say where commands are fewer than rows."""
+    for each in (one, *others):
+        lacking = {n: int((~np.isfinite(v)).sum()) for n, v in each.commands.items()}
+        if named := [f"{count} in {name!r}" for name, count in lacking.items() if count]:
+            notes.append(f"{each.path}: the last command is held in empty cells, {listed(named)}.")
+    for each in others:
+        what = [
+            f"{kind} of {listed(map(repr, names))} {done}"
+            for kind, names, done in (
+                ("commands", each.commands, "held until the next one"),
+                ("readings", {**each.measured, **each.prescribed}, "interpolated"),
+            )
+            if names
+        ]
+        notes.append(f"{each.path}: joined with {one.path.name} by their clocks, {listed(what)}.")
+
+
+def _require_common(one: Columns, other: Columns, even: EvenRows) -> None:
+    """Refuse a second table of another time."""
+    known = other.time[np.isfinite(other.time)]
+    if (
+        not len(known)
+        or known.min() > even.time[-1]
+        or known.max() < even.time[0] - longest_gap(even.period)
+    ):
+        spans = f"{known.min():.6g} … {known.max():.6g} s" if len(known) else "none"
+        raise SerpentError(
+            f"{other.path}: its times, {spans}, are not those of {one.path.name}, {even.time[0]:.6g} … "
+            f"{even.time[-1]:.6g} s. Give both the same clock."
+        )
+
+
+def _known_rows(
+    one: Columns, commands: dict[str, Array], prescribed: dict[str, Array], notes: list[str]
+) -> slice:
+    """Rows from the first to the last in which all drives are known; refuses a motion unknown in between."""
+    known = np.isfinite(np.array([*commands.values(), *prescribed.values()])).all(axis=0)
+    there = runs_of(known)
+    if not there:
+        raise SerpentError(f"{one.path} has no row in which all drives are known. Leave it out.")
+    rows = slice(there[0].start, len(known))
+    if len(there) > 1 or not known[-1]:
+        ends = np.flatnonzero(known)
+        rows = slice(int(ends[0]), int(ends[-1]) + 1)
+        if len(there) > 1:
+            odd = next(n for n, v in prescribed.items() if not np.isfinite(v[rows]).all())
+            count = int((~np.isfinite(prescribed[odd][rows])).sum())
+            raise SerpentError(
+                f"{one.path}: {odd!r}, whose motion the model follows, has no number in "
+                f"{counted(count, 'row')}, for more than 0.2 s. Leave those rows out of the log: it is split there."
+            )
+    if left := len(known) - (rows.stop - rows.start):
+        where = "at the beginning or end, in which not all drives are known,"
+        notes.append(f"{one.path}: {counted(left, 'row')} {where} left out.")
+    return rows
