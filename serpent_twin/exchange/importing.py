@@ -134,7 +134,8 @@ def _require_known(
     if np.isnan(values).mean() > 0.9 and np.isfinite(each.columns[column]).mean() > 0.5:
         unknown = int(np.isnan(values).sum())
         raise SerpentError(
-            f"{name}, stream[{n}]: {column} would be unknown in {unknown:,} of {len(values):,} rows: messages are {each.period:.3g} s apart, and gap is {gap:g} s. State "
+            f"{name}, stream[{n}]: {column} would be unknown in {unknown:,} of {len(values):,} rows: "
+            f"messages are {each.period:.3g} s apart, and gap is {gap:g} s. State "
             "time_unit, or a greater gap."
         )
 

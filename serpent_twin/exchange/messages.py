@@ -1,8 +1,9 @@
 """Hold what a source reads of one stream: when, by whom, and the fields by their paths."""
 
+import dataclasses
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, Protocol
 
@@ -19,7 +20,7 @@ PUBLISHER = "publisher"
 _PART = re.compile(r"([^.\[\]]+)|\[([^\[\]]+)\]")
 _NAMES = ("name", "names", "joint_names")
 """Fields of a message that list the names of its other fields' entries, as JointState has them"""
-_SENDERS = ("header.frame_id", "child_frame_id", PUBLISHER)
+_SENDERS = ("header.frame_id", "child_frame_id")
 
 
 @dataclass(frozen=True)
@@ -34,11 +35,11 @@ class Messages:
     """
     fields: Sequence[str]
     """Those of the first message, or all columns"""
-    texts: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    texts: Mapping[str, Sequence[str]] = dataclasses.field(default_factory=dict)
     """What tells the messages' senders apart, (T,) each, by name"""
     has: Callable[[str], Mask] | None = None
     """Which messages have a field, (T,); without, all"""
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
     """Units of fields that the recording states"""
     notes: tuple[str, ...] = ()
     """How it was read"""
@@ -49,8 +50,9 @@ class Messages:
     def with_all(self, paths: Sequence[str]) -> Mask:
         """Which messages have all of some fields, (T,)."""
         found = np.ones(len(self), bool)
-        for path in paths if self.has else ():
-            found &= self.has(path)
+        if self.has:
+            for path in paths:
+                found &= self.has(path)
         return found
 
     def kept(self, rows: Mask) -> "Messages":
@@ -110,7 +112,8 @@ def of_decoded(
         numbers = [np.nan if each is ABSENT else _number(each, path) for each in found]
         return np.array(numbers, float), has
 
-    texts = {name: [_text(at(each, name)) for each in decoded] for name in _SENDERS[:-1]}
+    texts: dict[str, Sequence[str]]
+    texts = {name: [_text(at(each, name)) for each in decoded] for name in _SENDERS}
     texts[PUBLISHER] = publishers or [""] * len(decoded)
     stamps = {path.rpartition(".")[0]: "s" for path in fields if path.endswith("sec")}
     return Messages(

@@ -108,7 +108,7 @@ def even_rows(
     kept, mended = _in_order(time)
     stamps = time[kept]
     if len(stamps) > 1 and np.mean(np.diff(stamps) == 0) > 0.5:
-        stamps, coarse = _spread(stamps)
+        stamps, coarse = spread(stamps)
         mended = replace(mended, coarse=coarse)
     again = np.r_[False, (np.diff(stamps) == 0) & _same(every or readings, kept)]
     mended = replace(mended, repeated=int(again.sum()))
@@ -142,7 +142,7 @@ def _same(readings: Sequence[Array], rows: Rows) -> NDArray[np.bool_]:
     return ((one == other) | (np.isnan(one) & np.isnan(other))).all(axis=0)
 
 
-def _spread(stamps: Array) -> tuple[Array, float]:
+def spread(stamps: Array) -> tuple[Array, float]:
     """Rows that share a stamp, spread evenly until the next one, and the steps of the clock [s]."""
     first = np.flatnonzero(np.r_[True, np.diff(stamps) > 0])
     if len(first) < 2:

@@ -22,7 +22,7 @@ def between(time: Array, values: Array, at: Array, gap: float) -> Array:
     return np.where(far & ~exact, np.nan, found)
 
 
-def held(time: Array, values: Array, at: Array, period: float) -> Array:
+def held(time: Array, values: Array, at: Array, period: float | Array) -> Array:
     """Commands in rows that begin at times `at` [s], (N,), each held from when it was given, (T,) at `time`,
     until the next one.
 
