@@ -55,6 +55,11 @@ class MappedPoint(Form, frozen=True):
         if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3):
             raise SerpentError("axes are not three of length 1 at right angles.")
 
+    @property
+    def is_turned(self) -> bool:
+        """Whether the frame that is wanted is another one than the stream's."""
+        return any(self.origin) or not np.array_equal(self.axes, np.eye(3))
+
 
 class Follows(Form, frozen=True):
     """How the clock of a stream is set by motion: two columns that move alike."""

@@ -20,8 +20,8 @@ _ROWS_BACK, _BACK = 20, 0.5
 """Messages, and time [s], by which a clock that goes back began anew"""
 
 
-def in_seconds(values: Array, unit: str | None, name: str) -> tuple[Array, str]:
-    """Times (T,) in a unit, or in one that is not stated, as seconds, and a note on how; raises a
+def in_seconds(values: Array, unit: str | None, name: str) -> tuple[Array, str, str]:
+    """Times (T,) in a unit, or in one that is not stated, as seconds; the unit, and a note on it. Raises a
     `SerpentError` that says which unit they may be in.
     """
     if odd := int((~np.isfinite(values)).sum()):
@@ -39,7 +39,7 @@ def in_seconds(values: Array, unit: str | None, name: str) -> tuple[Array, str]:
     factor = TO_SI[unit or "s"][0]
     if not low <= factor * step <= high or abs(factor * values).max() > 2 * _SINCE_1970[1]:
         raise SerpentError(_implausible(values, step, unit or "s", name))
-    return factor * values, note
+    return factor * values, unit or "s", note
 
 
 def _since_1970(values: Array, step: float) -> str | None:

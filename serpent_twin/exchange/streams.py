@@ -37,6 +37,8 @@ class ImportedStream:
     """Fields that were not asked for"""
     unsorted: int
     """Messages that came before an earlier one, or at the same time"""
+    time_unit: str
+    """Unit that its time was read in"""
     notes: tuple[str, ...]
     """How it was read, and what is odd"""
     clock: Lateness | None = None
@@ -53,7 +55,7 @@ def stream_of(each: MappedStream, recorded: Recorded, roles: Mapping[str, bool])
     everything = _topic(each, recorded)
     sources = [of.source for of in each.fields] + [n for of in each.points for n in of.fields]
     messages, notes = _of_one_sender(each, everything, sources)
-    time, note = _times(each, messages)
+    time, unit, note = _times(each, messages)
     kept, time, unsorted, spread = sorted_times(time, each.time or "the time of recording")
     columns = {
         of.column: si(messages.field(of.source), of.unit, of.scale, of.offset)[kept]
@@ -69,7 +71,9 @@ def stream_of(each: MappedStream, recorded: Recorded, roles: Mapping[str, bool])
     asked = {each.time, *sources}
     left = [name for name in messages.fields if name not in asked]
     said = tuple(filter(None, (*messages.notes, *notes)))
-    return ImportedStream(each.topic or "the table", time, columns, commands, left, unsorted, said)
+    return ImportedStream(
+        each.topic or "the table", time, columns, commands, left, unsorted, unit, said
+    )
 
 
 def _topic(each: MappedStream, recorded: Recorded) -> Messages:
@@ -142,11 +146,11 @@ def _doubt(name: str, values: Array) -> str:
     )
 
 
-def _times(each: MappedStream, messages: Messages) -> tuple[Array, str]:
-    """The times of messages [s], and a note on them."""
+def _times(each: MappedStream, messages: Messages) -> tuple[Array, str, str]:
+    """The times of messages [s], the unit that they were read in, and a note on it."""
     if each.time:
         unit = each.time_unit or messages.units.get(each.time)
         return in_seconds(messages.field(each.time), unit, each.time)
     if np.isnan(messages.recorded).any():
         raise SerpentError("a table needs time, the name of its column. Add it.")
-    return messages.recorded, ""
+    return messages.recorded, "s", ""

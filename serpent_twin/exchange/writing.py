@@ -16,10 +16,7 @@ from serpent_twin.exchange.streams import ImportedStream
 from serpent_twin.numerals import listed
 from serpent_twin.reporting.report import Table, text_table
 from serpent_twin.runs.files import write_whole
-from serpent_twin.units import TO_SI
-
-KEY = b"serpent_twin_import"
-"""Metadata key of an imported log, whose value is JSON"""
+from serpent_twin.tables.imported import KEY, Conversion
 
 
 @dataclass(frozen=True)
@@ -42,15 +39,15 @@ class Imported:
 
 def write(path: Path, each: Imported, wanted: Map, about: Mapping[str, Any]) -> None:
     """Write a log whose columns say their units, and which fields they were, scaled and shifted by what."""
-    of_columns = {"time": {"unit": "s", "field": wanted.stream[0].time}}
+    of_columns = {"time": Conversion(wanted.stream[0].time, each.streams[0].time_unit).metadata}
     for stream in wanted.stream:
         for of in stream.fields:
-            converted = {"scale": repr(of.scale), "offset": repr(of.offset)}
-            unit = {"unit": TO_SI[of.unit][1], "field": of.source}
-            of_columns[of.column] = unit | converted
+            made = Conversion(of.source, of.unit, of.scale, of.offset)
+            of_columns[of.column] = made.metadata
         for of in stream.points:
             for name, source in zip(of.columns, of.fields, strict=True):
-                of_columns[name] = {"unit": TO_SI[of.unit][1], "field": source}
+                plain = Conversion("" if of.is_turned else source, of.unit)
+                of_columns[name] = plain.metadata
     fields = [pa.field(n, pa.float64(), metadata=of_columns[n]) for n in each.columns]
     said = {"git_commit": about["git_commit"], "held": list(each.held), "log": each.name}
     schema = pa.schema(fields, metadata={KEY: json.dumps(said)})

@@ -7,13 +7,17 @@ import pyarrow.parquet as pq
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.stored import require_file
-from serpent_twin.tables import lerobot
+from serpent_twin.tables import imported, lerobot
 from serpent_twin.tables.arrow import columns_of
 from serpent_twin.tables.table import MOST_BYTES, Column, Table, require_once, require_room
 
 
 def read(path: Path, advice: str) -> Table:
-    """The table of a Parquet file; of an episode of a LeRobot data set also by the names of its joints."""
+    """The table of a Parquet file.
+
+    Of an episode of a LeRobot data set also by the names of its joints, of an imported log by the names that
+    the recording had.
+    """
     require_file(path, MOST_BYTES, advice)
     try:
         file = pq.ParquetFile(path, page_checksum_verification=True)
@@ -37,4 +41,13 @@ def read(path: Path, advice: str) -> Table:
         for each in schema
         if each.metadata and b"unit" in each.metadata
     }
-    return Table(path, columns | lerobot.by_names(path, columns), (), units, metadata)
+    made = {n: of for n in columns if n in schema.names and (of := _conversion(schema.field(n)))}
+    recorded, their_units = (
+        imported.as_recorded(columns, made) if imported.KEY in metadata else ({}, {})
+    )
+    columns |= lerobot.by_names(path, columns) | recorded
+    return Table(path, columns, (), units | their_units, metadata, conversions=made)
+
+
+def _conversion(field: pa.Field) -> imported.Conversion | None:
+    return imported.conversion(field.metadata or {})

@@ -36,6 +36,8 @@ class Table:
     """Of a Parquet file's footer, by key"""
     lengths: Mapping[str, int] = field(default_factory=dict)
     """How many values arrays have that are no columns, as they are not as long as the others"""
+    conversions: Mapping[str, Any] = field(default_factory=dict)
+    """How log import made a column, `imported.Conversion`, by name; none of other files"""
 
     @property
     def rows(self) -> int:

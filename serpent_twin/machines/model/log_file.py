@@ -13,7 +13,13 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import KEY, Recording
 from serpent_twin.machines.model.clocks import CLOCK_BEGAN, in_sequence
-from serpent_twin.machines.model.description import MOTION, Clock, Described, DriveColumn
+from serpent_twin.machines.model.description import (
+    MOTION,
+    Clock,
+    Described,
+    DriveColumn,
+    MeasuredColumns,
+)
 from serpent_twin.machines.model.doubts import (
     FEWEST,
     require_own_unit,
@@ -27,7 +33,7 @@ from serpent_twin.machines.model.log_files import LogTables, find
 from serpent_twin.machines.model.log_rows import Columns, poses, rows_in_motion
 from serpent_twin.machines.rig import NOTES
 from serpent_twin.numerals import counted
-from serpent_twin.tables import Table, lerobot
+from serpent_twin.tables import Table, imported, lerobot
 from serpent_twin.units import TO_SI
 
 _ADVICE = "Name the column in machine.toml as the log has it."
@@ -84,8 +90,7 @@ def _columns(machine: Described, table: Table) -> Columns:
     for each in about.measured:
         for name in each.columns:
             if name in table:
-                require_own_unit(table, name, each.unit, each.scale)
-                values = _numbers(table, name)
+                values = _in_its_unit(table, name, each)
                 measured[name] = _si(values, each.unit, each.scale, each.offset)
                 require_unit(machine, path, name, measured[name], each)
     switches = {name: _numbers(table, name) for name in machine.switches if name in table}
@@ -136,6 +141,26 @@ def _numbers(table: Table, name: str) -> Array:
     return found
 
 
+def _in_its_unit(table: Table, name: str, stated: DriveColumn | MeasuredColumns) -> Array:
+    """A column in the unit that machine.toml states: of an imported log, if that is the recording's unit, as
+    the recording had it.
+    """
+    values, made = _numbers(table, name), table.conversions.get(name)
+    if made and stated.unit == made.unit and TO_SI[made.unit][0] != 1:
+        return made.undone(values)
+    require_own_unit(table, name, stated.unit, stated.scale)
+    if (
+        made
+        and (made.scale, made.offset) != (1, 0)
+        and (stated.scale, stated.offset) == (made.scale, made.offset)
+    ):
+        raise SerpentError(
+            f"{table.path}: {name!r} was scaled by {made.scale:g} and shifted by {made.offset:g} when it was "
+            "imported, and machine.toml states both again. Leave scale and offset out of one of them."
+        )
+    return values
+
+
 def _si(values: Array, unit: str, scale: float, offset: float) -> Array:
     return offset + scale * TO_SI[unit][0] * values
 
@@ -147,8 +172,7 @@ def as_logged(machine: Described, drive: DriveColumn, told: Array) -> Array:
 
 
 def _drive(machine: Described, table: Table, drive: DriveColumn) -> Array:
-    require_own_unit(table, drive.column, drive.unit, drive.scale)
-    raw = _numbers(table, drive.column)
+    raw = _in_its_unit(table, drive.column, drive)
     if not np.isfinite(raw).any():
         raise SerpentError(
             f"{table.path}: {drive.column!r}, which drives {drive.of[1]}, has no number in any row. {_OTHER}"
@@ -164,6 +188,8 @@ def _time(clock: Clock | None, table: Table) -> Array:
     """When each row was [s], (T,); without a clock, its number."""
     if clock is None:
         return np.arange(float(table.rows))
+    if clock.column not in table and imported.KEY in table.metadata:
+        return table.seconds(imported.TIME)
     if clock.scale is None:
         require_own_unit(table, clock.column, clock.unit, 1.0)
     require_seconds(table, clock)
