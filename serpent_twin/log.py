@@ -45,7 +45,9 @@ def recover_command(path: Positional[Path]) -> None:
 
 
 def info_command(path: Positional[Path]) -> None:
-    """Say what logs hold: rows, duration, rate, lost markers, where they come from; of imported ones, columns.
+    """Say what logs hold: rows, duration, rate, lost markers, where they come from.
+
+    Of an imported log: its columns, with their units and ranges.
 
     Args:
         path: A log, or a folder with logs.
@@ -77,9 +79,9 @@ def _sessions_info(path: Path, sessions: list[Session]) -> None:
 def check_command(path: Positional[Path]) -> None:
     """Look for damage in logs: lost turns, stuck motors, lost markers, missed deadlines.
 
-    Imported logs are searched for odd clocks and for unknown, constant or equal columns. Prints one sentence per finding, with the rows (from 0). Exits 1 if a finding is an error: a
-    file that cannot be read, a motor value that is no number, a motor that lost its turn count. Exits 2
-    if there is nothing to look at.
+    Imported logs are searched for odd clocks and for unknown, constant or equal columns. Prints one sentence
+    per finding, with the rows (from 0). Exits 1 if a finding is an error: a file that cannot be read, a motor
+    value that is no number, a motor that lost its turn count. Exits 2 if there is nothing to look at.
 
     Args:
         path: A log, or a folder with logs.
@@ -88,7 +90,9 @@ def check_command(path: Positional[Path]) -> None:
     spoiled = [file.name for file in files if not _report(file)]
     spoiled += [file.name for file in others if not _report_other(file)]
     if spoiled:
-        share = f"{len(spoiled)} of {counted(len(files) + len(others), 'log')}"
+        share = (
+            f"{len(spoiled)} of {counted(len(files) + len(others), 'log' if others else 'session')}"
+        )
         cli.fail(f"{path}: {share} cannot be trusted: {', '.join(spoiled)}.")
     next_step.say(next_step.after_look(path))
 
