@@ -10,7 +10,7 @@ from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
 from serpent_twin.exchange import imported_log
 from serpent_twin.exchange.exporting import export
-from serpent_twin.exchange.importing import import_logs, machine_beside
+from serpent_twin.exchange.importing import import_logs, machine_of
 from serpent_twin.exchange.writing import summary
 from serpent_twin.numerals import counted
 from serpent_twin.runs.provenance import file_hash
@@ -112,7 +112,7 @@ def import_command(
         out: Folder for the logs; made if it does not exist.
         machine: The machine.toml whose drives are commands. Without: one beside the map or OUT, if there is.
     """
-    machine = machine or machine_beside(map, out)
+    machine = machine_of(machine, map, out)
     found = import_logs(files, map, out, machine)
     print(summary(found))
     if machine:

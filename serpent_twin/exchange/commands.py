@@ -9,47 +9,12 @@ from serpent_twin.exchange.map_file import MappedField, MappedStream
 from serpent_twin.machines.model.description import ADVICE, Description
 
 MACHINE = "machine.toml"
-_COMMANDS = {
-    *(
-        "action",
-        "actions",
-        "cmd",
-        "cmds",
-        "command",
-        "commanded",
-        "commands",
-        "control",
-        "controls",
-        "ctrl",
-    ),
-    *(
-        "demand",
-        "desired",
-        "goal",
-        "goals",
-        "input",
-        "reference",
-        "setpoint",
-        "setpoints",
-        "target",
-        "targets",
-    ),
-    "u",
-}
-_READINGS = {
-    *(
-        "actual",
-        "encoder",
-        "encoders",
-        "feedback",
-        "imu",
-        "measured",
-        "observation",
-        "present",
-        "reading",
-    ),
-    *("readings", "sensor", "sensors", "state", "states"),
-}
+_COMMAND = re.compile(
+    r"actions?|cmds?|command(s|ed)?|controls?|ctrl|demand|desired|goals?|reference|setpoints?|targets?|u"
+)
+_READING = re.compile(
+    r"actual|encoders?|feedback|imu|measured|observation|present|readings?|sensors?|states?"
+)
 
 
 def stated_roles(path: Path | None) -> dict[str, bool]:
@@ -72,7 +37,8 @@ def is_command(stream: MappedStream, each: MappedField, roles: Mapping[str, bool
         if said is not None:
             return said
     for name in (each.column, each.source, stream.topic):
-        words = {*re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower())}
-        if bool(words & _COMMANDS) != bool(words & _READINGS):
-            return bool(words & _COMMANDS)
+        words = re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower())
+        command, reading = (any(map(of.fullmatch, words)) for of in (_COMMAND, _READING))
+        if command != reading:
+            return command
     return False if stream.follows else None

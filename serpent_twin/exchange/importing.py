@@ -28,6 +28,8 @@ _FEWEST = 8
 """Rows of a log"""
 _MOST_ROWS = 50
 """Rows of a log for each message of its fastest stream"""
+_ROUNDED = 1e-4
+"""Of a row, by which a command that comes with it may be stamped otherwise: stamps since 1970 are rounded"""
 _SLOWER = 0.9
 """Messages of a stream for each row of the log below which it must be known whether they are commands"""
 
@@ -63,8 +65,12 @@ def import_logs(
     return found
 
 
-def machine_beside(map_path: Path, out: Path) -> Path | None:
-    """The machine.toml beside a map, or else beside the folder for logs, if there is one."""
+def machine_of(given: Path | None, map_path: Path, out: Path) -> Path | None:
+    """The machine.toml that is given, itself or by its folder; else that beside a map or beside the folder for
+    logs, if there is one.
+    """
+    if given:
+        return given / MACHINE if given.is_dir() else given
     several = (map_path.parent / MACHINE, out / MACHINE, out.parent / MACHINE)
     return next((each for each in several if each.is_file()), None)
 
@@ -112,7 +118,9 @@ def _held(time: Array, period: Array, own: Array, values: Array) -> Array:
     """Commands, each in force until the next one; of switches, whole ones."""
     if np.isin(values[np.isfinite(values)], (0.0, 1.0)).all():
         return values[np.maximum(np.searchsorted(own, time + period / 2, side="right") - 1, 0)]
-    return held(own, values, time, period)
+    row = np.clip(np.searchsorted(time, own + period[0] / 2) - 1, 0, len(time) - 1)
+    with_row = np.abs(own - time[row]) < _ROUNDED * period[row]
+    return held(np.where(with_row, time[row], own), values, time, period)
 
 
 def _require_roles(name: str, n: int, each: ImportedStream, period: float) -> None:
@@ -121,9 +129,9 @@ def _require_roles(name: str, n: int, each: ImportedStream, period: float) -> No
     if unsaid and period < _SLOWER * each.period:
         raise SerpentError(
             f"{name}, stream[{n}]: {', '.join(unsaid)} of {each.name} come every {1e3 * each.period:.3g} ms, "
-            f"the log's rows every {1e3 * period:.3g} ms. Add hold = true to the stream if they are "
-            "commands, each in force until the next one, or hold = false if they are readings, between which "
-            "straight lines are drawn."
+            f"the log's rows every {1e3 * period:.3g} ms. Add to the stream, or to a field, "
+            "hold = true if they are commands, each in force until the next one, or hold = false if they are "
+            "readings, between which straight lines are drawn."
         )
 
 

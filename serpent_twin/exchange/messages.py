@@ -219,19 +219,22 @@ def _number(value: Any, path: str) -> float:
     raise SerpentError(f"the field {path!r} holds no number. Name a part of it.")
 
 
-def _leaves(value: Any, path: str) -> list[str]:
-    """Paths of all numbers in a message."""
-    if isinstance(value, Mapping):
-        parts = {str(name): each for name, each in value.items()}
-    elif isinstance(value, list | tuple | np.ndarray):
-        return [leaf for n, each in enumerate(value) for leaf in _leaves(each, f"{path}[{n}]")]
-    elif isinstance(value, int | float | np.number):
+def _leaves(value: Any, path: str, names: Sequence[str] = ()) -> list[str]:
+    """Paths of all numbers in a message; entries that the message names, by their names."""
+    if isinstance(value, list | tuple | np.ndarray):
+        keys = names if len(names) == len(value) else range(len(value))
+        parts = zip((f"{path}[{key}]" for key in keys), value, strict=True)
+        return [leaf for name, each in parts for leaf in _leaves(each, name)]
+    if isinstance(value, int | float | np.number):
         return [path]
+    if isinstance(value, Mapping):
+        members = {str(name): each for name, each in value.items()}
     else:
-        names = getattr(value, "__slots__", None) or list(getattr(value, "__dict__", {}))
-        parts = {name.lstrip("_"): getattr(value, name.lstrip("_"), None) for name in names}
+        slots = getattr(value, "__slots__", None) or list(getattr(value, "__dict__", {}))
+        members = {name.lstrip("_"): getattr(value, name.lstrip("_"), None) for name in slots}
+    names = _names(value) or names
     return [
         leaf
-        for name, each in parts.items()
-        for leaf in _leaves(each, f"{path}.{name}".removeprefix("."))
+        for name, each in members.items()
+        for leaf in _leaves(each, f"{path}.{name}".removeprefix("."), names)
     ]

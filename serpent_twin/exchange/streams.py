@@ -136,9 +136,11 @@ def _refuse_mixed(messages: Messages) -> None:
 def _doubt(name: str, values: Array) -> str:
     """A note where a column jumps to another course and back, again and again."""
     jump, over = np.abs(np.diff(values)), np.abs(values[2:] - values[:-2])
-    least = np.minimum(jump[1:], jump[:-1])
-    back = (over < 0.2 * least) & (least > 5 * np.nanmedian(jump)) if len(over) else over > 0
-    alternates = len(over) > 8 and np.nanmedian(over) < 0.2 * np.nanmedian(jump)
+    least, usual = np.minimum(jump[1:], jump[:-1]), np.nanmedian(jump) if len(jump) else 0.0
+    if not usual > 0:  # such as an encoder at rest, whose last count flickers
+        return ""
+    back = (over < 0.2 * least) & (least > 5 * usual)
+    alternates = len(over) > 8 and np.nanmedian(over) < 0.2 * usual
     if not alternates and back.sum() <= _TO_AND_FRO * len(values):
         return ""
     return (

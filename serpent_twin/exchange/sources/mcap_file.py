@@ -1,6 +1,7 @@
 """Read an MCAP file whose messages are ROS 2's or JSON."""
 
 import json
+import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -27,7 +28,7 @@ class McapSource:
     def recordings(self, path: Path, topics: Sequence[str]) -> Mapping[str, Recorded]:
         """The file, by its name."""
         try:
-            from mcap.exceptions import McapError
+            from mcap.exceptions import DecoderNotFoundError, McapError
             from mcap.reader import make_reader
             from mcap_ros2.decoder import DecoderFactory
         except ImportError as error:
@@ -45,6 +46,12 @@ class McapSource:
                     decoded[channel.topic].append(content)
                     sender = channel.metadata.get("callerid") or f"channel {channel.id}"
                     senders[channel.topic].append(sender)
+        except DecoderNotFoundError as error:
+            found = re.search(r"message encoding (\S+),", str(error))
+            named = f"messages encoded as {found[1]}" if found else "messages of another encoding"
+            raise SerpentError(
+                f"{path} has {named}, which are not read. Convert it to messages of ROS 2 (cdr) or JSON."
+            ) from None
         except (McapError, EOFError, OSError, ValueError, KeyError) as error:
             why = " ".join(str(error).split())[:_LONGEST] or type(error).__name__
             raise SerpentError(
