@@ -61,11 +61,16 @@ def find(lines: list[str]) -> Dialect:
     several = [found for each in _SEPARATORS if (found := _with(lines, each))]
     if several:
         return max(several, key=lambda each: len(each.names))  # the first of equals
-    first = next((_cells(line, ",") for line in lines if line.strip() and not _comment(line)), None)
-    if first is None:
-        raise NoHeaderError("it is empty")
-    if all(_Line(0, first, False).words):
-        raise NoHeaderError("no rows of numbers come under the names of its columns")
+    rows = [_cells(line, ",") for line in lines if line.strip() and not _comment(line)]
+    for one, other in pairwise(rows):
+        if all(_Line(0, one, False).words) and any(_Line(0, other, False).values):
+            raise NoHeaderError(
+                f"its header names {len(one)} columns, and the row under it has {len(other)}. Mend the header"
+            )
+    if not rows:
+        raise NoHeaderError("it is empty. Leave it out")
+    if all(_Line(0, rows[0], False).words):
+        raise NoHeaderError("it has no row of numbers under a header. Leave it out")
     raise NoHeaderError(
         "there is no header line. Write a first line that names the columns, such as t,goal,angle"
     )

@@ -85,10 +85,14 @@ def _columns(machine: Described, table: Table) -> Columns:
         for name in each.columns:
             if name in table:
                 require_own_unit(table, name, each.unit, each.scale)
-                values = _numbers(table, name)
+                values = _some_numbers(table, name, f"measured of {each.of[1]}")
                 measured[name] = _si(values, each.unit, each.scale, each.offset)
                 require_unit(machine, path, name, measured[name], each)
-    switches = {name: _numbers(table, name) for name in machine.switches if name in table}
+    switches = {
+        name: _some_numbers(table, name, "which switches a drive")
+        for name in machine.switches
+        if name in table
+    }
     prescribed = {each.column for each in machine.prescribed}
     return Columns(
         table.path,
@@ -125,7 +129,8 @@ def _thinned(run: Recording, every: int) -> Recording:
     return replace(run, columns={name: values[::every] for name, values in run.columns.items()})
 
 
-def _numbers(table: Table, name: str) -> Array:
+def _some_numbers(table: Table, name: str, what: str) -> Array:
+    """A column of numbers, at least one of them, in SI units or not."""
     table.column(name, _ADVICE)
     found = table.numbers(name, _OTHER)
     if endless := int(np.isinf(found).sum()):
@@ -133,6 +138,8 @@ def _numbers(table: Table, name: str) -> Array:
             f"{table.path}: the column {name!r} is infinite in {counted(endless, 'row')}. Leave these cells "
             "empty."
         )
+    if not np.isfinite(found).any():
+        raise SerpentError(f"{table.path}: {name!r}, {what}, has no number in any row. {_OTHER}")
     return found
 
 
@@ -148,11 +155,7 @@ def as_logged(machine: Described, drive: DriveColumn, told: Array) -> Array:
 
 def _drive(machine: Described, table: Table, drive: DriveColumn) -> Array:
     require_own_unit(table, drive.column, drive.unit, drive.scale)
-    raw = _numbers(table, drive.column)
-    if not np.isfinite(raw).any():
-        raise SerpentError(
-            f"{table.path}: {drive.column!r}, which drives {drive.of[1]}, has no number in any row. {_OTHER}"
-        )
+    raw = _some_numbers(table, drive.column, f"which drives {drive.of[1]}")
     found = _si(raw, drive.unit, drive.scale, machine.offset(drive))
     limits = machine.limits(drive)
     if limits is not None:
