@@ -59,6 +59,7 @@ class _Line:
 def find(lines: list[str]) -> Dialect:
     """The dialect of a text's first lines; raises a `NoHeaderError`."""
     several = [found for each in _SEPARATORS if (found := _with(lines, each))]
+    several = [each for each in several if len(each.names) > 1 or each.separator == ","]
     if several:
         return max(several, key=lambda each: len(each.names))  # the first of equals
     rows = [_cells(line, ",") for line in lines if line.strip() and not _comment(line)]
