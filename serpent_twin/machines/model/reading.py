@@ -208,7 +208,7 @@ def _si_units(model: mujoco.MjModel, kind: str, name: str) -> tuple[str, ...]:
 
 def _is_quaternion(model: mujoco.MjModel, sensor: str) -> bool:
     kinds = (mujoco.mjtSensor.mjSENS_FRAMEQUAT, mujoco.mjtSensor.mjSENS_BALLQUAT)
-    return model.sensor(sensor).type[0] in kinds
+    return int(model.sensor(sensor).type[0]) in map(int, kinds)
 
 
 def _size(model: mujoco.MjModel, kind: str, name: str) -> int:
