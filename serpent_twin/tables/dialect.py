@@ -84,11 +84,15 @@ def _with(lines: list[str], separator: str) -> Dialect | None:
         for n, line in enumerate(lines)
         if line.strip()
     ]
-    for n, (one, other) in enumerate(pairwise(split)):  # noqa: B007
-        if not other.comment and _is_header(one, other):
-            break
-    else:
+    found = [
+        n
+        for n, (one, other) in enumerate(pairwise(split))
+        if not other.comment and _is_header(one, other)
+    ]
+    if not found:
         return None
+    n = next((each for each in found if _goes_on(split[each + 1 :])), found[0])
+    one, other = split[n : n + 2]
     names, units = one, list[str]()
     above = split[n - 1] if n else one
     if n and _are_units(one.cells) and len(above.cells) == len(one.cells) and all(above.words):
@@ -109,6 +113,14 @@ def _is_header(one: _Line, other: _Line) -> bool:
     pairs = zip(one.words, other.words, strict=False)
     named = any(word and not text for word, text in pairs)
     return named and any(other.values) and not any(one.values)
+
+
+def _goes_on(rows: list[_Line]) -> bool:
+    """Whether a second row is as the first: a pair of a name and a value above the table is not."""
+    first, *others = [each for each in rows if not each.comment]
+    if len(others) < 2:
+        return True
+    return len(others[0].cells) == len(first.cells) and any(others[0].values)
 
 
 def _are_units(cells: list[str]) -> bool:

@@ -23,6 +23,7 @@ WRITTEN = {
     "a header that is a comment": "# t,angle\n0,0.5\n1,-1.25\n",
     "per cent comments": "% made by a script\nt,angle\n0,0.5\n1,-1.25\n",
     "a title and an empty line": "Run of Monday\n\nt,angle\n0,0.5\n1,-1.25\n",
+    "pairs above the header": "Logger,2\nDate,2025/03/02\nTime,10:00:20\n\nt,angle\n0,0.5\n1,-1.25\n",
     "comments between rows": "t,angle\n0,0.5\n# a knock was heard\n1,-1.25\n",
     "Windows line ends": "t,angle\r\n0,0.5\r\n1,-1.25\r\n",
     "no last line end": "t,angle\n0,0.5\n1,-1.25",
