@@ -62,7 +62,7 @@ class Mended:
             (self.unsorted, "out of order", "sorted by the time"),
             (self.repeated, "repeated", "left out"),
             (self.doubled, "that came with another one", "left out"),
-            (self.lost, "lost", "left empty, the command before held there"),
+            (self.lost, "lost", "left empty"),
             (self.uneven, "at uneven times", "interpolated on an even clock, commands held"),
         ]
         said = [f"{counted(n, 'row')} {what} ({done})" for n, what, done in rows if n]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from serpent_twin.tables.even import UnevenError, even_rows
-from serpent_twin.tables.sampling import between, held, held_cells
+from serpent_twin.tables.sampling import between, held, held_cells, is_stream
 
 PERIOD, ROWS = 0.02, 1000
 K = np.arange(ROWS)
@@ -107,6 +107,16 @@ def test_commands_are_held_and_come_neither_early_nor_late_on_the_whole():
 def test_commands_with_a_row_each_are_left_as_they_are():
     values = np.random.default_rng(5).standard_normal(ROWS)
     np.testing.assert_array_equal(held(PERIOD * K, values, PERIOD * K, PERIOD), values)
+
+
+def test_streams_of_commands_are_told_from_steps():
+    rng = np.random.default_rng(6)
+    smooth = np.sin(0.1 * K)
+    steps, cells = np.repeat(smooth[::5], 5), np.where(K % 5, np.nan, smooth)
+    once = np.where(K < 500, 0.0, 1.0)
+    lossy = np.where(rng.random(ROWS) < 0.3, np.nan, smooth)
+    found = [is_stream(each) for each in (smooth, lossy, steps, cells, once, rng.random(ROWS))]
+    assert found == [True, True, False, False, False, False]
 
 
 def test_empty_cells_hold_and_readings_bridge_short_gaps_only():

@@ -18,7 +18,7 @@ from serpent_twin.machines.model.doubts import FEWEST
 from serpent_twin.machines.model.starts import measured_joints
 from serpent_twin.numerals import counted, listed
 from serpent_twin.tables.even import EvenRows, Mended, UnevenError, even_rows
-from serpent_twin.tables.sampling import between, held, held_cells, longest_gap, runs_of
+from serpent_twin.tables.sampling import between, held, held_cells, is_stream, longest_gap, runs_of
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ def _recording(
     """One part of a log in even rows."""
     last = np.maximum.accumulate(np.where(even.row >= 0, np.arange(len(even.row)), 0))
     row = even.row[last]  # of a lost row, the one before
-    kinds = [_at_rows(even, row, one) if even.stamp is None else _at_times(even, even.stamp, one)]
+    kinds = [_at_rows(even, one, notes) if even.stamp is None else _at_times(even, even.stamp, one)]
     for other in others:
         _require_common(one, other, even)
         kinds.append(_at_times(even, other.time, other))
@@ -185,15 +185,29 @@ _Kinds = tuple[dict[str, Array], dict[str, Array], dict[str, Array]]
 """Commands, readings and known motions, by name"""
 
 
-def _at_rows(even: EvenRows, row: NDArray[np.int64], one: Columns) -> _Kinds:
-    """The columns of a table whose rows are even ones; of a lost row, only what is held or interpolated."""
+def _at_rows(even: EvenRows, one: Columns, notes: list[str]) -> _Kinds:
+    """The columns of a table whose rows are even ones.
+
+    Where a row is lost or a cell empty, a command is interpolated if commands are a stream that changes
+    smoothly, as a held one would come late; else it is held. A reading is left open.
+    """
 
     def kept(columns: dict[str, Array]) -> dict[str, Array]:
         return {n: np.where(even.row < 0, np.nan, v[even.row]) for n, v in columns.items()}
 
     gap = longest_gap(even.period)
     known = {n: between(even.time, v, even.time, gap) for n, v in kept(one.prescribed).items()}
-    return {n: held_cells(v)[row] for n, v in one.commands.items()}, kept(one.measured), known
+    commands = dict[str, Array]()
+    for name, values in kept(one.commands).items():
+        stream = is_stream(values)
+        whole = between(even.time, values, even.time, gap) if stream else values
+        commands[name] = held_cells(whole)
+        if lacking := int(np.isnan(values).sum()):
+            how = "interpolated, as they change smoothly," if stream else "held"
+            notes.append(
+                f"{one.path}: commands in {name!r} {how} in {counted(lacking, 'row')} without one."
+            )
+    return commands, kept(one.measured), known
 
 
 def _at_times(even: EvenRows, time: Array, one: Columns) -> _Kinds:
@@ -213,7 +227,6 @@ def _say_held(one: Columns, others: Sequence[Columns], notes: list[str]) -> None
     """Say where cells are empty, and how tables were joined."""
     for each in (one, *others):
         for columns, done in (
-            (each.commands, "the last command is held in empty cells"),
             (each.measured, "nothing counts as measured in empty cells"),
             (each.prescribed, "the motion is interpolated in empty cells"),
         ):
