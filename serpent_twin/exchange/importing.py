@@ -66,9 +66,7 @@ def import_logs(
 
 
 def machine_of(given: Path | None, map_path: Path, out: Path) -> Path | None:
-    """The machine.toml that is given, itself or by its folder; else that beside a map or beside the folder for
-    logs, if there is one.
-    """
+    """The machine.toml that is given, itself or by its folder; else one beside a map or the folder for logs."""
     if given:
         return given / MACHINE if given.is_dir() else given
     several = (map_path.parent / MACHINE, out / MACHINE, out.parent / MACHINE)

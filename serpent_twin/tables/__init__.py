@@ -11,7 +11,7 @@ from pathlib import Path
 from serpent_twin.errors import SerpentError
 from serpent_twin.tables.table import Table
 
-__all__ = ["ENDINGS", "Table", "ending", "read", "reads"]
+__all__ = ["ENDINGS", "Table", "ending", "read", "reads", "stem"]
 
 _FORMATS = {
     ".csv": "text",
@@ -46,6 +46,14 @@ def ending(path: Path) -> str:
     """The ending of a name by which a table's kind is known, in small letters, such as .csv of RUN.CSV.GZ."""
     name = path.name.lower().removesuffix(_COMPRESSED)
     return "." + name.rpartition(".")[2] if "." in name else ""
+
+
+def stem(path: Path) -> str:
+    """The name of a file without the endings by which its kind is known."""
+    name = path.name
+    if name.lower().endswith(_COMPRESSED):
+        name = name[: -len(_COMPRESSED)]
+    return name.rpartition(".")[0] if ending(path) in _FORMATS else Path(name).stem
 
 
 def reads(path: Path) -> bool:

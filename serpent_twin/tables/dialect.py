@@ -59,13 +59,19 @@ class _Line:
 def find(lines: list[str]) -> Dialect:
     """The dialect of a text's first lines; raises a `NoHeaderError`."""
     several = [found for each in _SEPARATORS if (found := _with(lines, each))]
+    several = [each for each in several if len(each.names) > 1 or each.separator == ","]
     if several:
         return max(several, key=lambda each: len(each.names))  # the first of equals
-    first = next((_cells(line, ",") for line in lines if line.strip() and not _comment(line)), None)
-    if first is None:
-        raise NoHeaderError("it is empty")
-    if all(_Line(0, first, False).words):
-        raise NoHeaderError("no rows of numbers come under the names of its columns")
+    rows = [_cells(line, ",") for line in lines if line.strip() and not _comment(line)]
+    for one, other in pairwise(rows):
+        if all(_Line(0, one, False).words) and any(_Line(0, other, False).values):
+            raise NoHeaderError(
+                f"its header names {len(one)} columns, and the row under it has {len(other)}. Mend the header"
+            )
+    if not rows:
+        raise NoHeaderError("it is empty. Leave it out")
+    if all(_Line(0, rows[0], False).words):
+        raise NoHeaderError("it has no row of numbers under a header. Leave it out")
     raise NoHeaderError(
         "there is no header line. Write a first line that names the columns, such as t,goal,angle"
     )
@@ -78,11 +84,15 @@ def _with(lines: list[str], separator: str) -> Dialect | None:
         for n, line in enumerate(lines)
         if line.strip()
     ]
-    for n, (one, other) in enumerate(pairwise(split)):  # noqa: B007
-        if not other.comment and _is_header(one, other):
-            break
-    else:
+    found = [
+        n
+        for n, (one, other) in enumerate(pairwise(split))
+        if not other.comment and _is_header(one, other)
+    ]
+    if not found:
         return None
+    n = next((each for each in found if _goes_on(split[each + 1 :])), found[0])
+    one, other = split[n : n + 2]
     names, units = one, list[str]()
     above = split[n - 1] if n else one
     if n and _are_units(one.cells) and len(above.cells) == len(one.cells) and all(above.words):
@@ -103,6 +113,14 @@ def _is_header(one: _Line, other: _Line) -> bool:
     pairs = zip(one.words, other.words, strict=False)
     named = any(word and not text for word, text in pairs)
     return named and any(other.values) and not any(one.values)
+
+
+def _goes_on(rows: list[_Line]) -> bool:
+    """Whether a second row is as the first: a pair of a name and a value above the table is not."""
+    first, *others = [each for each in rows if not each.comment]
+    if len(others) < 2:
+        return True
+    return len(others[0].cells) == len(first.cells) and any(others[0].values)
 
 
 def _are_units(cells: list[str]) -> bool:

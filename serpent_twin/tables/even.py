@@ -62,7 +62,7 @@ class Mended:
             (self.unsorted, "out of order", "sorted by the time"),
             (self.repeated, "repeated", "left out"),
             (self.doubled, "that came with another one", "left out"),
-            (self.lost, "lost", "left empty, the command before held there"),
+            (self.lost, "lost", "left empty"),
             (self.uneven, "at uneven times", "interpolated on an even clock, commands held"),
         ]
         said = [f"{counted(n, 'row')} {what} ({done})" for n, what, done in rows if n]
@@ -100,10 +100,11 @@ class UnevenError(ValueError):
 def even_rows(
     time: Array, readings: Sequence[Array], every: Sequence[Array] = ()
 ) -> list[EvenRows]:
-    """Even rows of a log whose rows were stamped at times (T,) [s], some NaN; a set for each part between gaps.
+    """Even rows of a log whose rows were stamped at times (T,) [s], some NaN: a set for each part.
 
-    Readings, (T,) each, tell whether they were taken at the stamps or at even times; a row is a repeated one
-    if its stamp and `every` column are as before. Raises an `UnevenError`.
+    Parts are between gaps that are too long to bridge. Readings, (T,) each, tell whether they were taken at
+    the stamps or at even times; a row is a repeated one if its stamp and `every` column are as before. Raises
+    an `UnevenError`.
     """
     kept, mended = _in_order(time)
     stamps = time[kept]
@@ -229,7 +230,7 @@ def _at_stamps(stamps: Array, tick: Rows, readings: Sequence[Array], kept: Rows)
     ratio = [
         np.log(error / even)
         for each in readings
-        for even, error in [[_roughness(x, each[kept], tick) for x in (tick, stamps)]]
+        for even, error in [[_roughness(x, each[kept], tick) for x in (tick.astype(float), stamps)]]
         if even > 0 and error > 0
     ]
     return bool(ratio) and float(np.mean(ratio)) < np.log(_BETTER)

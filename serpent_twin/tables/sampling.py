@@ -5,6 +5,11 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 
+_SMOOTH = 0.5
+"""Ratio of errors below which commands between others are interpolated; of steps it is 1"""
+_FEWEST = 8
+"""Commands with two neighbours by which this is judged"""
+
 
 def between(time: Array, values: Array, at: Array, gap: float) -> Array:
     """Readings at times `at` [s], (N,), on straight lines between those that are known, (T,) at `time`.
@@ -50,6 +55,20 @@ def _integral(time: Array, values: Array, at: Array) -> Array:
     areas = np.r_[0.0, np.cumsum(values[:-1] * np.diff(time))]
     n = np.clip(np.searchsorted(time, at, side="right") - 1, 0, None)
     return areas[n] + values[n] * (at - time[n])
+
+
+def is_stream(values: Array) -> bool:
+    """Whether commands (T,), some of them NaN, change smoothly from row to row, not in steps.
+
+    The mean of two neighbours is then much nearer to the command between them than the one before is. Of
+    steps, both are off by as much on the whole: one by the step once, the other by its half twice.
+    """
+    before, here, after = values[:-2], values[1:-1], values[2:]
+    known = np.isfinite(before + here + after)
+    if known.sum() < _FEWEST:
+        return False
+    holding = float(np.abs(here - before)[known].sum())
+    return float(np.abs(here - (before + after) / 2)[known].sum()) < _SMOOTH * holding
 
 
 def held_cells(values: Array) -> Array:

@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.csv as csv
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.numerals import counted
 from serpent_twin.stored import require_file
 from serpent_twin.tables.arrow import values_of
 from serpent_twin.tables.dialect import BLANKS, COMMENTS, Dialect, NoHeaderError, find
@@ -139,7 +140,7 @@ class _Rows:
         lines = text.splitlines()
         where = next((f", line {n}" for n, line in enumerate(lines, 1) if line == first.text), "")
         raise SerpentError(
-            f"{self.path}{where} has {first.actual_columns} cells where the header names "
+            f"{self.path}{where} has {counted(first.actual_columns, 'cell')} where the header names "
             f"{first.expected_columns} columns: {first.text[:60]!r}. Mend the line. {self.advice}".rstrip()
         )
 
@@ -155,6 +156,12 @@ def _is_short(raw: bytes, encoding: str, dialect: Dialect) -> bool:
         return False
     tail = raw[-_HEAD:].decode(encoding, "replace").splitlines()[-_HEAD_LINES:]
     cells = [line.rpartition(dialect.separator)[2].strip() for line in tail[-50:]]
-    after = [len(each.rpartition(dialect.decimal)[2]) for each in cells if dialect.decimal in each]
-    *others, last = after if len(after) == len(cells) else (*after, 0)
-    return len(others) > 1 and len(set(others)) == 1 and last < others[0]
+    *others, last = [_decimals(each, dialect.decimal) for each in cells]
+    known = {each for each in others if each is not None}
+    return len(known) == 1 and (last or 0) < max(known)
+
+
+def _decimals(cell: str, decimal: str) -> int | None:
+    """How many digits follow the decimal sign; None of what is no number."""
+    found = re.fullmatch(rf"[+-]?\d*(?:{re.escape(decimal)}(\d*))?", cell)
+    return None if found is None or not re.search(r"\d", cell) else len(found[1] or "")

@@ -10,7 +10,17 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.numbers import NUMBERS, is_dc_motor
-from serpent_twin.residual import ANGLE, CONTROL, FORCE, LENGTH, POSITION, TORQUE, Measure
+from serpent_twin.residual import (
+    ANGLE,
+    ANGULAR_VELOCITY,
+    CONTROL,
+    FORCE,
+    LENGTH,
+    POSITION,
+    TORQUE,
+    VELOCITY,
+    Measure,
+)
 from serpent_twin.stored import Form, above, many, within
 from serpent_twin.units import TO_SI
 
@@ -83,7 +93,7 @@ class DriveColumn(Column, frozen=True):
 class MeasuredColumns(Form, frozen=True):
     """Columns that the model is compared with."""
 
-    columns: Annotated[tuple[Name, ...], many(1, 3)]
+    columns: Annotated[tuple[Name, ...], many(1, 4)]
     unit: Unit = "1"
     scale: Number = 1.0
     """As for a drive"""
@@ -203,7 +213,14 @@ KINDS = ("site", "joint", "sensor", "tendon", "actuator")
 """What of a model can be measured"""
 DRIVEN = ("actuator", "joint", "tendon")
 """What of it can be driven"""
-MEASURES = {"m": LENGTH, "rad": ANGLE, "N": FORCE, "N m": TORQUE}
+MEASURES = {
+    "m": LENGTH,
+    "rad": ANGLE,
+    "N": FORCE,
+    "N m": TORQUE,
+    "m/s": VELOCITY,
+    "rad/s": ANGULAR_VELOCITY,
+}
 """By SI unit"""
 _PLACE = Measure("place", "the place is", "place error, rms", "mm", "mm", 1e3, "m")
 

@@ -55,8 +55,8 @@ def require_seconds(table: Table, clock: Clock) -> None:
     if (apart == 1).all() and known[0] in (0, 1):
         raise SerpentError(
             f"{table.path}: {clock.column!r} counts the rows, {known[0]:.0f}, {known[1]:.0f} …, and is no "
-            f"time in s. State the time between rows, such as {stated}0.02 }} for 50 Hz; if rows are 1 s apart, "
-            "scale = 1."
+            f"time in s. State the time between rows, such as {stated}0.02 }} for 50 Hz; if rows are 1 s "
+            "apart, scale = 1."
         )
     if usual >= 2:
         raise SerpentError(

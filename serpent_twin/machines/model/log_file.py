@@ -90,10 +90,14 @@ def _columns(machine: Described, table: Table) -> Columns:
     for each in about.measured:
         for name in each.columns:
             if name in table:
-                values = _in_its_unit(table, name, each)
+                values = _in_its_unit(table, name, each, f"measured of {each.of[1]}")
                 measured[name] = _si(values, each.unit, each.scale, each.offset)
                 require_unit(machine, path, name, measured[name], each)
-    switches = {name: _numbers(table, name) for name in machine.switches if name in table}
+    switches = {
+        name: _some_numbers(table, name, "which switches a drive")
+        for name in machine.switches
+        if name in table
+    }
     prescribed = {each.column for each in machine.prescribed}
     return Columns(
         table.path,
@@ -130,7 +134,8 @@ def _thinned(run: Recording, every: int) -> Recording:
     return replace(run, columns={name: values[::every] for name, values in run.columns.items()})
 
 
-def _numbers(table: Table, name: str) -> Array:
+def _some_numbers(table: Table, name: str, what: str) -> Array:
+    """A column of numbers, at least one of them, in SI units or not."""
     table.column(name, _ADVICE)
     found = table.numbers(name, _OTHER)
     if endless := int(np.isinf(found).sum()):
@@ -138,14 +143,18 @@ def _numbers(table: Table, name: str) -> Array:
             f"{table.path}: the column {name!r} is infinite in {counted(endless, 'row')}. Leave these cells "
             "empty."
         )
+    if not np.isfinite(found).any():
+        raise SerpentError(f"{table.path}: {name!r}, {what}, has no number in any row. {_OTHER}")
     return found
 
 
-def _in_its_unit(table: Table, name: str, stated: DriveColumn | MeasuredColumns) -> Array:
+def _in_its_unit(
+    table: Table, name: str, stated: DriveColumn | MeasuredColumns, what: str
+) -> Array:
     """A column in the unit that machine.toml states: of an imported log, if that is the recording's unit, as
     the recording had it.
     """
-    values, made = _numbers(table, name), table.conversions.get(name)
+    values, made = _some_numbers(table, name, what), table.conversions.get(name)
     if made and stated.unit == made.unit and TO_SI[made.unit][0] != 1:
         return made.undone(values)
     require_own_unit(table, name, stated.unit, stated.scale)
@@ -172,11 +181,7 @@ def as_logged(machine: Described, drive: DriveColumn, told: Array) -> Array:
 
 
 def _drive(machine: Described, table: Table, drive: DriveColumn) -> Array:
-    raw = _in_its_unit(table, drive.column, drive)
-    if not np.isfinite(raw).any():
-        raise SerpentError(
-            f"{table.path}: {drive.column!r}, which drives {drive.of[1]}, has no number in any row. {_OTHER}"
-        )
+    raw = _in_its_unit(table, drive.column, drive, f"which drives {drive.of[1]}")
     found = _si(raw, drive.unit, drive.scale, machine.offset(drive))
     limits = machine.limits(drive)
     if limits is not None:

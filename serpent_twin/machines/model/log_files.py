@@ -43,11 +43,8 @@ def find(source: Path, needed: Sequence[str], measured: Sequence[str]) -> list[L
     several = whole + (_together(source, partial, needed) if partial else [])
     ordered = [tuple(sorted(each, key=lambda one: -len(_has(one, measured)))) for each in several]
     ordered.sort(key=lambda each: _by_number(_within(each[0].path, source)))
-    stems = Counter(each[0].path.stem for each in ordered)
-    return [
-        LogTables(_name(each[0].path, source) if stems[each[0].path.stem] > 1 else "", each)
-        for each in ordered
-    ]
+    stems = Counter(tables.stem(each[0].path) for each in ordered)
+    return [LogTables(_name(each[0].path, source, stems), each) for each in ordered]
 
 
 def _paths(source: Path) -> list[Path]:
@@ -87,9 +84,12 @@ def _within(path: Path, source: Path) -> str:
     return path.relative_to(source).as_posix() if path != source else path.name
 
 
-def _name(path: Path, source: Path) -> str:
-    """A log's name with its folders."""
-    return _within(path, source).removesuffix("".join(path.suffixes))
+def _name(path: Path, source: Path, stems: Counter[str]) -> str:
+    """A log's name, with its folders if there are several of that name; nothing if it is its file's."""
+    stem = tables.stem(path)
+    if stems[stem] > 1:
+        return Path(_within(path, source)).with_name(stem).as_posix()
+    return "" if stem == path.stem else stem
 
 
 def _by_number(name: str) -> list[tuple[int, str]]:
@@ -139,8 +139,8 @@ def _together(
 
 def _words(source: Path, table: Table) -> list[str]:
     """The words and numbers of a file's name and folders."""
-    path = table.path
-    name = _within(path, source).lower().removesuffix("".join(path.suffixes).lower())
+    path = Path(_within(table.path, source))
+    name = path.with_name(tables.stem(path)).as_posix().lower()
     return [each for each in re.split(r"[^a-z0-9]+|(?<=[a-z])(?=\d)", name) if each]
 
 

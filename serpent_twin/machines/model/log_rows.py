@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from serpent_twin.machines.model.doubts import FEWEST
 from serpent_twin.machines.model.starts import measured_joints
 from serpent_twin.numerals import counted, listed
 from serpent_twin.tables.even import EvenRows, Mended, UnevenError, even_rows
-from serpent_twin.tables.sampling import between, held, held_cells, longest_gap, runs_of
+from serpent_twin.tables.sampling import between, held, held_cells, is_stream, longest_gap, runs_of
 
 
 @dataclass(frozen=True)
@@ -109,13 +110,16 @@ def rows_in_motion(
         began = float(pieces[0].time[0]) if began is None else began
         mended = sum((each.mended for each in pieces), mended)
         made = [_recording(whole, each, one, others, began, notes) for each in pieces]
-        long = [each for each in made if len(each) >= FEWEST]
+        long = [each for each in made if _is_enough(each, one)]
         if dropped := len(made) - len(long):
+            few = f"with fewer than {FEWEST} rows or without any reading of a column"
+            notes.append(f"{base.path}: {counted(dropped, 'part')} {few} left out.")
+        if len(pieces) > 1:
+            pauses = (f"{b.time[0] - a.time[-1]:.3g} s" for a, b in pairwise(pieces))
+            lengths = listed(islice(pauses, 5)) + (" …" if len(pieces) > 6 else "")
             notes.append(
-                f"{base.path}: {counted(dropped, 'part')} of fewer than {FEWEST} rows left out."
+                f"{base.path}: read in {counted(len(long), 'part')}, as nothing was logged for {lengths}."
             )
-        if len(long) > 1:
-            notes.append(f"{base.path}: read in {len(long)} parts, as it pauses in between.")
         stem = name or whole.name
         found += [
             replace(each, label=name if len(long) < 2 else f"{stem} part {n}")
@@ -125,6 +129,12 @@ def rows_in_motion(
         raise SerpentError(f"{base.path} has no {FEWEST} rows one after the other. Leave it out.")
     said = mended.sentence()
     return found, list(dict.fromkeys([*([f"{base.path}: {said}."] if said else []), *notes]))
+
+
+def _is_enough(part: Recording, one: Columns) -> bool:
+    """Whether a part of a log has rows, and a reading in each column."""
+    known = all(np.isfinite(part.columns[name]).any() for name in one.measured)
+    return len(part) >= FEWEST and known
 
 
 def _even(machine: Described, one: Columns) -> list[EvenRows]:
@@ -153,59 +163,76 @@ def _recording(
     notes: list[str],
 ) -> Recording:
     """One part of a log in even rows."""
-    gap = longest_gap(even.period)
     last = np.maximum.accumulate(np.where(even.row >= 0, np.arange(len(even.row)), 0))
-    columns = {name: values[even.row[last]] for name, values in one.others.items()}
-    if even.stamp is None:
-        commands = {name: held_cells(v)[even.row[last]] for name, v in one.commands.items()}
-        measured = {n: np.where(even.row < 0, np.nan, v[even.row]) for n, v in one.measured.items()}
-        prescribed = {
-            n: np.where(even.row < 0, np.nan, v[even.row]) for n, v in one.prescribed.items()
-        }
-        prescribed = {n: between(even.time, v, even.time, gap) for n, v in prescribed.items()}
-    else:
-        commands = {
-            name: held(
-                even.stamp[np.isfinite(even.stamp)],
-                v[np.isfinite(even.stamp)],
-                even.time,
-                even.period,
-            )
-            for name, v in one.commands.items()
-        }
-        smooth = {**one.measured, **one.prescribed}
-        known = np.isfinite(even.stamp)
-        smooth = {
-            n: between(even.stamp[known], v[known], even.time, gap) for n, v in smooth.items()
-        }
-        measured = {n: smooth[n] for n in one.measured}
-        prescribed = {n: smooth[n] for n in one.prescribed}
+    row = even.row[last]  # of a lost row, the one before
+    kinds = [_at_rows(even, one, notes) if even.stamp is None else _at_times(even, even.stamp, one)]
     for other in others:
         _require_common(one, other, even)
-        order = np.argsort(other.time, kind="stable")
-        order = order[np.isfinite(other.time[order])]
-        own = other.time[order]
-        for name, values in other.commands.items():
-            commands[name] = held(own, values[order], even.time, even.period)
-        for name, values in other.measured.items():
-            measured[name] = between(own, values[order], even.time, gap)
-        for name, values in other.prescribed.items():
-            prescribed[name] = between(own, values[order], even.time, gap)
+        kinds.append(_at_times(even, other.time, other))
     _say_held(one, others, notes)
+    commands, measured, prescribed = (
+        {name: values for each in kinds for name, values in each[n].items()} for n in range(3)
+    )
+    columns = {name: values[row] for name, values in one.others.items()}
     columns |= commands | prescribed | measured
     rows = _known_rows(one, commands, prescribed, notes)
     columns = {name: values[rows] for name, values in columns.items()}
-    time = even.time[rows] - began
     about = whole.metadata | {CLOCK_BEGAN: began}
-    return replace(whole, metadata=about, columns={"time": time, **columns})
+    return replace(whole, metadata=about, columns={"time": even.time[rows] - began, **columns})
+
+
+_Kinds = tuple[dict[str, Array], dict[str, Array], dict[str, Array]]
+"""Commands, readings and known motions, by name"""
+
+
+def _at_rows(even: EvenRows, one: Columns, notes: list[str]) -> _Kinds:
+    """The columns of a table whose rows are even ones.
+
+    Where a row is lost or a cell empty, a command is interpolated if commands are a stream that changes
+    smoothly, as a held one would come late; else it is held. A reading is left open.
+    """
+
+    def kept(columns: dict[str, Array]) -> dict[str, Array]:
+        return {n: np.where(even.row < 0, np.nan, v[even.row]) for n, v in columns.items()}
+
+    gap = longest_gap(even.period)
+    known = {n: between(even.time, v, even.time, gap) for n, v in kept(one.prescribed).items()}
+    commands = dict[str, Array]()
+    for name, values in kept(one.commands).items():
+        stream = is_stream(values)
+        whole = between(even.time, values, even.time, gap) if stream else values
+        commands[name] = held_cells(whole)
+        if lacking := int(np.isnan(values).sum()):
+            how = "interpolated, as they change smoothly," if stream else "held"
+            notes.append(
+                f"{one.path}: commands in {name!r} {how} in {counted(lacking, 'row')} without one."
+            )
+    return commands, kept(one.measured), known
+
+
+def _at_times(even: EvenRows, time: Array, one: Columns) -> _Kinds:
+    """The columns of a table by its own times: commands held, all else interpolated."""
+    order = np.argsort(time, kind="stable")
+    order = order[np.isfinite(time[order])]
+    own, gap = time[order], longest_gap(even.period)
+
+    def smooth(columns: dict[str, Array]) -> dict[str, Array]:
+        return {n: between(own, v[order], even.time, gap) for n, v in columns.items()}
+
+    commands = {n: held(own, v[order], even.time, even.period) for n, v in one.commands.items()}
+    return commands, smooth(one.measured), smooth(one.prescribed)
 
 
 def _say_held(one: Columns, others: Sequence[Columns], notes: list[str]) -> None:
-    """Say where commands are fewer than rows."""
+    """Say where cells are empty, and how tables were joined."""
     for each in (one, *others):
-        lacking = {n: int((~np.isfinite(v)).sum()) for n, v in each.commands.items()}
-        if named := [f"{count} in {name!r}" for name, count in lacking.items() if count]:
-            notes.append(f"{each.path}: the last command is held in empty cells, {listed(named)}.")
+        for columns, done in (
+            (each.measured, "nothing counts as measured in empty cells"),
+            (each.prescribed, "the motion is interpolated in empty cells"),
+        ):
+            lacking = {n: int((~np.isfinite(v)).sum()) for n, v in columns.items()}
+            if named := [f"{count} in {name!r}" for name, count in lacking.items() if count]:
+                notes.append(f"{each.path}: {done}, {listed(named)}.")
     for each in others:
         what = [
             f"{kind} of {listed(map(repr, names))} {done}"
@@ -237,7 +264,8 @@ def _known_rows(
     one: Columns, commands: dict[str, Array], prescribed: dict[str, Array], notes: list[str]
 ) -> slice:
     """Rows from the first to the last in which all drives are known; refuses a motion unknown in between."""
-    known = np.isfinite(np.array([*commands.values(), *prescribed.values()])).all(axis=0)
+    driven = np.array([*commands.values(), *prescribed.values()])
+    known = np.asarray(np.isfinite(driven).all(axis=0))
     there = runs_of(known)
     if not there:
         raise SerpentError(f"{one.path} has no row in which all drives are known. Leave it out.")
@@ -250,7 +278,8 @@ def _known_rows(
             count = int((~np.isfinite(prescribed[odd][rows])).sum())
             raise SerpentError(
                 f"{one.path}: {odd!r}, whose motion the model follows, has no number in "
-                f"{counted(count, 'row')}, for more than 0.2 s. Leave those rows out of the log: it is split there."
+                f"{counted(count, 'row')}, for more than 0.2 s. Leave those rows out of the log, which is "
+                "then split there."
             )
     if left := len(known) - (rows.stop - rows.start):
         where = "at the beginning or end, in which not all drives are known,"
