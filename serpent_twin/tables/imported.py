@@ -55,8 +55,9 @@ def conversion(metadata: Mapping[bytes, bytes]) -> Conversion | None:
 def as_recorded(
     columns: Mapping[str, Column], conversions: Mapping[str, Conversion]
 ) -> tuple[dict[str, Column], dict[str, str]]:
-    """Columns by the names that the recording had, in its units, and these units; a name that the log has stays
-    its own, and one that two streams have is left out.
+    """Columns by the names that the recording had, in its units, and these units.
+
+    A name that the log has stays its own, and one that two streams have is left out.
     """
     once = Counter(each.field for each in conversions.values())
     new = {
