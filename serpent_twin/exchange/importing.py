@@ -66,7 +66,7 @@ def import_logs(
 
 
 def machine_of(given: Path | None, map_path: Path, out: Path) -> Path | None:
-    """The machine.toml that is given, or lies in a folder given; else one beside a map or the logs' folder."""
+    """The machine.toml that is given, or its folder; else one beside a map, or where logs are to be."""
     if given:
         return given / MACHINE if given.is_dir() else given
     several = (map_path.parent / MACHINE, out / MACHINE, out.parent / MACHINE)

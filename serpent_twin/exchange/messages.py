@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
+from serpent_twin.tables.times import in_seconds, is_time
 
 Mask = NDArray[np.bool_]
 PUBLISHER = "publisher"
 """Name of what tells the publishers of one topic apart, where the recording has that"""
 _PART = re.compile(r"([^.\[\]]+)|\[([^\[\]]+)\]")
+_NUMBER = re.compile(r"[-+.\deE]+")
 _NAMES = ("name", "names", "joint_names")
 """Fields of a message that list the names of its other fields' entries, as JointState has them"""
 _SENDERS = ("header.frame_id", "child_frame_id")
@@ -116,6 +118,7 @@ def of_decoded(
     texts = {name: [_text(at(each, name)) for each in decoded] for name in _SENDERS}
     texts[PUBLISHER] = publishers or [""] * len(decoded)
     stamps = {path.rpartition(".")[0]: "s" for path in fields if path.endswith("sec")}
+    stamps |= {path: "s" for path in fields if _is_stamp(at(decoded[0], path))}
     return Messages(
         np.array(recorded, float),
         lambda path: values(path)[0],
@@ -169,18 +172,15 @@ def _names(message: Any) -> list[str]:
 
 def _refuse_moving_index(decoded: Sequence[Any], path: str) -> None:
     """Refuse an entry by its number where messages name their entries in different orders."""
-    parts = _PART.findall(path)
-    number = next((int(index) for _, index in parts if index.isdecimal()), None)
-    if number is None:
-        return
-    head = path.partition("[")[0]
-    named = dict.fromkeys(_named_entries(decoded, head, number))
-    if len(named) > 1:
-        said = " or ".join(map(repr, list(named)[:3]))
-        first = next(iter(named))
+    for index in re.finditer(r"\[(\d+)\]", path):
+        head = path[: index.start()]
+        named = list(dict.fromkeys(_named_entries(decoded, head, int(index[1]))))
+        if len(named) < 2:
+            continue
+        said = " or ".join(map(repr, named[:3]))
         raise SerpentError(
             f"{path!r} is {said}: which entry that is changes from message to message, as names in another "
-            f"order, or of another publisher, do. Give its name in place of its number: {head}[{first}]."
+            f"order, or of another publisher, do. Give its name in place of its number: {head}[{named[0]}]."
         )
 
 
@@ -205,12 +205,19 @@ def _text(value: Any) -> str:
     return value if isinstance(value, str) else ""
 
 
+def _is_stamp(value: Any) -> bool:
+    """Whether a text is a time by itself, and no number."""
+    return isinstance(value, str) and is_time(value) and not _NUMBER.fullmatch(value.strip())
+
+
 def _number(value: Any, path: str) -> float:
     """A number, NaN for null; of a time stamp, its seconds."""
     if value is None:
         return np.nan
     if isinstance(value, int | float | np.number):
         return float(value)
+    if isinstance(value, str):
+        return float(in_seconds(np.array([value], object), 1.0)[0]) if is_time(value) else np.nan
     for seconds, parts in (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec")):
         try:
             return float(_member(value, seconds)) + 1e-9 * float(_member(value, parts))
@@ -225,7 +232,7 @@ def _leaves(value: Any, path: str, names: Sequence[str] = ()) -> list[str]:
         keys = names if len(names) == len(value) else range(len(value))
         parts = zip((f"{path}[{key}]" for key in keys), value, strict=True)
         return [leaf for name, each in parts for leaf in _leaves(each, name)]
-    if isinstance(value, int | float | np.number):
+    if isinstance(value, int | float | np.number) or _is_stamp(value):
         return [path]
     if isinstance(value, Mapping):
         members = {str(name): each for name, each in value.items()}

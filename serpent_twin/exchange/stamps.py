@@ -1,5 +1,7 @@
 """Turn the times of messages into seconds, and refuse those that can be no clock in their unit."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +18,8 @@ _POSSIBLE = (1e-6, 1e4)
 _SINCE_1970 = (9.4e8, 4.2e9)
 """Seconds from 1970 to the years 2000 and 2103: between these lie the stamps of recordings"""
 _UNITS = ("s", "ms", "µs", "ns")
+_COARSE = 0.1
+"""Share of rows that have the stamp of the row before, and other values, from which a clock is coarse"""
 _ROWS_BACK, _BACK = 20, 0.5
 """Messages, and time [s], by which a clock that goes back began anew"""
 
@@ -73,11 +77,13 @@ def _implausible(values: Array, step: float, unit: str, name: str) -> str:
     return f'{text}If it is right, add time_unit = "{unit}" to the stream; else name another field.'
 
 
-def sorted_times(time: Array, name: str) -> tuple[NDArray[np.intp], Array, int, str]:
+def sorted_times(
+    time: Array, values: Sequence[Array], name: str
+) -> tuple[NDArray[np.intp], Array, int, str]:
     """Rows in the order of their times, (K,), rising times there, how many came late or twice, and a note.
 
-    Rows that share a stamp because the clock is coarse are spread evenly until the next one. Raises a
-    `SerpentError` where the clock began anew.
+    Values, (T,) each, tell rows that are repeated from rows that share a stamp because the clock is coarse;
+    these are spread evenly until the next stamp. Raises a `SerpentError` where the clock began anew.
     """
     apart = np.diff(time)
     if (ahead := apart[apart > 0]).size:
@@ -89,10 +95,19 @@ def sorted_times(time: Array, name: str) -> tuple[NDArray[np.intp], Array, int, 
                 "recordings follow each other. Split the recording there."
             )
     order = np.argsort(time, kind="stable")
+    order = order[~_repeated(time[order], [each[order] for each in values])]
     there, note = time[order], ""
-    if np.mean(np.diff(there) == 0) > 0.5:
+    if np.mean(np.diff(there) == 0) > _COARSE:
         there, coarse = spread(there)
         note = f"{name} steps by {coarse:.3g} s; messages that share a stamp are spread evenly"
     kept = np.r_[True, np.diff(there) > 0]
-    late = int((apart < 0).sum() + (~kept).sum())
+    late = int((apart < 0).sum()) + len(time) - int(kept.sum())
     return order[kept], there[kept], late, note
+
+
+def _repeated(time: Array, values: Sequence[Array]) -> NDArray[np.bool_]:
+    """Whether a row is the one before once more, (T,)."""
+    again = np.diff(time) == 0
+    for each in values:
+        again &= (each[1:] == each[:-1]) | (np.isnan(each[1:]) & np.isnan(each[:-1]))
+    return np.r_[False, again]

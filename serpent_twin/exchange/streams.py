@@ -12,10 +12,12 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.exchange import map_file
 from serpent_twin.exchange.clocks import Lateness
 from serpent_twin.exchange.commands import is_command
-from serpent_twin.exchange.map_file import MappedStream, si
+from serpent_twin.exchange.map_file import MappedField, MappedStream, si
 from serpent_twin.exchange.messages import PUBLISHER, Mask, Messages, Recorded
 from serpent_twin.exchange.stamps import in_seconds, sorted_times
 from serpent_twin.numerals import counted
+from serpent_twin.tables.imported import Conversion
+from serpent_twin.units import TO_SI
 
 _TO_AND_FRO = 0.05
 """Share of messages that return to where the one before the last was, from which two senders are suspected"""
@@ -31,6 +33,8 @@ class ImportedStream:
     """(T,) [s]"""
     columns: Mapping[str, Array]
     """(T,) each, by name"""
+    conversions: Mapping[str, Conversion]
+    """How each column was made"""
     commands: Mapping[str, bool | None]
     """Whether each column is a command; None where nothing says so"""
     left: Sequence[str]
@@ -56,15 +60,19 @@ def stream_of(each: MappedStream, recorded: Recorded, roles: Mapping[str, bool])
     sources = [of.source for of in each.fields] + [n for of in each.points for n in of.fields]
     messages, notes = _of_one_sender(each, everything, sources)
     time, unit, note = _times(each, messages)
-    kept, time, unsorted, spread = sorted_times(time, each.time or "the time of recording")
+    values = [messages.field(path) for path in sources]
+    kept, time, unsorted, spread = sorted_times(time, values, each.time or "the time of recording")
+    made = {of.column: _conversion(of, messages) for of in each.fields}
     columns = {
-        of.column: si(messages.field(of.source), of.unit, of.scale, of.offset)[kept]
-        for of in each.fields
+        name: si(messages.field(of.field), of.unit, of.scale, of.offset)[kept]
+        for name, of in made.items()
     }
     for of in each.points:
         place = np.stack([si(messages.field(name), of.unit)[kept] for name in of.fields], axis=1)
         moved = place @ np.array(of.axes) + np.array(of.origin)
         columns |= dict(zip(of.columns, moved.T, strict=True))
+        sources_of = [""] * 3 if of.is_turned else of.fields
+        made |= {n: Conversion(f, of.unit) for n, f in zip(of.columns, sources_of, strict=True)}
     notes += [note, spread, *(_doubt(name, values) for name, values in columns.items())]
     commands: dict[str, bool | None] = {n: False for of in each.points for n in of.columns}
     commands |= {of.column: is_command(each, of, roles) for of in each.fields}
@@ -72,7 +80,7 @@ def stream_of(each: MappedStream, recorded: Recorded, roles: Mapping[str, bool])
     left = [name for name in messages.fields if name not in asked]
     said = tuple(filter(None, (*messages.notes, *notes)))
     return ImportedStream(
-        each.topic or "the table", time, columns, commands, left, unsorted, unit, said
+        each.topic or "the table", time, columns, made, commands, left, unsorted, unit, said
     )
 
 
@@ -133,6 +141,19 @@ def _refuse_mixed(messages: Messages) -> None:
             )
 
 
+def _conversion(of: MappedField, messages: Messages) -> Conversion:
+    """How a field becomes a column, in the unit that the map states, else in that of the recording."""
+    own = messages.units.get(of.source, "1")
+    if own not in TO_SI or own == "1":
+        return Conversion(of.source, of.unit, of.scale, of.offset)
+    if of.unit not in ("1", own):
+        raise SerpentError(
+            f"{of.source!r} is in {own}, as the recording says, and the map says {of.unit!r}. State "
+            f"unit = {own!r}, or none."
+        )
+    return Conversion(of.source, own, of.scale, of.offset)
+
+
 def _doubt(name: str, values: Array) -> str:
     """A note where a column jumps to another course and back, again and again."""
     jump, over = np.abs(np.diff(values)), np.abs(values[2:] - values[:-2])
@@ -151,7 +172,8 @@ def _doubt(name: str, values: Array) -> str:
 def _times(each: MappedStream, messages: Messages) -> tuple[Array, str, str]:
     """The times of messages [s], the unit that they were read in, and a note on it."""
     if each.time:
-        unit = each.time_unit or messages.units.get(each.time)
+        own = messages.units.get(each.time, "")
+        unit = each.time_unit or (own if TO_SI.get(own, (1.0, ""))[1] == "s" else None)
         return in_seconds(messages.field(each.time), unit, each.time)
     if np.isnan(messages.recorded).any():
         raise SerpentError("a table needs time, the name of its column. Add it.")

@@ -40,14 +40,8 @@ class Imported:
 def write(path: Path, each: Imported, wanted: Map, about: Mapping[str, Any]) -> None:
     """Write a log whose columns say their units, and which fields they were, scaled and shifted by what."""
     of_columns = {"time": Conversion(wanted.stream[0].time, each.streams[0].time_unit).metadata}
-    for stream in wanted.stream:
-        for of in stream.fields:
-            made = Conversion(of.source, of.unit, of.scale, of.offset)
-            of_columns[of.column] = made.metadata
-        for of in stream.points:
-            for name, source in zip(of.columns, of.fields, strict=True):
-                plain = Conversion("" if of.is_turned else source, of.unit)
-                of_columns[name] = plain.metadata
+    for stream in each.streams:
+        of_columns |= {name: made.metadata for name, made in stream.conversions.items()}
     fields = [pa.field(n, pa.float64(), metadata=of_columns[n]) for n in each.columns]
     said = {"git_commit": about["git_commit"], "held": list(each.held), "log": each.name}
     schema = pa.schema(fields, metadata={KEY: json.dumps(said)})

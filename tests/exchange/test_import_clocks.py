@@ -68,6 +68,23 @@ def test_rows_that_share_a_stamp_of_a_coarse_clock_are_kept(tmp_path):
     assert "steps by 0.1 s" in found[0].streams[0].notes[0]
 
 
+def test_a_clock_coarser_than_some_rows_loses_none(tmp_path):
+    """Ticks of 1/64 s at 100 Hz: every third row shares a stamp."""
+    time = np.arange(0.0, 6.0, 0.01)
+    file = table(tmp_path / "run.csv", t=np.floor(time * 64) / 64, q=np.degrees(angle(time)))
+    _, log = imported(tmp_path, [file], TABLE.format(""))
+    np.testing.assert_allclose(log["time"], time, atol=2e-3)
+    np.testing.assert_allclose(log["elbow"], angle(time), atol=1e-9)
+
+
+def test_rows_that_are_repeated_are_left_out(tmp_path):
+    twice = np.repeat(np.arange(len(TIME)), np.where(np.arange(len(TIME)) % 3, 1, 2))
+    file = table(tmp_path / "run.csv", t=TIME[twice], q=DEGREES[twice])
+    found, log = imported(tmp_path, [file], TABLE.format(""))
+    np.testing.assert_allclose(log["elbow"], ANGLE, atol=1e-9)
+    assert found[0].streams[0].unsorted == 100
+
+
 def test_the_last_row_at_a_rate_is_known(tmp_path):
     """Stamps since 1970 are rounded to some 1e-7 s, which is not the end of the recording."""
     file = table(tmp_path / "run.csv", t=1.74e9 + TIME, q=DEGREES)

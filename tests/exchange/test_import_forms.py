@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from recordings import ANGLE, TABLE, TIME, angle, imported, table
+from recordings import ANGLE, TABLE, TIME, angle, imported, json_mcap, table
 from scipy.io import savemat
 
 from serpent_twin.errors import SerpentError
@@ -69,6 +69,17 @@ def test_a_folder_of_recordings_is_imported_by_number(tmp_path):
     (tmp_path / "in" / "notes.md").write_text("what was done")
     found, _ = imported(tmp_path, [tmp_path / "in"], TABLE.format(""))
     assert [each.name for each in found] == ["run_3", "run_2", "run_10"]
+
+
+def test_what_a_cut_recording_has_is_imported(tmp_path):
+    file = json_mcap(tmp_path / "run.mcap", ("/js", TIME, [{"q": float(q)} for q in DEGREES]))
+    whole = file.read_bytes()
+    text = TABLE.format('topic = "/js"').replace('time = "t"', "")
+    at_end = whole.index(b'{"q": ' + str(DEGREES[200]).encode())
+    file.write_bytes(whole[:at_end])
+    found, log = imported(tmp_path, [file], text)
+    np.testing.assert_allclose(log["elbow"], ANGLE[:200], atol=1e-9)
+    assert "run.mcap ends early" in found[0].streams[0].notes[0]
 
 
 def test_a_folder_of_nothing_that_is_read_is_refused(tmp_path):

@@ -62,7 +62,7 @@ def json_mcap(path: Path, *channels):
     """An MCAP file of JSON: topic, times, messages and metadata of each channel."""
     writing = pytest.importorskip("mcap.writer")
     with path.open("wb") as file:
-        writer = writing.Writer(file)
+        writer = writing.Writer(file, use_chunking=False)
         writer.start()
         schema = writer.register_schema("J", "jsonschema", b"{}")
         rows = []

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from serpent_twin import tables
 from serpent_twin.errors import SerpentError
 from serpent_twin.exchange.messages import Source
 
@@ -35,8 +36,14 @@ def _found(path: Path, sources: Sequence[Source]) -> Iterator[tuple[Path, Source
     if own:
         yield path, own
     elif path.is_dir():
-        for part in sorted(path.iterdir(), key=_by_number):
-            yield from _found(part, sources)
+        parts = [each for each in path.iterdir() if not each.name.startswith(".")]
+        found = [each for part in sorted(parts, key=_by_number) for each in _found(part, sources)]
+        yield from [each for each in found if not _is_plain(each[0])] or found
+
+
+def _is_plain(path: Path) -> bool:
+    """Whether a file is a text that need not be a recording, where there are others."""
+    return tables.ending(path) in (".txt", ".dat")
 
 
 def _by_number(path: Path) -> list[tuple[int, str]]:
