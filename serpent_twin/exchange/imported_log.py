@@ -1,6 +1,5 @@
 """Look into a log that was imported: what its columns hold, and what is odd about them."""
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from serpent_twin import tables
+from serpent_twin import stored, tables
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
@@ -23,6 +22,12 @@ _UNEVEN = 0.5
 _TURNS = 5.5
 """Jump of an angle [rad] that is a wrap, as of an encoder at the end of its turn"""
 _OF_SESSIONS = b"serpent_twin"
+
+
+class _Said(stored.OpenForm, frozen=True):
+    """What the metadata of an imported log say."""
+
+    held: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +68,7 @@ def read(path: Path) -> ImportedLog:
     """The log of a file; raises a `SerpentError` that says what is wrong with it."""
     table = tables.read(path, _ADVICE)
     raw = table.metadata.get(KEY)
-    said = json.loads(raw) if raw else {}
+    said = stored.parse_json(raw, _Said, f"{path}: the metadata") if raw else _Said()
     own = {
         name
         for name in table.columns
@@ -74,7 +79,7 @@ def read(path: Path) -> ImportedLog:
     if TIME not in table.columns or table.rows < 2:
         raise SerpentError(f"{path} has no column {TIME!r} of several rows. {_ADVICE}")
     columns = {name: table.numbers(name) for name in numbers if name != TIME}
-    held = frozenset(said.get("held", ()))
+    held = frozenset(said.held)
     return ImportedLog(path, table.numbers(TIME), columns, dict(table.units), held)
 
 
