@@ -114,7 +114,9 @@ def _imported(name: str, recorded: Recorded, wanted: Map, roles: Mapping[str, bo
 
 def _held(time: Array, period: Array, own: Array, values: Array) -> Array:
     """Commands, each in force until the next one; of switches, whole ones."""
-    if np.isin(values[np.isfinite(values)], (0.0, 1.0)).all():
+    known = np.isfinite(values)
+    own, values = own[known], values[known]
+    if len(values) and np.isin(values, (0.0, 1.0)).all():
         return values[np.maximum(np.searchsorted(own, time + period / 2, side="right") - 1, 0)]
     row = np.clip(np.searchsorted(time, own + period[0] / 2) - 1, 0, len(time) - 1)
     with_row = np.abs(own - time[row]) < _ROUNDED * period[row]
