@@ -18,7 +18,15 @@ from serpent_twin.machines.model.doubts import FEWEST
 from serpent_twin.machines.model.starts import measured_joints
 from serpent_twin.numerals import counted, listed
 from serpent_twin.tables.even import EvenRows, Mended, UnevenError, even_rows
-from serpent_twin.tables.sampling import between, held, held_cells, is_stream, longest_gap, runs_of
+from serpent_twin.tables.sampling import (
+    between,
+    bridged,
+    held,
+    held_cells,
+    is_stream,
+    longest_gap,
+    runs_of,
+)
 
 
 @dataclass(frozen=True)
@@ -219,7 +227,13 @@ def _at_times(even: EvenRows, time: Array, one: Columns) -> _Kinds:
     def smooth(columns: dict[str, Array]) -> dict[str, Array]:
         return {n: between(own, v[order], even.time, gap) for n, v in columns.items()}
 
-    commands = {n: held(own, v[order], even.time, even.period) for n, v in one.commands.items()}
+    commands = dict[str, Array]()
+    for name, values in one.commands.items():
+        given = own, values[order]
+        if time is even.stamp:  # rows of its own, of which some may be lost
+            known = np.isfinite(given[1])
+            given = bridged(own[known], given[1][known])
+        commands[name] = held(*given, even.time, even.period)
     return commands, smooth(one.measured), smooth(one.prescribed)
 
 
