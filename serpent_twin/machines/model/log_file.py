@@ -12,7 +12,7 @@ from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import KEY, Recording
-from serpent_twin.machines.model.clocks import CLOCK_BEGAN, in_sequence
+from serpent_twin.machines.model.clocks import in_sequence
 from serpent_twin.machines.model.description import MOTION, Clock, Described, DriveColumn
 from serpent_twin.machines.model.doubts import (
     FEWEST,
@@ -24,7 +24,8 @@ from serpent_twin.machines.model.doubts import (
 )
 from serpent_twin.machines.model.known import STATED, stated
 from serpent_twin.machines.model.log_files import LogTables, find
-from serpent_twin.machines.model.log_rows import Columns, poses, rows_in_motion
+from serpent_twin.machines.model.log_poses import poses
+from serpent_twin.machines.model.log_rows import Columns, rows_in_motion
 from serpent_twin.machines.rig import NOTES
 from serpent_twin.numerals import counted
 from serpent_twin.tables import Table, lerobot
@@ -177,6 +178,3 @@ def _metadata_of(table: Table) -> Mapping[str, Any]:
     """What a Parquet log has under the metadata key `measured`; nothing of others."""
     raw = table.metadata.get(KEY)
     return stored.parse_json(raw, dict[str, Any], f"{table.path}: the metadata") if raw else {}
-
-
-__all__ = ["CLOCK_BEGAN", "as_logged", "read", "read_runs"]
