@@ -13,7 +13,13 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import KEY, Recording
 from serpent_twin.machines.model.clocks import in_sequence
-from serpent_twin.machines.model.description import MOTION, Clock, Described, DriveColumn
+from serpent_twin.machines.model.description import (
+    MOTION,
+    Clock,
+    Described,
+    Description,
+    DriveColumn,
+)
 from serpent_twin.machines.model.doubts import (
     FEWEST,
     require_own_unit,
@@ -98,7 +104,7 @@ def _columns(machine: Described, table: Table) -> Columns:
     return Columns(
         table.path,
         about.time.column if about.time else "",
-        _time(about.time, table),
+        _time(about, table),
         {n: v for n, v in driven.items() if n not in prescribed} | switches,
         measured,
         {n: v for n, v in driven.items() if n in prescribed},
@@ -164,13 +170,15 @@ def _drive(machine: Described, table: Table, drive: DriveColumn) -> Array:
     return found
 
 
-def _time(clock: Clock | None, table: Table) -> Array:
+def _time(about: Description, table: Table) -> Array:
     """When each row was [s], (T,); without a clock, its number."""
+    clock = about.time
     if clock is None:
         return np.arange(float(table.rows))
     if clock.scale is None:
         require_own_unit(table, clock.column, clock.unit, 1.0)
-    require_seconds(table, clock)
+    if about.rows == MOTION:
+        require_seconds(table, clock)
     return table.seconds(clock.column, clock.seconds, _ADVICE)
 
 
