@@ -9,10 +9,10 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.stored import require_file
 from serpent_twin.tables import lerobot
 from serpent_twin.tables.arrow import columns_of
-from serpent_twin.tables.table import MOST_BYTES, Column, Table, require_once, require_room
+from serpent_twin.tables.table import MOST_BYTES, Column, DataTable, require_once, require_room
 
 
-def read(path: Path, advice: str) -> Table:
+def read(path: Path, advice: str) -> DataTable:
     """The table of a Parquet file; of an episode of a LeRobot data set also by the names of its joints."""
     require_file(path, MOST_BYTES, advice)
     try:
@@ -37,4 +37,4 @@ def read(path: Path, advice: str) -> Table:
         for each in schema
         if each.metadata and b"unit" in each.metadata
     }
-    return Table(path, columns | lerobot.by_names(path, columns), (), units, metadata)
+    return DataTable(path, columns | lerobot.by_names(path, columns), (), units, metadata)
