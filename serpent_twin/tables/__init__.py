@@ -1,17 +1,17 @@
 """Read a table of any common kind as named columns.
 
-`read(path)` returns a `Table`: `.columns` by name, (T,) each, of numbers, time stamps or texts; `.notes` on
-how it was read, for the user; `.units`, where the file states them. `Table.numbers(name)` are floats,
-`Table.seconds(name, unit)` times. A column of lists is read as `u[0]`, `u[1]`; one of records as `pose.x`.
+`read(path)` returns a `DataTable`: `.columns` by name, (T,) each, of numbers, time stamps or texts; `.notes` on
+how it was read, for the user; `.units`, where the file states them. `DataTable.numbers(name)` are floats,
+`DataTable.seconds(name, unit)` times. A column of lists is read as `u[0]`, `u[1]`; one of records as `pose.x`.
 """
 
 import importlib
 from pathlib import Path
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.tables.table import Table
+from serpent_twin.tables.table import DataTable
 
-__all__ = ["ENDINGS", "Table", "ending", "read", "reads", "stem"]
+__all__ = ["ENDINGS", "DataTable", "ending", "read", "reads", "stem"]
 
 _FORMATS = {
     ".csv": "text",
@@ -62,7 +62,7 @@ def reads(path: Path) -> bool:
     return bool(kind) and (kind in ("text", "jsonl") or not path.name.lower().endswith(_COMPRESSED))
 
 
-def read(path: Path, advice: str = "") -> Table:
+def read(path: Path, advice: str = "") -> DataTable:
     """The table of a file; raises a `SerpentError` that says what is wrong with it, and then `advice`."""
     if not reads(path):
         raise SerpentError(f"{path} {otherwise(path)}.")

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.errors import SerpentError
-from serpent_twin.tables.table import Column, Table, from_texts, require_room
+from serpent_twin.tables.table import Column, DataTable, from_texts, require_room
 from serpent_twin.tables.text import CUT, unpacked
 
 
-def read(path: Path, advice: str) -> Table:
+def read(path: Path, advice: str) -> DataTable:
     """The table of a file: keys are columns, `u[0]` of lists and `pose.x` of objects.
 
     Where a line lacks a key, the cell is empty. A last line that is cut off is left out.
@@ -33,7 +33,9 @@ def read(path: Path, advice: str) -> Table:
         rows.append(dict(_flat(row)))
     names = list(dict.fromkeys(name for row in rows for name in row))
     require_room(path, len(rows), len(names), advice)
-    return Table(path, {name: _column([row.get(name) for row in rows]) for name in names}, notes)
+    return DataTable(
+        path, {name: _column([row.get(name) for row in rows]) for name in names}, notes
+    )
 
 
 def _column(cells: list[Any]) -> Column:

@@ -8,13 +8,13 @@ import numpy as np
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.stored import require_file
-from serpent_twin.tables.table import MOST_BYTES, Table, by_length
+from serpent_twin.tables.table import MOST_BYTES, DataTable, by_length
 
 _NEWER = b"MATLAB 7.3 MAT-file"
 _REMEDY = "save('run.mat', '-struct', 'log', '-v7'), or writetable to CSV"
 
 
-def read(path: Path, advice: str) -> Table:
+def read(path: Path, advice: str) -> DataTable:
     """The table of a MATLAB file of version 4 … 7; raises a `SerpentError` that says how to save others."""
     require_file(path, MOST_BYTES, advice)
     with path.open("rb") as file:
@@ -37,7 +37,7 @@ def read(path: Path, advice: str) -> Table:
             f"{path} has no arrays of numbers: tables, timetables and time series are objects that only "
             f"MATLAB reads. There, write {_REMEDY}."
         )
-    return Table(path, columns, lengths=lengths)
+    return DataTable(path, columns, lengths=lengths)
 
 
 def _arrays(several: dict[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:

@@ -7,10 +7,10 @@ import numpy as np
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.stored import require_file
-from serpent_twin.tables.table import MOST_BYTES, Table, by_length
+from serpent_twin.tables.table import MOST_BYTES, DataTable, by_length
 
 
-def read(path: Path, advice: str) -> Table:
+def read(path: Path, advice: str) -> DataTable:
     """The table of a .npz file; pickles in it are not read."""
     require_file(path, MOST_BYTES, advice)
     arrays = {}
@@ -36,4 +36,4 @@ def read(path: Path, advice: str) -> Table:
     if not columns:
         raise SerpentError(f"{path} has no arrays of numbers. {advice}".rstrip())
     texts = {n: each.astype(object) for n, each in columns.items() if each.dtype.kind == "U"}
-    return Table(path, columns | texts, lengths=lengths)
+    return DataTable(path, columns | texts, lengths=lengths)

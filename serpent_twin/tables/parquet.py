@@ -9,10 +9,10 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.stored import require_file
 from serpent_twin.tables import imported, lerobot
 from serpent_twin.tables.arrow import columns_of
-from serpent_twin.tables.table import MOST_BYTES, Column, Table, require_once, require_room
+from serpent_twin.tables.table import MOST_BYTES, Column, DataTable, require_once, require_room
 
 
-def read(path: Path, advice: str) -> Table:
+def read(path: Path, advice: str) -> DataTable:
     """The table of a Parquet file.
 
     Of an episode of a LeRobot data set also by the names of its joints, of an imported log by the names that
@@ -46,7 +46,7 @@ def read(path: Path, advice: str) -> Table:
         imported.as_recorded(columns, made) if imported.KEY in metadata else ({}, {})
     )
     columns |= lerobot.by_names(path, columns) | recorded
-    return Table(path, columns, (), units | their_units, metadata, conversions=made)
+    return DataTable(path, columns, (), units | their_units, metadata, conversions=made)
 
 
 def _conversion(field: pa.Field) -> imported.Conversion | None:

@@ -71,6 +71,18 @@ def is_stream(values: Array) -> bool:
     return float(np.abs(here - (before + after) / 2)[known].sum()) < _SMOOTH * holding
 
 
+def bridged(time: Array, values: Array) -> tuple[Array, Array]:
+    """Commands (T,) at times (T,) [s], with those that a smooth stream of one a row lost in short gaps."""
+    apart = np.diff(time)
+    usual = float(np.median(apart)) if len(apart) else 0.0
+    lost = np.flatnonzero((apart > 1.5 * usual) & (apart <= longest_gap(usual)))
+    if not is_stream(values) or not len(lost):
+        return time, values
+    more = [np.linspace(time[n], time[n + 1], round(apart[n] / usual) + 1)[1:-1] for n in lost]
+    whole = np.sort(np.concatenate([time, *more]))
+    return whole, np.interp(whole, time, values)
+
+
 def held_cells(values: Array) -> Array:
     """A column whose empty cells have the last value before them; NaN before the first."""
     known = np.isfinite(values)

@@ -22,7 +22,7 @@ MOST_VALUES = 200_000_000
 
 
 @dataclass(frozen=True)
-class Table:
+class DataTable:
     """What a file holds."""
 
     path: Path

@@ -15,7 +15,7 @@ from serpent_twin.numerals import counted
 from serpent_twin.stored import require_file
 from serpent_twin.tables.arrow import values_of
 from serpent_twin.tables.dialect import BLANKS, COMMENTS, Dialect, NoHeaderError, find
-from serpent_twin.tables.table import MOST_BYTES, Table, require_once, require_room
+from serpent_twin.tables.table import MOST_BYTES, DataTable, require_once, require_room
 
 _HEAD = 1_000_000
 """Bytes in which the header is looked for"""
@@ -25,7 +25,7 @@ _NULLS = ["", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "
 CUT = "its last row is cut off, and left out"
 
 
-def read(path: Path, advice: str) -> Table:
+def read(path: Path, advice: str) -> DataTable:
     """The table of a text; raises a `SerpentError` that names the line that is wrong."""
     raw, notes = unpacked(path, advice)
     encoding = _encoding(raw)
@@ -46,7 +46,7 @@ def read(path: Path, advice: str) -> Table:
         if name
     }
     units = dict(zip(dialect.names, dialect.units, strict=False))
-    return Table(path, columns, (*notes, *([CUT] if cut else [])), units)
+    return DataTable(path, columns, (*notes, *([CUT] if cut else [])), units)
 
 
 def unpacked(path: Path, advice: str) -> tuple[bytes, tuple[str, ...]]:

@@ -26,16 +26,10 @@ class TableSource:
     def recordings(self, path: Path, topics: Sequence[str]) -> Mapping[str, Recorded]:
         """The table, by its file's name."""
         table = tables.read(path, _ADVICE)
-        return {stem(path): {"": messages_of(table, np.ones(table.rows, bool))}}
+        return {tables.stem(path): {"": messages_of(table, np.ones(table.rows, bool))}}
 
 
-def stem(path: Path) -> str:
-    """A file's name without what says its kind."""
-    whole = path.name[:-3] if path.name.lower().endswith(".gz") else path.name
-    return whole.rpartition(".")[0] or whole
-
-
-def messages_of(table: tables.Table, rows: Mask) -> Messages:
+def messages_of(table: tables.DataTable, rows: Mask) -> Messages:
     """Some rows of a table as messages."""
     stamps = {name: "s" for name, values in table.columns.items() if _states_time(values)}
 

@@ -49,7 +49,7 @@ class Column(Form, frozen=True):
     """SI value = offset + scale × value in the unit; negative where the signs differ"""
 
 
-class Clock(Form, frozen=True):
+class TimeColumn(Form, frozen=True):
     """The column with the time."""
 
     column: Name
@@ -180,7 +180,7 @@ class Description(Form, frozen=True):
     """Of the machine; by default the folder's"""
     keyframe: str = ""
     """Where runs begin, and what `offset = "keyframe"` means"""
-    time: Clock | None = None
+    time: TimeColumn | None = None
     """Without: row by row"""
     session: str = ""
     """Column whose value names the session of a row, where a file holds several, one after the other"""

@@ -8,9 +8,9 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Recording, Runs
-from serpent_twin.machines.model.description import POSES, Clock, Described, MeasuredColumns
+from serpent_twin.machines.model.description import POSES, Described, MeasuredColumns, TimeColumn
 from serpent_twin.numerals import counted
-from serpent_twin.tables import Table
+from serpent_twin.tables import DataTable
 from serpent_twin.units import TO_SI
 
 FEWEST = 8
@@ -40,7 +40,7 @@ def require_paced(machine: Described, path: Path, session: Recording) -> None:
         )
 
 
-def require_seconds(table: Table, clock: Clock) -> None:
+def require_seconds(table: DataTable, clock: TimeColumn) -> None:
     """Refuse a clock said to be in seconds that counts rows, or ticks of a shorter unit, in whole numbers."""
     raw = table.column(clock.column)
     if clock.scale is not None or TO_SI[clock.unit][0] != 1 or raw.dtype.kind not in "iuf":
@@ -65,7 +65,7 @@ def require_seconds(table: Table, clock: Clock) -> None:
         )
 
 
-def require_own_unit(table: Table, name: str, unit: str, scale: float) -> None:
+def require_own_unit(table: DataTable, name: str, unit: str, scale: float) -> None:
     """Refuse a unit that is another one than the file itself states."""
     own = table.units.get(name, "")
     if own not in TO_SI or abs(scale) != 1 or TO_SI[own][1] == "1":

@@ -12,13 +12,14 @@ from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import KEY, Recording
-from serpent_twin.machines.model.clocks import CLOCK_BEGAN, in_sequence
+from serpent_twin.machines.model.clocks import in_sequence
 from serpent_twin.machines.model.description import (
     MOTION,
-    Clock,
     Described,
+    Description,
     DriveColumn,
     MeasuredColumns,
+    TimeColumn,
 )
 from serpent_twin.machines.model.doubts import (
     FEWEST,
@@ -30,10 +31,11 @@ from serpent_twin.machines.model.doubts import (
 )
 from serpent_twin.machines.model.known import STATED, stated
 from serpent_twin.machines.model.log_files import LogTables, find
-from serpent_twin.machines.model.log_rows import Columns, poses, rows_in_motion
+from serpent_twin.machines.model.log_poses import poses
+from serpent_twin.machines.model.log_rows import Columns, rows_in_motion
 from serpent_twin.machines.rig import NOTES
 from serpent_twin.numerals import counted
-from serpent_twin.tables import Table, imported, lerobot
+from serpent_twin.tables import DataTable, imported, lerobot
 from serpent_twin.units import TO_SI
 
 _ADVICE = "Name the column in machine.toml as the log has it."
@@ -80,7 +82,7 @@ def read(machine: Described, log: LogTables) -> list[Recording]:
     ]
 
 
-def _columns(machine: Described, table: Table) -> Columns:
+def _columns(machine: Described, table: DataTable) -> Columns:
     """The columns of one table of a log [SI]."""
     about, path = machine.about, table.path
     driven = {
@@ -102,7 +104,7 @@ def _columns(machine: Described, table: Table) -> Columns:
     return Columns(
         table.path,
         about.time.column if about.time else "",
-        _time(about.time, table),
+        _time(about, table),
         {n: v for n, v in driven.items() if n not in prescribed} | switches,
         measured,
         {n: v for n, v in driven.items() if n in prescribed},
@@ -110,7 +112,9 @@ def _columns(machine: Described, table: Table) -> Columns:
     )
 
 
-def _others(clock: Clock | None, table: Table, named: set[str]) -> Iterable[tuple[str, Array]]:
+def _others(
+    clock: TimeColumn | None, table: DataTable, named: set[str]
+) -> Iterable[tuple[str, Array]]:
     """Columns of numbers that nothing names, as the log has them: they tell sessions from copies."""
     for name, values in table.columns.items():
         time = name in ("time", clock.column if clock else "time")
@@ -118,7 +122,7 @@ def _others(clock: Clock | None, table: Table, named: set[str]) -> Iterable[tupl
             yield name, values.astype(float)
 
 
-def _labels(machine: Described, table: Table) -> NDArray[Any] | None:
+def _labels(machine: Described, table: DataTable) -> NDArray[Any] | None:
     """What names the session of each row; of a data set's file with several episodes, the episode."""
     if machine.about.session:
         return table.column(machine.about.session, _ADVICE)
@@ -134,7 +138,7 @@ def _thinned(run: Recording, every: int) -> Recording:
     return replace(run, columns={name: values[::every] for name, values in run.columns.items()})
 
 
-def _some_numbers(table: Table, name: str, what: str) -> Array:
+def _some_numbers(table: DataTable, name: str, what: str) -> Array:
     """A column of numbers, at least one of them, in SI units or not."""
     table.column(name, _ADVICE)
     found = table.numbers(name, _OTHER)
@@ -149,7 +153,7 @@ def _some_numbers(table: Table, name: str, what: str) -> Array:
 
 
 def _in_its_unit(
-    table: Table, name: str, stated: DriveColumn | MeasuredColumns, what: str
+    table: DataTable, name: str, stated: DriveColumn | MeasuredColumns, what: str
 ) -> Array:
     """A column in the unit that machine.toml states: of an imported log, if that is the recording's unit, as
     the recording had it.
@@ -180,7 +184,7 @@ def as_logged(machine: Described, drive: DriveColumn, told: Array) -> Array:
     return found + 0.0  # no −0
 
 
-def _drive(machine: Described, table: Table, drive: DriveColumn) -> Array:
+def _drive(machine: Described, table: DataTable, drive: DriveColumn) -> Array:
     raw = _in_its_unit(table, drive.column, drive, f"which drives {drive.of[1]}")
     found = _si(raw, drive.unit, drive.scale, machine.offset(drive))
     limits = machine.limits(drive)
@@ -189,22 +193,21 @@ def _drive(machine: Described, table: Table, drive: DriveColumn) -> Array:
     return found
 
 
-def _time(clock: Clock | None, table: Table) -> Array:
+def _time(about: Description, table: DataTable) -> Array:
     """When each row was [s], (T,); without a clock, its number."""
+    clock = about.time
     if clock is None:
         return np.arange(float(table.rows))
     if clock.column not in table and imported.KEY in table.metadata:
         return table.seconds(imported.TIME)
     if clock.scale is None:
         require_own_unit(table, clock.column, clock.unit, 1.0)
-    require_seconds(table, clock)
+    if about.rows == MOTION:
+        require_seconds(table, clock)
     return table.seconds(clock.column, clock.seconds, _ADVICE)
 
 
-def _metadata_of(table: Table) -> Mapping[str, Any]:
+def _metadata_of(table: DataTable) -> Mapping[str, Any]:
     """What a Parquet log has under the metadata key `measured`; nothing of others."""
     raw = table.metadata.get(KEY)
     return stored.parse_json(raw, dict[str, Any], f"{table.path}: the metadata") if raw else {}
-
-
-__all__ = ["CLOCK_BEGAN", "as_logged", "read", "read_runs"]

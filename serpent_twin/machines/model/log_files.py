@@ -9,7 +9,7 @@ from pathlib import Path
 from serpent_twin import tables
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
-from serpent_twin.tables import Table, lerobot
+from serpent_twin.tables import DataTable, lerobot
 
 LEAVE_OUT = "Leave it out."
 _PLAIN = (".txt", ".dat")
@@ -22,7 +22,7 @@ class LogTables:
 
     name: str
     """Of the log, if it is not its first file's: with the folder, where files of several have one name"""
-    tables: tuple[Table, ...]
+    tables: tuple[DataTable, ...]
 
     @property
     def path(self) -> Path:
@@ -98,22 +98,22 @@ def _by_number(name: str) -> list[tuple[int, str]]:
     return [(int(each), "") if each.isdecimal() else (-1, each) for each in parts]
 
 
-def _has(table: Table, several: Sequence[str]) -> set[str]:
+def _has(table: DataTable, several: Sequence[str]) -> set[str]:
     return {name for name in several if name in table}
 
 
 def _together(
-    source: Path, partial: Sequence[Table], needed: Sequence[str]
-) -> list[tuple[Table, ...]]:
+    source: Path, partial: Sequence[DataTable], needed: Sequence[str]
+) -> list[tuple[DataTable, ...]]:
     """Tables that have some of the needed columns each, those of one run put together."""
-    kinds: dict[frozenset[str], list[Table]] = {}
+    kinds: dict[frozenset[str], list[DataTable]] = {}
     for each in partial:
         kinds.setdefault(frozenset(_has(each, needed)), []).append(each)
     if {*needed} != {name for kind in kinds for name in kind} or frozenset() in kinds:
         odd = kinds.get(frozenset(), partial)[0]
         missing = next(name for name in needed if name not in odd)
         odd.column(missing, "Name the column in machine.toml as the log has it.")
-    runs: dict[tuple[str, ...], list[Table]] = {}
+    runs: dict[tuple[str, ...], list[DataTable]] = {}
     for several in kinds.values():
         others = [each for each in partial if each not in several]
         own = {word for word in _common(source, several) if word not in _common(source, others)}
@@ -137,13 +137,13 @@ def _together(
     return [tuple(each) for each in runs.values()]
 
 
-def _words(source: Path, table: Table) -> list[str]:
+def _words(source: Path, table: DataTable) -> list[str]:
     """The words and numbers of a file's name and folders."""
     path = Path(_within(table.path, source))
     name = path.with_name(tables.stem(path)).as_posix().lower()
     return [each for each in re.split(r"[^a-z0-9]+|(?<=[a-z])(?=\d)", name) if each]
 
 
-def _common(source: Path, several: Sequence[Table]) -> set[str]:
+def _common(source: Path, several: Sequence[DataTable]) -> set[str]:
     words = [{*_words(source, each)} for each in several]
     return set.intersection(*words) if words else set()

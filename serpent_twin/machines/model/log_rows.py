@@ -1,4 +1,4 @@
-"""Make the rows of a log those of an even clock, or poses; commands are held, lost readings left open."""
+"""Put the rows of a log on an even clock: commands are held, lost readings left open."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,15 @@ from serpent_twin.machines.model.doubts import FEWEST
 from serpent_twin.machines.model.starts import measured_joints
 from serpent_twin.numerals import counted, listed
 from serpent_twin.tables.even import EvenRows, Mended, UnevenError, even_rows
-from serpent_twin.tables.sampling import between, held, held_cells, is_stream, longest_gap, runs_of
+from serpent_twin.tables.sampling import (
+    between,
+    bridged,
+    held,
+    held_cells,
+    is_stream,
+    longest_gap,
+    runs_of,
+)
 
 
 @dataclass(frozen=True)
@@ -43,52 +51,7 @@ class Columns:
         return replace(self, time=self.time[rows], **parts)
 
 
-def poses(
-    machine: Described, whole: Recording, several: Sequence[Columns], labels: NDArray[Any] | None
-) -> tuple[list[Recording], list[str]]:
-    """Poses row by row; those without a command are left out, and that is said."""
-    if len(several) > 1:
-        raise SerpentError(
-            f"{listed(each.path for each in several)} hold columns of the same poses. Put them into one "
-            "table."
-        )
-    one = several[0]
-    driven = np.array([*one.commands.values(), *one.prescribed.values()])
-    kept = np.isfinite(driven).all(axis=0) & np.isfinite(one.time)
-    if kept.sum() < FEWEST:
-        raise SerpentError(
-            f"{one.path} has {counted(int(kept.sum()), 'row')} in which all drives have a number, fewer than "
-            f"{FEWEST}. Leave it out."
-        )
-    time = one.time[kept]
-    if not (np.diff(time) > 0).all():
-        row = int(np.flatnonzero(kept)[np.argmin(np.diff(time) > 0) + 1]) + 1
-        raise SerpentError(
-            f"{one.path}: {one.clock!r} does not increase in row {row}. Sort the rows, split the log there, "
-            "or leave the column out of machine.toml: then poses are counted."
-        )
-    columns = {"time": time - time[0]}
-    for kind in (one.others, one.commands, one.prescribed, one.measured):
-        columns |= {name: values[kept] for name, values in kind.items()}
-    run = replace(whole, metadata=whole.metadata | {CLOCK_BEGAN: time[0]}, columns=columns)
-    left = int((~kept).sum())
-    notes = [f"{one.path}: {counted(left, 'row')} without a command left out."] if left else []
-    return ([run] if labels is None else _by_label(run, labels[kept])), notes
-
-
-def _by_label(whole: Recording, labels: NDArray[Any]) -> list[Recording]:
-    """A log in parts, each of one label."""
-    return [
-        replace(
-            whole,
-            columns={n: v[rows] for n, v in whole.columns.items()},
-            label=str(labels[rows.start]),
-        )
-        for rows in _same(labels)
-    ]
-
-
-def _same(labels: NDArray[Any]) -> list[slice]:
+def alike(labels: NDArray[Any]) -> list[slice]:
     """Rows one after the other that have one label."""
     begins = np.flatnonzero(np.r_[True, labels[1:] != labels[:-1]])
     return list(map(slice, begins.tolist(), [*begins[1:].tolist(), len(labels)]))
@@ -102,7 +65,7 @@ def rows_in_motion(
     found: list[Recording] = []
     mended, notes = Mended(), list[str]()
     began: float | None = None
-    parts = [slice(None)] if labels is None else _same(labels)
+    parts = [slice(None)] if labels is None else alike(labels)
     for rows in parts:
         name = whole.label if labels is None else str(labels[rows.start])
         one = base.of(rows)
@@ -219,7 +182,13 @@ def _at_times(even: EvenRows, time: Array, one: Columns) -> _Kinds:
     def smooth(columns: dict[str, Array]) -> dict[str, Array]:
         return {n: between(own, v[order], even.time, gap) for n, v in columns.items()}
 
-    commands = {n: held(own, v[order], even.time, even.period) for n, v in one.commands.items()}
+    commands = dict[str, Array]()
+    for name, values in one.commands.items():
+        given = own, values[order]
+        if time is even.stamp:  # rows of its own, of which some may be lost
+            known = np.isfinite(given[1])
+            given = bridged(own[known], given[1][known])
+        commands[name] = held(*given, even.time, even.period)
     return commands, smooth(one.measured), smooth(one.prescribed)
 
 
