@@ -8,12 +8,15 @@ from tyro.conf import Positional
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
+from serpent_twin.exchange import imported_log
 from serpent_twin.exchange.exporting import export
-from serpent_twin.exchange.importing import import_logs, summary
+from serpent_twin.exchange.importing import import_logs, machine_of
+from serpent_twin.exchange.writing import summary
 from serpent_twin.numerals import counted
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sessions.check import examine
-from serpent_twin.sessions.parquet import read_session, say_unread, session_files
+from serpent_twin.sessions.finding import Finding
+from serpent_twin.sessions.parquet import read_session, say_unread, session_files, unread
 from serpent_twin.sessions.recovery import recover
 from serpent_twin.sessions.session import Session
 
@@ -42,12 +45,22 @@ def recover_command(path: Positional[Path]) -> None:
 
 
 def info_command(path: Positional[Path]) -> None:
-    """Say what session logs hold: rows, duration, rate, lost markers, where they come from.
+    """Say what logs hold: rows, duration, rate, lost markers, where they come from.
+
+    Of an imported log: its columns, with their units and ranges.
 
     Args:
-        path: A session log, or a folder with session logs.
+        path: A log, or a folder with logs.
     """
-    sessions = [read_session(file) for file in _files(path)]
+    files, others = _files(path)
+    for each in others:
+        print(imported_log.described(imported_log.read(each)))
+    if files:
+        _sessions_info(path, [read_session(file) for file in files])
+    next_step.say(next_step.after_look(path))
+
+
+def _sessions_info(path: Path, sessions: list[Session]) -> None:
     common = _common(sessions)
     print(f"{path}: {counted(len(sessions), 'session')}")
     for key, value in common.items():
@@ -61,40 +74,51 @@ def info_command(path: Positional[Path]) -> None:
             print(f"    {key}: {_short(session.metadata[key])}")
     for journal in sorted(path.glob("*.journal")) if path.is_dir() else []:
         print(f"  {journal.name}: a recording that is under way or cut off; see `recover`")
-    next_step.say(next_step.after_look(path))
 
 
 def check_command(path: Positional[Path]) -> None:
-    """Look for damage in session logs: lost turns, stuck motors, lost markers, missed deadlines.
+    """Look for damage in logs: lost turns, stuck motors, lost markers, missed deadlines.
 
-    Prints one sentence per finding, with the rows (from 0). Exits 1 if a finding is an error: a
-    file that cannot be read, a motor value that is no number, a motor that lost its turn count.
+    Imported logs are searched for odd clocks and for unknown, constant or equal columns. Prints one sentence
+    per finding, with the rows (from 0). Exits 1 if a finding is an error: a file that cannot be read, a motor
+    value that is no number, a motor that lost its turn count. Exits 2 if there is nothing to look at.
 
     Args:
-        path: A session log, or a folder with session logs.
+        path: A log, or a folder with logs.
     """
-    files = _files(path)
+    files, others = _files(path)
     spoiled = [file.name for file in files if not _report(file)]
+    spoiled += [file.name for file in others if not _report_other(file)]
     if spoiled:
-        share = f"{len(spoiled)} of {counted(len(files), 'session')}"
-        raise SerpentError(f"{path}: {share} cannot be trusted: {', '.join(spoiled)}.")
+        share = (
+            f"{len(spoiled)} of {counted(len(files) + len(others), 'log' if others else 'session')}"
+        )
+        cli.fail(f"{path}: {share} cannot be trusted: {', '.join(spoiled)}.")
     next_step.say(next_step.after_look(path))
 
 
-def import_command(files: Positional[tuple[Path, ...]], map: Path, out: Path) -> None:
-    """Make logs of recordings of other tools: CSV, Parquet, MCAP, ROS bags, LeRobot data sets.
+def import_command(
+    files: Positional[tuple[Path, ...]], map: Path, out: Path, machine: Path | None = None
+) -> None:
+    """Make logs of recordings of other tools: tables, MCAP, ROS bags, LeRobot data sets.
 
     Units, frames, rates and clocks are as the map says. OUT gets NAME.parquet of each recording, in SI units,
     which a machine.toml names by its columns; and imported.json, which says what was taken and what was left.
+    Exit status 0 for logs, 2 for an error.
 
     Args:
-        files: Recordings: files or folders.
+        files: Recordings: files, or folders of them.
         map: A map.toml, which says which fields become which columns.
         out: Folder for the logs; made if it does not exist.
+        machine: The machine.toml whose drives are commands. Without: one beside the map or OUT, if there is.
     """
-    found = import_logs(files, map, out)
+    machine = machine_of(machine, map, out)
+    found = import_logs(files, map, out, machine)
     print(summary(found))
+    if machine:
+        print(f"{machine} says which columns are commands.")
     print(f"{out}: {counted(len(found), 'log')}.")
+    next_step.say(next_step.after_import(out, machine))
 
 
 def export_command(path: Positional[Path], out: Path) -> None:
@@ -119,24 +143,42 @@ def _report(file: Path) -> bool:
     except SerpentError as error:
         print(f"{file.name}: cannot be used\n  error: {error}")
         return False
-    findings = examine(session)
+    return _verdict(file, len(session), examine(session))
+
+
+def _report_other(file: Path) -> bool:
+    """Print the findings of an imported log; false if one of them is an error."""
+    log = imported_log.read(file)
+    return _verdict(file, len(log), imported_log.examined(log))
+
+
+def _verdict(file: Path, rows: int, findings: list[Finding]) -> bool:
     levels = {finding.level for finding in findings}
     verdict = "damaged" if "error" in levels else "usable" if "warning" in levels else "sound"
-    print(f"{file.name}: {counted(len(session), 'row')}, {verdict}")
+    print(f"{file.name}: {counted(rows, 'row')}, {verdict}")
     for finding in findings:
         print(f"  {finding.level}: {finding.text}")
     return "error" not in levels
 
 
-def _files(path: Path) -> list[Path]:
+def _files(path: Path) -> tuple[list[Path], list[Path]]:
+    """Session logs, and logs of other machines."""
     if not path.exists():
-        raise SerpentError(f"There is no {path}. Name a session log or a folder with session logs.")
-    files = session_files(path) if path.is_dir() else [path]
-    if path.is_dir():
+        raise SerpentError(f"There is no {path}. Name a log or a folder with logs.")
+    if not path.is_dir():
+        return ([], [path]) if imported_log.is_other(path) else ([path], [])
+    files, others = (
+        session_files(path),
+        [each for each in unread(path) if imported_log.is_other(each)],
+    )
+    if files and not others:
         say_unread(path, print)
-    if not files:
-        raise SerpentError(f"There is no session_NN.parquet in {path}.")
-    return files
+    if not files and not others:
+        raise SerpentError(
+            f"There is no session_NN.parquet in {path}, nor a log that `log import` wrote. Name another "
+            "folder."
+        )
+    return files, others
 
 
 def _common(sessions: list[Session]) -> dict[str, object]:
@@ -165,5 +207,6 @@ if __name__ == "__main__":
             "check": check_command,
             "import": import_command,
             "export": export_command,
-        }
+        },
+        error_status=2,
     )

@@ -15,10 +15,11 @@ from serpent_twin.arm.geometry import ARM
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.belief import require_finite
+from serpent_twin.exchange import imported_log
 from serpent_twin.numerals import counted
 from serpent_twin.readouts.membership import told
 from serpent_twin.readouts.windows import cut
-from serpent_twin.reporting import rerun_recording
+from serpent_twin.reporting import rerun_columns, rerun_recording
 from serpent_twin.reporting.rerun_recording import EstimatedMarkers
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sim import twin_model
@@ -27,7 +28,12 @@ from serpent_twin.sim.twin_model import TwinModel
 
 
 def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None) -> str:
-    """Write the recording of a session log, unless it is there; returns a note on its readout."""
+    """Write the recording of a session log, unless it is there; returns a note on its readout.
+
+    Of a log of another machine, its columns are shown over time.
+    """
+    if imported_log.is_other(session):
+        return _columns(session, out, readout or twin)
     seen = sessions.read_session(session)
     sessions.refuse_damaged([seen])
     corrected = corrected_twin(twin, seen) if twin else None
@@ -43,6 +49,21 @@ def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None)
         )
         rerun_recording.write(out, seen, moved, guess, identity, corrected=better)
     return said
+
+
+def _columns(path: Path, out: Path, more: Path | None) -> str:
+    """Write the recording of a log of another machine."""
+    if more:
+        raise SerpentError(
+            f"{path} is a log of another machine, and {more} is of the arm. Leave it out: the log's columns "
+            "are shown."
+        )
+    log = imported_log.read(path)
+    if not _already_there(out, identity := _identity(path, None, None)):
+        rerun_columns.write(out, path.stem, log.time, log.columns, log.units, identity)
+    return (
+        f"{path} is a log of another machine: its {counted(len(log.columns), 'column')} over time."
+    )
 
 
 def estimate(session: sessions.Session, folder: Path) -> EstimatedMarkers:

@@ -24,8 +24,10 @@ def main(
 ) -> None:
     """Make a recording of a session that rerun shows: arm, cables, markers, loads, errors.
 
+    Of an imported log of another machine, its columns over time.
+
     Args:
-        session: The session log, such as DIR/session_01.parquet.
+        session: The session log, such as DIR/session_01.parquet, or an imported one.
         out: The recording to write, FILE.rrd; an existing one is never overwritten.
         readout: A trained readout to show beside the measurement, such as OUT/models/mlp.
         twin: A corrected twin to lay over the nominal one, OUT/twin.json of python -m serpent_twin.trace.
@@ -36,7 +38,7 @@ def main(
             f"--out {out}: rerun knows its recordings by their ending; name it FILE.rrd."
         )
     said = play_back(session, out, readout, twin)
-    print("\n".join(filter(None, (said, f"{out}: the session as rerun shows it"))))
+    print("\n".join(filter(None, (said, f"{out}: what rerun shows"))))
     if view:
         _open(out)
     next_step.say(next_step.after_replay(out))

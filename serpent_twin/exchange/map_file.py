@@ -14,9 +14,10 @@ from serpent_twin.units import TO_SI
 
 ADVICE = "docs/other-machines.md lists the keys."
 if TYPE_CHECKING:
-    Unit = str
+    Unit = TimeUnit = str
 else:
     Unit = Literal[tuple(TO_SI)]
+    TimeUnit = Literal[tuple(name for name, (_, si_unit) in TO_SI.items() if si_unit == "s")]
 Name = Annotated[str, Meta(min_length=1)]
 Number = Annotated[float, within(-1e9, 1e9)]
 Three = Annotated[tuple[Number, ...], many(3)]
@@ -34,6 +35,8 @@ class MappedField(Form, frozen=True, rename={"source": "field"}):
     """SI value = offset + scale × value in the unit"""
     offset: Number = 0.0
     """[SI]"""
+    hold: bool | None = None
+    """Whether it is a command, in force until the next one, and no reading; without, as its stream has it"""
 
 
 class MappedPoint(Form, frozen=True):
@@ -51,6 +54,11 @@ class MappedPoint(Form, frozen=True):
         turn = np.array(self.axes)
         if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3):
             raise SerpentError("axes are not three of length 1 at right angles.")
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether the frame that is wanted is another one than the stream's."""
+        return any(self.origin) or not np.array_equal(self.axes, np.eye(3))
 
 
 class Follows(Form, frozen=True):
@@ -71,7 +79,14 @@ class MappedStream(Form, frozen=True):
     """Of messages; a table has none"""
     time: str = ""
     """Field with the time, such as header.stamp; without, when a message was recorded"""
-    time_unit: Unit = "s"
+    time_unit: TimeUnit | None = None
+    """Of a time that is a number; without, seconds, or what stamps since 1970 can only be"""
+    hold: bool | None = None
+    """Whether its fields are commands; without, drives of machine.toml are, else those whose names say so"""
+    only: dict[str, str] = field(default_factory=dict)
+    """Of several senders on one topic, whose messages: { "header.frame_id" = "arm" }, child_frame_id or
+    publisher
+    """
     late: Annotated[float, within(-1e6, 1e6, "s")] = 0.0
     """By how much its times are later than the others'"""
     follows: Follows | None = None
@@ -108,8 +123,6 @@ class Map(Form, frozen=True):
                 raise SerpentError(f"{key} has neither fields nor points.")
             if each.late and each.follows:
                 raise SerpentError(f"{key} has late and follows: leave out one of them.")
-            if TO_SI[each.time_unit][1] != "s":
-                raise SerpentError(f"{key}.time_unit is {each.time_unit!r}; give a unit of time.")
             if each.follows and each.follows.own not in each.columns:
                 raise SerpentError(f"{key}.follows.own is none of its columns.")
             if each.follows and each.follows.like not in {*names} - {*each.columns}:

@@ -27,10 +27,11 @@ class Follow(Checked):
     path: Path
     """The path, CSV or Parquet: time [s] with x, y, z of the gripper's end in the base frame [m], or with
     joint1 … joint9 [rad]."""
-    twin: Path
-    """The arm's twin.json, of python -m serpent_twin.trace."""
     out: Path
     """Folder for log, results, picture and recording; made if it does not exist."""
+    twin: Path | None = None
+    """The arm's twin.json, of python -m serpent_twin.trace. Without: the nominal twin, by which an arm
+    that was built misses its path by centimetres."""
     backend: Literal["sim", "real"] = "sim"
     """sim: a simulated arm, as fast as it computes. real: the arm on its motor bus, in real time; see
     --port."""

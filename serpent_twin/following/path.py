@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from serpent_twin import tables
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted, listed
-from serpent_twin.stored.tables import read_columns
 
 TIP = ("x", "y", "z")
 JOINTS = tuple(f"joint{j}" for j in range(1, N_JOINTS + 1))
@@ -47,7 +47,7 @@ class PathToFollow:
 
 def read(path: Path) -> PathToFollow:
     """A path's file, CSV or Parquet; raises a `SerpentError` that says what is wrong with which line."""
-    table = read_columns(path, _ADVICE)
+    table = tables.read(path, _ADVICE).columns
     names = JOINTS if JOINTS[0] in table else TIP
     if lost := [name for name in ("time", *names) if name not in table]:
         raise SerpentError(f"{path} lacks {listed(lost)}. {_ADVICE}")

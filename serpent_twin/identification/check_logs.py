@@ -18,7 +18,7 @@ from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.score_test import scores
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.rig import Log, read_logs
+from serpent_twin.machines.rig import Log, notes_on, read_logs
 from serpent_twin.numerals import listed
 from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.files import finite, write_json
@@ -66,8 +66,13 @@ def check(config: Check) -> Identifiability:
     """Check a folder of logs: prints what they can tell, and writes it where the config says."""
     rig = machines.find(config.named)
     logs = read_logs(rig, config.logs)
+    notes = notes_on(logs)
+    for each in notes:
+        print(each)
     refuse_repeated(logs)
     settings = {"rig": config.named, "versions": versions()}
+    if notes:
+        settings["reading_notes"] = notes
     settings |= {"input_sha256": {each.name: file_hash(each.path) for each in logs if each.path}}
     if files := machines.made_of(rig):
         settings["machine_sha256"] = files
@@ -126,6 +131,8 @@ def _write(out: Path, logs: str, found: Identifiability, settings: dict[str, Any
         "commit": str(origin["git_commit"]),
         "versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items()),
     }
+    if notes := settings.get("reading_notes"):
+        facts["read"] = " ".join(notes)
     report = write(check_page.page(found, facts), out)
     write_json(out / "identifiability.json", finite(found.numbers() | {"provenance": origin}))
     print(f"{report}: the report.")

@@ -23,7 +23,7 @@ from serpent_twin.identification.page import page
 from serpent_twin.identification.refitting import RefittingTracer
 from serpent_twin.identification.steps import Tracer
 from serpent_twin.identification.uncertainty import drawn
-from serpent_twin.machines.rig import Log, is_named, read_logs
+from serpent_twin.machines.rig import Log, is_named, notes_on, read_logs
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import write
 from serpent_twin.runs.files import finite, write_json
@@ -138,14 +138,16 @@ def _apart(
 
 def _lies_in(path: Path, sources: Sequence[Path]) -> bool:
     """Whether a file or folder is one of some, or a file in one."""
-    every, path = [each.resolve() for each in sources], path.resolve()
-    return path in every or (path.is_file() and path.parent in every)
+    every, path = {each.resolve() for each in sources}, path.resolve()
+    return path in every or (path.is_file() and not every.isdisjoint(path.parents))
 
 
 def trace_sessions(
     config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
 ) -> tuple[Diagnosis, dict[str, Any]]:
     """Trace sessions that are split already; returns besides what diagnosis.json holds."""
+    for each in notes_on([*training, *judging]):
+        print(each)
     refuse_repeated([*training, *judging])
     settings = _settings(config, rig, training, judging)
     with claimed(config.out, SETTINGS, settings):
@@ -169,6 +171,8 @@ def _settings(
         kept["held_out"] = [s.name for s in judging]
     if files := machines.made_of(rig):
         kept["machine_sha256"] = files
+    if notes := notes_on([*training, *judging]):
+        kept["reading_notes"] = notes
     return kept | {"input_sha256": inputs, "versions": versions()}
 
 
@@ -229,6 +233,8 @@ def _write(
         "commit": str(origin["git_commit"]),
         "versions": ", ".join(f"{k} {v}" for k, v in origin["versions"].items()),
     }
+    if notes := settings.get("reading_notes"):
+        facts["read"] = " ".join(notes)
     priors = {each.name: each.prior for each in tracer.case.declared}
     report = write(
         page(found, facts, tracer.case.candidates, priors, tracer.case.track_record), config.out

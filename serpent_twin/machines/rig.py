@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from serpent_twin.machines.case import Case
 
 
+NOTES = "reading_notes"
+"""In a log's metadata, sentences on what was put right when it was read"""
 _SAME_CLOCK = 1.02
 """Ratio of the times between two rows up to which two logs have one clock"""
 _CALIBRATION = ("direction", "zero", "homing_offset", "drive_mode")
@@ -87,6 +89,11 @@ def read_logs(rig: "Rig", sources: Sequence[Path]) -> list[Any]:
             "folder or a file."
         )
     return logs
+
+
+def notes_on(logs: Sequence[Log]) -> list[str]:
+    """Sentences on what was put right when logs were read."""
+    return [each for log in logs for each in log.metadata.get(NOTES, ())]
 
 
 def is_named(log: Log, pattern: str) -> bool:

@@ -38,8 +38,19 @@ def after_logs(folder: Path, beside: Path) -> Words | None:
 
 
 def after_look(path: Path) -> Words | None:
-    """After a look at a folder of session logs or at one: as after they were written, here."""
+    """After a look at a folder of session logs or at one: as after they were written, here; at an imported
+    one: replay it.
+    """
     return after_logs(path, Path()) if path.is_dir() else replay(path, Path())
+
+
+def after_import(folder: Path, machine: Path | None) -> Words | None:
+    """After logs of another machine were imported: check what they tell of it, else look at them."""
+    from serpent_twin.machines import find
+
+    if machine and allowed(lambda: find(str(machine)).read(folder)):
+        return ["serpent_twin.check", "--machine", str(machine), "--logs", str(folder)]
+    return ["serpent_twin.log", "info", str(folder)]
 
 
 def after_recovery(path: Path) -> Words | None:
@@ -180,6 +191,7 @@ def replay(
 ) -> Words | None:
     """Replay a session, with readout and twin where these fit it."""
     from serpent_twin import estimators, sessions
+    from serpent_twin.exchange.imported_log import is_other
     from serpent_twin.playback import corrected_twin
     from serpent_twin.readouts.windows import cut
 
@@ -194,7 +206,7 @@ def replay(
         estimator.require_rate(seen.rate_hz)
         cut([seen], estimator.trained.window, drop=0)
 
-    if not allowed(read):
+    if not is_other(session) and not allowed(read):
         return None
     words = ["serpent_twin.replay", str(session)]
     if model and allowed(estimated):

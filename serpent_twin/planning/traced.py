@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
 from serpent_twin import machines, stored
 from serpent_twin.errors import SerpentError
@@ -15,7 +16,7 @@ from serpent_twin.identification.discovery import with_laws
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
-from serpent_twin.machines.rig import Rig, read_logs
+from serpent_twin.machines.rig import Rig, notes_on, read_logs
 from serpent_twin.numerals import listed
 from serpent_twin.runs.provenance import file_hash
 
@@ -58,6 +59,8 @@ def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
         ) from None
     rig = _same_machine(folder, name, settings.get("machine_sha256", {}))
     sessions = {each.name: each for each in read_logs(rig, said)}
+    for note in notes_on(list(sessions.values())):
+        tqdm.write(note)
     for each, known in hashes.items():
         path = sessions[each].path if each in sessions else None
         if path is None or file_hash(path) != known:

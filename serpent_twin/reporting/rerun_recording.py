@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -74,7 +75,7 @@ def write(
     and lines through the markers lay measured arm and both twins over each other.
     """
     stream = rr.RecordingStream("serpent_twin", recording_id=identity)
-    with _written(out, stream, session.name):
+    with written(out, stream, blueprint(session.name)):
         _draw(stream, session, moved, guess, arm, corrected)
 
 
@@ -131,11 +132,11 @@ def _part(out: Path) -> Path:
 
 
 @contextmanager
-def _written(out: Path, stream: rr.RecordingStream, title: str) -> Iterator[None]:
+def written(out: Path, stream: rr.RecordingStream, layout: rrb.Blueprint) -> Iterator[None]:
     """Write what a stream is sent to a file, which appears when it is whole."""
     require_writable(out)
     try:
-        stream.save(_part(out), default_blueprint=blueprint(title))
+        stream.save(_part(out), default_blueprint=layout)
         yield
         stream.flush()
         stream.disconnect()

@@ -11,6 +11,7 @@ from serpent_twin.residual.findings import Findings, analyse
 from serpent_twin.residual.joint_attribution import attribute_to_joints
 from serpent_twin.residual.measure import (
     ANGLE,
+    ANGULAR_VELOCITY,
     CONTROL,
     FORCE,
     LENGTH,
@@ -18,6 +19,7 @@ from serpent_twin.residual.measure import (
     MARKERS,
     POSITION,
     TORQUE,
+    VELOCITY,
     Measure,
 )
 from serpent_twin.residual.noise import Noise, expected_distance, measurement_noise
@@ -25,6 +27,7 @@ from serpent_twin.residual.size import load_size, marker_size
 
 __all__ = [
     "ANGLE",
+    "ANGULAR_VELOCITY",
     "CONTROL",
     "FORCE",
     "LENGTH",
@@ -32,6 +35,7 @@ __all__ = [
     "MARKERS",
     "POSITION",
     "TORQUE",
+    "VELOCITY",
     "Comparison",
     "Dependence",
     "Findings",

@@ -95,6 +95,18 @@ LOADS = Measure(
 )
 ANGLE = Measure("angle", "the angle is", "mean error of the angle", "°", "deg", 180 / np.pi, "rad")
 LENGTH = Measure("length", "the length is", "mean error of the length", "mm", "mm", 1e3, "m")
+ANGULAR_VELOCITY = Measure(
+    "angular velocity",
+    "the angular velocity is",
+    "angular velocity error, rms",
+    "°/s",
+    "deg_per_s",
+    180 / np.pi,
+    "rad/s",
+)
+VELOCITY = Measure(
+    "velocity", "the velocity is", "velocity error, rms", "mm/s", "mm_per_s", 1e3, "m/s"
+)
 FORCE = Measure("force", "the force is", "force error, rms", "N", "n", 1.0, "N")
 CONTROL = Measure("control", "the control is", "mean error of the control", "1", "1", 1.0, "1")
 TORQUE = Measure("torque", "the torque is", "torque error, rms", "mN m", "mNm", 1e3, "N m")

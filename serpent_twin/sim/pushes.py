@@ -12,12 +12,12 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from serpent_twin import tables
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arm.mjcf import JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
-from serpent_twin.stored.tables import read_columns
 
 COLUMNS = ("push_link", "push_x", "push_y", "push_z")
 """Of a log: the link that is pushed, 0 for none, and the force in the base frame [N]"""
@@ -94,7 +94,7 @@ def columns(pushes: Sequence[Push], time: float) -> dict[str, float]:
 
 def read(path: Path) -> tuple[Push, ...]:
     """The pushes of a table, in their order; raises a `SerpentError` that names the line that is wrong."""
-    table = read_columns(path, _ADVICE)
+    table = tables.read(path, _ADVICE).columns
     if lost := [name for name in (*_NUMBERS, "shape") if name not in table]:
         raise SerpentError(f"{path} lacks {listed(lost)}. {_ADVICE}")
     several = [

@@ -63,18 +63,37 @@ def test_a_command_says_first_what_the_list_says_of_it_and_groups_its_options(co
         assert 1 <= len(re.findall(r"^[│ ] -", group, re.M)) <= MOST, group
 
 
+@pytest.mark.parametrize("command", ["trace", "bus.doctor", "log import", "mocap frame"])
+def test_a_command_may_follow_a_blank_in_place_of_its_dot(command):
+    """With the same help, that of `python -m serpent_twin.COMMAND`."""
+    dotted, blank = (
+        typed(*words, "--help")
+        for words in (
+            f"serpent_twin.{command}".split(),
+            ["serpent_twin", *re.split("[. ]", command)],
+        )
+    )
+    assert (blank.returncode, blank.stdout) == (0, dotted.stdout) and dotted.stdout
+    assert not blank.stderr
+
+
+def test_a_command_after_a_blank_has_its_options_and_exit_status(tmp_path):
+    done = typed("serpent_twin", "check", "--logs", str(tmp_path / "none"))
+    assert done.returncode == 2 and "There is no folder" in done.stderr
+
+
 @pytest.mark.parametrize(
-    ("words", "call"),
+    ("words", "said"),
     [
-        (["collect", "--out", "a b"], "python -m serpent_twin.collect --out 'a b'"),
-        (["bus", "doctor", "--port", "x"], "python -m serpent_twin.bus.doctor --port x"),
-        (["trian"], "python -m serpent_twin.train"),
+        (["trian", "--out", "x"], "Try python -m serpent_twin train"),
+        (["bus"], "python -m serpent_twin bus doctor"),
         (["nonsense"], "`python -m serpent_twin` lists them"),
+        (["__main__"], "there is no command '__main__'"),
     ],
 )
-def test_a_command_without_its_dot_is_answered_by_how_to_call_it(words, call):
+def test_a_word_that_is_no_command_is_answered_by_the_nearest(words, said):
     done = typed("serpent_twin", *words)
-    assert done.returncode == 1 and call in done.stderr and "Traceback" not in done.stderr
+    assert done.returncode == 1 and said in done.stderr and "Traceback" not in done.stderr
 
 
 def test_mocap_says_what_its_commands_do():

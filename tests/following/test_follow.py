@@ -49,6 +49,13 @@ def test_an_arm_of_soft_cables_keeps_to_its_path(config):
     np.testing.assert_allclose(there[-1], [0.48, 0.04, -0.2], atol=1e-4)
 
 
+def test_without_a_twin_the_nominal_one_serves_and_the_command_says_so(config, capsys):
+    found = follow(replace(config, twin=None))
+    assert found["complete"] and found["marker9_error_mm"]["rms"] < 6.0
+    assert "No --twin: the nominal twin plans" in capsys.readouterr().out
+    assert json.loads((config.out / "follow.json").read_text())["twin_sha256"] is None
+
+
 def test_a_loop_that_is_late_goes_on_where_the_path_is_by_then(config, monkeypatch):
     """One step comes 2 s late, in which the path goes on by 20 mm; its error is not that of another place."""
     waited, calls = SimulatedBus.wait, count()

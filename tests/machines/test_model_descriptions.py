@@ -71,7 +71,11 @@ def test_a_description_that_cannot_be_is_refused_by_line_and_key(tmp_path, befor
             "elbow",
             "has no column 'elbow_deg'; there are: shoulder_deg, elbow, x, y, z",
         ),
-        ("shoulder_deg,", "shoulder_deg,again,", "is no CSV table"),
+        (
+            "shoulder_deg,",
+            "shoulder_deg,again,",
+            "its header names 6 columns, and the row under it has 5",
+        ),
     ],
 )
 def test_a_log_without_what_the_machine_needs_is_refused(tmp_path, before, after, wanted):

@@ -201,7 +201,7 @@ ABOUT = {"grams": 200, "gain": 0.9, "volts": 5}
         (
             ABOUT,
             {"on": np.full(100, np.nan)},
-            r"'on', which switches a drive, has no number in 100",
+            r"'on', which switches a drive, has no number in any row",
         ),
     ],
 )

@@ -112,7 +112,7 @@ def test_commands(tmp_path):
     assert "jumps" in check.stdout and "session_03.parquet: cannot be used" in check.stdout
     assert "2 of 3 sessions" in check.stderr and "Traceback" not in check.stderr
     absent = command("info", tmp_path / "absent")
-    assert absent.returncode == 1 and absent.stderr.startswith("error: There is no")
+    assert absent.returncode == 2 and absent.stderr.startswith("error: There is no")
 
 
 @pytest.mark.parametrize("turns", [-1, 0, 1])

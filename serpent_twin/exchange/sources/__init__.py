@@ -2,8 +2,11 @@
 
 import importlib
 import pkgutil
+import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from serpent_twin import tables
 from serpent_twin.errors import SerpentError
 from serpent_twin.exchange.messages import Source
 
@@ -14,15 +17,39 @@ def every() -> list[Source]:
     return [importlib.import_module(f"{__name__}.{name}").SOURCE for name in names]
 
 
-def source_of(path: Path) -> Source:
-    """The source that reads a file or folder; raises a `SerpentError` that lists what can be read."""
+def recordings_in(path: Path) -> list[tuple[Path, Source]]:
+    """A recording, or those of a folder and its folders, by name (run_2 before run_10), and what reads each;
+    raises a `SerpentError` that lists what can be read.
+    """
     if not path.exists():
-        raise SerpentError(f"There is no {path}. Name a recording.")
-    found = next((each for each in every() if each.reads(path)), None)
-    if found is None:
+        raise SerpentError(f"There is no {path}. Name a recording, or a folder of recordings.")
+    found = list(_found(path, every()))
+    if not found:
         about = "; ".join(each.about for each in every())
-        raise SerpentError(f"{path} is of no kind that can be read. There are: {about}.")
+        holds = "holds nothing" if path.is_dir() else "is of no kind"
+        raise SerpentError(f"{path} {holds} that can be read. There are: {about}.")
     return found
+
+
+def _found(path: Path, sources: Sequence[Source]) -> Iterator[tuple[Path, Source]]:
+    own = next((each for each in sources if each.reads(path)), None)
+    if own:
+        yield path, own
+    elif path.is_dir():
+        parts = [each for each in path.iterdir() if not each.name.startswith(".")]
+        found = [each for part in sorted(parts, key=_by_number) for each in _found(part, sources)]
+        yield from [each for each in found if not _is_plain(each[0])] or found
+
+
+def _is_plain(path: Path) -> bool:
+    """Whether a file is a text that need not be a recording, where there are others."""
+    return tables.ending(path) in (".txt", ".dat")
+
+
+def _by_number(path: Path) -> list[tuple[int, str]]:
+    """What sorts names with the numbers in them by size."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(each), "") if each.isdecimal() else (-1, each) for each in parts]
 
 
 def lacks(extra: str, error: ImportError) -> SerpentError:

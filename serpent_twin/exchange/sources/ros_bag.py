@@ -28,6 +28,7 @@ class RosBagSource:
         except ImportError as error:
             raise lacks(self.extra, error) from None
         times, decoded = defaultdict[str, list[float]](list), defaultdict[str, list[Any]](list)
+        senders = defaultdict[str, list[str]](list)
         try:
             with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
                 known = {each.topic for each in reader.connections}
@@ -35,11 +36,16 @@ class RosBagSource:
                 for connection, stamp, raw in reader.messages(some) if some else ():
                     times[connection.topic].append(1e-9 * stamp)
                     decoded[connection.topic].append(reader.deserialize(raw, connection.msgtype))
+                    sender = (
+                        getattr(connection.ext, "callerid", None) or f"connection {connection.id}"
+                    )
+                    senders[connection.topic].append(sender)
         except (AnyReaderError, KeyError, ValueError) as error:
             raise SerpentError(
                 f"{path} cannot be read: {' '.join(str(error).split())}. Give a whole bag."
             ) from None
-        return {path.stem: {each: of_decoded(times[each], decoded[each]) for each in sorted(known)}}
+        streams = {t: of_decoded(times[t], decoded[t], senders[t]) for t in sorted(known)}
+        return {path.stem: streams}
 
 
 SOURCE = RosBagSource()

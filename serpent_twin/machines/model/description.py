@@ -10,7 +10,17 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.numbers import NUMBERS, is_dc_motor
-from serpent_twin.residual import ANGLE, CONTROL, FORCE, LENGTH, POSITION, TORQUE, Measure
+from serpent_twin.residual import (
+    ANGLE,
+    ANGULAR_VELOCITY,
+    CONTROL,
+    FORCE,
+    LENGTH,
+    POSITION,
+    TORQUE,
+    VELOCITY,
+    Measure,
+)
 from serpent_twin.stored import Form, above, many, within
 from serpent_twin.units import TO_SI
 
@@ -37,6 +47,21 @@ class Column(Form, frozen=True):
     unit: Unit = "1"
     scale: Number = 1.0
     """SI value = offset + scale × value in the unit; negative where the signs differ"""
+
+
+class TimeColumn(Form, frozen=True):
+    """The column with the time."""
+
+    column: Name
+    unit: Unit = "1"
+    """Of numbers; time stamps say themselves what they are"""
+    scale: Number | None = None
+    """Time in the unit = scale × value; 1 states that whole numbers are what the unit says"""
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of a number in the column."""
+        return (1.0 if self.scale is None else self.scale) * TO_SI[self.unit][0]
 
 
 class DriveColumn(Column, frozen=True):
@@ -68,7 +93,7 @@ class DriveColumn(Column, frozen=True):
 class MeasuredColumns(Form, frozen=True):
     """Columns that the model is compared with."""
 
-    columns: Annotated[tuple[Name, ...], many(1, 3)]
+    columns: Annotated[tuple[Name, ...], many(1, 4)]
     unit: Unit = "1"
     scale: Number = 1.0
     """As for a drive"""
@@ -155,7 +180,7 @@ class Description(Form, frozen=True):
     """Of the machine; by default the folder's"""
     keyframe: str = ""
     """Where runs begin, and what `offset = "keyframe"` means"""
-    time: Column | None = None
+    time: TimeColumn | None = None
     """Without: row by row"""
     session: str = ""
     """Column whose value names the session of a row, where a file holds several, one after the other"""
@@ -188,7 +213,14 @@ KINDS = ("site", "joint", "sensor", "tendon", "actuator")
 """What of a model can be measured"""
 DRIVEN = ("actuator", "joint", "tendon")
 """What of it can be driven"""
-MEASURES = {"m": LENGTH, "rad": ANGLE, "N": FORCE, "N m": TORQUE}
+MEASURES = {
+    "m": LENGTH,
+    "rad": ANGLE,
+    "N": FORCE,
+    "N m": TORQUE,
+    "m/s": VELOCITY,
+    "rad/s": ANGULAR_VELOCITY,
+}
 """By SI unit"""
 _PLACE = Measure("place", "the place is", "place error, rms", "mm", "mm", 1e3, "m")
 

@@ -1,4 +1,4 @@
-"""Refuse logs that cannot be what machine.toml says: other units, missing rows, drives that never move."""
+"""Refuse logs that cannot be what machine.toml says: other units or clocks, drives that never move."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,41 +8,72 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Recording, Runs
-from serpent_twin.machines.model.description import POSES, Described, MeasuredColumns
+from serpent_twin.machines.model.description import POSES, Described, MeasuredColumns, TimeColumn
 from serpent_twin.numerals import counted
+from serpent_twin.tables import DataTable
 from serpent_twin.units import TO_SI
 
 FEWEST = 8
 """Rows of a log"""
 _BEYOND = 1.5
 """Times a range that a column may reach before its unit is doubted"""
-_UNEVEN = 0.5
-"""Of the time between rows, by which it may differ"""
 _SHORTEST, _LONGEST = 1 / 50, 5000
 """Time between rows, in time steps of the model"""
+_SHORTEST_LOG = 100
+"""Time steps of a whole log whose rows are shorter than one"""
 
 
-def require_even(machine: Described, path: Path, session: Recording) -> None:
-    """Refuse a motion of few rows, with rows missing, or at times that are no motion's of this model."""
+def require_paced(machine: Described, path: Path, session: Recording) -> None:
+    """Refuse a motion of few rows, or at times that are no motion's of this model."""
     if len(session) < FEWEST:
         raise SerpentError(
             f"{path}: the session {session.name} has {counted(len(session), 'row')}, fewer than {FEWEST}. "
             "Leave them out."
         )
-    apart, step = np.diff(session.time), float(machine.model.opt.timestep)
-    usual = float(np.median(apart))
-    if not _SHORTEST * step < usual < _LONGEST * step:
+    step = float(machine.model.opt.timestep)
+    usual, whole = float(np.median(np.diff(session.time))), float(np.ptp(session.time))
+    short = usual < step and whole < _SHORTEST_LOG * step
+    if short or not _SHORTEST * step < usual < _LONGEST * step:
         raise SerpentError(
-            f"{path}: rows are {usual:.3g} s apart, and the model's time step is {step:.3g} s. State the "
-            "unit of time in machine.toml."
+            f"{path}: rows are {usual:.3g} s apart and last {whole:.3g} s in all, and the model's time step "
+            f"is {step:.3g} s. State the unit of time in machine.toml."
         )
-    odd = np.flatnonzero(np.abs(apart - usual) > _UNEVEN * usual)
-    if len(odd):
+
+
+def require_seconds(table: DataTable, clock: TimeColumn) -> None:
+    """Refuse a clock said to be in seconds that counts rows, or ticks of a shorter unit, in whole numbers."""
+    raw = table.column(clock.column)
+    if clock.scale is not None or TO_SI[clock.unit][0] != 1 or raw.dtype.kind not in "iuf":
+        return
+    known = raw[np.isfinite(raw)].astype(float)
+    apart = np.diff(known)
+    apart = apart[apart != 0]
+    if not len(apart) or (known % 1).any():
+        return
+    usual = float(np.median(apart))
+    stated = f'time = {{ column = "{clock.column}", unit = "s", scale = '
+    if (apart == 1).all() and known[0] in (0, 1):
         raise SerpentError(
-            f"{path}: the rows of {session.name} are not evenly spaced in time, in "
-            f"{counted(len(odd), 'place')}: first {apart[odd[0]]:.4g} s pass after "
-            f"{session.time[odd[0]]:.4g} s, where rows are {usual:.4g} s apart. Split the log there, or put "
-            "it on an even clock: `log import` does so."
+            f"{table.path}: {clock.column!r} counts the rows, {known[0]:.0f}, {known[1]:.0f} …, and is no "
+            f"time in s. State the time between rows, such as {stated}0.02 }} for 50 Hz; if rows are 1 s "
+            "apart, scale = 1."
+        )
+    if usual >= 2:
+        raise SerpentError(
+            f"{table.path}: {clock.column!r} has whole numbers that are {usual:.0f} apart, as a clock in ms, "
+            "µs or ns has. State its unit in machine.toml; if they are seconds, add scale = 1."
+        )
+
+
+def require_own_unit(table: DataTable, name: str, unit: str, scale: float) -> None:
+    """Refuse a unit that is another one than the file itself states."""
+    own = table.units.get(name, "")
+    if own not in TO_SI or abs(scale) != 1 or TO_SI[own][1] == "1":
+        return
+    if TO_SI[own][0] != TO_SI[unit][0] or TO_SI[unit][1] not in (TO_SI[own][1], "1"):
+        raise SerpentError(
+            f"{table.path}: the column {name!r} is in {own}, as the file says, and machine.toml says "
+            f"{unit!r}. State unit = {own!r} there."
         )
 
 

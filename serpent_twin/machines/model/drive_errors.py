@@ -38,6 +38,8 @@ def _amiss_drive(
     kind, name = each.of
     if not kind:
         yield "", "must name exactly one of " + ", ".join(DRIVEN) + "."
+    elif kind == "actuator" and not model.nu:
+        yield ".actuator", _no_actuators(name, about, model)
     elif name not in names(model, OBJECTS[kind]):
         yield f".{kind}", unknown(name, model, OBJECTS[kind])
     elif kind == "joint" and (ball := not_single(model, name)):
@@ -67,6 +69,22 @@ def _amiss_drive(
         yield ".enable", f"is {each.enable!r}, which drives something already."
     if each.offset == "keyframe" and not about.keyframe:
         yield ".offset", "is the keyframe's, and no keyframe is named."
+
+
+def _no_actuators(name: str, about: Description, model: mujoco.MjModel) -> str:
+    """What to do where a drive names an actuator of a model that has none, as no URDF has."""
+    joints = names(model, OBJECTS["joint"])
+    joint = name if name in joints else next(iter(filter(None, joints)), "NAME")
+    to_mjcf = (
+        f"save {about.model} as MJCF (docs/other-machines.md has the line) and add to it "
+        if about.model.lower().endswith(".urdf")
+        else "add to it "
+    )
+    return (
+        f"is {name!r}, and {about.model} has no actuators: say which joints are driven. For a servo, "
+        f'{to_mjcf}<actuator><position name="{joint}" joint="{joint}" kp="20"/></actuator>; if the column '
+        f'is the joint\'s own motion, write joint = "{joint}" here.'
+    )
 
 
 def _wrong_control(unit: str, model: mujoco.MjModel, name: str) -> str:

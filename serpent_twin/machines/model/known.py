@@ -1,7 +1,6 @@
 """Read the numbers of a model that each session of a log states, and refuse those that cannot be."""
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -9,7 +8,7 @@ import numpy as np
 
 from serpent_twin import stored
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import KEY, Recording, Runs
+from serpent_twin.machines.measured import Recording, Runs
 from serpent_twin.machines.model.description import Described, Description, KnownNumber
 from serpent_twin.machines.model.numbers import NUMBERS, names_of, numbers_of
 from serpent_twin.machines.model.things import OBJECTS, names, unknown
@@ -33,14 +32,6 @@ def amiss_known(about: Description, model: mujoco.MjModel) -> Iterator[tuple[str
         if (each.number, each.of) in there:
             yield f"known[{n}].of", f"is {each.of!r}, whose {each.number} is known already."
         there.add((each.number, each.of))
-
-
-def metadata_of(path: Path) -> dict[str, Any]:
-    """What a Parquet log has under the metadata key `measured`; nothing of others."""
-    if path.suffix != ".parquet":
-        return {}
-    raw = stored.read_table(path, "Leave it out.").metadata.get(KEY)
-    return stored.parse_json(raw, dict[str, Any], f"{path}: the metadata") if raw else {}
 
 
 def stated(machine: Described, session: Recording, metadata: Mapping[str, Any]) -> dict[str, float]:

@@ -1,6 +1,6 @@
-"""Read the columns of a CSV or Parquet log that a machine.toml names, in SI units."""
+"""Read the columns of logs that a machine.toml names, in SI units."""
 
-import re
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,88 +11,126 @@ from numpy.typing import NDArray
 from serpent_twin import stored
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.machines.measured import Recording
-from serpent_twin.machines.model.clocks import CLOCK_BEGAN, in_sequence
+from serpent_twin.machines.measured import KEY, Recording
+from serpent_twin.machines.model.clocks import in_sequence
 from serpent_twin.machines.model.description import (
     MOTION,
-    Column,
     Described,
     Description,
     DriveColumn,
+    MeasuredColumns,
+    TimeColumn,
 )
-from serpent_twin.machines.model.doubts import FEWEST, require_even, require_unit, require_within
-from serpent_twin.machines.model.known import STATED, metadata_of, stated
+from serpent_twin.machines.model.doubts import (
+    FEWEST,
+    require_own_unit,
+    require_paced,
+    require_seconds,
+    require_unit,
+    require_within,
+)
+from serpent_twin.machines.model.known import STATED, stated
+from serpent_twin.machines.model.log_files import LogTables, find
+from serpent_twin.machines.model.log_poses import poses
+from serpent_twin.machines.model.log_rows import Columns, rows_in_motion
+from serpent_twin.machines.rig import NOTES
 from serpent_twin.numerals import counted
+from serpent_twin.tables import DataTable, imported, lerobot
 from serpent_twin.units import TO_SI
 
-_SUFFIXES = (".csv", ".parquet")
 _ADVICE = "Name the column in machine.toml as the log has it."
+_OTHER = "Name another column in machine.toml."
 
 
 def read_runs(machine: Described, folder: Path) -> list[Recording]:
     """The sessions of a folder's logs, by name (run_2 before run_10), or of a file, each knowing when it
     began.
     """
-    if folder.exists() and not folder.is_dir():
-        return in_sequence(read(machine, folder))
-    if not folder.is_dir():
-        raise SerpentError(
-            f"There is no folder {folder}, nor such a file. Name a log of the machine, or the folder of "
-            "its logs."
-        )
-    found = (path for suffix in _SUFFIXES for path in folder.glob(f"*{suffix}"))
-    files = sorted(found, key=_by_number)
-    if not files:
-        raise SerpentError(
-            f"There is no {' or '.join(_SUFFIXES)} file in {folder}. Name the folder with the machine's logs."
-        )
-    return in_sequence([each for path in files for each in read(machine, path)])
+    about = machine.about
+    measured = [name for each in about.measured for name in each.columns]
+    needed = [each.column for each in about.drive] + measured + machine.switches
+    needed += [about.session] if about.session else []
+    logs = find(folder, list(dict.fromkeys(needed)), measured)
+    return in_sequence([each for log in logs for each in read(machine, log)])
 
 
-def _by_number(path: Path) -> list[tuple[int, str]]:
-    """What sorts names with the numbers in them by size."""
-    parts = re.split(r"(\d+)", path.name)
-    return [(int(each), "") if each.isdecimal() else (-1, each) for each in parts]
-
-
-def read(machine: Described, path: Path) -> list[Recording]:
+def read(machine: Described, log: LogTables) -> list[Recording]:
     """The sessions of one log, columns in SI units; raises a `SerpentError` that names file and column."""
-    if path.suffix not in _SUFFIXES:
-        raise SerpentError(f"{path} is no {' or '.join(_SUFFIXES)}. Name a log of the machine.")
-    about, table = machine.about, stored.read_columns(path, "Leave it out.")
-    rows = len(next(iter(table.values()), ()))
-    if rows < FEWEST:
-        raise SerpentError(f"{path} has {counted(rows, 'row')}, fewer than {FEWEST}. Leave it out.")
-    found = {each.column: _drive(machine, path, table, each) for each in about.drive}
-    for each in about.measured:
-        for name in each.columns:
-            found[name] = _si(_numbers(path, table, name), each.unit, each.scale, each.offset)
-            require_unit(machine, path, name, found[name], each)
-    for name in machine.switches:
-        found[name] = _whole(path, name, _numbers(path, table, name), "which switches a drive")
-    time = _time(about.time, path, table, rows)
-    found = {"time": time - time[0], **_others(about, table), **found}
-    whole = Recording(path, {"arm": machine.name, CLOCK_BEGAN: time[0]}, found)
-    labels = _column(path, table, about.session) if about.session else None
-    several = [whole] if labels is None else _by_session(whole, labels)
-    several = [_thinned(each, about.every) for each in several]
-    for each in several if about.rows == MOTION else ():
-        require_even(machine, path, each)
-    metadata = metadata_of(path) if about.known else {}
+    about, table = machine.about, log.tables[0]
+    if table.rows < FEWEST:
+        raise SerpentError(
+            f"{table.path} has {counted(table.rows, 'row')}, fewer than {FEWEST}. Leave it out."
+        )
+    several = [_columns(machine, each) for each in log.tables]
+    labels = _labels(machine, table)
+    whole = Recording(table.path, {"arm": machine.name}, {}, log.name)
+    split = rows_in_motion if about.rows == MOTION else poses
+    found, notes = split(machine, whole, several, labels)
+    found = [_thinned(each, about.every) for each in found]
+    for each in found if about.rows == MOTION else ():
+        require_paced(machine, table.path, each)
+    metadata = _metadata_of(table) if about.known else {}
+    notes = [f"{each.path}: {note}." for each in log.tables for note in each.notes] + notes
     return [
-        replace(each, metadata=each.metadata | {STATED: stated(machine, each, metadata)})
-        for each in several
+        replace(
+            each,
+            metadata=each.metadata
+            | {STATED: stated(machine, each, metadata)}
+            | ({NOTES: tuple(notes)} if notes and not n else {}),
+        )
+        for n, each in enumerate(found)
     ]
 
 
-def _others(about: Description, table: dict[str, NDArray[Any]]) -> dict[str, Array]:
-    """Columns of numbers that nothing names, as the log has them: they tell sessions from copies."""
-    clock = about.time.column if about.time else "time"
-    return {
-        name: values.astype(float)
-        for name, values in table.items()
-        if values.dtype.kind in "fiub" and name not in ("time", clock)
+def _columns(machine: Described, table: DataTable) -> Columns:
+    """The columns of one table of a log [SI]."""
+    about, path = machine.about, table.path
+    driven = {
+        each.column: _drive(machine, table, each) for each in about.drive if each.column in table
     }
+    measured: dict[str, Array] = {}
+    for each in about.measured:
+        for name in each.columns:
+            if name in table:
+                values = _in_its_unit(table, name, each, f"measured of {each.of[1]}")
+                measured[name] = _si(values, each.unit, each.scale, each.offset)
+                require_unit(machine, path, name, measured[name], each)
+    switches = {
+        name: _some_numbers(table, name, "which switches a drive")
+        for name in machine.switches
+        if name in table
+    }
+    prescribed = {each.column for each in machine.prescribed}
+    return Columns(
+        table.path,
+        about.time.column if about.time else "",
+        _time(about, table),
+        {n: v for n, v in driven.items() if n not in prescribed} | switches,
+        measured,
+        {n: v for n, v in driven.items() if n in prescribed},
+        dict(_others(about.time, table, {*driven, *measured, *switches})),
+    )
+
+
+def _others(
+    clock: TimeColumn | None, table: DataTable, named: set[str]
+) -> Iterable[tuple[str, Array]]:
+    """Columns of numbers that nothing names, as the log has them: they tell sessions from copies."""
+    for name, values in table.columns.items():
+        time = name in ("time", clock.column if clock else "time")
+        if values.dtype.kind in "fiub" and not time and name not in named:
+            yield name, values.astype(float)
+
+
+def _labels(machine: Described, table: DataTable) -> NDArray[Any] | None:
+    """What names the session of each row; of a data set's file with several episodes, the episode."""
+    if machine.about.session:
+        return table.column(machine.about.session, _ADVICE)
+    if lerobot.EPISODE in table and lerobot.root_of(table.path.parent):
+        episodes = table.columns[lerobot.EPISODE]
+        if len(np.unique(episodes)) > 1:
+            return np.array([f"episode_{int(each):06d}" for each in episodes])
+    return None
 
 
 def _thinned(run: Recording, every: int) -> Recording:
@@ -100,61 +138,40 @@ def _thinned(run: Recording, every: int) -> Recording:
     return replace(run, columns={name: values[::every] for name, values in run.columns.items()})
 
 
-def _by_session(whole: Recording, labels: NDArray[Any]) -> list[Recording]:
-    """A log in parts, each of one label."""
-    begins = np.flatnonzero(np.r_[True, labels[1:] != labels[:-1]])
-    return [
-        replace(
-            whole,
-            columns={n: v[rows] for n, v in whole.columns.items()},
-            label=str(labels[rows.start]),
-        )
-        for rows in map(slice, begins.tolist(), [*begins[1:].tolist(), len(labels)])
-    ]
-
-
-def _column(path: Path, table: dict[str, NDArray[Any]], name: str) -> NDArray[Any]:
-    if name not in table:
+def _some_numbers(table: DataTable, name: str, what: str) -> Array:
+    """A column of numbers, at least one of them, in SI units or not."""
+    table.column(name, _ADVICE)
+    found = table.numbers(name, _OTHER)
+    if endless := int(np.isinf(found).sum()):
         raise SerpentError(
-            f"{path} has no column {name!r}; there are: {stored.names(list(table), 40)}. {_ADVICE}"
+            f"{table.path}: the column {name!r} is infinite in {counted(endless, 'row')}. Leave these cells "
+            "empty."
         )
-    return table[name]
-
-
-def _numbers(path: Path, table: dict[str, NDArray[Any]], name: str) -> Array:
-    values = _column(path, table, name)
-    if values.dtype.kind not in "fiub":
-        text = [
-            n for n, each in enumerate(values) if isinstance(each, str) and not _is_number(each)
-        ]
-        where = f"{values[text[0]]!r} in row {text[0] + 1}" if text else "nothing"
-        raise SerpentError(
-            f"{path}: the column {name!r} holds {where}, not numbers. Leave cells empty where nothing was "
-            "measured, or name another column in machine.toml."
-        )
-    if endless := int(np.isinf(found := values.astype(float)).sum()):
-        raise SerpentError(
-            f"{path}: the column {name!r} is infinite in {counted(endless, 'row')}. Leave these cells empty."
-        )
+    if not np.isfinite(found).any():
+        raise SerpentError(f"{table.path}: {name!r}, {what}, has no number in any row. {_OTHER}")
     return found
 
 
-def _whole(path: Path, name: str, values: Array, what: str) -> Array:
-    """A column that must have a number in every row."""
-    if odd := int((~np.isfinite(values)).sum()):
+def _in_its_unit(
+    table: DataTable, name: str, stated: DriveColumn | MeasuredColumns, what: str
+) -> Array:
+    """A column in the unit that machine.toml states: of an imported log, if that is the recording's unit, as
+    the recording had it.
+    """
+    values, made = _some_numbers(table, name, what), table.conversions.get(name)
+    if made and stated.unit == made.unit and TO_SI[made.unit][0] != 1:
+        return made.undone(values)
+    require_own_unit(table, name, stated.unit, stated.scale)
+    if (
+        made
+        and (made.scale, made.offset) != (1, 0)
+        and (stated.scale, stated.offset) == (made.scale, made.offset)
+    ):
         raise SerpentError(
-            f"{path}: {name!r}, {what}, has no number in {odd} of {counted(len(values), 'row')}. Leave "
-            "those rows out."
+            f"{table.path}: {name!r} was scaled by {made.scale:g} and shifted by {made.offset:g} when it was "
+            "imported, and machine.toml states both again. Leave scale and offset out of one of them."
         )
     return values
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _si(values: Array, unit: str, scale: float, offset: float) -> Array:
@@ -167,28 +184,30 @@ def as_logged(machine: Described, drive: DriveColumn, told: Array) -> Array:
     return found + 0.0  # no −0
 
 
-def _drive(
-    machine: Described, path: Path, table: dict[str, NDArray[Any]], drive: DriveColumn
-) -> Array:
-    raw = _whole(
-        path, drive.column, _numbers(path, table, drive.column), f"which drives {drive.of[1]}"
-    )
+def _drive(machine: Described, table: DataTable, drive: DriveColumn) -> Array:
+    raw = _in_its_unit(table, drive.column, drive, f"which drives {drive.of[1]}")
     found = _si(raw, drive.unit, drive.scale, machine.offset(drive))
     limits = machine.limits(drive)
     if limits is not None:
-        require_within(path, drive.column, found, limits, " ".join(drive.of), drive.unit)
+        require_within(table.path, drive.column, found, limits, " ".join(drive.of), drive.unit)
     return found
 
 
-def _time(clock: Column | None, path: Path, table: dict[str, NDArray[Any]], rows: int) -> Array:
+def _time(about: Description, table: DataTable) -> Array:
+    """When each row was [s], (T,); without a clock, its number."""
+    clock = about.time
     if clock is None:
-        return np.arange(float(rows))
-    raw = _whole(path, clock.column, _numbers(path, table, clock.column), "the time")
-    found = _si(raw, clock.unit, clock.scale, 0.0)
-    if not (np.diff(found) > 0).all():
-        row = int(np.argmin(np.diff(found) > 0)) + 2
-        raise SerpentError(
-            f"{path}: {clock.column!r} does not increase in row {row}. Sort the rows, split the log there, "
-            "or, of poses, leave the column out of machine.toml: then rows are counted."
-        )
-    return found
+        return np.arange(float(table.rows))
+    if clock.column not in table and imported.KEY in table.metadata:
+        return table.seconds(imported.TIME)
+    if clock.scale is None:
+        require_own_unit(table, clock.column, clock.unit, 1.0)
+    if about.rows == MOTION:
+        require_seconds(table, clock)
+    return table.seconds(clock.column, clock.seconds, _ADVICE)
+
+
+def _metadata_of(table: DataTable) -> Mapping[str, Any]:
+    """What a Parquet log has under the metadata key `measured`; nothing of others."""
+    raw = table.metadata.get(KEY)
+    return stored.parse_json(raw, dict[str, Any], f"{table.path}: the metadata") if raw else {}

@@ -82,7 +82,7 @@ def proposed(
         _as_logged(machine, targets),
         machine.pieces(logs),
         _about(machine),
-        (clock.column, clock.scale * TO_SI[clock.unit][0]) if clock else None,
+        (clock.column, clock.seconds) if clock else None,
     )
 
 

@@ -166,6 +166,18 @@ def _amiss_measured(
             kind,
             f"{why}: nothing tells it a control. Measure a force or torque sensor of the model.",
         )
+    elif kind == "sensor" and _is_quaternion(model, name):
+        yield (
+            kind,
+            f"is {name!r}, a quaternion, which is not compared: q and −q are one attitude. Measure joints, "
+            "or a gyro of the model, or sites on the body by where they are.",
+        )
+    elif kind == "joint" and TO_SI[each.unit][1] in ("rad/s", "m/s"):
+        yield (
+            "unit",
+            f'is {each.unit!r}, of a speed. Add <sensor><jointvel name="speed" joint="{name}"/></sensor> to '
+            'the model, and measure sensor = "speed".',
+        )
     elif kind == "joint" and (ball := not_single(model, name)):
         yield kind, f"is {name!r}, {ball}: measure its turn by a sensor of the model."
     elif kind == "site" and not model.body_weldid[model.site(name).bodyid[0]]:
@@ -192,6 +204,11 @@ def _si_units(model: mujoco.MjModel, kind: str, name: str) -> tuple[str, ...]:
             joint_type(model, moved[1]) if moved[0] == "joint" else moved[0], ("N m", "N")
         )
     return ("m",) if kind == "site" else lengths(model, kind, name)
+
+
+def _is_quaternion(model: mujoco.MjModel, sensor: str) -> bool:
+    kinds = (mujoco.mjtSensor.mjSENS_FRAMEQUAT, mujoco.mjtSensor.mjSENS_BALLQUAT)
+    return int(model.sensor(sensor).type[0]) in map(int, kinds)
 
 
 def _size(model: mujoco.MjModel, kind: str, name: str) -> int:

@@ -1,0 +1,61 @@
+"""Make poses of the rows of a log."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.model.clocks import CLOCK_BEGAN
+from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.doubts import FEWEST
+from serpent_twin.machines.model.log_rows import Columns, alike
+from serpent_twin.numerals import counted, listed
+
+
+def poses(
+    machine: Described, whole: Recording, several: Sequence[Columns], labels: NDArray[Any] | None
+) -> tuple[list[Recording], list[str]]:
+    """Poses row by row; those without a command are left out, and that is said."""
+    if len(several) > 1:
+        raise SerpentError(
+            f"{listed(each.path for each in several)} hold columns of the same poses. Put them into one "
+            "table."
+        )
+    one = several[0]
+    driven = np.array([*one.commands.values(), *one.prescribed.values()])
+    kept = np.isfinite(driven).all(axis=0) & np.isfinite(one.time)
+    if kept.sum() < FEWEST:
+        raise SerpentError(
+            f"{one.path} has {counted(int(kept.sum()), 'row')} in which all drives have a number, fewer than "
+            f"{FEWEST}. Leave it out."
+        )
+    time = one.time[kept]
+    if not (np.diff(time) > 0).all():
+        row = int(np.flatnonzero(kept)[np.argmin(np.diff(time) > 0) + 1]) + 1
+        raise SerpentError(
+            f"{one.path}: {one.clock!r} does not increase in row {row}. Sort the rows, split the log there, "
+            "or leave the column out of machine.toml: then poses are counted."
+        )
+    columns = {"time": time - time[0]}
+    for kind in (one.others, one.commands, one.prescribed, one.measured):
+        columns |= {name: values[kept] for name, values in kind.items()}
+    run = replace(whole, metadata=whole.metadata | {CLOCK_BEGAN: time[0]}, columns=columns)
+    left = int((~kept).sum())
+    notes = [f"{one.path}: {counted(left, 'row')} without a command left out."] if left else []
+    return ([run] if labels is None else _by_label(run, labels[kept])), notes
+
+
+def _by_label(whole: Recording, labels: NDArray[Any]) -> list[Recording]:
+    """A log in parts, each of one label."""
+    return [
+        replace(
+            whole,
+            columns={n: v[rows] for n, v in whole.columns.items()},
+            label=str(labels[rows.start]),
+        )
+        for rows in alike(labels)
+    ]

@@ -1,0 +1,256 @@
+"""Put the rows of a log on an even clock: commands are held, lost readings left open."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice, pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from serpent_twin.arrays import Array
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.measured import Recording
+from serpent_twin.machines.model.clocks import CLOCK_BEGAN
+from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.doubts import FEWEST
+from serpent_twin.machines.model.starts import measured_joints
+from serpent_twin.numerals import counted, listed
+from serpent_twin.tables.even import EvenRows, Mended, UnevenError, even_rows
+from serpent_twin.tables.sampling import (
+    between,
+    bridged,
+    held,
+    held_cells,
+    is_stream,
+    longest_gap,
+    runs_of,
+)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The columns of one table [SI], (T,) each, by name."""
+
+    path: Path
+    clock: str
+    """Name of the column with the time"""
+    time: Array
+    commands: dict[str, Array]
+    """Held until the next one; switches as well"""
+    measured: dict[str, Array]
+    prescribed: dict[str, Array]
+    """Motion that is known"""
+    others: dict[str, Array]
+
+    def of(self, rows: slice) -> "Columns":
+        """Some rows."""
+        kinds = ("commands", "measured", "prescribed", "others")
+        parts = {kind: {n: v[rows] for n, v in getattr(self, kind).items()} for kind in kinds}
+        return replace(self, time=self.time[rows], **parts)
+
+
+def alike(labels: NDArray[Any]) -> list[slice]:
+    """Rows one after the other that have one label."""
+    begins = np.flatnonzero(np.r_[True, labels[1:] != labels[:-1]])
+    return list(map(slice, begins.tolist(), [*begins[1:].tolist(), len(labels)]))
+
+
+def rows_in_motion(
+    machine: Described, whole: Recording, several: Sequence[Columns], labels: NDArray[Any] | None
+) -> tuple[list[Recording], list[str]]:
+    """A motion on an even clock, in parts where it pauses; and sentences on what was put right."""
+    base, *others = several
+    found: list[Recording] = []
+    mended, notes = Mended(), list[str]()
+    began: float | None = None
+    parts = [slice(None)] if labels is None else alike(labels)
+    for rows in parts:
+        name = whole.label if labels is None else str(labels[rows.start])
+        one = base.of(rows)
+        pieces = _even(machine, one)
+        began = float(pieces[0].time[0]) if began is None else began
+        mended = sum((each.mended for each in pieces), mended)
+        made = [_recording(whole, each, one, others, began, notes) for each in pieces]
+        long = [each for each in made if _is_enough(each, one)]
+        if dropped := len(made) - len(long):
+            few = f"with fewer than {FEWEST} rows or without any reading of a column"
+            notes.append(f"{base.path}: {counted(dropped, 'part')} {few} left out.")
+        if len(pieces) > 1:
+            pauses = (f"{b.time[0] - a.time[-1]:.3g} s" for a, b in pairwise(pieces))
+            lengths = listed(islice(pauses, 5)) + (" …" if len(pieces) > 6 else "")
+            notes.append(
+                f"{base.path}: read in {counted(len(long), 'part')}, as nothing was logged for {lengths}."
+            )
+        stem = name or whole.name
+        found += [
+            replace(each, label=name if len(long) < 2 else f"{stem} part {n}")
+            for n, each in enumerate(long, 1)
+        ]
+    if not found:
+        raise SerpentError(f"{base.path} has no {FEWEST} rows one after the other. Leave it out.")
+    said = mended.sentence()
+    return found, list(dict.fromkeys([*([f"{base.path}: {said}."] if said else []), *notes]))
+
+
+def _is_enough(part: Recording, one: Columns) -> bool:
+    """Whether a part of a log has rows, and a reading in each column."""
+    known = all(np.isfinite(part.columns[name]).any() for name in one.measured)
+    return len(part) >= FEWEST and known
+
+
+def _even(machine: Described, one: Columns) -> list[EvenRows]:
+    """Even rows of a table, whose joints are all measured if there is more than one part."""
+    every = [*one.commands.values(), *one.measured.values(), *one.prescribed.values()]
+    try:
+        pieces = even_rows(one.time, [*one.measured.values(), *one.prescribed.values()], every)
+    except UnevenError as error:
+        raise SerpentError(f"{one.path}: {one.clock!r} {error}.") from None
+    if len(pieces) > 1 and not measured_joints(machine):
+        end, next_ = pieces[0].time[-1], pieces[1].time[0]
+        raise SerpentError(
+            f"{one.path}: no rows for {next_ - end:.3g} s after {end - pieces[0].time[0]:.4g} s, and not all "
+            "joints are measured, so that what comes after cannot begin there. Split the log where the "
+            "machine is at rest in its keyframe."
+        )
+    return pieces
+
+
+def _recording(
+    whole: Recording,
+    even: EvenRows,
+    one: Columns,
+    others: Sequence[Columns],
+    began: float,
+    notes: list[str],
+) -> Recording:
+    """One part of a log in even rows."""
+    last = np.maximum.accumulate(np.where(even.row >= 0, np.arange(len(even.row)), 0))
+    row = even.row[last]  # of a lost row, the one before
+    kinds = [_at_rows(even, one, notes) if even.stamp is None else _at_times(even, even.stamp, one)]
+    for other in others:
+        _require_common(one, other, even)
+        kinds.append(_at_times(even, other.time, other))
+    _say_held(one, others, notes)
+    commands, measured, prescribed = (
+        {name: values for each in kinds for name, values in each[n].items()} for n in range(3)
+    )
+    columns = {name: values[row] for name, values in one.others.items()}
+    columns |= commands | prescribed | measured
+    rows = _known_rows(one, commands, prescribed, notes)
+    columns = {name: values[rows] for name, values in columns.items()}
+    about = whole.metadata | {CLOCK_BEGAN: began}
+    return replace(whole, metadata=about, columns={"time": even.time[rows] - began, **columns})
+
+
+_Kinds = tuple[dict[str, Array], dict[str, Array], dict[str, Array]]
+"""Commands, readings and known motions, by name"""
+
+
+def _at_rows(even: EvenRows, one: Columns, notes: list[str]) -> _Kinds:
+    """The columns of a table whose rows are even ones.
+
+    Where a row is lost or a cell empty, a command is interpolated if commands are a stream that changes
+    smoothly, as a held one would come late; else it is held. A reading is left open.
+    """
+
+    def kept(columns: dict[str, Array]) -> dict[str, Array]:
+        return {n: np.where(even.row < 0, np.nan, v[even.row]) for n, v in columns.items()}
+
+    gap = longest_gap(even.period)
+    known = {n: between(even.time, v, even.time, gap) for n, v in kept(one.prescribed).items()}
+    commands = dict[str, Array]()
+    for name, values in kept(one.commands).items():
+        stream = is_stream(values)
+        whole = between(even.time, values, even.time, gap) if stream else values
+        commands[name] = held_cells(whole)
+        if lacking := int(np.isnan(values).sum()):
+            how = "interpolated, as they change smoothly," if stream else "held"
+            notes.append(
+                f"{one.path}: commands in {name!r} {how} in {counted(lacking, 'row')} without one."
+            )
+    return commands, kept(one.measured), known
+
+
+def _at_times(even: EvenRows, time: Array, one: Columns) -> _Kinds:
+    """The columns of a table by its own times: commands held, all else interpolated."""
+    order = np.argsort(time, kind="stable")
+    order = order[np.isfinite(time[order])]
+    own, gap = time[order], longest_gap(even.period)
+
+    def smooth(columns: dict[str, Array]) -> dict[str, Array]:
+        return {n: between(own, v[order], even.time, gap) for n, v in columns.items()}
+
+    commands = dict[str, Array]()
+    for name, values in one.commands.items():
+        given = own, values[order]
+        if time is even.stamp:  # rows of its own, of which some may be lost
+            known = np.isfinite(given[1])
+            given = bridged(own[known], given[1][known])
+        commands[name] = held(*given, even.time, even.period)
+    return commands, smooth(one.measured), smooth(one.prescribed)
+
+
+def _say_held(one: Columns, others: Sequence[Columns], notes: list[str]) -> None:
+    """Say where cells are empty, and how tables were joined."""
+    for each in (one, *others):
+        for columns, done in (
+            (each.measured, "nothing counts as measured in empty cells"),
+            (each.prescribed, "the motion is interpolated in empty cells"),
+        ):
+            lacking = {n: int((~np.isfinite(v)).sum()) for n, v in columns.items()}
+            if named := [f"{count} in {name!r}" for name, count in lacking.items() if count]:
+                notes.append(f"{each.path}: {done}, {listed(named)}.")
+    for each in others:
+        what = [
+            f"{kind} of {listed(map(repr, names))} {done}"
+            for kind, names, done in (
+                ("commands", each.commands, "held until the next one"),
+                ("readings", {**each.measured, **each.prescribed}, "interpolated"),
+            )
+            if names
+        ]
+        notes.append(f"{each.path}: joined with {one.path.name} by their clocks, {listed(what)}.")
+
+
+def _require_common(one: Columns, other: Columns, even: EvenRows) -> None:
+    """Refuse a second table of another time."""
+    known = other.time[np.isfinite(other.time)]
+    if (
+        not len(known)
+        or known.min() > even.time[-1]
+        or known.max() < even.time[0] - longest_gap(even.period)
+    ):
+        spans = f"{known.min():.6g} … {known.max():.6g} s" if len(known) else "none"
+        raise SerpentError(
+            f"{other.path}: its times, {spans}, are not those of {one.path.name}, {even.time[0]:.6g} … "
+            f"{even.time[-1]:.6g} s. Give both the same clock."
+        )
+
+
+def _known_rows(
+    one: Columns, commands: dict[str, Array], prescribed: dict[str, Array], notes: list[str]
+) -> slice:
+    """Rows from the first to the last in which all drives are known; refuses a motion unknown in between."""
+    driven = np.array([*commands.values(), *prescribed.values()])
+    known = np.asarray(np.isfinite(driven).all(axis=0))
+    there = runs_of(known)
+    if not there:
+        raise SerpentError(f"{one.path} has no row in which all drives are known. Leave it out.")
+    rows = slice(there[0].start, len(known))
+    if len(there) > 1 or not known[-1]:
+        ends = np.flatnonzero(known)
+        rows = slice(int(ends[0]), int(ends[-1]) + 1)
+        if len(there) > 1:
+            odd = next(n for n, v in prescribed.items() if not np.isfinite(v[rows]).all())
+            count = int((~np.isfinite(prescribed[odd][rows])).sum())
+            raise SerpentError(
+                f"{one.path}: {odd!r}, whose motion the model follows, has no number in "
+                f"{counted(count, 'row')}, for more than 0.2 s. Leave those rows out of the log, which is "
+                "then split there."
+            )
+    if left := len(known) - (rows.stop - rows.start):
+        where = "at the beginning or end, in which not all drives are known,"
+        notes.append(f"{one.path}: {counted(left, 'row')} {where} left out.")
+    return rows
