@@ -1,8 +1,8 @@
 """Read a table of any common kind as named columns.
 
-`read(path)` returns a `DataTable`: `.columns` by name, (T,) each, of numbers, time stamps or texts; `.notes` on
-how it was read, for the user; `.units`, where the file states them. `DataTable.numbers(name)` are floats,
-`DataTable.seconds(name, unit)` times. A column of lists is read as `u[0]`, `u[1]`; one of records as `pose.x`.
+`read(path)` returns a `DataTable`: `.columns` by name, (T,) each, of numbers, time stamps or texts; `.notes`
+on how it was read, for the user; `.units`, where the file states them. `.numbers(name)` are floats,
+`.seconds(name, unit)` times. A column of lists is read as `u[0]`, `u[1]`; one of records as `pose.x`.
 """
 
 import importlib
