@@ -47,7 +47,7 @@ def limit_of(traced: Trace, effect: Mapping[str, Any]) -> float:
     strong = [list(like.ranges).index(name) for name in effect["strong"]]
     values[strong] *= np.linalg.norm(usual[strong]) / np.linalg.norm(values[strong])
     tested = scores(case, pieces, opening, [replace(like, variants=(values,), whole=True)])
-    told = identifiability(case, pieces, opening, tested).effects
+    told = identifiability(case, pieces, opening, tested, lambda _, make: make()).effects
     found = next(each for each in told if each.name == effect["name"])
     each = np.abs(values[strong])
     return float(found.limit * np.linalg.norm(each) / each.max())

@@ -74,7 +74,7 @@ def test_what_is_at_its_end_takes_up_no_more_of_a_candidate(ended):
     free = replace(made, declared=(made.declared[0], replace(made.declared[1], farthest=np.inf)))
     (other,) = scores(free, every(), base, [made.candidates[GUST]])
     assert held.start[0] == pytest.approx(TAKEN - 1.5, abs=0.1)
-    assert held.share > 0.5 and held.share > 1.2 * other.share
+    assert held.share > 0.5 and held.share > other.share  # of what free parameters leave
 
 
 def test_a_fit_may_begin_again_without_it(ended):

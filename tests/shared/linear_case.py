@@ -39,6 +39,11 @@ class LinearCase:
     weak_rounds: int = 0
     steps_of_derivative: int = 10
     noise: np.ndarray = field(default_factory=lambda: np.ones(3))
+    widened: dict = field(default_factory=dict)
+
+    @property
+    def machine(self):
+        return self
 
     @property
     def quantities(self):
