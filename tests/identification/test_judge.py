@@ -170,7 +170,7 @@ def test_twins_that_logs_cannot_tell_apart_keep_a_strength_that_is_at_its_limit(
     rng = np.random.default_rng(1)
     free = {each.effects[GUST][0] for each in drawn(arm, base, rng, 5)}
     known = replace(arm.candidates[GUST], ranges={"size": Range("1", 0, 10, 1, limit="all of it")})
-    several = SimpleNamespace(candidates={**arm.candidates, GUST: known}, declared=arm.declared)
+    several = replace(arm, candidates={**arm.candidates, GUST: known})
     assert len(free) == 5
     assert {each.effects[GUST][0] for each in drawn(several, base, rng, 5)} == {9.0}
 

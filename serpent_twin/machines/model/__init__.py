@@ -31,7 +31,7 @@ from serpent_twin.machines.model.reading import read
 from serpent_twin.machines.model.rubbing import sized
 from serpent_twin.machines.model.starts import with_starts
 
-_CONVERGED = 1 / 3
+_CONVERGED, _PART = 1 / 3, 1e-3
 _FEW = 10
 """Segments by which a machine is sized, some"""
 
@@ -134,11 +134,13 @@ def _quieter(machine: ModelMachine, few: Runs, found: Array) -> ModelMachine:
 
 
 def _steps(machine: ModelMachine, few: Runs, coarse: Array) -> tuple[int, Array]:
-    """Time steps of a row, of which twice as many change what is seen by a third of its noise at most, and
-    what is seen with them, from what is seen with the fewest, (S, T, C). Twice as many where a motion is
-    prescribed, whose speed makes forces that are of first order in the step.
+    """Time steps of a row, of which twice as many change what is seen by a third of its noise at most, or of
+    a small part of what the model is off by, which grows with what it is off by; and what is seen with them,
+    from what is seen with the fewest, (S, T, C). Twice as many where a motion is prescribed, whose speed makes
+    forces that are of first order in the step.
     """
-    noise = np.array([each.noise for each in machine.outputs])
+    off = np.sqrt(np.nanmean((few.measured - coarse) ** 2, axis=(0, 1)))
+    noise = np.maximum([each.noise for each in machine.outputs], _PART * off)
     for fewer, steps in pairwise(STEPS):
         fine = _nominal(replace(machine, steps=steps), few)
         if np.sqrt(np.nanmean(((fine - coarse) / noise) ** 2)) < _CONVERGED:
