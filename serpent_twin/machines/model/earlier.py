@@ -10,6 +10,7 @@ from serpent_twin.machines.measured import Recording, Runs, cut
 from serpent_twin.machines.model.clocks import clocks_of, wholes_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
+from serpent_twin.machines.model.full_rate import columns_between
 from serpent_twin.machines.model.seen import address, beginning
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
 from serpent_twin.machines.model.state_effects import Acting, Earlier, acting_on_state
@@ -44,7 +45,8 @@ def _earlier(
 ) -> Earlier:
     """The sessions of runs whose joints are all measured."""
     distinct = list({id(each): each for each in wholes}.values())
-    joints, drives = measured_joints(machine), [each.column for each in machine.about.drive]
+    joints = measured_joints(machine)
+    drives = [*(each.column for each in machine.about.drive), *columns_between(machine)]
     columns = [of(joint) for joint in joints for of in (angle_of, rate_of)]
     runs = cut(distinct, [*drives, *columns], list(joints.values()))
     told = controls(machine, there, x, runs)

@@ -21,6 +21,7 @@ from serpent_twin.machines.model.description import (
     DriveColumn,
 )
 from serpent_twin.machines.model.doubts import FEWEST, require_even, require_unit, require_within
+from serpent_twin.machines.model.full_rate import thinned
 from serpent_twin.machines.model.known import STATED, metadata_of, stated
 from serpent_twin.numerals import counted
 from serpent_twin.units import TO_SI
@@ -75,7 +76,7 @@ def read(machine: Described, path: Path) -> list[Recording]:
     whole = Recording(path, {"arm": machine.name, CLOCK_BEGAN: time[0]}, found)
     labels = _column(path, table, about.session) if about.session else None
     several = [whole] if labels is None else _by_session(whole, labels)
-    several = [_thinned(each, about.every) for each in several]
+    several = [thinned(machine, each) for each in several]
     for each in several if about.rows == MOTION else ():
         require_even(machine, path, each)
     metadata = metadata_of(path) if about.known else {}
@@ -93,11 +94,6 @@ def _others(about: Description, table: dict[str, NDArray[Any]]) -> dict[str, Arr
         for name, values in table.items()
         if values.dtype.kind in "fiub" and name not in ("time", clock)
     }
-
-
-def _thinned(run: Recording, every: int) -> Recording:
-    """One row of so many."""
-    return replace(run, columns={name: values[::every] for name, values in run.columns.items()})
 
 
 def _by_session(whole: Recording, labels: NDArray[Any]) -> list[Recording]:

@@ -24,6 +24,7 @@ from serpent_twin.machines.measured import Recording, RunMachine, Runs, cut
 from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
+from serpent_twin.machines.model.full_rate import columns_between
 from serpent_twin.machines.model.in_motion import MovingTwin, TwinsInMotion
 from serpent_twin.machines.model.known import Factor
 from serpent_twin.machines.model.limits import LoggedLimits
@@ -100,8 +101,11 @@ class ModelMachine(RunMachine):
     @property
     def columns(self) -> tuple[str, ...]:
         """Columns that a simulation reads."""
-        more = start_columns(self.described) if self.described.about.rows == MOTION else ()
-        return (*self.drives, *self.described.switches, *more)
+        described = self.described
+        more: tuple[str, ...] = ()
+        if described.about.rows == MOTION:
+            more = (*start_columns(described), *columns_between(described))
+        return (*self.drives, *described.switches, *more)
 
     @property
     def markers(self) -> tuple[str, ...]:

@@ -73,7 +73,7 @@ class SteppedRuns:
         self.batch, model = side_by_side(driven.models, threads()), self._model
         period, known = driven.period, driven.known
         least = max(steps, period.max() / model.opt.timestep, _EACH_PART * PARTS)
-        self.nstep = ceil(least / self._parts)
+        self.nstep = max(ceil(least / self._parts), _EACH_PART)
         self._leaps = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
         self.step = period / (self.nstep * self._parts)
         set_timestep(self.batch, self.step)
