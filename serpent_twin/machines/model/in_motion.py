@@ -1,7 +1,7 @@
 """Show what twins, their sensors included, show in motion in every row of a log."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -10,17 +10,26 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
-from serpent_twin.machines.measured import Runs
-from serpent_twin.machines.model.clocks import clocks_of
+from serpent_twin.machines.measured import Recording, Runs, cut
+from serpent_twin.machines.model.clocks import clocks_of, wholes_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.earlier import acting
+from serpent_twin.machines.model.full_states import FullStates
 from serpent_twin.machines.model.known import Factor, by_known_numbers
 from serpent_twin.machines.model.motion import DrivenMotion, StartGains, start_gain
 from serpent_twin.machines.model.prescribed import known_motion
 from serpent_twin.machines.model.readings import reread
+from serpent_twin.machines.model.replay import MeasuredJoints, replayed
 from serpent_twin.machines.model.seen import Seen, beginning, joint_angles
-from serpent_twin.machines.model.starts import start
+from serpent_twin.machines.model.session_starts import Sessions, SessionStarts
+from serpent_twin.machines.model.starts import (
+    all_measured,
+    angle_of,
+    measured_joints,
+    rate_of,
+    start,
+)
 from serpent_twin.machines.model.state_effects import together
 from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.model.switches import switched_off
@@ -66,6 +75,12 @@ class TwinsInMotion:
     nominal: MovingTwin
     """By which starts are improved"""
     gains: StartGains
+    begun: SessionStarts
+    """How sessions begin, by the nominal model"""
+    columns: Sequence[str]
+    """Of a log, which a simulation reads"""
+    noise: Array
+    """Of each channel, (C,)"""
     steps: int
     """Of time in a row, at least"""
 
@@ -83,6 +98,8 @@ class TwinsInMotion:
         each = [twin.driven(pieces) for twin in twins]
         begin = beginning(each[0].models[0], machine)
         at = start(machine, begin, pieces).repeated(len(twins))
+        if self._replays(each[0].models[0]) and wholes_of(pieces):
+            at = replace(at, whole=self._states(pieces))
         gain = None
         if at.joints and not machine.about.start:
             gain = np.tile(self.gains.of(pieces, self._start_gain), (len(twins), 1, 1))
@@ -97,6 +114,55 @@ class TwinsInMotion:
         act = together(laws) if laws else None
         return DrivenMotion(driven, at, seen, gain, self.steps, read, act)
 
+    def _replays(self, model: mujoco.MjModel) -> bool:
+        """Whether a state holds more than what is measured or prescribed."""
+        machine = self.machine
+        more = model.na or model.nhistory or not all_measured(machine)
+        return bool(more) and not machine.prescribed
+
+    def _states(self, pieces: Runs) -> FullStates:
+        """All states in which the twins' runs begin, as what was measured before them says."""
+        wholes = wholes_of(pieces)
+        distinct = list({id(each): each for each in wholes}.values())
+        runs, joints = self._sessions(distinct)
+        if self.begun.of(distinct) is None:
+            new = [each for each in distinct if self.begun.of([each]) is None]
+            self.begun.find(new, *self._nominal_sessions(new), self.noise)
+        how = self.begun.of(distinct) or []
+        n = len(self.twins)
+        driven = DrivenRuns.together([twin.driven(runs) for twin in self.twins])
+        seen = Seen(self.machine, self.frame, [twin.x for twin in self.twins])
+        joints = joints.repeated(n)
+        begun = Sessions(self.machine, driven, seen, self.steps, joints).begun(how * n)
+        session = np.array([[each is one for one in distinct].index(True) for each in wholes])
+        first = np.array(
+            [np.searchsorted(e.time, t) for e, t in zip(wholes, pieces.time[:, 0], strict=True)]
+        )
+        found = replayed(driven, seen, self.steps, joints, begun, int(first.max()) + 1)
+        S = len(distinct)
+        return found.take(
+            np.concatenate([first * n * S + twin * S + session for twin in range(n)])
+        )
+
+    def _sessions(self, wholes: Sequence[Recording]) -> tuple[Runs, MeasuredJoints]:
+        """Whole sessions, and their measured joints."""
+        channels = [name for each in self.machine.about.measured for name in each.columns]
+        runs, names = cut(wholes, self.columns, channels), tuple(measured_joints(self.machine))
+        angle, rate = (
+            np.stack([runs.column[of(name)] for name in names], axis=-1)
+            if names
+            else np.zeros((*runs.time.shape, 0))
+            for of in (angle_of, rate_of)
+        )
+        return runs, MeasuredJoints(names, angle, rate)
+
+    def _nominal_sessions(self, wholes: Sequence[Recording]) -> tuple[Sessions, Runs]:
+        """The nominal model in whole sessions."""
+        runs, joints = self._sessions(wholes)
+        seen = Seen(self.machine, self.frame, [self.nominal.x])
+        driven = self.nominal.driven(runs)
+        return Sessions(self.machine, driven, seen, self.steps, joints), runs
+
     def _sensed(self, pieces: Runs, names: Sequence[str]) -> Callable[..., Array]:
         """What sensors of named things make of the twins' runs, as `reread`."""
         per_run = [twin.there for twin in self.twins for _ in range(len(pieces))]
@@ -108,4 +174,6 @@ class TwinsInMotion:
         """How the nominal model's starts are improved."""
         machine, seen = self.machine, Seen(self.machine, self.frame, [self.nominal.x])
         at = start(machine, machine.begin, pieces)
+        if self._replays(machine.model) and wholes_of(pieces):
+            at = replace(at, whole=replace(self, twins=[self.nominal])._states(pieces))
         return start_gain(self.nominal.driven(pieces), at, seen, self.steps)

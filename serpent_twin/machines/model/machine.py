@@ -25,6 +25,7 @@ from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
 from serpent_twin.machines.model.full_rate import columns_between
+from serpent_twin.machines.model.full_states import lengthen_buffers
 from serpent_twin.machines.model.in_motion import MovingTwin, TwinsInMotion
 from serpent_twin.machines.model.known import Factor
 from serpent_twin.machines.model.limits import LoggedLimits
@@ -36,6 +37,7 @@ from serpent_twin.machines.model.poses import Rests
 from serpent_twin.machines.model.prescribed import prescribe
 from serpent_twin.machines.model.proposing import proposed
 from serpent_twin.machines.model.segments import ROWS, segments
+from serpent_twin.machines.model.session_starts import SessionStarts
 from serpent_twin.machines.model.starts import start_columns, started_again
 from serpent_twin.machines.model.state_effects import acting_on_state
 from serpent_twin.machines.model.switches import separate
@@ -68,6 +70,8 @@ class ModelMachine(RunMachine):
     """Of time in a row of a motion, at least"""
     gains: StartGains = field(default_factory=StartGains, compare=False, repr=False)
     """How starts are improved"""
+    begun: SessionStarts = field(default_factory=SessionStarts, compare=False, repr=False)
+    """How sessions begin"""
     every: int = 1
     block: float = 0.0
     window: None = None
@@ -177,6 +181,7 @@ class ModelMachine(RunMachine):
             change_number(spec, number, which, factor)
         prescribe(spec, self.described)
         separate(spec, self.described)
+        lengthen_buffers(spec)
         return spec.compile()
 
     def respond(
@@ -207,7 +212,16 @@ class ModelMachine(RunMachine):
         nominal = self._moving(zero, ())
         twins = [self._moving(point, effects_at(point)) for point in points]
         return TwinsInMotion(
-            self.described, self.frame, self.places, twins, nominal, self.gains, self.steps
+            self.described,
+            self.frame,
+            self.places,
+            twins,
+            nominal,
+            self.gains,
+            self.begun,
+            self.columns,
+            np.array([each.noise for each in self.outputs]),
+            self.steps,
         )
 
     def _moving(self, point: ParameterVector, there: Sequence[Effect]) -> MovingTwin:

@@ -1,0 +1,155 @@
+"""Follow whole sessions by their measured joints, and let all that nothing measures respond.
+
+Where a segment begins, a log says the angles of the joints that are measured. Everything else that a model's
+state holds follows from the rows before: joints that nothing measures, filters, integrators, delayed controls.
+"""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from serpent_twin.arrays import Array
+from serpent_twin.machines.model.full_states import FullStates, read_states
+from serpent_twin.machines.model.seen import Seen, address
+from serpent_twin.machines.model.starts import LEAD, SegmentStart
+from serpent_twin.machines.model.stepped_runs import DrivenRuns, SteppedRuns
+
+_HEAVY = 1e6
+"""Times its inertia, an armature with which a joint moves as it is told whatever acts on it"""
+_REST, _ROWS = 0.02, 300
+"""Length [s] and number of the rows in which what nothing measures comes to rest"""
+_STILL = 2e-4
+"""Change of a coordinate in the last tenth of them, up to which it is at rest [rad, m]"""
+
+
+@dataclass(frozen=True)
+class MeasuredJoints:
+    """Smoothed angles and rates of J joints in n runs of T rows."""
+
+    names: tuple[str, ...]
+    angle: Array
+    """(n, T, J)"""
+    rate: Array
+    """(n, T, J)"""
+
+    def repeated(self, times: int) -> "MeasuredJoints":
+        """The same runs several times, one after the other."""
+        angle, rate = (np.tile(each, (times, 1, 1)) for each in (self.angle, self.rate))
+        return MeasuredJoints(self.names, angle, rate)
+
+    def beginning(self, begin: Array, whole: FullStates | None = None) -> SegmentStart:
+        """Runs that begin in their first row, all else in a pose, (nq,), or in a state."""
+        state = np.stack([self.angle[:, 0], self.rate[:, 0]], axis=-1)
+        return SegmentStart(
+            self.names, state, np.full((*state.shape[:2], LEAD), np.nan), begin, whole
+        )
+
+    def dofs(self, model: mujoco.MjModel) -> list[int]:
+        """Their degrees of freedom."""
+        return [int(model.joint(name).dofadr[0]) for name in self.names]
+
+
+class _Guided:
+    """Runs whose measured joints are so heavy that they move as they are told."""
+
+    def __init__(self, driven: DrivenRuns, seen: Seen, steps: int, names: Sequence[str]) -> None:
+        model = driven.models[0]
+        self._dofs = [int(model.joint(name).dofadr[0]) for name in names]
+        self._at = [address(model, name) for name in names]
+        heavy = {id(m): _made_heavy(m, self._dofs) for m in driven.models}
+        models = [heavy[id(m)] for m in driven.models]
+        self._inertia = np.array([m.dof_armature[self._dofs] for m in models])
+        self.runs = SteppedRuns(replace(driven, models=models), seen, steps)
+        self.half = self.runs.step / 2 * self.runs.leaps
+        batch = self.runs.batch
+        self.batch, self.pose, self.speed = batch, batch.bind("qpos"), batch.bind("qvel")
+        self._force = batch.bind("qfrc_applied")
+
+    def guide(self, angle: Array, rate: Array, faster: Array) -> None:
+        """Put the measured joints at angles and rates, from which they accelerate evenly, (n, J) each."""
+        self.pose[:, self._at] = angle
+        self.speed[:, self._dofs] = rate - self.half[:, None] * faster
+        self._force[:, self._dofs] = self._inertia * faster
+
+
+def replayed(
+    driven: DrivenRuns, seen: Seen, steps: int, joints: MeasuredJoints, begun: FullStates, rows: int
+) -> FullStates:
+    """States in the first rows of whole sessions, those of all runs in one row after those in the row before,
+    from how the sessions begin.
+    """
+    guided = _Guided(driven, seen, steps, joints.names)
+    guided.runs.begin(joints.beginning(begun.pose[0], begun))
+    faster = np.diff(joints.rate, axis=1, append=joints.rate[:, -1:])
+    faster /= driven.period[:, None, None]
+    found, moves = [begun], guided.runs.rows(rows - 1)
+    for t in range(rows - 1):
+        guided.guide(joints.angle[:, t], joints.rate[:, t], faster[:, t])
+        next(moves)
+        found.append(read_states(guided.batch, guided.half))
+    return FullStates.together(found)
+
+
+def settled(
+    driven: DrivenRuns, seen: Seen, steps: int, joints: MeasuredJoints, begin: Array
+) -> tuple[FullStates, NDArray[np.bool_]]:
+    """Where what nothing measures comes to rest while the measured joints are held as in the first row, and
+    the first commands hold; and in which runs it does, (n,).
+
+    A coordinate stops wherever the force turns against its motion, so that what swings comes to rest, too.
+    """
+    parts = driven.told.shape[1] // driven.rows
+    still = DrivenRuns(
+        driven.models,
+        driven.told[:, :1].repeat((_ROWS + 1) * parts, axis=1),
+        driven.off[:, :1].repeat(_ROWS + 1, axis=1),
+        np.full(len(driven.models), _REST),
+    )
+    guided = _Guided(still, seen, steps, joints.names)
+    at_rest = MeasuredJoints(joints.names, joints.angle, np.zeros_like(joints.rate))
+    guided.runs.begin(at_rest.beginning(begin))
+    activation, before = guided.batch.bind("act").copy(), guided.pose.copy()
+    nothing = np.zeros_like(joints.angle[:, 0])
+    for n, _ in enumerate(guided.runs.rows(_ROWS)):
+        turned = guided.speed * guided.batch.bind("qacc") < 0
+        guided.speed[turned] = 0.0
+        guided.guide(joints.angle[:, 0], nothing, nothing)
+        guided.batch.bind("act")[...] = activation
+        if n == _ROWS - _ROWS // 10:
+            before = guided.pose.copy()
+    rest = (np.abs(guided.pose - before) < _STILL).all(axis=1)
+    found = read_states(guided.batch, 0.0 * guided.half)
+    return replace(found, rate=np.zeros_like(found.rate)), rest
+
+
+def with_constrained_rates(
+    models: Sequence[mujoco.MjModel], states: FullStates, joints: MeasuredJoints
+) -> FullStates:
+    """States in which the measured joints have their rates, and what equality constraints tie to them
+    follows.
+    """
+    rate, dofs = states.rate.copy(), joints.dofs(models[0])
+    rate[:, dofs] = joints.rate[:, 0]
+    others = np.setdiff1d(np.arange(models[0].nv), dofs)
+    for n, model in enumerate(models if models[0].neq and len(others) else ()):
+        tied = copy.copy(model)
+        tied.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        data = mujoco.MjData(tied)
+        data.qpos[:] = states.pose[n]
+        mujoco.mj_forward(tied, data)
+        slope = data.efc_J.reshape(-1, tied.nv)[: data.ne]
+        follow = -slope[:, dofs] @ rate[n, dofs]
+        rate[n, others] = np.linalg.lstsq(slope[:, others], follow, rcond=1e-9)[0]
+    return replace(states, rate=rate)
+
+
+def _made_heavy(model: mujoco.MjModel, dofs: Sequence[int]) -> mujoco.MjModel:
+    heavy = copy.copy(model)
+    for n in dofs:
+        heavy.dof_armature[n] = _HEAVY * model.dof_M0[n]
+        heavy.dof_frictionloss[n] = 0.0
+    return heavy
