@@ -44,6 +44,8 @@ class Case(Generic[P]):
     """Candidates that the logs cannot show, and why"""
     composed: Mapping[str, Candidate] = field(default_factory=dict)
     """Candidates that were composed from what the machine's own leave"""
+    notes: tuple[str, ...] = ()
+    """What was put right in the logs, and how runs begin where the logs do not say it, in sentences"""
     clock: Stopwatch = field(default_factory=Stopwatch)
     """Time spent in simulation"""
 

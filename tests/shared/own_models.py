@@ -74,7 +74,11 @@ def _slow(readings: np.ndarray) -> np.ndarray:
     return out
 
 
-_TWO = dict(told=(("s1", 0.0, 0.4), ("s2", 0.3, 0.4)), measured=("joint j1", "joint j2"), units=("rad", "rad"))
+_TWO = dict(
+    told=(("s1", 0.0, 0.4), ("s2", 0.3, 0.4)),
+    measured=("joint j1", "joint j2"),
+    units=("rad", "rad"),
+)
 _TWO_SERVOS = _SERVO + '<position name="s2" joint="j2" kp="10" kv="0.3"/>'
 OWN_MODELS: dict[str, OwnModel] = {
     "two joints": OwnModel(_model(_arm(_FOREARM.format('damping="0.05"')), _TWO_SERVOS), **_TWO),

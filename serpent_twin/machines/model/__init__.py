@@ -22,6 +22,7 @@ from serpent_twin.machines.model.doubts import (
     require_moving_poses,
     require_varied,
 )
+from serpent_twin.machines.model.encoders import NOTES, put_right
 from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
 from serpent_twin.machines.model.machine import ModelMachine
@@ -29,6 +30,7 @@ from serpent_twin.machines.model.motion import STEPS
 from serpent_twin.machines.model.noise import noise, quieter
 from serpent_twin.machines.model.reading import read
 from serpent_twin.machines.model.rubbing import sized
+from serpent_twin.machines.model.session_starts import SessionStarts, about_starts
 from serpent_twin.machines.model.starts import with_starts
 
 _CONVERGED = 1 / 3
@@ -62,7 +64,7 @@ class ModelRig:
         runs = log_file.read_runs(self.described, source)
         if self.described.about.rows == POSES:
             return runs
-        return [with_starts(self.described, run) for run in runs]
+        return [with_starts(self.described, put_right(self.described, run)) for run in runs]
 
     def open(self, training: Sequence[Recording]) -> Case[Runs]:
         """The model as it is; the cameras' frame by the mean of the logs."""
@@ -103,7 +105,12 @@ class ModelRig:
         machine = replace(machine, frame=first)
         if self.described.about.rows == POSES:
             machine = sized(machine, few)
-        return Case(machine, spread)
+        notes = [note for run in training for note in run.metadata.get(NOTES, ())]
+        return Case(
+            machine,
+            spread,
+            notes=(*notes, *about_starts(self.described, machine.outputs, machine.begun)),
+        )
 
 
 def open_machine(path: Path, model_file: Path | None = None) -> ModelRig:
@@ -128,7 +135,9 @@ def _quieter(machine: ModelMachine, few: Runs, found: Array) -> ModelMachine:
         for n in of if not each.noise else ():
             least = quieter(outputs[n].noise, few.measured[..., of], off[..., n])
             outputs[n] = replace(outputs[n], noise=least)
-    return replace(machine, outputs=tuple(outputs))
+    if all(a.noise == b.noise for a, b in zip(outputs, machine.outputs, strict=True)):
+        return machine
+    return replace(machine, outputs=tuple(outputs), begun=SessionStarts())
 
 
 def _steps(machine: ModelMachine, few: Runs, coarse: Array) -> tuple[int, Array]:

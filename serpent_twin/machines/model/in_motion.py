@@ -7,11 +7,12 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
 from serpent_twin.machines.measured import Recording, Runs, cut
-from serpent_twin.machines.model.clocks import clocks_of, wholes_of
+from serpent_twin.machines.model.clocks import clocks_of, sessions_of, wholes_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.earlier import acting
@@ -20,7 +21,7 @@ from serpent_twin.machines.model.known import Factor, by_known_numbers
 from serpent_twin.machines.model.motion import DrivenMotion, StartGains, start_gain
 from serpent_twin.machines.model.prescribed import known_motion
 from serpent_twin.machines.model.readings import reread
-from serpent_twin.machines.model.replay import MeasuredJoints, replayed
+from serpent_twin.machines.model.replay import Followed, MeasuredJoints, followed
 from serpent_twin.machines.model.seen import Seen, beginning, joint_angles
 from serpent_twin.machines.model.session_starts import Sessions, SessionStarts
 from serpent_twin.machines.model.starts import (
@@ -98,15 +99,17 @@ class TwinsInMotion:
         each = [twin.driven(pieces) for twin in twins]
         begin = beginning(each[0].models[0], machine)
         at = start(machine, begin, pieces).repeated(len(twins))
+        past = None
         if self._replays(each[0].models[0]) and wholes_of(pieces):
-            at = replace(at, whole=self._states(pieces))
+            past = self._followed(pieces)
+            at = replace(at, whole=_beginnings(past, pieces, len(twins)))
         gain = None
         if at.joints and not machine.about.start:
             gain = np.tile(self.gains.of(pieces, self._start_gain), (len(twins), 1, 1))
         read = self._sensed(pieces, at.joints)
         laws = [
-            acting(machine, driven.models[0], twin.there, twin.x, pieces)
-            for driven, twin in zip(each, twins, strict=True)
+            acting(machine, driven.models[0], twin.there, twin.x, pieces, past, n)
+            for n, (driven, twin) in enumerate(zip(each, twins, strict=True))
         ]
         laws = [law for law in laws if law]
         driven = DrivenRuns.together(each) if len(each) > 1 else each[0]
@@ -120,29 +123,22 @@ class TwinsInMotion:
         more = model.na or model.nhistory or not all_measured(machine)
         return bool(more) and not machine.prescribed
 
-    def _states(self, pieces: Runs) -> FullStates:
-        """All states in which the twins' runs begin, as what was measured before them says."""
-        wholes = wholes_of(pieces)
-        distinct = list({id(each): each for each in wholes}.values())
-        runs, joints = self._sessions(distinct)
-        if self.begun.of(distinct) is None:
-            new = [each for each in distinct if self.begun.of([each]) is None]
+    def _followed(self, pieces: Runs) -> Followed:
+        """The twins in the whole sessions of some runs, those of one after those of the other, until the last
+        of these begins.
+        """
+        distinct = sessions_of(pieces)
+        new = [each for each in distinct if not self.begun.known_of(each)]
+        if new:
             self.begun.find(new, *self._nominal_sessions(new), self.noise)
-        how = self.begun.of(distinct) or []
+        runs, joints = self._sessions(distinct)
         n = len(self.twins)
         driven = DrivenRuns.together([twin.driven(runs) for twin in self.twins])
         seen = Seen(self.machine, self.frame, [twin.x for twin in self.twins])
-        joints = joints.repeated(n)
-        begun = Sessions(self.machine, driven, seen, self.steps, joints).begun(how * n)
-        session = np.array([[each is one for one in distinct].index(True) for each in wholes])
-        first = np.array(
-            [np.searchsorted(e.time, t) for e, t in zip(wholes, pieces.time[:, 0], strict=True)]
-        )
-        found = replayed(driven, seen, self.steps, joints, begun, int(first.max()) + 1)
-        S = len(distinct)
-        return found.take(
-            np.concatenate([first * n * S + twin * S + session for twin in range(n)])
-        )
+        sessions = Sessions(self.machine, driven, seen, self.steps, joints.repeated(n))
+        begun = sessions.begun(self.begun.of(distinct) * n)
+        rows = int(_places(pieces)[1].max()) + 1
+        return followed(driven, seen, self.steps, sessions.joints, begun, rows)
 
     def _sessions(self, wholes: Sequence[Recording]) -> tuple[Runs, MeasuredJoints]:
         """Whole sessions, and their measured joints."""
@@ -175,5 +171,22 @@ class TwinsInMotion:
         machine, seen = self.machine, Seen(self.machine, self.frame, [self.nominal.x])
         at = start(machine, machine.begin, pieces)
         if self._replays(machine.model) and wholes_of(pieces):
-            at = replace(at, whole=replace(self, twins=[self.nominal])._states(pieces))
+            past = replace(self, twins=[self.nominal])._followed(pieces)
+            at = replace(at, whole=_beginnings(past, pieces, 1))
         return start_gain(self.nominal.driven(pieces), at, seen, self.steps)
+
+
+def _places(pieces: Runs) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """In which of their sessions runs begin, and in which row of it, (S,) each."""
+    wholes, distinct = wholes_of(pieces), sessions_of(pieces)
+    session = [[each is one for one in distinct].index(True) for each in wholes]
+    begun = zip(wholes, pieces.time[:, 0], strict=True)
+    return np.array(session), np.array([np.searchsorted(each.time, t) for each, t in begun])
+
+
+def _beginnings(past: Followed, pieces: Runs, twins: int) -> FullStates:
+    """States in which the runs of some twins begin, one twin after the other."""
+    session, row = _places(pieces)
+    several = len(sessions_of(pieces))
+    each = [twin * several + session for twin in range(twins)]
+    return past.at(np.concatenate(each), np.tile(row, twins))

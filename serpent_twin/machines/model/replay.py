@@ -1,7 +1,7 @@
 """Follow whole sessions by their measured joints, and let all that nothing measures respond.
 
 Where a segment begins, a log says the angles of the joints that are measured. Everything else that a model's
-state holds follows from the rows before: joints that nothing measures, filters, integrators, delayed controls.
+state holds follows from the rows before: joints that nothing measures, filters, integrators, late controls.
 """
 
 import copy
@@ -76,12 +76,33 @@ class _Guided:
         self._force[:, self._dofs] = self._inertia * faster
 
 
-def replayed(
+@dataclass(frozen=True)
+class Followed:
+    """States in the first R rows of n whole sessions."""
+
+    states: Sequence[FullStates]
+    """Of all sessions, by row"""
+
+    def at(self, session: NDArray[np.intp], row: NDArray[np.intp]) -> FullStates:
+        """States in some rows of some sessions, (k,) each."""
+        n = len(self.states[0].pose)
+        return FullStates.together(self.states).take(row * n + session)
+
+    def path(self, sessions: slice, rows: int) -> tuple[Array, Array]:
+        """Poses and rates in so many rows of some sessions, (s, rows, nq) and (s, rows, nv); of the last row
+        beyond those that were followed.
+        """
+        several = [self.states[min(t, len(self.states) - 1)] for t in range(rows)]
+        return (
+            np.stack([each.pose[sessions] for each in several], axis=1),
+            np.stack([each.rate[sessions] for each in several], axis=1),
+        )
+
+
+def followed(
     driven: DrivenRuns, seen: Seen, steps: int, joints: MeasuredJoints, begun: FullStates, rows: int
-) -> FullStates:
-    """States in the first rows of whole sessions, those of all runs in one row after those in the row before,
-    from how the sessions begin.
-    """
+) -> Followed:
+    """States in the first rows of whole sessions, from how these begin."""
     guided = _Guided(driven, seen, steps, joints.names)
     guided.runs.begin(joints.beginning(begun.pose[0], begun))
     faster = np.diff(joints.rate, axis=1, append=joints.rate[:, -1:])
@@ -91,7 +112,7 @@ def replayed(
         guided.guide(joints.angle[:, t], joints.rate[:, t], faster[:, t])
         next(moves)
         found.append(read_states(guided.batch, guided.half))
-    return FullStates.together(found)
+    return Followed(found)
 
 
 def settled(
@@ -121,7 +142,7 @@ def settled(
         guided.batch.bind("act")[...] = activation
         if n == _ROWS - _ROWS // 10:
             before = guided.pose.copy()
-    rest = (np.abs(guided.pose - before) < _STILL).all(axis=1)
+    rest = np.all(np.abs(guided.pose - before) < _STILL, axis=1)
     found = read_states(guided.batch, 0.0 * guided.half)
     return replace(found, rate=np.zeros_like(found.rate)), rest
 

@@ -1,7 +1,7 @@
 """Find how sessions begin where a log does not say all of it: joints that nothing measures, activations.
 
-A session may begin in the keyframe, or where the model rests under its first commands, its measured joints held
-where they are: whichever the first rows agree with. Where neither does, the least squares of these rows say how.
+A session may begin in the keyframe, or where the model rests under its first commands, its measured joints
+held where they are: whichever the first rows agree with. Where neither does, their least squares say how.
 """
 
 from collections.abc import Sequence
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
+from serpent_twin.machines.machine import Output
 from serpent_twin.machines.measured import Recording, Runs
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.full_states import FullStates, read_states
@@ -23,6 +24,7 @@ from serpent_twin.machines.model.replay import (
 from serpent_twin.machines.model.seen import Seen, beginning
 from serpent_twin.machines.model.starts import LEAD, measured_joints
 from serpent_twin.machines.model.stepped_runs import DrivenRuns, SteppedRuns
+from serpent_twin.numerals import counted, listed
 from serpent_twin.residual import FORCE, TORQUE
 
 _WINDOW, _FEWEST, _MOST = 1.5, 3 * LEAD, 400
@@ -105,12 +107,17 @@ class SessionStarts:
     known: dict[int, tuple[Recording, Begun]] = field(default_factory=dict)
     """By the identity of their recording, which is kept"""
 
-    def of(self, runs: Sequence[Recording]) -> list[Begun] | None:
-        """How some sessions begin; None where it is unknown of some."""
-        found = [self.known.get(id(each)) for each in runs]
-        return [each[1] for each in found if each] if all(found) else None
+    def known_of(self, run: Recording) -> bool:
+        """Whether it is known how a session begins."""
+        return id(run) in self.known
 
-    def find(self, runs: Sequence[Recording], sessions: Sessions, pieces: Runs, noise: Array) -> None:
+    def of(self, runs: Sequence[Recording]) -> list[Begun]:
+        """How some sessions begin that are known."""
+        return [self.known[id(each)][1] for each in runs]
+
+    def find(
+        self, runs: Sequence[Recording], sessions: Sessions, pieces: Runs, noise: Array
+    ) -> None:
         """Find how sessions begin by what the nominal model leaves in their first rows."""
         found = _Comparison(sessions, pieces, noise).found()
         self.known |= {id(run): (run, how) for run, how in zip(runs, found, strict=True)}
@@ -134,25 +141,26 @@ class _Comparison:
 
     def found(self) -> list[Begun]:
         """How each begins: by the simplest start with which the first rows agree."""
-        sessions, S = self._sessions, len(self._measured)
-        start = sessions.in_keyframe()
-        start = with_constrained_rates(sessions.driven.models, start, sessions.joints)
+        sessions, models = self._sessions, self._sessions.driven.models
+        start = with_constrained_rates(models, sessions.in_keyframe(), sessions.joints)
         change, size = self._fitted(start, self._of_joints)
-        rest, came = sessions.at_rest()
-        rest = with_constrained_rates(sessions.driven.models, rest, sessions.joints)
-        other, less = self._fitted(rest, self._of_joints)
-        better = came & (less < size) & (size > _AGREES)
-        start = _chosen(better, rest, start)
-        change, size = np.where(better[:, None], other, change), np.where(better, less, size)
+        rests = np.zeros(len(size), bool)
+        if (size > _AGREES).any() and not self._of_joints[: sessions.model.nv].all():
+            rest, came = sessions.at_rest()
+            rest = with_constrained_rates(models, rest, sessions.joints)
+            other, less = self._fitted(rest, self._of_joints)
+            rests = came & (size > _AGREES) & (less < _BETTER * size)
+            start = _chosen(rests, rest, start)
+            change, size = np.where(rests[:, None], other, change), np.where(rests, less, size)
         if (size > _AGREES).any():
-            all_free, least = self._fitted(start, np.ones_like(self._of_joints))
-            solved = (size > _AGREES) & (least < _BETTER * size)
-            change = np.where(solved[:, None], all_free, change)
+            other, less = self._fitted(start, np.ones_like(self._of_joints))
+            solved = (size > _AGREES) & (less < _BETTER * size)
+            change = np.where(solved[:, None], other, change)
         left = self._left(start.moved(sessions.model, change))
-        change = np.where(self._of_joints, 0.0, change)
         parts = left[:, :LEAD], left[:, LEAD:]
         off = np.stack([np.sqrt(np.nanmean(each**2, axis=1)) for each in parts], axis=1)
-        return [Begun(bool(better[s]), change[s], off[s]) for s in range(S)]
+        change = np.where(self._of_joints, 0.0, change)
+        return [Begun(bool(rests[s]), change[s], off[s]) for s in range(len(size))]
 
     def _fitted(self, start: FullStates, free: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Changes of the starts, (S, 2 nv + na), some of which are free, that leave the least, and the mean
@@ -214,8 +222,40 @@ class _Comparison:
         return left
 
 
-def unmeasured(machine: Described) -> list[str]:
-    """Names of joints that are neither measured nor prescribed, in the order of the model."""
+def about_starts(machine: Described, outputs: Sequence[Output], starts: SessionStarts) -> list[str]:
+    """Sentences on what a log does not say of how it begins, and on channels that no start explains."""
+    found, joints = list(starts.known.values()), _unmeasured(machine)
+    said = []
+    if joints and found:
+        how = {
+            "in the keyframe" if machine.about.keyframe else "in the model's own pose": sum(
+                not each.rests and not each.change.any() for _, each in found
+            ),
+            "at rest under the first commands": sum(
+                each.rests and not each.change.any() for _, each in found
+            ),
+            "as the first rows say": sum(bool(each.change.any()) for _, each in found),
+        }
+        several = listed(f"{words} in {counted(n, 'log')}" for words, n in how.items() if n)
+        said.append(f"Nothing measures {listed(joints)}: taken to begin {several}.")
+    rows = {run.name: each.off for run, each in found}
+    for name, (first, later) in rows.items():
+        for c, output in enumerate(outputs):
+            if first[c] > max(_TRANSIENT * later[c], _SEEN * output.noise):
+                scale, unit = output.measure.scale, output.measure.unit
+                said.append(
+                    f"{name}: in {output.name!r} the nominal model is off by {scale * first[c]:.3g} {unit} "
+                    f"in the first {LEAD} rows, and by {scale * later[c]:.3g} {unit} in those after, so how "
+                    "the machine was when the log began is not known. Begin logs at rest, measure what is not "
+                    "measured, or name the keyframe in which they begin."
+                )
+    return said
+
+
+def _unmeasured(machine: Described) -> list[str]:
+    """Names of joints that are neither measured nor prescribed, in the order of the model; of one without a
+    name, its body's.
+    """
     model, known = machine.model, measured_joints(machine)
-    names = [model.joint(n).name or f"joint {n}" for n in range(model.njnt)]
+    names = [model.joint(n).name or model.body(model.jnt_bodyid[n]).name for n in range(model.njnt)]
     return [name for name in names if name not in known]
