@@ -7,29 +7,82 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-RATE, SECONDS, NOISE, FINER = 50.0, 6.0, 2e-4, 10  # [Hz], [s], [rad, m], times as fine steps
-_ARM = """<body name="l1" pos="0 0 {height}"><joint name="j1" axis="0 1 0" damping="0.05" armature="0.005" {more}/>
-  <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.015" mass="0.2"/>{beyond}</body>"""
-_SERVO = '<position name="s1" joint="j1" kp="20" kv="0.6"/>'
+RATE, SECONDS, NOISE, FINER = 50.0, 4.1, 2e-4, 10  # [Hz], [s], [rad, m], times as fine steps
+_UNTOUCHED = 'contype="0" conaffinity="0"'
+Change = Callable[[np.ndarray], np.ndarray]
 
 
-def _model(world: str, actuators: str = _SERVO, more: str = "") -> str:
+def _capsule(to: str, more: str = "") -> str:
+    return f'<geom type="capsule" fromto="0 0 0 {to}" size="0.01" mass="0.1" {more}/>'
+
+
+def _model(world: str, actuators: str = "", more: str = "") -> str:
     return f"""<mujoco><compiler angle="radian"/><option timestep="0.002" integrator="implicitfast"/>
-<worldbody>{world}</worldbody><actuator>{actuators}</actuator>{more}</mujoco>"""
+    <worldbody>{world}</worldbody><actuator>{actuators or _servo()}</actuator>{more}</mujoco>"""
 
 
-def _arm(beyond: str = "", height: float = 0.5, more: str = "") -> str:
-    return _ARM.format(beyond=beyond, height=height, more=more)
+def _servo(name: str = "s1", joint: str = "j1", more: str = "", kp: float = 20.0) -> str:
+    return f'<position name="{name}" joint="{joint}" kp="{kp}" kv="{0.03 * kp}" {more}/>'
 
 
-_FOREARM = """<body name="l2" pos="0.2 0 0"><joint name="j2" axis="0 1 0" {0}/>
-  <geom type="capsule" fromto="0 0 0 0.15 0 0" size="0.01" mass="0.1"/><site name="tip" pos="0.15 0 0"/></body>"""
-_FINGER = """<body name="{0}" pos="0.2 {1}0.02 0"><joint name="{0}" type="slide" axis="0 {1}1 0" damping="1"
-  range="0 0.04"/><geom type="box" size="0.02 0.004 0.01" mass="0.02"/></body>"""
-_PENDULUM = """<body name="l2" pos="0.2 0 0"><joint name="p" axis="0 1 0" damping="0.005"/>
-  <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.01" mass="0.1"/></body>"""
-_CUBE = '<body name="cube" pos="{0}"><freejoint/><geom type="box" size="0.03 0.03 0.03" mass="0.05"/></body>'
+def _arm(beyond: str = "", at: str = "0 0 0.5", more: str = "", body: str = "") -> str:
+    return f"""<body name="l1" pos="{at}" {body}>
+    <joint name="j1" axis="0 1 0" damping="0.05" armature="0.005" {more}/>
+    {_capsule("0.2 0 0")}{beyond}</body>"""
+
+
+def _forearm(more: str = 'damping="0.05"') -> str:
+    return f"""<body name="l2" pos="0.2 0 0"><joint name="j2" axis="0 1 0" {more}/>
+    {_capsule("0.15 0 0")}<site name="tip" pos="0.15 0 0"/></body>"""
+
+
+def _finger(name: str, side: str) -> str:
+    return f"""<body name="{name}" pos="0.2 {side}0.02 0">
+    <joint name="{name}" type="slide" axis="0 {side}1 0" damping="1" range="0 0.04"/>
+    <geom type="box" size="0.02 0.004 0.01" mass="0.02"/></body>"""
+
+
+def _integrator(more: str = "") -> str:
+    return f'<intvelocity name="s1" joint="j1" kp="20" kv="0.6" actrange="-2 2"/>{more}'
+
+
+_GRIPPER = _finger("g1", "") + _finger("g2", "-")
+_MIMIC = '<equality><joint joint1="g1" joint2="g2"/></equality>'
+_PENDULUM = f"""<body name="l2" pos="0.2 0 0"><joint name="p" axis="0 1 0" damping="0.005"/>
+    {_capsule("0 0 -0.2")}</body>"""
+_BALL = f"""<body name="l2" pos="0.2 0 0"><joint name="b" type="ball" damping="0.003"/>
+    {_capsule("0.05 0 -0.2", _UNTOUCHED)}</body>"""
 _FLOOR = '<geom type="plane" size="2 2 0.1"/>'
+_BAR = f"""<body name="rod" pos="0 0 0.1"><joint name="k" axis="0 1 0"/>
+    {_capsule("0.3 0 0", _UNTOUCHED)}</body>"""
+_ROCKER = f"""<body name="rocker" pos="0.3 0 0"><joint name="r" axis="0 1 0"/>
+    {_capsule("0 0 0.1", _UNTOUCHED)}</body>"""
+_CRANK = f"""<body name="crank"><joint name="j1" axis="0 1 0" damping="0.05" armature="0.005"/>
+    {_capsule("0 0 0.1")}{_BAR}</body>"""
+_PUSHER = """<body name="l1" pos="0 0 0.03"><joint name="j1" type="slide" axis="1 0 0" damping="1"/>
+    <geom type="box" size="0.02 0.05 0.02" mass="0.3"/></body>"""
+_COUPLED = """<tendon><fixed name="t1"><joint joint="j1" coef="1"/></fixed>
+    <fixed name="t2"><joint joint="j2" coef="1"/></fixed></tendon>
+    <equality><tendon tendon1="t2" tendon2="t1" polycoef="0 0.8 0 0 0"/></equality>"""
+_TENDON = """<tendon><fixed name="t1"><joint joint="j1" coef="1"/><joint joint="j2" coef="0.5"/>
+    </fixed></tendon>"""
+_MUSCLE = """<general name="s1" joint="j1" dyntype="muscle" dynprm="0.1 0.4" gainprm="2"
+    ctrlrange="0 1" ctrllimited="true"/>"""
+_DC_MOTOR = """<dcmotor name="s1" joint="j1" motorconst="0.46" resistance="4.5" input="pos"
+    controller="20 20 0.5"/>"""
+_MOCAP = f"""<body name="target" mocap="true" pos="0.3 0.3 0.3"><geom size="0.02" {_UNTOUCHED}/></body>"""
+_KEYFRAME = '<keyframe><key name="home" qpos="1 -1" ctrl="1"/></keyframe>'
+_TWO = _servo() + _servo("s2", "j2", kp=10)
+
+
+def _cube(at: str = "0.5 0.5 0.05") -> str:
+    return f"""<body name="cube" pos="{at}"><freejoint/>
+    <geom type="box" size="0.03 0.03 0.03" mass="0.05"/></body>"""
+
+
+def _floating(at: str, shape: str, more: str = "") -> str:
+    arm = _arm(at="0 0 0.06", body=more).replace("0.2 0 0", "0 0 0.2")
+    return f'<body name="base" pos="{at}" {more}><freejoint/><geom {shape} mass="2"/>{arm}</body>'
 
 
 @dataclass(frozen=True)
@@ -47,7 +100,7 @@ class OwnModel:
     begin: Callable[[mujoco.MjData], None] | None = None
     """Where the simulation begins"""
     keyframe: str = ""
-    change: Callable[[np.ndarray], np.ndarray] | None = None
+    change: Change | None = None
     """What the log makes of readings, (T, C)"""
 
 
@@ -74,175 +127,104 @@ def _slow(readings: np.ndarray) -> np.ndarray:
     return out
 
 
-_TWO = dict(
-    told=(("s1", 0.0, 0.4), ("s2", 0.3, 0.4)),
-    measured=("joint j1", "joint j2"),
-    units=("rad", "rad"),
-)
-_TWO_SERVOS = _SERVO + '<position name="s2" joint="j2" kp="10" kv="0.3"/>'
+_S1, _S2 = ("s1", 0.0, 0.4), ("s2", 0.3, 0.4)
+_JOINTS, _RADIANS = ("joint j1", "joint j2"), ("rad", "rad")
+_FINGERS = ("s1", 0.0, 0.4), ("s2", 0.02, 0.01)
+_GRIPPED, _GRIPS = ("joint j1", "joint g1"), ("rad", "m")
+
+
+def _two(
+    world: str, actuators: str = _TWO, more: str = "", change: Change | None = None
+) -> OwnModel:
+    told = _S1, _S2
+    return OwnModel(_model(world, actuators, more), told, _JOINTS, _RADIANS, change=change)
+
+
 OWN_MODELS: dict[str, OwnModel] = {
-    "two joints": OwnModel(_model(_arm(_FOREARM.format('damping="0.05"')), _TWO_SERVOS), **_TWO),
-    "free cube beside": OwnModel(_model(_FLOOR + _arm() + _CUBE.format("0.5 0.5 0.05"))),
+    "two joints": _two(_arm(_forearm())),
+    "free cube beside": OwnModel(_model(_FLOOR + _arm() + _cube())),
     "free cube, log begins elsewhere": OwnModel(
-        _model(_FLOOR + _arm() + _CUBE.format("0.5 0.5 0.05")), told=(("s1", -0.7, 0.3),)
+        _model(_FLOOR + _arm() + _cube()), told=(("s1", -0.7, 0.3),)
     ),
     "cube and a torque": OwnModel(
-        _model(_FLOOR + _arm(more='stiffness="0.3"') + _CUBE.format("0.5 0.5 0.05"), '<motor name="s1" joint="j1"/>'),
+        _model(
+            _FLOOR + _arm(more='stiffness="0.3"') + _cube(), '<motor name="s1" joint="j1"/>'
+        ),
         told=(("s1", -0.2, 0.15),),
     ),
     "cube that the arm pushes": OwnModel(
-        _model(
-            _FLOOR
-            + """<body name="l1" pos="0 0 0.03"><joint name="j1" type="slide" axis="1 0 0" damping="1"/>
-                <geom type="box" size="0.02 0.05 0.02" mass="0.3"/></body>"""
-            + _CUBE.format("0.07 0 0.03"),
-            '<position name="s1" joint="j1" kp="200" kv="20"/>',
-        ),
+        _model(_FLOOR + _PUSHER + _cube("0.07 0 0.03"), _servo(kp=200)),
         told=(("s1", 0.0, 0.05),),
         units=("m",),
     ),
     "mimic finger": OwnModel(
-        _model(
-            _arm(_FINGER.format("g1", "") + _FINGER.format("g2", "-")),
-            _SERVO + '<position name="s2" joint="g1" kp="100" kv="3"/>',
-            '<equality><joint joint1="g1" joint2="g2"/></equality>',
-        ),
-        told=(("s1", 0.0, 0.4), ("s2", 0.02, 0.01)),
-        measured=("joint j1", "joint g1"),
-        units=("rad", "m"),
+        _model(_arm(_GRIPPER), _servo() + _servo("s2", "g1", kp=100), _MIMIC),
+        _FINGERS, _GRIPPED, _GRIPS,
     ),
     "four-bar linkage": OwnModel(
         _model(
-            """<body name="crank"><joint name="j1" axis="0 1 0" damping="0.05" armature="0.005"/>
-            <geom type="capsule" fromto="0 0 0 0 0 0.1" size="0.01" mass="0.1"/>
-            <body name="rod" pos="0 0 0.1"><joint name="k" axis="0 1 0"/>
-            <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.01" mass="0.1" contype="0" conaffinity="0"/></body></body>
-            <body name="rocker" pos="0.3 0 0"><joint name="r" axis="0 1 0"/>
-            <geom type="capsule" fromto="0 0 0 0 0 0.1" size="0.01" mass="0.1" contype="0" conaffinity="0"/></body>""",
-            _SERVO,
-            '<equality><connect body1="rod" body2="rocker" anchor="0.3 0 0"/></equality>',
+            _CRANK + _ROCKER,
+            more='<equality><connect body1="rod" body2="rocker" anchor="0.3 0 0"/></equality>',
         ),
         told=(("s1", 0.5, 0.3),),
-        begin=_at(j1=0.0),
     ),
     "passive joint": OwnModel(_model(_arm(_PENDULUM))),
     "passive joint that swings": OwnModel(_model(_arm(_PENDULUM)), begin=_at(p=0.9), settled=0.3),
-    "ball joint": OwnModel(
-        _model(
-            _arm(
-                """<body name="l2" pos="0.2 0 0"><joint name="b" type="ball" damping="0.003"/>
-            <geom type="capsule" fromto="0 0 0 0.05 0 -0.2" size="0.01" mass="0.1" contype="0" conaffinity="0"/></body>"""
-            )
-        )
-    ),
+    "ball joint": OwnModel(_model(_arm(_BALL))),
     "unmeasured servo": OwnModel(
-        _model(_arm(_FOREARM.format('damping="0.05"')), _TWO_SERVOS), told=(("s1", 0.0, 0.4), ("s2", 0.6, 0.3))
+        _model(_arm(_forearm()), _TWO), told=(_S1, ("s2", 0.6, 0.3))
     ),
-    "elastic joint": OwnModel(
-        _model(
-            _arm(_FOREARM.format('damping="0.01" stiffness="3"')),
-        )
-    ),
+    "elastic joint": OwnModel(_model(_arm(_forearm('damping="0.01" stiffness="3"')))),
     "only the tip is measured": OwnModel(
-        _model(_arm(_FOREARM.format('damping="0.05"')), _TWO_SERVOS),
-        told=_TWO["told"],
-        measured=("site tip",),
-        units=("m",),
+        _model(_arm(_forearm()), _TWO), (_S1, _S2), ("site tip",), ("m",)
     ),
     "floating base in space": OwnModel(
-        _model(
-            """<body name="base" gravcomp="1"><freejoint/><geom size="0.1" mass="2" contype="0" conaffinity="0"/>
-            <body name="l1" gravcomp="1" pos="0.1 0 0"><joint name="j1" axis="0 1 0" damping="0.05" armature="0.005"/>
-            <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.015" mass="0.2" contype="0" conaffinity="0"/></body></body>"""
-        )
+        _model(_floating("0 0 1", f'size="0.1" {_UNTOUCHED}', 'gravcomp="1"'))
     ),
     "floating base on the floor": OwnModel(
-        _model(
-            _FLOOR
-            + """<body name="base" pos="0 0 0.2"><freejoint/><geom type="box" size="0.1 0.1 0.05" mass="2"/>
-            <body name="l1" pos="0 0 0.06"><joint name="j1" axis="0 1 0" damping="0.05" armature="0.005"/>
-            <geom type="capsule" fromto="0 0 0 0 0 0.2" size="0.015" mass="0.2" contype="0" conaffinity="0"/></body></body>"""
-        )
+        _model(_FLOOR + _floating("0 0 0.2", 'type="box" size="0.1 0.1 0.05"'))
     ),
-    "slow filter": OwnModel(
-        _model(_arm(), '<position name="s1" joint="j1" kp="20" kv="0.6" timeconst="0.5"/>')
-    ),
+    "slow filter": OwnModel(_model(_arm(), _servo(more='timeconst="0.5"'))),
     "slow filter, log begins in motion": OwnModel(
-        _model(_arm(), '<position name="s1" joint="j1" kp="20" kv="0.6" timeconst="0.5"/>'), settled=0.0
+        _model(_arm(), _servo(more='timeconst="0.5"')), settled=0.0
     ),
-    "integrator": OwnModel(
-        _model(_arm(), '<intvelocity name="s1" joint="j1" kp="20" kv="0.6" actrange="-2 2"/>'),
-        told=(("s1", 0.0, 0.4),),
-        begin=_activated,
-        settled=0.0,
-    ),
+    "integrator": OwnModel(_model(_arm(), _integrator()), begin=_activated, settled=0.0),
     "integrator, filter and mimic": OwnModel(
         _model(
-            _arm(_FINGER.format("g1", "") + _FINGER.format("g2", "-")),
-            '<intvelocity name="s1" joint="j1" kp="20" kv="0.6" actrange="-2 2"/>'
-            '<position name="s2" joint="g1" kp="100" kv="3" timeconst="0.3"/>',
-            '<equality><joint joint1="g1" joint2="g2"/></equality>',
+            _arm(_GRIPPER),
+            _integrator(_servo("s2", "g1", 'timeconst="0.3"', 100)),
+            _MIMIC,
         ),
-        told=(("s1", 0.0, 0.4), ("s2", 0.02, 0.01)),
-        measured=("joint j1", "joint g1"),
-        units=("rad", "m"),
+        _FINGERS, _GRIPPED, _GRIPS,
         begin=_activated,
         settled=0.0,
     ),
-    "muscle": OwnModel(
-        _model(
-            _arm(more='stiffness="2"'),
-            '<general name="s1" joint="j1" dyntype="muscle" dynprm="0.1 0.4" gainprm="2" ctrlrange="0 1" ctrllimited="true"/>',
-        ),
-        told=(("s1", 0.5, 0.4),),
-    ),
-    "DC motor with an integral": OwnModel(
-        _model(
-            _arm(),
-            '<dcmotor name="s1" joint="j1" motorconst="0.46" resistance="4.5" input="pos" controller="20 20 0.5"/>',
-        )
-    ),
+    "muscle": OwnModel(_model(_arm(more='stiffness="2"'), _MUSCLE), told=(("s1", 0.5, 0.4),)),
+    "DC motor with an integral": OwnModel(_model(_arm(), _DC_MOTOR)),
     "delayed actuator": OwnModel(
-        _model(_arm(), '<position name="s1" joint="j1" kp="20" kv="0.6" delay="0.06" nsample="400" interp="linear"/>')
+        _model(_arm(), _servo(more='delay="0.06" nsample="400" interp="linear"'))
     ),
-    "tendon": OwnModel(
-        _model(
-            _arm(_FOREARM.format('damping="0.05"')),
-            '<position name="s1" tendon="t1" kp="50" kv="1"/><position name="s2" joint="j2" kp="10" kv="0.3"/>',
-            '<tendon><fixed name="t1"><joint joint="j1" coef="1"/><joint joint="j2" coef="0.5"/></fixed></tendon>',
-        ),
-        **_TWO,
+    "tendon": _two(
+        _arm(_forearm()),
+        '<position name="s1" tendon="t1" kp="50" kv="1"/>' + _servo("s2", "j2", kp=10),
+        _TENDON,
     ),
     "coupled by tendons": OwnModel(
-        _model(
-            _arm(_FOREARM.format('damping="0.05"')),
-            _SERVO,
-            """<tendon><fixed name="t1"><joint joint="j1" coef="1"/></fixed><fixed name="t2"><joint joint="j2" coef="1"/></fixed>
-            </tendon><equality><tendon tendon1="t2" tendon2="t1" polycoef="0 0.8 0 0 0"/></equality>""",
-        ),
-        told=(("s1", 0.5, 0.3),),
+        _model(_arm(_forearm()), more=_COUPLED), told=(("s1", 0.5, 0.3),)
     ),
-    "mocap body": OwnModel(
-        _model(
-            _arm(_FOREARM.format('damping="0.05"')) + '<body name="target" mocap="true" pos="0.3 0.3 0.3"><geom size="0.02" contype="0" conaffinity="0"/></body>',
-            _TWO_SERVOS,
-        ),
-        **_TWO,
+    "mocap body": _two(_arm(_forearm()) + _MOCAP),
+    "limit active at the start": OwnModel(
+        _model(_arm(more='range="-0.2 1"')), told=(("s1", -0.2, 0.5),)
     ),
-    "limit active at the start": OwnModel(_model(_arm(more='range="-0.2 1"')), told=(("s1", -0.2, 0.5),)),
-    "contact at the start": OwnModel(_model(_FLOOR + _arm(height=0.1)), told=(("s1", 0.45, 0.5),)),
-    "gravity-compensated": OwnModel(
-        _model(_arm(_FOREARM.format('damping="0.05"')).replace('name="l1"', 'name="l1" gravcomp="1"'), _TWO_SERVOS), **_TWO
+    "contact at the start": OwnModel(
+        _model(_FLOOR + _arm(at="0 0 0.1")), told=(("s1", 0.45, 0.5),)
     ),
-    "keyframe elsewhere": OwnModel(
-        _model(_arm(_PENDULUM), more='<keyframe><key name="home" qpos="1 -1" ctrl="1"/></keyframe>'), keyframe="home"
-    ),
+    "gravity-compensated": _two(_arm(_forearm(), body='gravcomp="1"')),
+    "keyframe elsewhere": OwnModel(_model(_arm(_PENDULUM), more=_KEYFRAME), keyframe="home"),
     "encoder that wraps": OwnModel(
-        _model(_arm(), '<position name="s1" joint="j1" kp="20" kv="0.6"/>'), told=(("s1", 3.0, 0.5),), change=_wrapped, begin=_at(j1=3.0)
+        _model(_arm()), told=(("s1", 3.0, 0.5),), change=_wrapped, begin=_at(j1=3.0)
     ),
-    "readings slower than rows": OwnModel(
-        _model(_arm(_FOREARM.format('damping="0.05"')), _TWO_SERVOS), change=_slow, **_TWO
-    ),
+    "readings slower than rows": _two(_arm(_forearm()), change=_slow),
 }  # fmt: skip
 """By what is unusual of each"""
 

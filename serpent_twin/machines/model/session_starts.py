@@ -29,9 +29,9 @@ from serpent_twin.residual import FORCE, TORQUE
 
 _WINDOW, _FEWEST, _MOST = 1.5, 3 * LEAD, 400
 """Time of the first rows by which starts are compared [s], and their least and greatest number"""
-_AGREES = 2.0
+_AGREES = 1.4
 """Mean square of what a start leaves there, over the noise's, up to which nothing is sought beyond it"""
-_BETTER = 0.5
+_BETTER = 0.7
 """Share of the squares that another start must leave at most, to be taken in place of a simpler one"""
 _ROUNDS, _DIFFERENCE, _PRIOR = 12, 1e-4, 10.0
 """Rounds of least squares; differences of states, and standard deviation of their prior [rad, m, 1/s]"""
@@ -246,8 +246,8 @@ def about_starts(machine: Described, outputs: Sequence[Output], starts: SessionS
                 said.append(
                     f"{name}: in {output.name!r} the nominal model is off by {scale * first[c]:.3g} {unit} "
                     f"in the first {LEAD} rows, and by {scale * later[c]:.3g} {unit} in those after, so how "
-                    "the machine was when the log began is not known. Begin logs at rest, measure what is not "
-                    "measured, or name the keyframe in which they begin."
+                    "the machine was when the log began is not known. Begin logs at rest, measure what "
+                    "is not measured, or name the keyframe in which they begin."
                 )
     return said
 
