@@ -128,8 +128,7 @@ class TwinsInMotion:
         of these begins.
         """
         distinct = sessions_of(pieces)
-        new = [each for each in distinct if not self.begun.known_of(each)]
-        if new:
+        if new := self.begun.missing(distinct):
             self.begun.find(new, *self._nominal_sessions(new), self.noise)
         runs, joints = self._sessions(distinct)
         n = len(self.twins)

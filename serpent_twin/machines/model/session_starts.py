@@ -104,23 +104,22 @@ def _chosen(which: NDArray[np.bool_], one: FullStates, other: FullStates) -> Ful
 class SessionStarts:
     """How sessions begin, found so far by the nominal model."""
 
-    known: dict[int, tuple[Recording, Begun]] = field(default_factory=dict)
-    """By the identity of their recording, which is kept"""
+    known: list[tuple[Recording, Begun]] = field(default_factory=list)
 
-    def known_of(self, run: Recording) -> bool:
-        """Whether it is known how a session begins."""
-        return id(run) in self.known
+    def missing(self, runs: Sequence[Recording]) -> list[Recording]:
+        """Those of some sessions of which it is not known yet how they begin."""
+        return [run for run in runs if not any(each is run for each, _ in self.known)]
 
     def of(self, runs: Sequence[Recording]) -> list[Begun]:
         """How some sessions begin that are known."""
-        return [self.known[id(each)][1] for each in runs]
+        return [how for run in runs for each, how in self.known if each is run]
 
     def find(
         self, runs: Sequence[Recording], sessions: Sessions, pieces: Runs, noise: Array
     ) -> None:
         """Find how sessions begin by what the nominal model leaves in their first rows."""
         found = _Comparison(sessions, pieces, noise).found()
-        self.known |= {id(run): (run, how) for run, how in zip(runs, found, strict=True)}
+        self.known += zip(runs, found, strict=True)
 
 
 class _Comparison:
@@ -224,7 +223,7 @@ class _Comparison:
 
 def about_starts(machine: Described, outputs: Sequence[Output], starts: SessionStarts) -> list[str]:
     """Sentences on what a log does not say of how it begins, and on channels that no start explains."""
-    found, joints = list(starts.known.values()), _unmeasured(machine)
+    found, joints = starts.known, _unmeasured(machine)
     said = []
     if joints and found:
         how = {
