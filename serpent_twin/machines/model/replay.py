@@ -20,10 +20,10 @@ from serpent_twin.machines.model.stepped_runs import DrivenRuns, SteppedRuns
 
 _HEAVY = 1e6
 """Times its inertia, an armature with which a joint moves as it is told whatever acts on it"""
-_REST, _ROWS = 0.02, 300
-"""Length [s] and number of the rows in which what nothing measures comes to rest"""
+_REST, _ROWS, _LOOK = 0.02, 300, 30
+"""Length [s] and most of the rows in which what nothing measures comes to rest; how often that is looked at"""
 _STILL = 2e-4
-"""Change of a coordinate in the last tenth of them, up to which it is at rest [rad, m]"""
+"""Change of a coordinate since it was looked last, up to which it is at rest [rad, m]"""
 
 
 @dataclass(frozen=True)
@@ -134,15 +134,17 @@ def settled(
     at_rest = MeasuredJoints(joints.names, joints.angle, np.zeros_like(joints.rate))
     guided.runs.begin(at_rest.beginning(begin))
     activation, before = guided.batch.bind("act").copy(), guided.pose.copy()
-    nothing = np.zeros_like(joints.angle[:, 0])
+    nothing, rest = np.zeros_like(joints.angle[:, 0]), np.zeros(len(before), bool)
     for n, _ in enumerate(guided.runs.rows(_ROWS)):
         turned = guided.speed * guided.batch.bind("qacc") < 0
         guided.speed[turned] = 0.0
         guided.guide(joints.angle[:, 0], nothing, nothing)
         guided.batch.bind("act")[...] = activation
-        if n == _ROWS - _ROWS // 10:
+        if n % _LOOK == _LOOK - 1:
+            rest = np.all(np.abs(guided.pose - before) < _STILL, axis=1)
             before = guided.pose.copy()
-    rest = np.all(np.abs(guided.pose - before) < _STILL, axis=1)
+            if rest.all():
+                break
     found = read_states(guided.batch, 0.0 * guided.half)
     return replace(found, rate=np.zeros_like(found.rate)), rest
 
