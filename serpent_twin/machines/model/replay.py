@@ -21,7 +21,7 @@ from serpent_twin.machines.model.stepped_runs import DrivenRuns, SteppedRuns
 _HEAVY = 1e6
 """Times its inertia, an armature with which a joint moves as it is told whatever acts on it"""
 _REST, _ROWS, _LOOK = 0.02, 300, 30
-"""Length [s] and most of the rows in which what nothing measures comes to rest; how often that is looked at"""
+"""Length [s] and most of the rows in which unmeasured joints come to rest; rows between two tests of that"""
 _STILL = 2e-4
 """Change of a coordinate since it was looked last, up to which it is at rest [rad, m]"""
 
