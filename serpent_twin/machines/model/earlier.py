@@ -11,7 +11,7 @@ from serpent_twin.machines.model.clocks import clocks_of, sessions_of, wholes_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.full_rate import columns_between
-from serpent_twin.machines.model.replay import Followed
+from serpent_twin.machines.model.replay import FollowedSessions
 from serpent_twin.machines.model.seen import address, beginning
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
 from serpent_twin.machines.model.state_effects import Acting, Earlier, acting_on_state
@@ -23,7 +23,7 @@ def acting(
     there: Sequence[Effect],
     x: Mapping[str, float],
     pieces: Runs,
-    past: Followed | None = None,
+    past: FollowedSessions | None = None,
     twin: int = 0,
 ) -> Acting | None:
     """The effects on the state of a model's runs, with what they remember at coordinates `x` of the fit; None
@@ -45,7 +45,7 @@ def _earlier(
     x: Mapping[str, float],
     pieces: Runs,
     wholes: Sequence[Recording],
-    past: Followed | None,
+    past: FollowedSessions | None,
     twin: int,
 ) -> Earlier:
     """The sessions of runs, by what is measured of their joints."""

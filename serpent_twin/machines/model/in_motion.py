@@ -21,7 +21,7 @@ from serpent_twin.machines.model.known import Factor, by_known_numbers
 from serpent_twin.machines.model.motion import DrivenMotion, StartGains, start_gain
 from serpent_twin.machines.model.prescribed import known_motion
 from serpent_twin.machines.model.readings import reread
-from serpent_twin.machines.model.replay import Followed, MeasuredJoints, followed
+from serpent_twin.machines.model.replay import FollowedSessions, MeasuredJoints, followed
 from serpent_twin.machines.model.seen import Seen, beginning, joint_angles
 from serpent_twin.machines.model.session_starts import Sessions, SessionStarts
 from serpent_twin.machines.model.starts import (
@@ -123,7 +123,7 @@ class TwinsInMotion:
         more = model.na or model.nhistory or not all_measured(machine)
         return bool(more) and not machine.prescribed
 
-    def _followed(self, pieces: Runs) -> Followed:
+    def _followed(self, pieces: Runs) -> FollowedSessions:
         """The twins in the whole sessions of some runs, those of one after those of the other, until the last
         of these begins.
         """
@@ -183,7 +183,7 @@ def _places(pieces: Runs) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.array(session), np.array([np.searchsorted(each.time, t) for each, t in begun])
 
 
-def _beginnings(past: Followed, pieces: Runs, twins: int) -> FullStates:
+def _beginnings(past: FollowedSessions, pieces: Runs, twins: int) -> FullStates:
     """States in which the runs of some twins begin, one twin after the other."""
     session, row = _places(pieces)
     several = len(sessions_of(pieces))

@@ -77,7 +77,7 @@ class _Guided:
 
 
 @dataclass(frozen=True)
-class Followed:
+class FollowedSessions:
     """States in the first R rows of n whole sessions."""
 
     states: Sequence[FullStates]
@@ -101,7 +101,7 @@ class Followed:
 
 def followed(
     driven: DrivenRuns, seen: Seen, steps: int, joints: MeasuredJoints, begun: FullStates, rows: int
-) -> Followed:
+) -> FollowedSessions:
     """States in the first rows of whole sessions, from how these begin."""
     guided = _Guided(driven, seen, steps, joints.names)
     guided.runs.begin(joints.beginning(begun.pose[0], begun))
@@ -112,7 +112,7 @@ def followed(
         guided.guide(joints.angle[:, t], joints.rate[:, t], faster[:, t])
         next(moves)
         found.append(read_states(guided.batch, guided.half))
-    return Followed(found)
+    return FollowedSessions(found)
 
 
 def settled(

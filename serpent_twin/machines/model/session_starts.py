@@ -118,11 +118,11 @@ class SessionStarts:
         self, runs: Sequence[Recording], sessions: Sessions, pieces: Runs, noise: Array
     ) -> None:
         """Find how sessions begin by what the nominal model leaves in their first rows."""
-        found = _Comparison(sessions, pieces, noise).found()
+        found = _FirstRows(sessions, pieces, noise).found()
         self.known += zip(runs, found, strict=True)
 
 
-class _Comparison:
+class _FirstRows:
     """The nominal model beside the first rows of S sessions."""
 
     def __init__(self, sessions: Sessions, pieces: Runs, noise: Array) -> None:
