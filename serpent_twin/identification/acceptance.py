@@ -258,7 +258,7 @@ def outdone(done: Round) -> dict[str, Array]:
 
 
 def _as_good(one: CandidateTrial, best: CandidateTrial) -> bool:
-    """Whether held-out logs do not tell one candidate's fit from the best one's, and training logs hardly do."""
+    """Whether held-out logs do not tell one candidate's fit from the best one's, and training logs hardly."""
     if one.errors is None or best.errors is None or best.fits - one.fits > WORTH_IT:
         return False
     return gain(one.errors, best.errors).probability_of_chance > APART

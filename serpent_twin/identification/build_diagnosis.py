@@ -250,6 +250,7 @@ def _cautions(case: Case, selection: Selection) -> tuple[str, ...]:
     if not selection.final.converged:
         told.append("The last fit has not converged; its intervals are too narrow.")
     told += [*selection.cautions, *(f"{name}: {why}." for name, why in case.unseen.items())]
+    told += case.notes
     for name, values in selection.final.point.effects.items():
         for parameter in at_bound(case.candidates[name], values):
             limit = case.candidates[name].ranges[parameter].limit

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -111,7 +111,7 @@ def _checked(rig: machines.Rig, logs: Sequence[Log]) -> Identifiability:
             bar.update(min(_SHARES["detection limits"] / len(found), bar.total - bar.n))
             return made
 
-        told = identifiability(case, pieces, opening, found, limits)
+        told = replace(identifiability(case, pieces, opening, found, limits), notes=case.notes)
         bar.update(bar.total - bar.n)
     return told
 
@@ -119,6 +119,8 @@ def _checked(rig: machines.Rig, logs: Sequence[Log]) -> Identifiability:
 def _print(found: Identifiability) -> None:
     for table in (check_page.effects(found), check_page.parameters(found)):
         print(f"\n{text_table(table)}\n{table.note}")
+    if found.notes:
+        print("\n" + "\n".join(found.notes))
     print("\nWhat the logs tell least, relative to the prior:")
     print("\n".join(f"  {each}" for each in found.directions))
     print(f"\n{found.sentence()}")

@@ -27,7 +27,7 @@ def page(found: Identifiability, facts: Mapping[str, str]) -> Report:
     )
     return Report(
         f"What the logs in {facts.get('logs', 'a folder')} can tell",
-        found.sentence(),
+        " ".join([found.sentence(), *found.notes]),
         sections,
         facts,
     )

@@ -103,6 +103,8 @@ class Identifiability:
     """Rows of the logs that a fit uses"""
     variance_inflation: float
     """So many numbers of a calibrated residual weigh as one"""
+    notes: tuple[str, ...] = ()
+    """What was put right in the logs, and how runs begin where the logs do not say it"""
 
     @property
     def hidden(self) -> list[str]:
@@ -142,7 +144,7 @@ class Identifiability:
             "inputs": [each.numbers() for each in self.inputs],
             "rows": self.rows,
             "variance_inflation": self.variance_inflation,
-        }
+        } | ({"notes": list(self.notes)} if self.notes else {})
 
 
 def _amount(effect: EffectIdentifiability) -> str:

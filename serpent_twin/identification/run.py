@@ -241,7 +241,7 @@ def _write(
     )
     numbers = finite(numbers)
     write_json(config.out / "diagnosis.json", numbers)
-    print(found.sentence())
+    print("\n".join([*tracer.case.notes, found.sentence()]))
     share = 100 * numbers["share_of_time_in_simulation"]
     print(f"{numbers['seconds']:.0f} s, {share:.0f} % of it in simulation.")
     print(f"{report}: the figures. {config.out / 'twin.json'}: the corrected twin.")

@@ -46,6 +46,8 @@ class Case(Generic[P]):
     """Candidates that were composed from what the machine's own leave"""
     widened: Mapping[str, float] = field(default_factory=dict)
     """Priors of declared coordinates that are wider than the machine's, by name"""
+    notes: tuple[str, ...] = ()
+    """What was put right in the logs, and how runs begin where the logs do not say it, in sentences"""
     clock: Stopwatch = field(default_factory=Stopwatch)
     """Time spent in simulation"""
 

@@ -51,7 +51,9 @@ def opened(logs):
 def limit(root):
     """That of the effect, from logs of the arm without it."""
     case, pieces, opening, effect = opened(record(root / "clean"))
-    found = identifiability(case, pieces, opening, scores(case, pieces, opening, [effect]), lambda _, make: make())
+    found = identifiability(
+        case, pieces, opening, scores(case, pieces, opening, [effect]), lambda _, make: make()
+    )
     return next(each for each in found.effects if each.name == EFFECT)
 
 

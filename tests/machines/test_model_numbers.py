@@ -32,6 +32,7 @@ MJCF = """<mujoco>
 TOML = """schema_version = 1
 model = "model.xml"
 rows = "motion"
+start = 0.1
 time = { column = "time", unit = "s" }
 [[drive]]
 actuator = "motor"

@@ -59,7 +59,7 @@ def path(tmp_path):
     columns = {
         "time": time,
         "torque": np.sin(5 * time),
-        "angle": 0.1 * np.sin(5 * time),
+        "angle": 0.6 * np.sin(5 * time),
         "pull": time,
     }
     table = np.stack(list(columns.values()), axis=1)

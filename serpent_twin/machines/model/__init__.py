@@ -22,6 +22,7 @@ from serpent_twin.machines.model.doubts import (
     require_moving_poses,
     require_varied,
 )
+from serpent_twin.machines.model.encoders import put_right
 from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
 from serpent_twin.machines.model.machine import ModelMachine
@@ -29,6 +30,7 @@ from serpent_twin.machines.model.motion import STEPS
 from serpent_twin.machines.model.noise import noise, quieter
 from serpent_twin.machines.model.reading import read
 from serpent_twin.machines.model.rubbing import sized
+from serpent_twin.machines.model.session_starts import SessionStarts, about_starts
 from serpent_twin.machines.model.starts import with_starts
 
 _CONVERGED, _PART = 1 / 3, 1e-3
@@ -62,7 +64,7 @@ class ModelRig:
         runs = log_file.read_runs(self.described, source)
         if self.described.about.rows == POSES:
             return runs
-        return [with_starts(self.described, run) for run in runs]
+        return [with_starts(self.described, put_right(self.described, run)) for run in runs]
 
     def open(self, training: Sequence[Recording]) -> Case[Runs]:
         """The model as it is; the cameras' frame by the mean of the logs."""
@@ -105,7 +107,8 @@ class ModelRig:
         machine = replace(machine, frame=first)
         if self.described.about.rows == POSES:
             machine = sized(machine, few)
-        return Case(machine, spread)
+        notes = about_starts(self.described, machine.outputs, machine.begun)
+        return Case(machine, spread, notes=tuple(notes))
 
 
 def open_machine(path: Path, model_file: Path | None = None) -> ModelRig:
@@ -130,14 +133,16 @@ def _quieter(machine: ModelMachine, few: Runs, found: Array) -> ModelMachine:
         for n in of if not each.noise else ():
             least = quieter(outputs[n].noise, few.measured[..., of], off[..., n])
             outputs[n] = replace(outputs[n], noise=least)
-    return replace(machine, outputs=tuple(outputs))
+    if all(a.noise == b.noise for a, b in zip(outputs, machine.outputs, strict=True)):
+        return machine
+    return replace(machine, outputs=tuple(outputs), begun=SessionStarts())
 
 
 def _steps(machine: ModelMachine, few: Runs, coarse: Array) -> tuple[int, Array]:
     """Time steps of a row, of which twice as many change what is seen by a third of its noise at most, or of
-    a small part of what the model is off by, which grows with what it is off by; and what is seen with them,
-    from what is seen with the fewest, (S, T, C). Twice as many where a motion is prescribed, whose speed makes
-    forces that are of first order in the step.
+    a small part of what the model is off by; and what is seen with them, from what is seen with the fewest,
+    (S, T, C). Twice as many where a motion is prescribed, whose speed makes forces that are of first order in
+    the step.
     """
     off = np.sqrt(np.nanmean((few.measured - coarse) ** 2, axis=(0, 1)))
     noise = np.maximum([each.noise for each in machine.outputs], _PART * off)

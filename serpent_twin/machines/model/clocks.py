@@ -71,6 +71,11 @@ def wholes_of(pieces: Runs) -> list[Recording]:
     return [about[_WHOLE] for about in pieces.metadata if _WHOLE in about]
 
 
+def sessions_of(pieces: Runs) -> list[Recording]:
+    """The whole sessions of runs that are parts of them, each once."""
+    return list({id(each): each for each in wholes_of(pieces)}.values())
+
+
 def clocks_of(pieces: Runs) -> Clocks:
     """When runs begin."""
     first = pieces.time[:, 0]

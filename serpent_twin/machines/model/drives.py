@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import ceil
 from typing import ClassVar
 
 import numpy as np
@@ -15,6 +16,7 @@ from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.clocks import clocks_of, session_time
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
 from serpent_twin.machines.model.description import MOTION, Described
+from serpent_twin.machines.model.full_rate import full_rate
 from serpent_twin.machines.model.part_of_moment import PartOfMoment
 from serpent_twin.machines.model.state_effects import acts_on_state
 
@@ -22,11 +24,13 @@ PARTS = 4
 """Of a row, in which what effects make of commands may change"""
 
 
-def commands(machine: Described, pieces: Runs) -> Array:
-    """What the log tells the actuators, (S, T, nu)."""
-    out = np.tile(machine.keyframe_controls, (*pieces.time.shape, 1))
+def commands(machine: Described, pieces: Runs, every: int = 1) -> Array:
+    """What the log tells the actuators, so many times in each row, (S, T every, nu)."""
+    S, T = pieces.time.shape
+    out = np.tile(machine.keyframe_controls, (S, T * every, 1))
     for each in machine.commanded:
-        out[..., machine.model.actuator(each.actuator).id] = pieces.column[each.column]
+        told = full_rate(pieces.column, each.column, every)
+        out[..., machine.model.actuator(each.actuator).id] = told
     return out
 
 
@@ -35,11 +39,13 @@ def controls(
 ) -> Array:
     """What the drives tell the actuators, (S, T, nu), at coordinates `x` of the fit.
 
-    Where effects act on a motion, in parts of rows: its drives hold what they are told until the next row,
-    and what is late changes between rows.
+    In parts of rows, (S, T parts, nu), where the log has further commands between the rows that are used, and
+    where effects act on a motion: its drives hold what they are told until the next row, and what is late
+    changes between rows.
     """
-    model, rows = machine.model, pieces.time.shape[1]
-    start, logged = machine.keyframe_controls, commands(machine, pieces)
+    moves = machine.about.rows == MOTION
+    model, every = machine.model, machine.about.every if moves else 1
+    start, logged = machine.keyframe_controls, commands(machine, pieces, every)
     told = logged.copy()
     for each in machine.commanded:
         n = model.actuator(each.actuator).id
@@ -54,12 +60,13 @@ def controls(
         return told
     names = [model.actuator(n).name for n in range(model.nu)]
     force = np.abs(model.actuator_gainprm[:, 0] * model.actuator_gear[:, 0])
-    parts = PARTS if machine.about.rows == MOTION else 1
-    ahead, dt = np.asarray(np.gradient(told, axis=1)), pieces.period[:, None] / parts
-    told, ahead = np.repeat(told, parts, axis=1), np.repeat(ahead, parts, axis=1)
+    finer = ceil(PARTS / every) if moves else 1
+    parts = every * finer
+    ahead, dt = every * np.asarray(np.gradient(told, axis=1)), pieces.period[:, None] / parts
+    told, ahead, logged = (np.repeat(each, finer, axis=1) for each in (told, ahead, logged))
     time, prior = session_time(pieces), clocks_of(pieces).prior_runtime[:, None]
     memory: list[object] = []
-    for t in range(rows * parts):
+    for t in range(told.shape[1]):
         now = told[:, t]
         now_at = time[:, t // parts, None] + t % parts * dt
         moment = DrivenMoment(
@@ -68,7 +75,7 @@ def controls(
             now_at,
             prior,
             force,
-            logged[:, t // parts],
+            logged[:, t],
             now.copy(),
             ahead[:, t],
             now.copy(),

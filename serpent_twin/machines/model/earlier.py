@@ -7,9 +7,11 @@ import numpy as np
 
 from serpent_twin.effects import Effect
 from serpent_twin.machines.measured import Recording, Runs, cut
-from serpent_twin.machines.model.clocks import clocks_of, wholes_of
+from serpent_twin.machines.model.clocks import clocks_of, sessions_of, wholes_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
+from serpent_twin.machines.model.full_rate import columns_between
+from serpent_twin.machines.model.replay import FollowedSessions
 from serpent_twin.machines.model.seen import address, beginning
 from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of
 from serpent_twin.machines.model.state_effects import Acting, Earlier, acting_on_state
@@ -21,16 +23,18 @@ def acting(
     there: Sequence[Effect],
     x: Mapping[str, float],
     pieces: Runs,
+    past: FollowedSessions | None = None,
+    twin: int = 0,
 ) -> Acting | None:
     """The effects on the state of a model's runs, with what they remember at coordinates `x` of the fit; None
-    where there are none.
+    where there are none. What nothing measures, the past of one of several twins says.
     """
     several = acting_on_state(there, model)
     if not several:
         return None
     wholes, earlier = wholes_of(pieces), None
     if wholes and any(each.recalls for each in several) and measured_joints(machine):
-        earlier = _earlier(machine, model, there, x, pieces, wholes)
+        earlier = _earlier(machine, model, there, x, pieces, wholes, past, twin)
     return Acting([several] * len(pieces), clocks_of(pieces), earlier)
 
 
@@ -41,15 +45,21 @@ def _earlier(
     x: Mapping[str, float],
     pieces: Runs,
     wholes: Sequence[Recording],
+    past: FollowedSessions | None,
+    twin: int,
 ) -> Earlier:
-    """The sessions of runs whose joints are all measured."""
-    distinct = list({id(each): each for each in wholes}.values())
-    joints, drives = measured_joints(machine), [each.column for each in machine.about.drive]
+    """The sessions of runs, by what is measured of their joints."""
+    distinct = sessions_of(pieces)
+    joints = measured_joints(machine)
+    drives = [*(each.column for each in machine.about.drive), *columns_between(machine)]
     columns = [of(joint) for joint in joints for of in (angle_of, rate_of)]
     runs = cut(distinct, [*drives, *columns], list(joints.values()))
     told = controls(machine, there, x, runs)
     pose = np.tile(beginning(model, machine), (*runs.time.shape, 1))
     rate = np.zeros((*runs.time.shape, model.nv))
+    if past:
+        S, T = runs.time.shape
+        pose, rate = past.path(slice(twin * S, (twin + 1) * S), T)
     for joint in joints:
         pose[..., address(model, joint)] = runs.column[angle_of(joint)]
         rate[..., int(model.joint(joint).dofadr[0])] = runs.column[rate_of(joint)]

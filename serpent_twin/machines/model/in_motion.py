@@ -1,26 +1,36 @@
 """Show what twins, their sensors included, show in motion in every row of a log."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
-from serpent_twin.machines.measured import Runs
-from serpent_twin.machines.model.clocks import clocks_of
+from serpent_twin.machines.measured import Recording, Runs, cut
+from serpent_twin.machines.model.clocks import clocks_of, sessions_of, wholes_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.earlier import acting
+from serpent_twin.machines.model.full_states import FullStates
 from serpent_twin.machines.model.known import Factor, by_known_numbers
 from serpent_twin.machines.model.motion import DrivenMotion, StartGains, start_gain
 from serpent_twin.machines.model.prescribed import known_motion
 from serpent_twin.machines.model.readings import reread
+from serpent_twin.machines.model.replay import FollowedSessions, MeasuredJoints, followed
 from serpent_twin.machines.model.seen import Seen, beginning, joint_angles
-from serpent_twin.machines.model.starts import start
+from serpent_twin.machines.model.session_starts import Sessions, SessionStarts
+from serpent_twin.machines.model.starts import (
+    all_measured,
+    angle_of,
+    measured_joints,
+    rate_of,
+    start,
+)
 from serpent_twin.machines.model.state_effects import together
 from serpent_twin.machines.model.stepped_runs import DrivenRuns
 from serpent_twin.machines.model.switches import switched_off
@@ -66,6 +76,12 @@ class TwinsInMotion:
     nominal: MovingTwin
     """By which starts are improved"""
     gains: StartGains
+    begun: SessionStarts
+    """How sessions begin, by the nominal model"""
+    columns: Sequence[str]
+    """Of a log, which a simulation reads"""
+    noise: Array
+    """Of each channel, (C,)"""
     steps: int
     """Of time in a row, at least"""
 
@@ -83,19 +99,64 @@ class TwinsInMotion:
         each = [twin.driven(pieces) for twin in twins]
         begin = beginning(each[0].models[0], machine)
         at = start(machine, begin, pieces).repeated(len(twins))
+        past = None
+        if self._replays(each[0].models[0]) and wholes_of(pieces):
+            past = self._followed(pieces)
+            at = replace(at, whole=_beginnings(past, pieces, len(twins)))
         gain = None
         if at.joints and not machine.about.start:
             gain = np.tile(self.gains.of(pieces, self._start_gain), (len(twins), 1, 1))
         read = self._sensed(pieces, at.joints)
         laws = [
-            acting(machine, driven.models[0], twin.there, twin.x, pieces)
-            for driven, twin in zip(each, twins, strict=True)
+            acting(machine, driven.models[0], twin.there, twin.x, pieces, past, n)
+            for n, (driven, twin) in enumerate(zip(each, twins, strict=True))
         ]
         laws = [law for law in laws if law]
         driven = DrivenRuns.together(each) if len(each) > 1 else each[0]
         seen = Seen(machine, self.frame, [twin.x for twin in twins])
         act = together(laws) if laws else None
         return DrivenMotion(driven, at, seen, gain, self.steps, read, act)
+
+    def _replays(self, model: mujoco.MjModel) -> bool:
+        """Whether a state holds more than what is measured or prescribed."""
+        machine = self.machine
+        more = model.na or model.nhistory or not all_measured(machine)
+        return bool(more) and not machine.prescribed
+
+    def _followed(self, pieces: Runs) -> FollowedSessions:
+        """The twins in the whole sessions of some runs, those of one after those of the other, until the last
+        of these begins.
+        """
+        distinct = sessions_of(pieces)
+        if new := self.begun.missing(distinct):
+            self.begun.find(new, *self._nominal_sessions(new), self.noise)
+        runs, joints = self._sessions(distinct)
+        n = len(self.twins)
+        driven = DrivenRuns.together([twin.driven(runs) for twin in self.twins])
+        seen = Seen(self.machine, self.frame, [twin.x for twin in self.twins])
+        sessions = Sessions(self.machine, driven, seen, self.steps, joints.repeated(n))
+        begun = sessions.begun(self.begun.of(distinct) * n)
+        rows = int(_places(pieces)[1].max()) + 1
+        return followed(driven, seen, self.steps, sessions.joints, begun, rows)
+
+    def _sessions(self, wholes: Sequence[Recording]) -> tuple[Runs, MeasuredJoints]:
+        """Whole sessions, and their measured joints."""
+        channels = [name for each in self.machine.about.measured for name in each.columns]
+        runs, names = cut(wholes, self.columns, channels), tuple(measured_joints(self.machine))
+        angle, rate = (
+            np.stack([runs.column[of(name)] for name in names], axis=-1)
+            if names
+            else np.zeros((*runs.time.shape, 0))
+            for of in (angle_of, rate_of)
+        )
+        return runs, MeasuredJoints(names, angle, rate)
+
+    def _nominal_sessions(self, wholes: Sequence[Recording]) -> tuple[Sessions, Runs]:
+        """The nominal model in whole sessions."""
+        runs, joints = self._sessions(wholes)
+        seen = Seen(self.machine, self.frame, [self.nominal.x])
+        driven = self.nominal.driven(runs)
+        return Sessions(self.machine, driven, seen, self.steps, joints), runs
 
     def _sensed(self, pieces: Runs, names: Sequence[str]) -> Callable[..., Array]:
         """What sensors of named things make of the twins' runs, as `reread`."""
@@ -108,4 +169,23 @@ class TwinsInMotion:
         """How the nominal model's starts are improved."""
         machine, seen = self.machine, Seen(self.machine, self.frame, [self.nominal.x])
         at = start(machine, machine.begin, pieces)
+        if self._replays(machine.model) and wholes_of(pieces):
+            past = replace(self, twins=[self.nominal])._followed(pieces)
+            at = replace(at, whole=_beginnings(past, pieces, 1))
         return start_gain(self.nominal.driven(pieces), at, seen, self.steps)
+
+
+def _places(pieces: Runs) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """In which of their sessions runs begin, and in which row of it, (S,) each."""
+    wholes, distinct = wholes_of(pieces), sessions_of(pieces)
+    session = [[each is one for one in distinct].index(True) for each in wholes]
+    begun = zip(wholes, pieces.time[:, 0], strict=True)
+    return np.array(session), np.array([np.searchsorted(each.time, t) for each, t in begun])
+
+
+def _beginnings(past: FollowedSessions, pieces: Runs, twins: int) -> FullStates:
+    """States in which the runs of some twins begin, one twin after the other."""
+    session, row = _places(pieces)
+    several = len(sessions_of(pieces))
+    each = [twin * several + session for twin in range(twins)]
+    return past.at(np.concatenate(each), np.tile(row, twins))

@@ -29,6 +29,7 @@ from serpent_twin.machines.model.doubts import (
     require_unit,
     require_within,
 )
+from serpent_twin.machines.model.full_rate import thinned
 from serpent_twin.machines.model.known import STATED, stated
 from serpent_twin.machines.model.log_files import LogTables, find
 from serpent_twin.machines.model.log_poses import poses
@@ -66,7 +67,7 @@ def read(machine: Described, log: LogTables) -> list[Recording]:
     whole = Recording(table.path, {"arm": machine.name}, {}, log.name)
     split = rows_in_motion if about.rows == MOTION else poses
     found, notes = split(machine, whole, several, labels)
-    found = [_thinned(each, about.every) for each in found]
+    found = [thinned(machine, each) for each in found]
     for each in found if about.rows == MOTION else ():
         require_paced(machine, table.path, each)
     metadata = _metadata_of(table) if about.known else {}
@@ -131,11 +132,6 @@ def _labels(machine: Described, table: DataTable) -> NDArray[Any] | None:
         if len(np.unique(episodes)) > 1:
             return np.array([f"episode_{int(each):06d}" for each in episodes])
     return None
-
-
-def _thinned(run: Recording, every: int) -> Recording:
-    """One row of so many."""
-    return replace(run, columns={name: values[::every] for name, values in run.columns.items()})
 
 
 def _some_numbers(table: DataTable, name: str, what: str) -> Array:

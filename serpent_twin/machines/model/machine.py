@@ -24,6 +24,8 @@ from serpent_twin.machines.measured import Recording, RunMachine, Runs, cut
 from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
+from serpent_twin.machines.model.full_rate import columns_between
+from serpent_twin.machines.model.full_states import lengthen_buffers
 from serpent_twin.machines.model.in_motion import MovingTwin, TwinsInMotion
 from serpent_twin.machines.model.known import Factor
 from serpent_twin.machines.model.limits import LoggedLimits
@@ -35,6 +37,7 @@ from serpent_twin.machines.model.poses import Rests
 from serpent_twin.machines.model.prescribed import prescribe
 from serpent_twin.machines.model.proposing import proposed
 from serpent_twin.machines.model.segments import ROWS, segments
+from serpent_twin.machines.model.session_starts import SessionStarts
 from serpent_twin.machines.model.starts import start_columns, started_again
 from serpent_twin.machines.model.state_effects import acting_on_state
 from serpent_twin.machines.model.switches import separate
@@ -71,6 +74,8 @@ class ModelMachine(RunMachine):
     """Of a motion [s]"""
     gains: StartGains = field(default_factory=StartGains, compare=False, repr=False)
     """How starts are improved"""
+    begun: SessionStarts = field(default_factory=SessionStarts, compare=False, repr=False)
+    """How sessions begin"""
     every: int = 1
     block: float = 0.0
     window: None = None
@@ -104,8 +109,11 @@ class ModelMachine(RunMachine):
     @property
     def columns(self) -> tuple[str, ...]:
         """Columns that a simulation reads."""
-        more = start_columns(self.described) if self.described.about.rows == MOTION else ()
-        return (*self.drives, *self.described.switches, *more)
+        described = self.described
+        more: tuple[str, ...] = ()
+        if described.about.rows == MOTION:
+            more = (*start_columns(described), *columns_between(described))
+        return (*self.drives, *described.switches, *more)
 
     @property
     def markers(self) -> tuple[str, ...]:
@@ -177,6 +185,7 @@ class ModelMachine(RunMachine):
             change_number(spec, number, which, factor)
         prescribe(spec, self.described)
         separate(spec, self.described)
+        lengthen_buffers(spec)
         return spec.compile()
 
     def respond(
@@ -208,7 +217,16 @@ class ModelMachine(RunMachine):
         nominal = self._moving(zero, ())
         twins = [self._moving(point, effects_at(point)) for point in points]
         return TwinsInMotion(
-            self.described, self.frame, self.places, twins, nominal, self.gains, steps or self.steps
+            self.described,
+            self.frame,
+            self.places,
+            twins,
+            nominal,
+            self.gains,
+            self.begun,
+            self.columns,
+            np.array([each.noise for each in self.outputs]),
+            steps or self.steps,
         )
 
     def _moving(self, point: ParameterVector, there: Sequence[Effect]) -> MovingTwin:

@@ -54,8 +54,11 @@ def quieter(noise: float, seen: Array, off: Array) -> float:
 
 
 def _jitter(several: Sequence[Array]) -> float:
-    """Standard deviation of the noise in rows (..., T), by fourth differences; 0 of few."""
-    return _deviation(np.concatenate([np.diff(each, n=4).ravel() for each in several])) / _FOURTH
+    """Standard deviation of the noise in rows (T,) or (S, T), by fourth differences of what is known; 0 of
+    few.
+    """
+    rows = [row[np.isfinite(row)] for each in several for row in np.atleast_2d(each)]
+    return _deviation(np.concatenate([np.diff(row, n=4) for row in rows])) / _FOURTH
 
 
 def _again(machine: Described, training: Sequence[Recording], name: str) -> Array:

@@ -16,6 +16,7 @@ from serpent_twin.machines.model.description import (
     Described,
     MeasuredColumns,
 )
+from serpent_twin.machines.model.full_rate import held
 from serpent_twin.machines.model.limits import allowed, require_moving, unmeasured_joints
 from serpent_twin.machines.model.log_file import as_logged
 from serpent_twin.machines.model.motion import StartGains
@@ -186,7 +187,7 @@ def _log(
         **{name: np.ones(len(told) - first) for name in described.switches},
         **dict(zip([each.name for each in machine.outputs], seen[first:].T, strict=True)),
     }
-    run = Recording(None, {}, columns, name)
+    run = Recording(None, {}, columns | held(described, columns), name)
     return run if described.about.rows == POSES else with_starts(described, run)
 
 

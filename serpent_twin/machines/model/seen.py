@@ -24,12 +24,16 @@ class Seen:
     def __init__(
         self, machine: Described, frame: Mapping[str, Any], twins: Sequence[Mapping[str, float]]
     ) -> None:
-        self._about, self._frame, self._twins = machine.about, frame, twins
+        self._machine, self._about, self._frame, self._twins = machine, machine.about, frame, twins
         self.of_forces = any(_is_force(machine.model, *each.of) for each in self._about.measured)
         """Whether anything that is measured depends on the forces that act"""
         stages = mujoco.mjtStage
         self.stage = int(stages.mjSTAGE_ACC if self.of_forces else stages.mjSTAGE_VEL)
         """What MuJoCo must compute of a row before it is read"""
+
+    def repeated(self, times: int) -> "Seen":
+        """The same runs several times, one after the other, of one twin."""
+        return Seen(self._machine, self._frame, [*self._twins] * times)
 
     def bind(self, batch: Batch) -> None:
         """Let the batch keep what is read: before its first step."""

@@ -9,6 +9,7 @@ from scipy.signal import savgol_filter
 from serpent_twin.arrays import Array
 from serpent_twin.machines.measured import Recording, Runs
 from serpent_twin.machines.model.description import Described
+from serpent_twin.machines.model.full_states import FullStates
 from serpent_twin.machines.model.prescribed import rate_column, with_rates
 
 _SMOOTH = 9  # rows over which an angle is a cubic, where a run begins
@@ -23,13 +24,15 @@ class SegmentStart:
     """Where segments begin: J joints in the first row, and what was read of them in the rows of the lead."""
 
     joints: tuple[str, ...]
-    """The joints; none where not all are measured"""
+    """Those that are measured or prescribed"""
     state: Array
     """Angle and rate of each, (S, J, 2)"""
     reading: Array
     """Angle, (S, J, LEAD); NaN where nothing was read"""
     begin: Array
-    """The pose in which all begin whose joints are not measured, (nq,)"""
+    """The pose of all other joints where nothing else is known of them, (nq,)"""
+    whole: FullStates | None = None
+    """All that the joints' angles and rates leave open"""
 
     def repeated(self, times: int) -> "SegmentStart":
         """The same segments several times, one after the other."""
@@ -38,17 +41,26 @@ class SegmentStart:
 
 
 def measured_joints(machine: Described) -> dict[str, str]:
-    """The column of each joint, if all are measured or prescribed: then a run can start from any row; else
-    none.
+    """The column of each joint that is measured or prescribed, from which a run can start in any row; none
+    where a motion is prescribed and some joints are unknown.
     """
     columns = {each.joint: each.column for each in machine.prescribed if each.joint}
     columns |= {each.joint: each.columns[0] for each in machine.about.measured if each.joint}
+    return {} if machine.prescribed and not _all_known(machine, columns) else columns
+
+
+def all_measured(machine: Described) -> bool:
+    """Whether all joints are measured or prescribed."""
+    return _all_known(machine, measured_joints(machine))
+
+
+def _all_known(machine: Described, columns: Mapping[str, str]) -> bool:
     model = machine.model
-    return columns if len(columns) == model.njnt == model.nq == model.nv else {}
+    return len(columns) == model.njnt == model.nq == model.nv
 
 
 def with_starts(machine: Described, run: Recording) -> Recording:
-    """A log with the smoothed angle and rate of each joint, and its reading, where all are measured."""
+    """A log with the smoothed angle and rate of each measured joint, and its reading."""
     period = float(np.median(np.diff(run.time)))
     more: dict[str, Array] = {}
     for joint, column in measured_joints(machine).items():
@@ -91,7 +103,7 @@ def started_again(
 
 
 def start(machine: Described, begin: Array, pieces: Runs) -> SegmentStart:
-    """Where the segments of a log begin; where not all joints are measured, in one pose, (nq,)."""
+    """Where the segments of a log begin; where nothing is known of a joint, in a pose (nq,)."""
     column, joints, S = pieces.column, tuple(measured_joints(machine)), len(pieces)
     if not joints:
         return SegmentStart((), np.zeros((S, 0, 2)), np.zeros((S, 0, LEAD)), begin)

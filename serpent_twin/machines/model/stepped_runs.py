@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.model.drives import PARTS
+from serpent_twin.machines.model.full_states import hold_history
 from serpent_twin.machines.model.prescribed import KnownMotion, PrescribedSteps, Prescription
 from serpent_twin.machines.model.seen import Seen, address
 from serpent_twin.machines.model.starts import LEAD, SegmentStart
@@ -44,6 +45,18 @@ class DrivenRuns:
         """T."""
         return self.off.shape[1]
 
+    def repeated(self, times: int) -> "DrivenRuns":
+        """The same runs several times, one after the other, where no motion is prescribed."""
+        told, off = np.tile(self.told, (times, 1, 1)), np.tile(self.off, (times, 1))
+        return DrivenRuns([*self.models] * times, told, off, np.tile(self.period, times))
+
+    def first(self, rows: int) -> "DrivenRuns":
+        """The first rows of the runs, where no motion is prescribed."""
+        parts = self.told.shape[1] // self.rows
+        return DrivenRuns(
+            self.models, self.told[:, : rows * parts], self.off[:, :rows], self.period
+        )
+
     @staticmethod
     def together(several: Sequence["DrivenRuns"]) -> "DrivenRuns":
         """The runs of some twins, one twin after the other."""
@@ -73,34 +86,39 @@ class SteppedRuns:
         self.batch, model = side_by_side(driven.models, threads()), self._model
         period, known = driven.period, driven.known
         least = max(steps, period.max() / model.opt.timestep, _EACH_PART * PARTS)
-        self.nstep = ceil(least / self._parts)
-        self._leaps = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
+        self.nstep = max(ceil(least / self._parts), _EACH_PART)
+        self.leaps = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
+        """Whether rates are half a step older than angles"""
         self.step = period / (self.nstep * self._parts)
         set_timestep(self.batch, self.step)
         seen.bind(self.batch)
-        for field in ("qpos", "qvel", "qacc", "ctrl", "act"):
+        for field in ("qpos", "qvel", "qacc", "ctrl", "act", "history", "time", "actuator_length"):
             self.batch.bind(field)
         self._steps = known and PrescribedSteps(known, self.nstep * self._parts)
         self._prescription = known and Prescription(known.machine, self.batch)
         self._n = 0
         self._switches = Switches(self.batch, driven.off) if driven.off.any() else None
-        self._laws = acting and StateLaws(self.batch, acting, self.step, self._leaps)
+        self._laws = acting and StateLaws(self.batch, acting, self.step, self.leaps)
 
-    def begin(self, start: SegmentStart, state: Array) -> None:
-        """Place all runs at their beginning, joints at angles and rates (S, J, 2)."""
+    def begin(self, start: SegmentStart, state: Array | None = None) -> None:
+        """Place all runs at their beginning, joints at angles and rates (S, J, 2), if not at the start's."""
+        state = start.state if state is None else state
         if self._laws:
             self._laws.begin()
         self.batch.reset(stage=_NOTHING)
         pose, speed = self.batch.bind("qpos"), self.batch.bind("qvel")
-        pose[...], speed[...] = start.begin, 0.0
+        if start.whole:
+            start.whole.write(self.batch)
+        else:
+            pose[...], speed[...] = start.begin, 0.0
+            hold_history(self.batch, self._told[:, 0])
         for n, joint in enumerate(start.joints):
             pose[:, address(self._model, joint)] = state[:, n, 0]
             speed[:, int(self._model.joint(joint).dofadr[0])] = state[:, n, 1]
         self._tell(self._told[:, 0])
         self._turn(0)
-        for n in np.flatnonzero(_holds_control(self._model)):
-            first = self._model.actuator_actadr[n]
-            self.batch.bind("act")[:, first] = self._told[:, 0, n]
+        if not start.whole:
+            self._activate()
         if self._prescription and self._steps:
             self._n = 0
             self._prescription.place(self._steps.at, self._steps.change / self.step[:, None])
@@ -109,17 +127,32 @@ class SteppedRuns:
             self.batch.forward()
             self._laws.start()
         self.batch.forward()
-        if self._leaps:
+        if self.leaps:
             speed -= self.step[:, None] / 2 * self.batch.bind("qacc")
         if self._prescription and self._steps:
             self._prescription.hold(self._steps.held[:, 0])
         if self._laws:
             self._laws.lag()
 
+    def _activate(self) -> None:
+        """Let activations be those of a rest under the first commands: a filter's is what it is told, an
+        integrator's the length that its servo holds.
+        """
+        model, act = self._model, self.batch.bind("act")
+        follows, servo = _follows_control(model), _integrates_to_length(model)
+        if servo.any():
+            self.batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
+        limited = model.actuator_ctrllimited.astype(bool)[:, None]
+        low, high = np.where(limited, model.actuator_ctrlrange, [-np.inf, np.inf]).T
+        for n in np.flatnonzero(follows | servo):
+            told = np.clip(self._told[:, 0, n], low[n], high[n]) if follows[n] else None
+            length = self.batch.bind("actuator_length")[:, n]
+            act[:, model.actuator_actadr[n]] = length if told is None else told
+
     def rows(self, count: int) -> Iterator[Array]:
         """Move through further rows; what is seen in each."""
         for t in range(count * self._parts):
-            if self._leaps:
+            if self.leaps:
                 self._tell((self._told[:, max(t - 1, 0)] + self._told[:, t]) / 2)
                 self._turn(t // self._parts)
                 self._move(1, _NOTHING)
@@ -127,7 +160,7 @@ class SteppedRuns:
             self._turn(t // self._parts)
             last = (t + 1) % self._parts == 0
             stage = self._seen.stage if last else _NOTHING
-            self._move(self.nstep - self._leaps, stage)
+            self._move(self.nstep - self.leaps, stage)
             if last:
                 yield self._seen.read(self.batch)
 
@@ -169,7 +202,16 @@ class SteppedRuns:
             self._switches.turn(row)
 
 
-def _holds_control(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Which actuators have one activation, which follows their control; that of a DC motor is a current."""
-    own = np.isin(model.actuator_dyntype, (mujoco.mjtDyn.mjDYN_DCMOTOR, mujoco.mjtDyn.mjDYN_PID))
-    return (model.actuator_actnum == 1) & ~own
+def _follows_control(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Which actuators have one activation, which comes to rest at their control; that of a DC motor is a
+    current.
+    """
+    dyn = mujoco.mjtDyn
+    kinds = (dyn.mjDYN_FILTER, dyn.mjDYN_FILTEREXACT, dyn.mjDYN_MUSCLE)
+    return (model.actuator_actnum == 1) & np.isin(model.actuator_dyntype, kinds)
+
+
+def _integrates_to_length(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Which actuators are servos whose goal is the integral of their control."""
+    integrates = model.actuator_dyntype == mujoco.mjtDyn.mjDYN_INTEGRATOR
+    return (model.actuator_actnum == 1) & integrates & (model.actuator_biasprm[:, 1] != 0)
