@@ -233,7 +233,7 @@ def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:
     ]
     if len(links) <= _MOST_PLACES and all(model.joint(n).name for n in range(model.njnt)):
         for n in links:
-            moment = float(sized.force[model.body_dofadr[n]])
+            moment = float(sized.moment[n]) or float(sized.force[model.body_dofadr[n]])
             more = {
                 which: sized_range("link_flex", which, _BENT / moment)
                 for which in ("compliance", "twist")
