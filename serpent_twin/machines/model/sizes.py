@@ -97,8 +97,8 @@ def _moments(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
 
 def _moved(machine: Described, training: Sequence[Recording]) -> tuple[Array, Array, Array, Array]:
     """Root mean squares of the greatest force, the rate and the way of each degree of freedom, (nv,) each,
-    and of the moments of bodies, as the nominal model moves from where runs begin; what does not move, or becomes
-    unstable, has usual ones.
+    and of the moments of bodies, as the nominal model moves from where runs begin; what does not move, or
+    becomes unstable, has usual ones.
     """
     model, data = machine.model, mujoco.MjData(machine.model)
     drives = [(model.actuator(each.actuator).id, each.column) for each in machine.commanded]
