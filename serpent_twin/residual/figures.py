@@ -52,7 +52,7 @@ def _by_marker(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
         mean = marker_size(comparison).by_marker
         axes.plot(at, mean, style, color=colour, lw=2, ms=6, label=name)
     floor = measure.scale * expected_distance(findings.noise.marker, measure.dimension)
-    axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
+    _floor(axes, at, floor, style)
     axes.set_ylabel(f"{measure.size} [{measure.unit}]")
     _millimetres(axes, comparisons, findings)
     _label(axes, at, names, measure.one)
@@ -84,8 +84,10 @@ def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
         error = marker_size(comparison).by_row
         for n, those in enumerate(stretches):
-            mean = _smooth(error[those].reshape(1, -1), rows)[0]
-            axes.plot(clock[those].ravel(), mean, color=colour, lw=1.3, label=None if n else name)
+            then = clock[those].ravel()
+            order = np.argsort(then, kind="stable")  # segments may overlap by some rows
+            mean = _smooth(error[those].reshape(1, -1)[:, order], rows)[0]
+            axes.plot(then[order], mean, color=colour, lw=1.3, label=None if n else name)
     if np.isfinite(floor := findings.noise.mean_floor):
         axes.axhspan(0, floor, color=LINE, lw=0, label="noise of the measurement")
     jump = findings.marker_change.jump if findings.marker_change else None
@@ -138,7 +140,7 @@ def _by_motor(
             axes.plot(at, getattr(size, state), style, color=colour, lw=2, ms=6, label=name)
     for axes, title in zip(panels, states, strict=True):
         floor = measure.scale * findings.noise.load
-        axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
+        _floor(axes, at, floor, style)
         if of_motors:
             axes.set_title(title, loc="left", fontsize=10, color=SOFT)
         axes.set_ylim(0, None)
@@ -251,6 +253,14 @@ def _one_after_another(comparison: Comparison) -> tuple[Array, dict[str, float]]
 def _line(names: Sequence[str], word: str) -> str:
     """Points, joined where names are a word and a number: along a chain, neighbours are neighbours."""
     return "o-" if all(name.startswith(f"{word} ") for name in names) else "o"
+
+
+def _floor(axes: "Axes", at: np.ndarray, floor: Array, style: str) -> None:
+    """The noise at each place: a band where places are joined, else a bar at each."""
+    if "-" in style:
+        axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
+    else:
+        axes.bar(at, floor, 0.5, color=LINE, label="noise of the measurement", zorder=0)
 
 
 def _stretches(comparison: Comparison) -> list[list[int]]:
