@@ -114,6 +114,8 @@ def _checked(rig: machines.Rig, logs: Sequence[Log]) -> Identifiability:
 def _print(found: Identifiability) -> None:
     for table in (check_page.effects(found), check_page.parameters(found)):
         print(f"\n{text_table(table)}\n{table.note}")
+    for sentence in found.not_sought:
+        print(f"\n{sentence}")
     print("\nWhat the logs tell least, relative to the prior:")
     print("\n".join(f"  {each}" for each in found.directions))
     print(f"\n{found.sentence()}")

@@ -103,6 +103,8 @@ class Identifiability:
     """Rows of the logs that a fit uses"""
     variance_inflation: float
     """So many numbers of a calibrated residual weigh as one"""
+    not_sought: tuple[str, ...] = ()
+    """Sentences on effects that are not sought, and on what nothing measures"""
 
     @property
     def hidden(self) -> list[str]:
@@ -142,6 +144,7 @@ class Identifiability:
             "inputs": [each.numbers() for each in self.inputs],
             "rows": self.rows,
             "variance_inflation": self.variance_inflation,
+            "not_sought": list(self.not_sought),
         }
 
 

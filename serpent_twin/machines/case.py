@@ -103,6 +103,11 @@ class Case(Generic[P]):
         """
         return getattr(self.machine, "track_record", {})
 
+    @property
+    def not_sought(self) -> tuple[str, ...]:
+        """Sentences on effects that are not sought, and on what nothing measures."""
+        return getattr(self.machine, "not_sought", ())
+
     def units_of_law(self, law: Law) -> Mapping[str, str]:
         """The units of a composed law's size and of its form's parameters."""
         machine: Any = self.machine

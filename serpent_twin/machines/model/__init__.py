@@ -32,6 +32,7 @@ from serpent_twin.machines.model.poses import Rests
 from serpent_twin.machines.model.reading import read
 from serpent_twin.machines.model.rubbing import sized
 from serpent_twin.machines.model.shared_unit import require_shared_unit
+from serpent_twin.machines.model.sought import sought
 from serpent_twin.machines.model.starts import with_starts
 
 _CONVERGED = 1 / 3
@@ -80,14 +81,16 @@ class ModelRig:
             for each in self.described.about.measured
             for name in each.columns
         )
+        known, not_sought = sought(self.described, candidates(self.described, training))
         machine = ModelMachine(
             self.described,
-            candidates(self.described, training),
+            known,
             coordinates(self.described),
             outputs,
             logged_limits(self.described, training),
             {"pivot": np.zeros(3), "shift": np.zeros(3)},
             steps=self.described.about.steps or STEPS[0],
+            not_sought=not_sought,
         )
         pieces = machine.pieces(training)
         require_moving_poses(self.described, pieces)
