@@ -24,10 +24,13 @@ class Stopwatch:
 
     def __init__(self) -> None:
         self.seconds = 0.0
+        self.count = 0
+        """How often a block was entered"""
         self._began = 0.0
 
     def __enter__(self) -> None:
         self._began = time.perf_counter()
+        self.count += 1
 
     def __exit__(self, *_: object) -> None:
         self.seconds += time.perf_counter() - self._began
