@@ -38,7 +38,7 @@ def _made(model: mujoco.MjModel, kind: str) -> Array:
     names = ("trntype", "gaintype", "biastype", "dyntype")
     numbers = ("gainprm", "biasprm", "dynprm", "gear", "forcerange")
     fields = [getattr(model, f"actuator_{name}") for name in (*names, *numbers)]
-    return np.column_stack([_moved(model), *fields])
+    return np.column_stack([_moved(model), *fields]).astype(float)
 
 
 def _moved(model: mujoco.MjModel) -> NDArray[np.intp]:
