@@ -75,6 +75,16 @@ def test_what_the_file_names_is_sought_however_much_it_is(tmp_path):
 
 def test_joints_that_nothing_measures_are_named(tmp_path):
     case = opened(tmp_path, base='<freejoint name="root"/>', measured=JOINTS - 2)
-    assert "Nothing measures the free joint root and the 2 hinges j18, j19: where they begin" in (
-        " ".join(case.not_sought)
-    )
+    text = " ".join(case.not_sought)
+    assert "Nothing measures the free joint root and the 2 hinges j18, j19: what begins" in text
+
+
+def test_a_finger_that_follows_a_measured_one_is_known(tmp_path):
+    """By an equality of the model."""
+    path = tmp_path / "hand"
+    assert "the hinge j19" in " ".join(opened(path, measured=JOINTS - 1).not_sought)
+    model = path / "chain.xml"
+    equal = '<equality><joint joint1="j19" joint2="j18"/></equality></mujoco>'
+    model.write_text(model.read_text().replace("</mujoco>", equal))
+    rig = open_machine(path / "machine.toml")
+    assert "j19" not in " ".join(rig.open(rig.read(path / "log.csv")).not_sought)

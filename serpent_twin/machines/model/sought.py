@@ -68,14 +68,13 @@ def _said(machine: Described, left: Mapping[str, int], kept: Mapping[str, int]) 
             "sought then, at all of its places."
         )
     if machine.about.rows == MOTION and not only_single(machine.model):
-        yield (
-            f"No law is composed: the model has joints that are no hinges or slides, or more than "
-            f"{MOST_PLACES}."
-        )
+        many = machine.model.njnt > MOST_PLACES
+        has = f"more than {MOST_PLACES} joints" if many else "joints that are no hinges or slides"
+        yield f"No law is composed of what no effect explains: the model has {has}."
     if machine.about.rows == MOTION and (unknown := _unmeasured(machine)):
         yield (
-            f"Nothing measures {unknown}: where they begin and how they move is the model's, and an effect "
-            "there shows only by what it does to what is measured."
+            f"Nothing measures {unknown}: what begins and moves there is the model's, and an effect there "
+            "shows only by what it does to what is measured."
         )
 
 
@@ -116,6 +115,18 @@ def _known_joints(machine: Described) -> set[int]:
             found |= _along(model, model.tendon(name).id)
         elif kind == "sensor":
             found |= _sensed(model, model.sensor(name).id)
+    return found | _tied(model, found)
+
+
+def _tied(model: mujoco.MjModel, known: set[int]) -> set[int]:
+    """Joints that follow a known one by an equality of the model."""
+    of_joints = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0)
+    of_joints &= np.asarray(model.eq_active0, bool)
+    pairs = np.stack([model.eq_obj1id, model.eq_obj2id], axis=1)[of_joints].tolist()
+    found = set(known)
+    for _ in pairs:
+        for pair in pairs:
+            found |= set(pair) if found & set(pair) else set()
     return found
 
 
