@@ -26,7 +26,9 @@ from serpent_twin.machines.model.things import OBJECTS, acts_on, names
 _STILL = 1e-6
 """Motion of a body per motion of a joint [m/rad] below which it stands still"""
 _REACH = 1e-3
-"""The same below which a place has no lever worth a force [m/rad]"""
+"""The same below which a place has no lever worth a force [m/rad]; lever below which what a link carries does
+not bend it [m]
+"""
 _PLAY, _SPRING, _LOAD, _RUBS = 0.02, 0.1, 0.1, 0.1
 """Typical effects: of the range of a drive, of a joint's stiffness, of the mass that a body carries, of the
 force that moves a joint
@@ -224,8 +226,8 @@ def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:
         if model.body(n).name and 0 < model.body_dofnum[n] <= _MOST_DOFS
     ]
     if all(model.joint(n).name for n in range(model.njnt)):
-        for n in links:
-            moment = float(sized.moment[n]) or float(sized.force[model.body_dofadr[n]])
+        for n in (n for n in links if sized.moment[n] > _REACH * sized.carried[n]):
+            moment = float(sized.moment[n])
             more = {
                 which: sized_range("link_flex", which, _BENT / moment)
                 for which in ("compliance", "twist")

@@ -9,7 +9,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.measured import Runs
 from serpent_twin.machines.model.description import Described, DriveColumn, MeasuredColumns
-from serpent_twin.machines.model.starts import angle_of, measured_joints, rate_of, reading_of
+from serpent_twin.machines.model.starts import angle_of, rate_of, reading_of
 from serpent_twin.machines.model.things import acts_on, joint_type
 from serpent_twin.numerals import listed
 from serpent_twin.units import TO_SI
@@ -92,7 +92,7 @@ def _rescaled(machine: Described, shared: _Shared, pieces: Runs, times: float) -
     for each in shared.measured:
         at = _channel(machine, each)
         measured[..., at] = each.offset + times * (measured[..., at] - each.offset)
-        if each.joint in measured_joints(machine):
+        if angle_of(each.joint) in column:
             for name in (angle_of(each.joint), reading_of(each.joint)):
                 column[name] = each.offset + times * (column[name] - each.offset)
             column[rate_of(each.joint)] = times * column[rate_of(each.joint)]

@@ -91,7 +91,7 @@ def _unmeasured(machine: Described) -> str:
     kinds: dict[str, list[str]] = {}
     for n in left:
         kinds.setdefault(_KINDS[int(model.jnt_type[n])], []).append(
-            model.joint(n).name or f"number {n}"
+            model.joint(n).name or f"of {model.body(model.jnt_bodyid[n]).name or f'joint {n}'}"
         )
     return listed(
         f"the {kind if len(several) == 1 else counted(len(several), kind)} {stored.names(several)}"
