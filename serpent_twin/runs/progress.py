@@ -4,6 +4,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
@@ -13,6 +14,23 @@ from serpent_twin.numerals import counted
 
 _ON_SCREEN, _IN_FILE = 1.0, 10.0
 """Longest time between two signs of life [s]"""
+
+
+@dataclass(frozen=True)
+class _Items:
+    """Items that are counted, of which one is under way."""
+
+    began: float
+    """When the first began [s]"""
+    present: float
+    """When the present one began [s]"""
+    done: int
+    count: int
+
+    def left(self, now: float) -> float:
+        """Time left [s], by the mean of those that are done, or longer if the present one takes longer."""
+        each = max((self.present - self.began) / self.done, (now - self.began) / (self.done + 1))
+        return max(each * (self.count - self.done) - (now - self.present), 0.0)
 
 
 class Progress:
@@ -26,8 +44,8 @@ class Progress:
     def __init__(self, what: str, simulations: Callable[[], int] = lambda: 0) -> None:
         self.simulations = simulations
         """How many simulations were made so far"""
-        self._what, self._steps, self._left = what, 0, ""
-        self._began: float | None = None
+        self._what, self._steps = what, 0
+        self._items: _Items | None = None
         self._end = threading.Event()
         self._every = _ON_SCREEN if sys.stderr.isatty() else _IN_FILE
         self._beat = threading.Thread(target=self._live, daemon=True)
@@ -46,32 +64,32 @@ class Progress:
     ) -> None:
         self._end.set()
         self._beat.join()
-        self._left = ""
+        self._items = None
         self._what = f"stopped: {self._what}" if kind else "done"
         self._write()
         self._bar.close()
 
     def step(self, what: str) -> None:
         """Begin a step."""
-        self._what, self._left, self._began = what, "", None
+        self._what, self._items = what, None
         self._steps += 1
         self._write()
 
     def item(self, what: str, done: int, count: int) -> None:
         """Begin an item of so many, after those that are done."""
         now = time.perf_counter()
-        if not done or self._began is None:
-            self._began = now
-        left = (now - self._began) / done * (count - done) if done else 0.0
+        began = self._items.began if self._items and done else now
         self._what = f"{what}, {done + 1} of {count}"
-        self._left = f", about {tqdm.format_interval(left)} left" if done else ""
+        self._items = _Items(began, now, done, count)
         self._steps += 1
         self._write()
 
     def _write(self) -> None:
         made = self.simulations()
+        left = self._items.left(time.perf_counter()) if self._items and self._items.done else None
+        said = "" if left is None else f", about {tqdm.format_interval(left)} left"
         done = f"step {self._steps}" + (f", {counted(made, 'simulation')}" if made else "")
-        self._bar.set_description_str(f"{self._what}{self._left} ({done})", refresh=True)
+        self._bar.set_description_str(f"{self._what}{said} ({done})", refresh=True)
 
     def _live(self) -> None:
         """Write the line again and again until the end."""

@@ -3,6 +3,7 @@
 import re
 import time
 
+import numpy as np
 import pytest
 
 from serpent_twin.runs import progress as module
@@ -46,7 +47,7 @@ def test_steps_only_grow_and_no_share_of_an_unknown_whole_is_shown(shown):
 
 
 def test_items_that_are_counted_have_a_time_left_from_those_before(shown, monkeypatch):
-    now = iter([100.0, 110.0, 120.0])
+    now = iter(np.repeat([100.0, 110.0, 120.0], 2).tolist()[1:])  # the first has no time left
     with Progress("first guesses") as progress:
         monkeypatch.setattr(module.time, "perf_counter", lambda: next(now))
         for n in range(3):
@@ -62,3 +63,9 @@ def test_what_was_stopped_is_named(shown):
         progress.step("fit last")
         raise ValueError
     assert "stopped: fit last" in shown()[-1]
+
+
+def test_an_item_that_takes_longer_than_those_before_has_more_left():
+    """Two of three are left after 10 s: 20 s; when the second has taken 20 s, the mean is 15 s."""
+    assert module._Items(0.0, 10.0, 1, 3).left(10.0) == pytest.approx(20.0)
+    assert module._Items(0.0, 10.0, 1, 3).left(30.0) == pytest.approx(10.0)
