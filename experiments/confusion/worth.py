@@ -18,7 +18,6 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.composing import ComposingTracer
 from serpent_twin.identification.discovery.followed import Way, swinging
 from serpent_twin.identification.discovery.screen import Search
-from serpent_twin.identification.discovery.sizes import solved
 from serpent_twin.identification.run import planned
 from serpent_twin.machines.places import response_at
 
@@ -109,12 +108,4 @@ def worth(traced: Trace, law: TrueLaw) -> float:
     assert places is not None
     wanted, several = law
     search = Search.of(case, some, base, places)
-    at = response_at(places, wanted)
-    follows = search.changes(several) if wanted.reading else np.ones((1, search.F.shape[1]))
-    found, gram = search.beyond_free(at, follows.astype(np.float32))
-    pull, raw = found.pulls.reshape(1, -1), found.raw.sum(axis=0)
-    if len(several) > 1:  # a sine and its cosine
-        across = found.beside[0]
-        gram = np.block([[gram[0], across], [across.T, gram[1]]])
-    _, removed = solved(pull, gram.reshape(1, pull.size, pull.size), raw[None] / len(several))
-    return float(search.gain(removed[0] / search.total))
+    return search.worth(response_at(places, wanted), several)

@@ -4,10 +4,12 @@ from dataclasses import dataclass
 from math import ceil
 from typing import ClassVar
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
+from serpent_twin.effects.delayed import delay_by
 from serpent_twin.effects.effect import COMMAND, Effect, parameter, ranges
 from serpent_twin.effects.moment import Told
 
@@ -28,6 +30,13 @@ class CommandDelay(Effect):
     remembers: ClassVar[bool] = False
     stage: ClassVar[int] = COMMAND
     needs: ClassVar[frozenset[str]] = frozenset({"goal"})
+
+    def export(self, spec: mujoco.MjSpec) -> bool:
+        """Delay the actuators' commands."""
+        for each in spec.actuators:
+            if self.at in ("", each.name):
+                delay_by(spec, each, self.delay)
+        return True
 
     def start(self, moment: Told) -> "Past":
         """Goals of the last time steps, as if they had always been these."""

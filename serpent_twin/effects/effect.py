@@ -67,8 +67,8 @@ SMOOTH = 0.2
 is never off by more than 5 %."""
 _UNKNOWN = 0.005  # [s] as the simulation's own
 COMMAND, SERVO, WINDING, CABLE, LOSS, READING = range(6)
-"""Order in a time step: goals of the servos, their angles, the winding of the cables, the cables' properties,
-friction by their tension; and of what is read, after all time steps."""
+"""Order in a time step: goals of the servos, their angles, winding and properties of the cables, friction by
+their tension; and of what is read, after all time steps."""
 
 
 def parameter(
@@ -90,15 +90,13 @@ class Effect:
     """Physics that the nominal twin leaves out. All fields zero, or `absent`, is the nominal twin.
 
     `edit` writes what MJCF can express into the machine's spec; `act` changes one time step of many runs
-    at once, with what `start` returned as memory. The quantities that `act` reads from its moment determine
-    which machines can have it. A stacked effect (`stack`) has (n, 1) arrays for fields: `start` and
+    at once, with what `start` returned as memory. What `act` reads of its moment determines which machines
+    can have it. A stacked effect (`stack`) has (n, 1) arrays for fields: `start` and
     `act` are written so that both work. `edit` is given numbers only.
     """
 
     at: str = field(default="", kw_only=True)
-    """Name of the joint, actuator or body where it is in a model that is not the arm's; empty: all that the
-    effect is about
-    """
+    """Name of the joint, actuator or body of a model where it is; empty: all that it is about"""
 
     places: ClassVar[tuple[str, ...]] = ()
     """Kinds of a model's elements that `at` may name, in the order in which they are looked up."""
@@ -107,11 +105,10 @@ class Effect:
     confused_with: ClassVar[tuple[str, ...]] = ()
     """Names of effects that look like it."""
     remembers: ClassVar[bool] = False
-    """Whether its memory is longer than a segment, so that a session must be run through; an effect with a
-    memory must declare True or False."""
+    """Whether its memory outlasts a segment, so that sessions are run through; to be said of a memory."""
     simplified: ClassVar[float] = 0.01
-    """Relative standard error of its parameters for what its law simplifies, which no scatter shows (type B:
-    JCGM 100, 4.3); independent arms were off by as much."""
+    """Relative standard error of its parameters for what its law simplifies (type B: JCGM 100, 4.3);
+    independent arms were off by as much."""
     stage: ClassVar[int] = CABLE
     """When in a time step it acts."""
     needs: ClassVar[frozenset[str]] = frozenset()
@@ -171,6 +168,10 @@ class Effect:
     def edit(self, spec: mujoco.MjSpec) -> None:
         """Write into the machine's spec what MJCF can express of it."""
 
+    def export(self, spec: mujoco.MjSpec) -> bool:
+        """Write into a spec to be given away what MJCF can express of `act`; whether it is all."""
+        return not self.acts()
+
     def start(self, moment: Any) -> Any:
         """Its memory at the beginning of a run."""
 
@@ -202,7 +203,7 @@ class Effect:
 
     @classmethod
     def acts(cls) -> bool:
-        """Whether it does more than MJCF can express, so that Python runs in every time step."""
+        """Whether it does more than `edit` expresses, so that Python runs in every time step."""
         return cls.act is not Effect.act
 
 

@@ -3,10 +3,20 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import mujoco
 import numpy as np
 
+from serpent_twin.effects.delayed import delay_by
 from serpent_twin.effects.effect import READING, Effect, parameter
 from serpent_twin.effects.moment import Measurements
+
+_SENSES = {
+    mujoco.mjtSensor.mjSENS_JOINTPOS: "joint",
+    mujoco.mjtSensor.mjSENS_TENDONPOS: "tendon",
+    mujoco.mjtSensor.mjSENS_ACTUATORFRC: "actuator",
+    mujoco.mjtSensor.mjSENS_FRAMEPOS: "site",
+}
+"""The kind of place that MuJoCo's sensors read as a log does"""
 
 
 @dataclass(frozen=True)
@@ -25,6 +35,23 @@ class SensorDelay(Effect):
     confused_with: ClassVar[tuple[str, ...]] = ("command_delay", "servo_lag")
     stage: ClassVar[int] = READING
     needs: ClassVar[frozenset[str]] = frozenset({"reading"})
+
+    def export(self, spec: mujoco.MjSpec) -> bool:
+        """Delay the sensors that read what is late; False where the model has none, or where the name is of
+        things of several kinds.
+        """
+        kinds = [k for k in self.places if any(e.name == self.at for e in getattr(spec, f"{k}s"))]
+        late = [each for each in spec.sensors if len(kinds) == 1 and self._is(each, kinds[0])]
+        for each in late:
+            delay_by(spec, each, self.delay)
+        return bool(late)
+
+    def _is(self, sensor: mujoco.MjsSensor, kind: str) -> bool:
+        """Whether a sensor is the place, or reads it."""
+        if kind == "sensor":
+            return sensor.name == self.at
+        object_kind = mujoco.mju_type2Str(sensor.objtype)
+        return (_SENSES.get(sensor.type), object_kind, sensor.objname) == (kind, kind, self.at)
 
     def act(self, moment: Measurements, memory: None) -> None:
         """Shift the readings of each run."""

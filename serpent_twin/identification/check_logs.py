@@ -1,12 +1,12 @@
 """Check what logs can tell before a trace of them, and write the results."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from tqdm import tqdm
 from tyro.conf import arg
 
 from serpent_twin import machines
@@ -19,22 +19,15 @@ from serpent_twin.identification.score_test import scores
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import Log, notes_on, read_logs
-from serpent_twin.numerals import listed
+from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.files import finite, write_json
+from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance, versions
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import refuse_repeated
 
 SETTINGS = "check.json"
-_SHARES = {
-    "first guesses": 11,
-    "weights": 2,
-    "derivatives": 7,
-    "effects": 27,
-    "detection limits": 53,
-}
-"""Of the time that each step takes on an arm's logs [%]"""
 
 
 @dataclass(frozen=True)
@@ -55,6 +48,9 @@ class Check(Checked):
     """The machine.toml of any other machine, or its folder."""
     out: Path | None = None
     """Folder for results; made if it does not exist."""
+    exact: bool = False
+    """Find each detection limit by a fit, which takes minutes: to first order, it may be too low where
+    parameters can stand for an effect."""
 
     @property
     def named(self) -> str:
@@ -77,43 +73,34 @@ def check(config: Check) -> Identifiability:
     if files := machines.made_of(rig):
         settings["machine_sha256"] = files
     with claimed(config.out, SETTINGS, settings) if config.out else nullcontext():
-        found = _checked(rig, logs)
+        found = _checked(rig, logs, config.exact)
         _print(found)
         if config.out:
             _write(config.out, listed(config.logs), found, settings)
     return found
 
 
-def _checked(rig: machines.Rig, logs: Sequence[Log]) -> Identifiability:
-    """What logs can tell, with a bar that shows the time left."""
-    with tqdm(total=sum(_SHARES.values()), unit="%", smoothing=0.0) as bar:
-
-        def begin(step: str) -> None:
-            begun = list(_SHARES)[: list(_SHARES).index(step)]
-            bar.set_description_str(step)
-            bar.update(sum(_SHARES[each] for each in begun) - bar.n)
-
-        begin("first guesses")
+def _checked(rig: machines.Rig, logs: Sequence[Log], exact: bool) -> Identifiability:
+    """What logs can tell, with a line that shows what is done and the time left."""
+    with Progress("first guesses") as progress:
         case = rig.open(logs)
-        begin("weights")
+        progress.simulations = lambda: case.clock.count
+        progress.step("weights")
         pieces = case.pieces(logs)
         case = case.reweighted(ParameterVector.nominal(case.declared), pieces)
-        begin("derivatives")
+        progress.step("derivatives")
         opening = opening_fit(case, pieces)
-        begin("effects")
         seen = [each for name, each in case.candidates.items() if name not in case.unseen]
+        progress.step(f"score tests of {counted(len(seen), 'effect')}")
         found = scores(case, pieces, opening, seen)
-        begin("detection limits")
+        numbers = itertools.count()
 
         def limits(name: str, make: Callable[[], Array]) -> Array:
-            bar.set_description_str(f"detection limit of {spaced(name)}")
-            made = make()
-            bar.update(min(_SHARES["detection limits"] / len(found), bar.total - bar.n))
-            return made
+            progress.item(f"detection limit of {spaced(name)}", next(numbers), len(found))
+            return make()
 
-        told = replace(identifiability(case, pieces, opening, found, limits), notes=case.notes)
-        bar.update(bar.total - bar.n)
-    return told
+        told = identifiability(case, pieces, opening, found, limits if exact else None)
+    return replace(told, notes=case.notes)
 
 
 def _print(found: Identifiability) -> None:
@@ -121,6 +108,8 @@ def _print(found: Identifiability) -> None:
         print(f"\n{text_table(table)}\n{table.note}")
     if found.notes:
         print("\n" + "\n".join(found.notes))
+    for sentence in found.not_sought:
+        print(f"\n{sentence}")
     print("\nWhat the logs tell least, relative to the prior:")
     print("\n".join(f"  {each}" for each in found.directions))
     print(f"\n{found.sentence()}")

@@ -35,7 +35,8 @@ def page(found: Identifiability, facts: Mapping[str, str]) -> Report:
 
 def effects_section(found: Identifiability) -> Section:
     """How weak an effect may be and still be found, delays first."""
-    return Section("Which effects these logs can show", _EFFECTS, (_limits(found), effects(found)))
+    text = "\n\n".join([_EFFECTS, *found.not_sought])
+    return Section("Which effects these logs can show", text, (_limits(found), effects(found)))
 
 
 def effects(found: Identifiability) -> Table:

@@ -102,6 +102,7 @@ def identifiability(
         advice(case, some, opening.point, without, hidden),
         opening.residual.size // case.channels,
         1 / explained.known.weight,
+        case.not_sought,
     )
 
 

@@ -251,7 +251,9 @@ def place_and_time(twins: Mapping[str, Twin]) -> Figure:
     shown = [marker_curve(comparison, found.joints) for comparison, found in twins.values()]
     names, _, label = shown[0]
     cells = [_cells(c, v) for (c, _), (_, v, _) in zip(twins.values(), shown, strict=True)]
-    most, end = max(float(np.nanmax(each)) for each in cells), cells[0].shape[1] * _HEAT_S
+    most = max(float(np.nanmax(each)) for each in cells)
+    first = next(iter(twins.values()))[0]
+    end = cells[0].shape[1] * _cell_rows(first) * first.period
     for axes, picture, stage in zip(panels, cells, twins, strict=True):
         image = axes.imshow(
             picture, aspect="auto", cmap="magma_r", vmin=0, vmax=most, interpolation="nearest",
@@ -279,8 +281,13 @@ def _headed(axes: "Axes", stage: str) -> None:
 
 def _cells(comparison: Comparison, values: Array) -> Array:
     """Root mean squares over a few seconds, (K, cells), of values (S, T, K), segments in order."""
-    rows = max(1, round(_HEAT_S / comparison.period))
-    pieces = max(1, values.shape[1] // rows)
-    cut = values[:, : pieces * rows].reshape(len(values), pieces, -1, values.shape[2])
+    rows = _cell_rows(comparison)
+    pieces = values.shape[1] // rows
+    cut = values[:, : pieces * rows].reshape(len(values), pieces, rows, values.shape[2])
     order = np.lexsort((comparison.start, np.array(comparison.session)))
     return np.sqrt(np.mean(cut[order] ** 2, axis=2)).reshape(-1, values.shape[2]).T
+
+
+def _cell_rows(comparison: Comparison) -> int:
+    """Rows of a cell of the heat map: a few seconds, but no more than a segment."""
+    return min(max(1, round(_HEAT_S / comparison.period)), comparison.time.shape[1])

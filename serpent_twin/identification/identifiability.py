@@ -105,6 +105,8 @@ class Identifiability:
     """So many numbers of a calibrated residual weigh as one"""
     notes: tuple[str, ...] = ()
     """What was put right in the logs, and how runs begin where the logs do not say it"""
+    not_sought: tuple[str, ...] = ()
+    """Sentences on effects that are not sought, and on what nothing measures"""
 
     @property
     def hidden(self) -> list[str]:
@@ -144,6 +146,7 @@ class Identifiability:
             "inputs": [each.numbers() for each in self.inputs],
             "rows": self.rows,
             "variance_inflation": self.variance_inflation,
+            "not_sought": list(self.not_sought),
         } | ({"notes": list(self.notes)} if self.notes else {})
 
 

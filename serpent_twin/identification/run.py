@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from tqdm import tqdm
 from tyro.conf import arg
 
 from serpent_twin import machines
@@ -27,6 +26,7 @@ from serpent_twin.machines.rig import Log, is_named, notes_on, read_logs
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import write
 from serpent_twin.runs.files import finite, write_json
+from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance, versions
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import refuse_repeated
@@ -34,7 +34,6 @@ from serpent_twin.stored import within
 
 SETTINGS = "trace.json"
 _SESSIONS = Group("session")
-_STEPS = 60  # of a usual trace, for the time left: a second effect adds some
 
 
 @dataclass(frozen=True)
@@ -179,14 +178,9 @@ def _settings(
 def _run(
     config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
 ) -> tuple[Tracer, Selection, Diagnosis]:
-    with tqdm(total=_STEPS, unit="step", desc="first guesses", smoothing=0.1) as bar:
-
-        def on_progress(what: str) -> None:
-            bar.set_description_str(what)
-            bar.total = max(bar.total, bar.n + 8)
-            bar.update()
-
+    with Progress("first guesses") as progress:
         case = rig.open(training)
+        progress.simulations = lambda: case.clock.count
         notes = Checkpoints(config.out / "stages", case.clock)
         kind = ComposingTracer if config.discover and case.composes else RefittingTracer
         tracer = kind(
@@ -194,15 +188,13 @@ def _run(
             case.pieces(training),
             case.pieces(judging),
             notes,
-            on_progress,
+            progress.step,
             config.seed,
         )
         selection = tracer.select()
-        on_progress("what is left")
+        progress.step("what is left")
         arm = str(training[0].metadata.get("arm", config.logs[0].name))
         found = build_diagnosis(tracer, selection, arm, [_file(s) for s in judging])
-        bar.total = bar.n
-        bar.refresh()
     return tracer, selection, found
 
 

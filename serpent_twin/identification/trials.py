@@ -101,9 +101,10 @@ class Trials:
         chosen += missed
         trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
         best = begun.cost
-        for name in chosen:
+        for n, name in enumerate(chosen, 1):
             number, begins = stage.split("_")[:2]
-            self.on_progress(f"{number}, from the {begins}: fitting {spaced(name)}")
+            which = f"candidate {n} of {len(chosen)}, {spaced(name)}"
+            self.on_progress(f"round {number}, from the {begins}: fitting {which}")
             near = min(beat, begun.cost - _NEAR * (begun.cost - best))
             fitted = self.stable(
                 f"fit_{stage}_{name}",

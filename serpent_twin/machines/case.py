@@ -24,10 +24,13 @@ class Stopwatch:
 
     def __init__(self) -> None:
         self.seconds = 0.0
+        self.count = 0
+        """How often a block was entered"""
         self._began = 0.0
 
     def __enter__(self) -> None:
         self._began = time.perf_counter()
+        self.count += 1
 
     def __exit__(self, *_: object) -> None:
         self.seconds += time.perf_counter() - self._began
@@ -118,6 +121,11 @@ class Case(Generic[P]):
         given; nothing where that was not measured.
         """
         return getattr(self.machine, "track_record", {})
+
+    @property
+    def not_sought(self) -> tuple[str, ...]:
+        """Sentences on effects that are not sought, and on what nothing measures."""
+        return getattr(self.machine, "not_sought", ())
 
     def units_of_law(self, law: Law) -> Mapping[str, str]:
         """The units of a composed law's size and of its form's parameters."""

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from tqdm import tqdm
 
 from serpent_twin.arrays import Array
 from serpent_twin.command_line.options import Checked, Seed
@@ -17,12 +16,12 @@ from serpent_twin.planning.criterion import Question
 from serpent_twin.planning.traced import Traced
 from serpent_twin.recording import motion
 from serpent_twin.reporting.report import text_table, write
+from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance
 from serpent_twin.stored import within
 
 PIECE = 20.0
 """Seconds of a piece of motion, at most"""
-_STEPS = 5
 
 
 @dataclass(frozen=True)
@@ -72,29 +71,26 @@ class Planned:
 
 def plan(config: Plan) -> Planned:
     """Plan a motion, write it and its report, and print what it decides."""
-    with tqdm(total=_STEPS, unit="step", desc="the trace and its logs") as bar:
+    with Progress("the trace and its logs") as progress:
         trace = traced.read(config.trace, config.logs)
+        progress.simulations = lambda: trace.case.clock.count
         motion.require_form(config.out, trace.rig)
-        bar.update()
         asked = questions(trace, config.rivals)
         rng = np.random.default_rng(config.seed)
-        bar.set_description_str("motions")
+        progress.step("motions, 1 of 4")
         proposals = trace.case.machine.propose(
             trace.fit.point, config.candidates, PIECE, trace.rate_hz, rng
         )
-        bar.update()
-        bar.set_description_str("what the logs tell")
+        progress.step("what the logs tell, 2 of 4")
         rows = evidence.rows(trace, asked)
         before = evidence.known(trace, rows)
         sure = tuple(_confirmed(each, before, trace) for each in rows.questions)
         rows = replace(rows, questions=sure)
-        bar.update()
-        bar.set_description_str("what the motions tell")
+        progress.step("what the motions tell, 3 of 4")
         each = evidence.of_pieces(trace, rows, proposals.pieces)
-        bar.update()
+        progress.step("the best pieces, 4 of 4")
         count = max(1, round(60 * config.minutes * trace.rate_hz) // proposals.targets.shape[1])
         order = criterion.chosen(before, each, rows.questions, count)
-        bar.update()
     kinds = tuple(proposals.kinds[n] for n in order)
     about = {
         "rig": trace.rig,

@@ -12,6 +12,9 @@ import jinja2
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
+_ONE_LINE = 26
+"""Characters up to which a cell of a table is set on one line"""
+
 
 @dataclass(frozen=True)
 class Table:
@@ -31,6 +34,15 @@ class Table:
         """Which columns hold numbers."""
         columns = zip(*self.rows, strict=True) if self.rows else [()] * len(self.header)
         return tuple(all(_is_number(cell) for cell in column) for column in columns)
+
+    @property
+    def styles(self) -> tuple[str, ...]:
+        """How each column is set: numbers to the right, long texts on several lines."""
+        several = zip(self.numeric, zip(*self.rows, strict=True), strict=True) if self.rows else ()
+        return tuple(
+            "number" if number else "text" if max(map(len, cells)) > _ONE_LINE else ""
+            for number, cells in several
+        ) or ("",) * len(self.header)
 
 
 @dataclass(frozen=True)
@@ -102,7 +114,7 @@ def text_table(table: Table) -> str:
 
 
 def _is_number(cell: str) -> bool:
-    return not cell or cell[0] in "0123456789−-+–<>±" or cell.lower() == "nan"
+    return not cell or cell[0] in "0123456789−-+–<>±" or cell.lower() in ("nan", "none")
 
 
 def as_png(drawing: "Drawing") -> bytes:
@@ -172,18 +184,18 @@ _PAGE = """<!doctype html>
 {% endfor %}
 {% for block in section.blocks %}
 {% if block is table %}
-{% set numeric = block.numeric %}
+{% set styles = block.styles %}
 <div class="wide"><table>
 <thead><tr>
 {% for name in block.header %}
-<th{% if numeric[loop.index0] %} class="number"{% endif %}>{{ name }}</th>
+<th{% if styles[loop.index0] %} class="{{ styles[loop.index0] }}"{% endif %}>{{ name }}</th>
 {% endfor %}
 </tr></thead>
 <tbody>
 {% for row in block.rows %}
 <tr{% if loop.index0 in block.marked %} class="marked"{% endif %}>
 {% for cell in row %}
-<td{% if numeric[loop.index0] %} class="number"{% endif %}>{{ cell }}</td>
+<td{% if styles[loop.index0] %} class="{{ styles[loop.index0] }}"{% endif %}>{{ cell }}</td>
 {% endfor %}
 </tr>
 {% endfor %}
@@ -234,7 +246,10 @@ th { text-align: left; font-weight: 600; color: var(--soft); vertical-align: bot
   border-bottom: 1.5px solid var(--ink); padding: .35rem .8rem .35rem 0; }
 td { border-bottom: 1px solid var(--line); padding: .4rem .8rem .4rem 0; }
 th:not(:first-child), td:not(:first-child) { padding-left: .4rem; }
+th { white-space: normal; }
 .number { text-align: right; }
+.text { white-space: normal; min-width: 7rem; }
+td { vertical-align: top; }
 .marked td { font-weight: 650; background: var(--mark); }
 .note, figcaption { font: 14px/1.45 system-ui, "Segoe UI", sans-serif; color: var(--soft); }
 figure { margin: 1.5rem 0 2rem; }

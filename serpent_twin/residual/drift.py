@@ -105,6 +105,14 @@ def jump(
     return Jump(name, float(t[at]), size, float(gain), probability)
 
 
+def step_at(values: Array, time: Array, session: tuple[str, ...], where: Jump) -> Array:
+    """Mean after − mean before a jump's time in its session of values (S, T, C), (C,)."""
+    own = np.array(session) == where.session
+    rows, then = known(values)[own].reshape(-1, values.shape[2]), time[own].reshape(-1)
+    after = then >= where.time_s
+    return rows[after].mean(axis=0) - rows[~after].mean(axis=0)
+
+
 _EDGE = 4
 """Rows before and after a jump at least"""
 

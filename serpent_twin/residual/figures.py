@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 GAP_S = 20.0  # drawn between sessions
 _FAR_APART = 8.0  # times
+_MEAN_S, _MEANS = 3.0, 10  # of the error in the course of time [s]; so many at least in a stretch
+_GAP_ROWS = 1.5  # from which on a line is broken
 _ABREAST, _UPRIGHT = 60, 30  # letters of all sessions' names, and names, for which there is room
 
 
@@ -44,12 +46,13 @@ def _by_marker(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     drawing, (axes,) = sheet(9, 3.9)
     names = next(iter(comparisons.values())).marker_names
     at = np.arange(len(names))
+    measure = next(iter(comparisons.values())).marker
+    style = _line(names, measure.one)
     for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
         mean = marker_size(comparison).by_marker
-        axes.plot(at, mean, "o-", color=colour, lw=2, ms=5, label=name)
-    measure = next(iter(comparisons.values())).marker
+        axes.plot(at, mean, style, color=colour, lw=2, ms=6, label=name)
     floor = measure.scale * expected_distance(findings.noise.marker, measure.dimension)
-    axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
+    _floor(axes, at, floor, style)
     axes.set_ylabel(f"{measure.size} [{measure.unit}]")
     _millimetres(axes, comparisons, findings)
     _label(axes, at, names, measure.one)
@@ -76,17 +79,23 @@ def _over_time(comparisons: Mapping[str, Comparison], findings: Findings) -> Fig
     drawing, (axes,) = sheet(9, 3.9)
     first = next(iter(comparisons.values()))
     clock, zero = _one_after_another(first)
+    stretches = _stretches(first)
+    rows = _window(first, stretches)
     for (name, comparison), colour in zip(comparisons.items(), _colours(comparisons), strict=True):
-        error = _smooth(marker_size(comparison).by_row, max(1, round(3 / comparison.period)))
-        for s, (t, e) in enumerate(zip(clock, error, strict=True)):
-            axes.plot(t, e, color=colour, lw=1.3, label=name if s == 0 else None)
+        error = marker_size(comparison).by_row
+        for n, those in enumerate(stretches):
+            then = clock[those].ravel()
+            order = np.argsort(then, kind="stable")  # segments may overlap by some rows
+            mean = _smooth(error[those].reshape(1, -1)[:, order], rows)[0]
+            axes.plot(then[order], mean, color=colour, lw=1.3, label=None if n else name)
     if np.isfinite(floor := findings.noise.mean_floor):
         axes.axhspan(0, floor, color=LINE, lw=0, label="noise of the measurement")
     jump = findings.marker_change.jump if findings.marker_change else None
     if jump is not None and findings.marker_change and findings.marker_change.steady == "jump":
         axes.axvline(zero[jump.session] + jump.time_s, color=INK, lw=1, ls=":")
     _name_sessions(axes, clock, first.session)
-    label = f"{first.marker.one} error, mean over 3 s [{first.marker.unit}]"
+    over = f", mean over {rows * first.period:.2g} s" if rows > 1 else ""
+    label = f"{first.marker.one} error{over} [{first.marker.unit}]"
     axes.set(xlabel="time [s]", ylabel=label)
     _millimetres(axes, comparisons, findings)
     axes.margins(x=0)
@@ -125,13 +134,13 @@ def _by_motor(
     measure = next(iter(comparisons.values())).load
     names = next(iter(comparisons.values())).load_names
     of_motors = names == next(iter(comparisons.values())).motor_names
-    at = np.arange(len(names))
+    at, style = np.arange(len(names)), _line(names, "motor")
     for (name, size), colour in zip(sizes.items(), _colours(comparisons), strict=True):
         for axes, state in zip(panels, states.values(), strict=True):
-            axes.plot(at, getattr(size, state), "o-", color=colour, lw=2, ms=5, label=name)
+            axes.plot(at, getattr(size, state), style, color=colour, lw=2, ms=6, label=name)
     for axes, title in zip(panels, states, strict=True):
         floor = measure.scale * findings.noise.load
-        axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
+        _floor(axes, at, floor, style)
         if of_motors:
             axes.set_title(title, loc="left", fontsize=10, color=SOFT)
         axes.set_ylim(0, None)
@@ -239,6 +248,39 @@ def _one_after_another(comparison: Comparison) -> tuple[Array, dict[str, float]]
         clock[own] += starts[name]
         end = clock[own].max() + GAP_S
     return clock, starts
+
+
+def _line(names: Sequence[str], word: str) -> str:
+    """Points, joined where names are a word and a number: along a chain, neighbours are neighbours."""
+    return "o-" if all(name.startswith(f"{word} ") for name in names) else "o"
+
+
+def _floor(axes: "Axes", at: np.ndarray, floor: Array, style: str) -> None:
+    """The noise at each place: a band where places are joined, else a bar at each."""
+    if "-" in style:
+        axes.fill_between(at, 0, floor, color=LINE, lw=0, label="noise of the measurement")
+    else:
+        axes.bar(at, floor, 0.5, color=LINE, label="noise of the measurement", zorder=0)
+
+
+def _stretches(comparison: Comparison) -> list[list[int]]:
+    """Segments that follow each other without a gap, in the order of time, session by session."""
+    found: list[list[int]] = []
+    for name in dict.fromkeys(comparison.session):
+        own = [n for n, session in enumerate(comparison.session) if session == name]
+        end = -np.inf
+        for n in sorted(own, key=lambda n: comparison.start[n]):
+            if comparison.start[n] - end > _GAP_ROWS * comparison.period:
+                found.append([])
+            found[-1].append(n)
+            end = comparison.time[n, -1]
+    return found
+
+
+def _window(comparison: Comparison, stretches: Sequence[Sequence[int]]) -> int:
+    """Rows over which an error is averaged: 3 s, but no more than a share of the longest stretch."""
+    longest = max(map(len, stretches)) * comparison.time.shape[1]
+    return max(1, min(round(_MEAN_S / comparison.period), longest // _MEANS))
 
 
 def _label(axes: "Axes", at: np.ndarray, names: Sequence[str], word: str) -> None:

@@ -8,14 +8,19 @@ import numpy as np
 from serpent_twin.residual.burst import Burst, burst
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.dependence import Dependence, depends_on
-from serpent_twin.residual.drift import Drift, Jump, drift, jump
+from serpent_twin.residual.drift import Drift, Jump, drift, jump, step_at
 from serpent_twin.residual.joint_attribution import JointAttribution, attribute_to_joints
+from serpent_twin.residual.motion_part import without_motion
 from serpent_twin.residual.noise import Noise, measurement_noise
 from serpent_twin.residual.size import LoadSize, MarkerSize, load_size, marker_size
 from serpent_twin.residual.spectrum import Line, Spectrum, known, line, spectrum
 from serpent_twin.residual.where import Where, where
 
 WORTH_SAYING = 0.03  # share of the variance
+LASTING = 0.5
+"""Share of a step of the mean that motion must leave for it to be a jump: friction and play make other means
+wherever a machine moves otherwise, and nothing has changed
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,10 +189,21 @@ def _change(
     rng: np.random.Generator,
     permutations: int,
 ) -> ErrorChange:
+    step = jump(values, c.time, c.session, rng, permutations)
+    if step and not _lasts(step.size, step_at(without_motion(c, values), c.time, c.session, step)):
+        step = None
     return ErrorChange(
         *labels,
         drift(values, c.time, c.session),
-        jump(values, c.time, c.session, rng, permutations),
+        step,
         line(swinging, c.period, rng, permutations),
         spectrum(swinging, c.period),
     )
+
+
+def _lasts(step: Array, beside_motion: Array) -> bool:
+    """Whether most of a step of the mean, (C,), is left, (C,), where an error has no more of what motion
+    explains.
+    """
+    most = int(np.argmax(np.abs(step)))
+    return bool(beside_motion[most] / step[most] > LASTING)

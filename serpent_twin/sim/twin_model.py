@@ -100,12 +100,12 @@ class TwinModel:
         return replace(self, effects=(*others, effect))
 
     def xml(self) -> str:
-        """The arm as MJCF that stands alone; a comment names what MJCF cannot express."""
+        """The arm as MJCF that stands alone; a comment names what only twin.json has."""
         python = [effects.name_of(effect) for effect in self.active if effect.acts()]
         python += ["servo_lag"] if self.parameters.servo_lag else []
         note = "all of this arm's effects are in this file"
         if python:
-            note = f"MJCF cannot express these effects, which twin.json holds: {', '.join(python)}"
+            note = f"only twin.json has these effects: {', '.join(python)}"
         return f"<!-- {note}. -->\n{self.spec().to_xml()}"
 
     def fingerprint(self) -> str:

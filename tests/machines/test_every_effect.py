@@ -100,7 +100,7 @@ def _model():
         model = path.with_name("arm.xml")
         model.write_text(model.read_text().replace('stiffness="0.8"', ""))
         rig = open_machine(path)
-    time = np.arange(0.0, 0.4, 0.02)
+    time = np.arange(0.0, 0.5, 0.02)
     goal = {f"goal_{n}": 0.5 * np.sin(2 * np.pi * n * time) for n in (1, 2)}
     angle = {f"angle_{n}": 0.5 * goal[f"goal_{n}"] for n in (1, 2)}
     log = with_starts(rig.described, Recording(None, {}, {"time": time, **goal, **angle}))
@@ -113,7 +113,7 @@ def _tendon():
         (Path(folder) / "lever.xml").write_text(moving_models.LEVER)
         (Path(folder) / "machine.toml").write_text(moving_models.LEVER_TOML)
         rig = open_machine(Path(folder) / "machine.toml")
-    time = np.arange(0.0, 0.4, 0.02)
+    time = np.arange(0.0, 0.5, 0.02)
     told = {"pulled": 0.05 * np.sin(2 * np.pi * time), "current": 0.1 * np.cos(7 * time)}
     angle = {"angle_1": 9 * told["pulled"], "angle_2": 0.1 * np.sin(7 * time)}
     log = with_starts(rig.described, Recording(None, {}, {"time": time, **told, **angle}))

@@ -95,3 +95,47 @@ def test_a_joint_that_nothing_measures_is_sized_by_how_it_moves(tmp_path):
     )
     motor = 20 * np.sqrt(np.mean(current**2))  # [N], the gear times the current
     assert motor <= force[0] < 1.5 * motor
+
+
+TURNTABLE = """<mujoco>
+  <worldbody>
+    <body name="beam">
+      <joint name="turn" axis="0 0 1" damping="0.01"/>
+      <geom size="0.01" pos="0.5 0 0" mass="2"/>
+    </body>
+  </worldbody>
+  <actuator><position name="servo" joint="turn" kp="20" kv="2"/></actuator>
+</mujoco>
+"""
+TURNTABLE_TOML = """schema_version = 1
+model = "table.xml"
+rows = "motion"
+time = { column = "t", unit = "s" }
+drive = [{ actuator = "servo", column = "goal", unit = "rad" }]
+measured = [{ joint = "turn", columns = ["angle"], unit = "rad" }]
+"""
+
+
+def on_turntable(tmp_path, mjcf):
+    """The candidates of a model with a turntable that swings slowly."""
+    (tmp_path / "table.xml").write_text(mjcf)
+    (tmp_path / "machine.toml").write_text(TURNTABLE_TOML)
+    time = np.arange(0, 6, 0.02)
+    rows = np.c_[time, 0.1 * np.sin(time), 0.1 * np.sin(time)]
+    text = "\n".join(",".join(f"{v:.6f}" for v in row) for row in rows)
+    (tmp_path / "log.csv").write_text(f"t,goal,angle\n{text}\n")
+    rig = open_machine(tmp_path / "machine.toml")
+    return rig.open(rig.read(tmp_path / "log.csv")).candidates
+
+
+def test_a_link_that_turns_about_the_vertical_bends_by_what_it_carries(tmp_path):
+    """M g r, which no motor of it feels: a typical compliance bends it by 0.02 rad under that."""
+    found = on_turntable(tmp_path, TURNTABLE)["link_flex@beam"]
+    typical = found.ranges["compliance"].typical
+    np.testing.assert_allclose(typical * 2 * 9.81 * 0.5, 0.02, rtol=1e-2)
+
+
+def test_a_link_whose_load_has_no_lever_does_not_bend(tmp_path):
+    """Nothing that it carries would show how soft it is."""
+    known = on_turntable(tmp_path, TURNTABLE.replace('0.01" pos="0.5 0 0', '0.2" pos="0 0 -0.1'))
+    assert "link_flex@beam" not in known and "hinge_friction@turn" in known

@@ -137,6 +137,12 @@ def swap(before, after):
             "line 4: time.unit is 'rad', of rad",
         ),
         (swung_models, swap("scale = -1", "scale = 0"), None, "drive[0].scale is 0"),
+        (
+            swung_models,
+            None,
+            swap('ctrlrange="-1 1"', 'ctrlrange="-120 120"'),
+            "'servo', whose ctrlrange is -120 … 120 rad where its joint 'pivot' has -2.094 … 2.094 rad",
+        ),
         (swung_models, swap('["angle"]', '["t_ms"]'), None, "'t_ms', which is the time already"),
         (
             swung_models,

@@ -23,3 +23,15 @@ def test_a_page_is_escaped_and_its_numbers_stand_right(tmp_path):
     assert "| --- | ---: |" in markdown and "(figures/line.png)" in markdown
     assert (tmp_path / "figures" / "line.png").read_bytes().startswith(b"\x89PNG")
     assert report.text_table(table).splitlines() == ["name           mm", "a < b  1.50 ± 0.2", "c"]
+
+
+def test_long_texts_wrap_and_numbers_do_not(tmp_path):
+    """So that a table of limits is as wide as the page."""
+    long = "gear backlash@tilt servo, hinge friction@tilt and stribeck@tilt"
+    rows = (("gravity", "none", "m/s²", ""), ("gear friction@tilt", "0.224", "N m", long))
+    table = report.Table(("effect", "least", "unit", "confounded with"), rows)
+    assert table.styles == ("", "number", "", "text")
+    section = report.Section("Limits", "", (table,))
+    page = report.write(report.Report("A", "b", (section,)), tmp_path).read_text()
+    assert f'<td class="text">{long}</td>' in page and '<td class="number">0.224</td>' in page
+    assert report.Table(("a", "b"), ()).styles == ("", "")

@@ -33,6 +33,7 @@ class LinearCase:
         }
     )
     unseen: dict = field(default_factory=dict)
+    not_sought: tuple = ()
     clock: Stopwatch = field(default_factory=Stopwatch)
     channels: int = 3
     segments: tuple = (99, 99)

@@ -40,7 +40,7 @@ def test_comes_back_whole(tmp_path):
 def test_twin_xml_stands_alone(tmp_path):
     twin_model.write(tmp_path / "twin.json", unlike(), {})
     text = (tmp_path / "twin.xml").read_text()
-    assert "twin.json holds: cable_friction." in text.splitlines()[0]
+    assert "only twin.json has these effects: cable_friction." in text.splitlines()[0]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))
     bare = unlike().built.link_mass[8] - ARM.jaw_mass
     assert model.body("link9").mass[0] == pytest.approx(bare + 0.04, rel=1e-5)

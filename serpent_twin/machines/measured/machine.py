@@ -199,6 +199,6 @@ class RunMachine(ABC):
         }
         told = twin_file.to_dict(self.name, self.first, declared, there)
         write_json(path, told | dict(about))
-        python = [effects.name_of(effect) for effect in there if effect.acts()]
-        note = f"MJCF cannot express {', '.join(python)}" if python else "all effects are here"
+        left = [effects.name_of(e) for e in there if not e.absent and not e.export(spec)]
+        note = f"only twin.json has {', '.join(left)}" if left else "all effects are here"
         write_whole(path.with_suffix(".xml"), f"<!-- {note}. -->\n{spec.to_xml()}")

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -26,11 +27,14 @@ from serpent_twin.machines.model.encoders import put_right
 from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
 from serpent_twin.machines.model.machine import ModelMachine
-from serpent_twin.machines.model.motion import STEPS
+from serpent_twin.machines.model.motion import STEPS, StartGains
 from serpent_twin.machines.model.noise import noise, quieter
+from serpent_twin.machines.model.poses import Rests
 from serpent_twin.machines.model.reading import read
 from serpent_twin.machines.model.rubbing import sized
 from serpent_twin.machines.model.session_starts import SessionStarts, about_starts
+from serpent_twin.machines.model.shared_unit import require_shared_unit
+from serpent_twin.machines.model.sought import sought
 from serpent_twin.machines.model.starts import with_starts
 
 _CONVERGED, _PART = 1 / 3, 1e-3
@@ -79,14 +83,16 @@ class ModelRig:
             for each in self.described.about.measured
             for name in each.columns
         )
+        known, not_sought = sought(self.described, candidates(self.described, training))
         machine = ModelMachine(
             self.described,
-            candidates(self.described, training),
+            known,
             coordinates(self.described),
             outputs,
             logged_limits(self.described, training),
             {"pivot": np.zeros(3), "shift": np.zeros(3)},
             steps=self.described.about.steps or STEPS[0],
+            not_sought=not_sought,
         )
         pieces = machine.pieces(training)
         if self.described.about.rows == MOTION:
@@ -97,6 +103,7 @@ class ModelRig:
         found = _nominal(machine, few)
         require_units(self.described, few, found)
         require_own(self.described, few, found)
+        require_shared_unit(self.described, few, found, partial(_anew, machine))
         _require_found(machine, few, found)
         if self.described.about.rows == MOTION:
             machine = _quieter(machine, few, found)
@@ -121,6 +128,11 @@ def open_machine(path: Path, model_file: Path | None = None) -> ModelRig:
 def _nominal(machine: ModelMachine, few: Runs) -> Array:
     """What the model as it is shows in some segments, (S, T, C)."""
     return machine.respond([ParameterVector.nominal(machine.declared)], few)[0]
+
+
+def _anew(machine: ModelMachine, few: Runs) -> Array:
+    """What the model shows of other data of the same segments, (S, T, C)."""
+    return _nominal(replace(machine, rests=Rests(), gains=StartGains()), few)
 
 
 def _quieter(machine: ModelMachine, few: Runs, found: Array) -> ModelMachine:

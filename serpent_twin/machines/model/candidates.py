@@ -26,9 +26,9 @@ from serpent_twin.machines.model.things import OBJECTS, acts_on, names
 _STILL = 1e-6
 """Motion of a body per motion of a joint [m/rad] below which it stands still"""
 _REACH = 1e-3
-"""The same below which a place has no lever worth a force [m/rad]"""
-_MOST_PLACES = 12
-"""Of a kind in a model: with more, an effect is sought in all of them alike only"""
+"""The same below which a place has no lever worth a force [m/rad]; lever below which what a link carries does
+not bend it [m]
+"""
 _PLAY, _SPRING, _LOAD, _RUBS = 0.02, 0.1, 0.1, 0.1
 """Typical effects: of the range of a drive, of a joint's stiffness, of the mass that a body carries, of the
 force that moves a joint
@@ -47,14 +47,14 @@ def candidates(machine: Described, training: Sequence[Recording]) -> dict[str, C
     """All laws that find a place in the model."""
     sized = sizes(machine, training)
     found = [candidate("gravity"), *_play(machine, training), *_joints(machine, sized)]
-    found += stiffening_tendons(machine, sized, _MOST_PLACES)
+    found += stiffening_tendons(machine, sized)
     if machine.about.rows == MOTION:
         found += [candidate("command_delay")] * bool(machine.commanded)
-        found += [*_late(machine, training), *rubbing_tendons(machine, _MOST_PLACES)]
+        found += [*_late(machine, training), *rubbing_tendons(machine)]
         found += _saturated(machine, training, sized)
-        found += laws_of_state(machine, training, sized, _MOST_PLACES)
+        found += laws_of_state(machine, training, sized)
     else:
-        found += rubbing(machine, _MOST_PLACES)
+        found += rubbing(machine)
     found = _wanted(machine, [*found, *_bodies(machine, sized)])
     return {each.name: _confused(_placed(machine, each), found) for each in found}
 
@@ -123,18 +123,15 @@ def _play(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
     alike = len({machine.is_length(each) for each in drives}) == 1
     if span.any() and alike:
         yield candidate("gear_backlash", gap=gap(float(span.max()), drives[0]))
-    if len(drives) <= _MOST_PLACES:
-        for each, of in zip(drives, span.tolist(), strict=True):
-            if of:
-                yield candidate(f"gear_backlash@{each.actuator}", gap=gap(of, each))
+    for each, of in zip(drives, span.tolist(), strict=True):
+        if of:
+            yield candidate(f"gear_backlash@{each.actuator}", gap=gap(of, each))
 
 
 def _joints(machine: Described, sized: Sizes) -> Iterator[Candidate]:
     """At each hinge or slide: a spring, if the model has none, one that stiffens, and in motion friction."""
     model, held = machine.model, [each.joint for each in machine.prescribed]
     joints = single_joints(model).tolist()
-    if len(joints) > _MOST_PLACES:
-        return
     driven = [acts_on(model, each.actuator) for each in machine.commanded]
     for n in (each for each in joints if model.joint(each).name not in ("", *held)):
         name, dof = model.joint(n).name, model.jnt_dofadr[n]
@@ -168,11 +165,11 @@ def _late(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
     ]
     if bare:
         yield candidate("servo_lag")
-    if 1 < len(bare) <= _MOST_PLACES:
+    if len(bare) > 1:
         yield from (candidate(f"servo_lag@{name}") for name in bare)
     read = list(dict.fromkeys(each.of[1] for each in machine.about.measured))
     against = len(read) + len(machine.prescribed)
-    if against > 1 and len(read) <= _MOST_PLACES:
+    if against > 1:
         longest = _LATE * LEAD * float(np.median(np.diff(training[0].time)))
         known = effects.ranges(KNOWN["sensor_delay"])["delay"]
         delay = replace(known, high=longest, typical=min(known.typical, longest / 3))
@@ -187,8 +184,6 @@ def _saturated(
     told = [
         d for d in machine.commanded if d.actuator in motors or not machine.is_servo(d.actuator)
     ]
-    if len(told) > _MOST_PLACES:
-        return
     for each in told:
         n = model.actuator(each.actuator).id
         if each.actuator in motors:
@@ -222,8 +217,7 @@ def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:
         place(model.site(site).name, int(model.site_bodyid[site]), data.site_xpos[site])
     for n in range(1, model.nbody):
         place(model.body(n).name, n, data.xpos[n])
-    places = list(lever) if len(lever) <= _MOST_PLACES else list(lever)[:1]
-    for name in places:
+    for name in lever:
         carried = max(model.body_subtreemass[carrier[name]], _LIGHT * model.body_subtreemass[0])
         yield from _pulled(machine, name, float(carried), lever[name], sized)
     links = [
@@ -231,9 +225,9 @@ def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:
         for n in range(1, model.nbody)
         if model.body(n).name and 0 < model.body_dofnum[n] <= _MOST_DOFS
     ]
-    if len(links) <= _MOST_PLACES and all(model.joint(n).name for n in range(model.njnt)):
-        for n in links:
-            moment = float(sized.force[model.body_dofadr[n]])
+    if all(model.joint(n).name for n in range(model.njnt)):
+        for n in (n for n in links if sized.moment[n] > _REACH * sized.carried[n]):
+            moment = float(sized.moment[n])
             more = {
                 which: sized_range("link_flex", which, _BENT / moment)
                 for which in ("compliance", "twist")

@@ -37,25 +37,22 @@ _LONG = 25.0
 
 
 def laws_of_state(
-    machine: Described, training: Sequence[Recording], sized: Sizes, most: int
+    machine: Described, training: Sequence[Recording], sized: Sizes
 ) -> Iterator[Candidate]:
     """Friction of joints that falls with speed; of tendons, friction by their tension, and clamps that slip;
-    creep of tendons and of drives; and what softens. None of a kind of place of which there are more than
-    `most`.
+    creep of tendons and of drives; and what softens.
     """
     model = machine.model
     joints = [model.joint(int(n)).name for n in single_joints(model)]
-    if len(joints) <= most:
-        yield from (_stribeck(machine, name, sized) for name in joints if name)
+    yield from (_stribeck(machine, name, sized) for name in joints if name)
     loads = _loads(machine, training)
     seconds = float(np.median([run.time[-1] - run.time[0] for run in training]))
-    for kind in (TENDON, JOINT, "drive"):
-        here = [each for each in loads if each.kind == kind]
-        for each in here if len(here) <= most else ():
-            if kind == TENDON and each.tension.any():
-                yield _rubbing(each.name)
-            if each.stiffness and each.stretch.any() and seconds >= _LONG:
-                yield from _slow(each, seconds)
+    kinds = (TENDON, JOINT, "drive")
+    for each in sorted(loads, key=lambda each: kinds.index(each.kind)):
+        if each.kind == TENDON and each.tension.any():
+            yield _rubbing(each.name)
+        if each.stiffness and each.stretch.any() and seconds >= _LONG:
+            yield from _slow(each, seconds)
 
 
 @dataclass(frozen=True)

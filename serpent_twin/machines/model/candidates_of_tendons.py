@@ -20,14 +20,14 @@ _STIFFENS = 0.5
 """Typical of a tendon's stiffness, by which its typical stretch raises it"""
 
 
-def rubbing_tendons(machine: Described, most: int) -> Iterator[Candidate]:
+def rubbing_tendons(machine: Described) -> Iterator[Candidate]:
     """Friction of each tendon with an actuator, sized by the stretch that this would answer with as much
-    force; none if there are more than `most`.
+    force.
     """
     model = machine.model
     told = [model.actuator(each.actuator).id for each in machine.commanded]
     by = {int(model.actuator_trnid[n, 0]): n for n in told if _pulls(model, n)}
-    for tendon, n in by.items() if len(by) <= most else ():
+    for tendon, n in by.items():
         low, high = model.actuator_ctrlrange[n]
         force = _RUBS * abs(model.actuator_gainprm[n, 0]) * max(high - low, _LEAST)
         if name := model.tendon(tendon).name:
@@ -39,15 +39,15 @@ def _pulls(model: mujoco.MjModel, actuator: int) -> bool:
     return model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON
 
 
-def stiffening_tendons(machine: Described, sized: Sizes, most: int) -> Iterator[Candidate]:
+def stiffening_tendons(machine: Described, sized: Sizes) -> Iterator[Candidate]:
     """Stiffening of each tendon with a spring, sized by how far the least force that moves one of its joints
-    stretches it; none if there are more than `most`.
+    stretches it.
     """
     model, data = machine.model, mujoco.MjData(machine.model)
     data.qpos[:] = machine.begin
     mujoco.mj_forward(model, data)
     springs = np.flatnonzero(model.tendon_stiffness).tolist()
-    for n in springs if len(springs) <= most else ():
+    for n in springs:
         some = slice(model.ten_J_rowadr[n], model.ten_J_rowadr[n] + model.ten_J_rownnz[n])
         lever = np.abs(data.ten_J[some])
         moved, name = lever > _LEAST, model.tendon(n).name

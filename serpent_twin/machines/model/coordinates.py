@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from serpent_twin.machines.machine import Declared, Quantity
+from serpent_twin.machines.model.built_alike import built_alike
 from serpent_twin.machines.model.description import (
     MOTION,
     Described,
@@ -94,8 +95,8 @@ def _scale(name: str, prior: float) -> FittedNumber:
 
 
 def _numbers(machine: Described) -> Iterator[FittedNumber]:
-    """Numbers of the model: those that the file lists; of a kind that it does not list, all that are equal
-    change alike.
+    """Numbers of the model: those that the file lists; of other kinds, those of copies of one part change
+    alike.
     """
     told = {each.number for each in machine.about.uncertain}
     for each in machine.about.uncertain:
@@ -114,8 +115,8 @@ def _listed(model: mujoco.MjModel, uncertain: Uncertain) -> Iterator[FittedNumbe
 
 
 def _alike(machine: Described, number: str) -> Iterator[FittedNumber]:
-    """Of actuators and joints, those that a drive tells something, or that are free to move; none of which a
-    log states the number.
+    """A coordinate for each part: of actuators and joints those that a drive tells something, or that are
+    free to move; of bodies those that move; none of which a log states the number.
     """
     model, kind = machine.model, NUMBERS[number]
     values, names = numbers_of(model, number).copy(), names_of(model, number)
@@ -127,8 +128,12 @@ def _alike(machine: Described, number: str) -> Iterator[FittedNumber]:
     if kind.of == "tendon":
         moot |= {each.tendon for each in machine.prescribed}
     values[[name in moot for name in names]] = 0.0
-    for value in sorted({float(v) for v in values if v > 0}):
-        which = tuple(np.flatnonzero(values == value).tolist())
+    if kind.of == "body":
+        values[model.body_weldid == 0] = 0.0  # what is fixed to the world weighs on nothing
+    part = built_alike(model, kind.of)
+    several = [np.flatnonzero((values > 0) & (part == n)) for n in dict.fromkeys(part)]
+    for those in sorted((each for each in several if len(each)), key=lambda each: values[each[0]]):
+        which = tuple(those.tolist())
         label = names[which[0]] if len(which) == 1 else f"{len(which)} alike from {names[which[0]]}"
         yield _coordinate(model, number, which, kind.prior, label)
 

@@ -10,6 +10,7 @@ from serpent_twin.machines.model.description import DRIVEN, POSES, Description, 
 from serpent_twin.machines.model.things import (
     OBJECTS,
     acts_on,
+    joint_type,
     lengths,
     names,
     not_single,
@@ -18,6 +19,9 @@ from serpent_twin.machines.model.things import (
 )
 from serpent_twin.numerals import counted
 from serpent_twin.units import TO_SI
+
+_HALF = 0.5
+"""How near to the range of its joint in degrees a control range is taken for that"""
 
 
 def amiss_in_drives(about: Description, model: mujoco.MjModel) -> list[tuple[str, str]]:
@@ -63,6 +67,8 @@ def _amiss_drive(
         )
     elif kind == "actuator" and (why := _wrong_control(each.unit, model, name)):
         yield ".unit", why
+    elif kind == "actuator" and (why := _range_in_degrees(model, name)):
+        yield ".actuator", why
     if each.enable and about.rows == POSES:
         yield ".enable", f'is of a motion, and rows are "{POSES}": leave the rows out that are off.'
     if each.enable and each.enable in [other.column for other in about.drive]:
@@ -87,12 +93,35 @@ def _no_actuators(name: str, about: Description, model: mujoco.MjModel) -> str:
     )
 
 
+def _range_in_degrees(model: mujoco.MjModel, name: str) -> str:
+    """What is wrong with the control range of a hinge's position servo that is the joint's range in degrees:
+    MuJoCo's compiler converts the range of a joint, and takes every `ctrlrange` as it is.
+    """
+    n, (kind, joint) = model.actuator(name).id, acts_on(model, name)
+    if kind != "joint" or not _is_plain_servo(model, n) or joint_type(model, joint) != "hinge":
+        return ""
+    if not (model.actuator_ctrllimited[n] and model.joint(joint).limited[0]):
+        return ""
+    told, turns = model.actuator_ctrlrange[n], model.joint(joint).range
+    if not _HALF < np.abs(told).max() / np.degrees(np.abs(turns).max()) < 1 / _HALF:
+        return ""
+    return (
+        f"is {name!r}, whose ctrlrange is {told[0]:.4g} … {told[1]:.4g} rad where its joint {joint!r} has "
+        f"{turns[0]:.4g} … {turns[1]:.4g} rad, as of degrees: MuJoCo takes a ctrlrange as it is, whatever "
+        'the compiler\'s angle. Give it in radians in the MJCF, or inheritrange="1" in its place.'
+    )
+
+
+def _is_plain_servo(model: mujoco.MjModel, n: int) -> bool:
+    """Whether an actuator's control is the angle or length that it moves to."""
+    gain, bias = model.actuator_gainprm[n, 0], model.actuator_biasprm[n, 1]
+    return bool(bias != 0 and bias == -gain and abs(model.actuator_gear[n, 0]) == 1)
+
+
 def _wrong_control(unit: str, model: mujoco.MjModel, name: str) -> str:
     """What is wrong with the unit of what a position servo is told, if it is that of something else."""
     n, moved = model.actuator(name).id, acts_on(model, name)
-    gain, bias = model.actuator_gainprm[n, 0], model.actuator_biasprm[n, 1]
-    other = bias == 0 or bias != -gain or abs(model.actuator_gear[n, 0]) != 1
-    if not moved[0] or other or TO_SI[unit][1] == "1":
+    if not moved[0] or not _is_plain_servo(model, n) or TO_SI[unit][1] == "1":
         return ""
     return wrong_unit(unit, lengths(model, *moved), "position servo of " + moved[0], moved[1])
 

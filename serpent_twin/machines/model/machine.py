@@ -80,6 +80,8 @@ class ModelMachine(RunMachine):
     block: float = 0.0
     window: None = None
     joints: tuple[str, ...] = ()
+    not_sought: tuple[str, ...] = ()
+    """Sentences on effects that are not sought, and on what nothing measures"""
 
     @property
     def weak_rounds(self) -> int:

@@ -27,8 +27,8 @@ _WIDE = 30.0
 """Times what is typical, how far a range goes"""
 
 
-def rubbing(machine: Described, most: int) -> Iterator[Candidate]:
-    """Friction of all tendons alike, and of each if there are so many at most; the same of the joints."""
+def rubbing(machine: Described) -> Iterator[Candidate]:
+    """Friction of all tendons alike, and of each; of all joints alike, and of each."""
     model = machine.model
     for law, names in (
         ("tendon_friction", [model.tendon(n).name for n in range(model.ntendon)]),
@@ -37,7 +37,7 @@ def rubbing(machine: Described, most: int) -> Iterator[Candidate]:
         none = {"viscous": _none("viscous")} if law == "hinge_friction" else {}
         if names and all(names):
             yield candidate(law, **none)
-        if 1 < len(names) <= most and all(names):
+        if len(names) > 1 and all(names):
             yield from (candidate(f"{law}@{name}", **none) for name in names)
 
 

@@ -26,7 +26,7 @@ _WIDE = 20.0
 
 @dataclass(frozen=True)
 class Sizes:
-    """Typical values at each degree of freedom, (nv,) each."""
+    """Typical values at each degree of freedom, (nv,) each, and what each body carries."""
 
     force: Array
     """What moves it [N m or N]"""
@@ -36,6 +36,10 @@ class Sizes:
     """How far [rad or m]"""
     stiffness: Array
     """Change of the force that it takes to hold it still with its angle, where runs begin [N m/rad or N/m]"""
+    moment: Array
+    """Moment about all axes that each body's parent gives it at the origin of its frame [N m], (nbody,)"""
+    carried: Array
+    """Force that each body's parent gives it [N], (nbody,)"""
 
 
 def sizes(machine: Described, training: Sequence[Recording]) -> Sizes:
@@ -46,15 +50,17 @@ def sizes(machine: Described, training: Sequence[Recording]) -> Sizes:
     stiffness = _stiffness(machine, data)
     joints = measured_joints(machine)
     if machine.about.rows != MOTION:
-        return Sizes(
-            _TURN * stiffness, np.full(model.nv, _RATE), np.full(model.nv, _TURN), stiffness
-        )
+        mujoco.mj_resetData(model, data)
+        data.qpos[:] = machine.begin
+        mujoco.mj_inverse(model, data)
+        usual = np.full(model.nv, _RATE), np.full(model.nv, _TURN)
+        return Sizes(_TURN * stiffness, *usual, stiffness, *_carried(model, data))
     if not joints:
-        force, rate, turn = _moved(machine, training)
+        force, rate, turn, carried = _moved(machine, training)
         force = np.maximum(force, _TURN * stiffness)
-        return Sizes(force, rate, turn, np.maximum(stiffness, force / turn))
+        return Sizes(force, rate, turn, np.maximum(stiffness, force / turn), *carried)
     order = [int(model.joint(name).dofadr[0]) for name in joints]
-    forces, rates, turns = [], [], []
+    forces, rates, turns, loads = [], [], [], []
     for run in training:
         angle, rate = (
             np.array([run.columns[of(j)] for j in joints]).T for of in (angle_of, rate_of)
@@ -63,24 +69,42 @@ def sizes(machine: Described, training: Sequence[Recording]) -> Sizes:
         for t in range(0, len(run), max(1, len(run) * len(training) // _MOST)):
             data.qpos[order], data.qvel[order], data.qacc[order] = angle[t], rate[t], change[t]
             mujoco.mj_inverse(model, data)
+            loads.append(_carried(model, data))
             forces.append(data.qfrc_inverse.copy())
             rates.append(data.qvel.copy())
             turns.append(np.zeros(model.nv))
             turns[-1][order] = angle[t]
-    found = (np.sqrt(np.mean(np.square(each), axis=0)) for each in (forces, rates, turns))
-    force, rate, turn = found
+    force, rate, turn, carried = map(_rms, (forces, rates, turns, loads))
     turn, rate = np.maximum(turn, _STILL), np.maximum(rate, _STILL)
     force = np.maximum(force, _STILL * model.dof_M0)
-    return Sizes(force, rate, turn, np.maximum(stiffness, force / turn))
+    return Sizes(force, rate, turn, np.maximum(stiffness, force / turn), *carried)
 
 
-def _moved(machine: Described, training: Sequence[Recording]) -> tuple[Array, Array, Array]:
-    """Root mean squares of the greatest force, the rate and the way of each degree of freedom, (nv,) each, as
-    the nominal model moves from where runs begin; what does not move, or becomes unstable, has usual ones.
+def _rms(rows: Sequence[Array]) -> Array:
+    """Root mean squares over rows."""
+    return np.sqrt(np.mean(np.square(rows), axis=0))
+
+
+def _carried(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """The moment that each body's parent gives it about the origin of the body's frame [N m], whichever way
+    its own joints turn, and the force [N], (2, nbody). MuJoCo has moments about the whole tree's centre of
+    mass.
+    """
+    mujoco.mj_rnePostConstraint(model, data)
+    force = data.cfrc_int[:, 3:]
+    centre = data.subtree_com[model.body_rootid]
+    moment = data.cfrc_int[:, :3] + np.cross(centre - data.xpos, force)
+    return np.linalg.norm([moment, force], axis=2)
+
+
+def _moved(machine: Described, training: Sequence[Recording]) -> tuple[Array, Array, Array, Array]:
+    """Root mean squares of the greatest force, the rate and the way of each degree of freedom, (nv,) each,
+    and of what bodies carry, (2, nbody), as the nominal model moves from where runs begin; what does not
+    move, or becomes unstable, has usual ones.
     """
     model, data = machine.model, mujoco.MjData(machine.model)
     drives = [(model.actuator(each.actuator).id, each.column) for each in machine.commanded]
-    forces, rates, ways = [], [], []
+    forces, rates, ways, loads = [], [], [], []
     for run in training:
         mujoco.mj_resetData(model, data)
         data.qpos[:] = machine.begin
@@ -92,16 +116,18 @@ def _moved(machine: Described, training: Sequence[Recording]) -> tuple[Array, Ar
             parts = np.array([data.qfrc_actuator, data.qfrc_passive, data.qfrc_bias])
             way = np.empty(model.nv)
             mujoco.mj_differentiatePos(model, way, 1.0, machine.begin, data.qpos)
+            loads.append(_carried(model, data))
             forces.append(np.abs(parts).max(axis=0))
             rates.append(data.qvel.copy())
             ways.append(way)
-    found = [np.sqrt(np.mean(np.square(each), axis=0)) for each in (forces, rates, ways)]
+    found = [_rms(each) for each in (forces, rates, ways)]
     usual = (_STILL * model.dof_M0, _RATE, _TURN)
     force, rate, way = (
         np.where(np.isfinite(each) & (each > _STILL * other), each, other)
         for each, other in zip(found, usual, strict=True)
     )
-    return force, rate, way
+    carried = _rms(loads)
+    return force, rate, way, np.where(np.isfinite(carried), carried, 0.0)
 
 
 def _stiffness(machine: Described, data: mujoco.MjData) -> Array:
