@@ -30,7 +30,7 @@ class FrictionWarming(Effect):
         "loads that jump at each reversal by less and less, anew in each session"
     )
     places: ClassVar[tuple[str, ...]] = ("joint",)
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_friction", "hinge_friction")
+    confused_with: ClassVar[tuple[str, ...]] = ("gear_friction",)
     simplified: ClassVar[float] = 0.05
     stage: ClassVar[int] = LOSS
 

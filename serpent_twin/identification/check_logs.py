@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,6 +21,7 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import Log, read_logs
 from serpent_twin.numerals import listed
 from serpent_twin.reporting.report import text_table, write
+from serpent_twin.residual import settled
 from serpent_twin.runs.files import finite, write_json
 from serpent_twin.runs.provenance import file_hash, provenance, versions
 from serpent_twin.runs.run_lock import claimed
@@ -107,6 +108,7 @@ def _checked(rig: machines.Rig, logs: Sequence[Log]) -> Identifiability:
             return made
 
         told = identifiability(case, pieces, opening, found, limits)
+        told = replace(told, settled=tuple(settled(case.compare(opening.point, pieces))))
         bar.update(bar.total - bar.n)
     return told
 

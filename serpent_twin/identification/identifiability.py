@@ -9,6 +9,7 @@ from serpent_twin.identification.excitation import InputExcitation
 from serpent_twin.identification.weak_directions import WeakDirection
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted, listed
+from serpent_twin.residual import Settled, settling_text
 
 ALIKE = 0.8
 """Cosine of what two effects change beyond the parameters, above which the logs confound them"""
@@ -103,6 +104,8 @@ class Identifiability:
     """Rows of the logs that a fit uses"""
     variance_inflation: float
     """So many numbers of a calibrated residual weigh as one"""
+    settled: tuple[Settled, ...] = ()
+    """What changes with the time since each session began, before any fit"""
 
     @property
     def hidden(self) -> list[str]:
@@ -110,7 +113,10 @@ class Identifiability:
         return [each.name for each in self.effects if not each.told]
 
     def sentence(self) -> str:
-        """What can be told and what cannot."""
+        """What can be told and what cannot, and what changes with the time in a session."""
+        return " ".join([self._told(), *map(settling_text, self.settled)])
+
+    def _told(self) -> str:
         still = [each.name for each in self.inputs if each.still]
         held = f" {listed(still).capitalize()} never {_verb(still)}." if still else ""
         count = counted(len(self.effects), "effect")
@@ -140,6 +146,7 @@ class Identifiability:
                 vars(each) | {"ratio": each.ratio, "text": str(each)} for each in self.directions
             ],
             "inputs": [each.numbers() for each in self.inputs],
+            "settles_in_session": [vars(each) for each in self.settled],
             "rows": self.rows,
             "variance_inflation": self.variance_inflation,
         }

@@ -85,6 +85,8 @@ class Tracer:
         final = self._without_idle(self._sharpened(settled))
         self.final = final.point
         named = final.point.effects
+        if not final.point.effects:
+            calibrated = final
         rivals = {n: self.trials.rivals(self.case, n, named, rounds) for n in named}
         return Selection(
             self.case, calibrated, settled, final, tuple(rounds), rivals, self.cautions
@@ -230,8 +232,9 @@ class Tracer:
         return self._fit(name, found.point, free, 2, carried=found)
 
     def _sharpened(self, found: Fit) -> Fit:
-        """The last fit, on more segments, from which the accepted effects are reported."""
-        if not found.point.effects:
+        """The last fit, on more segments if there are, from which numbers are reported."""
+        most = min(self.case.segments[True], len(self.training))
+        if not found.point.effects and len(found.used) >= most:
             return found
         self.case = self._weighed_by(found)
         return self._fit("last", found.point, found.free, 0, carried=found, last=True)

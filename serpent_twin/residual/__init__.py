@@ -6,8 +6,8 @@ draws. `learned` is the last resort: a correction without physics.
 
 from serpent_twin.residual.comparison import Comparison, join
 from serpent_twin.residual.dependence import Dependence, depends_on
-from serpent_twin.residual.describe import describe
-from serpent_twin.residual.findings import Findings, analyse
+from serpent_twin.residual.describe import describe, settling_text
+from serpent_twin.residual.findings import Findings, Settled, analyse, settled
 from serpent_twin.residual.joint_attribution import attribute_to_joints
 from serpent_twin.residual.measure import (
     ANGLE,
@@ -37,6 +37,7 @@ __all__ = [
     "Findings",
     "Measure",
     "Noise",
+    "Settled",
     "analyse",
     "attribute_to_joints",
     "depends_on",
@@ -46,4 +47,6 @@ __all__ = [
     "load_size",
     "marker_size",
     "measurement_noise",
+    "settled",
+    "settling_text",
 ]
