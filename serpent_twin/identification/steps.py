@@ -24,6 +24,7 @@ from serpent_twin.identification.acceptance import (
     weakness_of_fit,
 )
 from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification.components import without_undetermined
 from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
@@ -82,6 +83,7 @@ class Tracer:
         calibrated, base, rounds = self.named()
         base = self._more(base, rounds)
         settled = without_proxies(self.trials, self.case, base, rounds)
+        settled, undetermined = without_undetermined(self.trials, self.case, settled, rounds)
         final = self._without_idle(self._sharpened(settled))
         self.final = final.point
         named = final.point.effects
@@ -89,7 +91,14 @@ class Tracer:
             calibrated = final
         rivals = {n: self.trials.rivals(self.case, n, named, rounds) for n in named}
         return Selection(
-            self.case, calibrated, settled, final, tuple(rounds), rivals, self.cautions
+            self.case,
+            calibrated,
+            settled,
+            final,
+            tuple(rounds),
+            rivals,
+            self.cautions,
+            undetermined,
         )
 
     def named(self) -> tuple[Fit, Fit, list[Round]]:
