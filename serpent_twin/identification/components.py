@@ -27,36 +27,47 @@ Undetermined = Mapping[tuple[str, int], float]
 def without_undetermined(
     trials: Trials, case: Case[Any], found: Fit, rounds: Sequence[Round]
 ) -> tuple[Fit, Undetermined]:
-    """The fit without the components that are not worth it beside the others, the weakest first; one of each
-    effect stays. Composed laws keep theirs, which state a direction.
+    """The fit without the components that are not worth it beside the others, the weakest first. Where that
+    holds of all that an effect has, each can stand for the others: all stay, and none is determined. Composed
+    laws keep theirs, which state a direction.
     """
     bounds: dict[tuple[str, int], float] = {}
     for name in found.point.effects:
         score = rounds[accepting(rounds, name)].trials[name].score
-        while (weakest := _weakest(trials, case, found, name, score)) is not None:
-            k, less = weakest
+        while len(free := _components(case, found, name)) > 1:
+            fits = {k: _without(trials, case, found, name, k) for k in free}
+            weak = _weak(trials, case, score, fits, found)
+            if not weak:
+                break
             trials.on_progress(f"{spaced(name)}: one component is not determined")
-            at = len(found.free.declared) + found.free.effects.index((name, k))
-            value, error = float(found.point.effects[name][k]), float(found.error[at])
-            bounds[name, k] = abs(value) + NORMAL_95 * error
-            found = less
+            if len(weak) == len(free):
+                bounds |= {(name, k): _bound(found, name, k) for k in free}
+                break
+            least = min(weak, key=lambda k: weak[k])
+            bounds[name, least] = _bound(found, name, least)
+            found = fits[least]
     return found, bounds
 
 
-def _weakest(
-    trials: Trials, case: Case[Any], found: Fit, name: str, score: Score
-) -> tuple[int, Fit] | None:
-    """The component of an effect that gains least, of those that are not worth it, and the fit without it;
-    None if all are, or there is one only.
-    """
-    free = [k for k in strengths(case.candidates[name]) if (name, k) in found.free.effects]
-    if len(free) < 2 or case.candidates[name].composed:
-        return None
-    fits = {k: _without(trials, case, found, name, k) for k in free}
+def _components(case: Case[Any], found: Fit, name: str) -> list[int]:
+    """The strengths of an effect that are free in a fit."""
+    if case.candidates[name].composed:
+        return []
+    return [k for k in strengths(case.candidates[name]) if (name, k) in found.free.effects]
+
+
+def _bound(found: Fit, name: str, k: int) -> float:
+    """How far from zero a component may be."""
+    error = float(found.error[len(found.free.declared) + found.free.effects.index((name, k))])
+    return abs(float(found.point.effects[name][k])) + NORMAL_95 * error
+
+
+def _weak(
+    trials: Trials, case: Case[Any], score: Score, fits: Mapping[int, Fit], found: Fit
+) -> dict[int, float]:
+    """What the components gain that are not worth it, by fits without each."""
     gains = {k: _gain(trials, case, score, less, found) for k, less in fits.items()}
-    weak = {k: g.whole for k, g in gains.items() if g and weakness(g)}
-    least = min(weak, key=lambda k: weak[k], default=None)
-    return None if least is None else (least, fits[least])
+    return {k: each.whole for k, each in gains.items() if each and weakness(each)}
 
 
 def _without(trials: Trials, case: Case[Any], found: Fit, name: str, k: int) -> Fit:

@@ -55,7 +55,7 @@ def drift(values: Array, time: Array, session: tuple[str, ...]) -> Drift:
     A block is four autocorrelation times long or more, so that blocks are nearly independent.
     """
     rows = known(values)
-    length = block_rows(rows)
+    length = _block_rows(rows)
     y, t, name = _block_means(rows, time, session, length)
     y, t = _without_session_means(y, name), _without_session_means(t[:, None], name)[:, 0]
     spread = t @ t
@@ -82,7 +82,7 @@ def jump(
     The chance level is found by shuffling blocks of rows within their session.
     """
     rows = known(values)
-    length = block_rows(rows)
+    length = _block_rows(rows)
     best, chance = None, np.zeros(permutations)
     for name in dict.fromkeys(session):
         of = [i for i, s in enumerate(session) if s == name]
@@ -127,7 +127,7 @@ def _shuffled(y: Array, length: int, rng: np.random.Generator) -> Array:
     return turned[np.concatenate([blocks[i] for i in order])]
 
 
-def block_rows(rows: Array) -> int:
+def _block_rows(rows: Array) -> int:
     """Rows of a block: four autocorrelation times, but three blocks of a segment at least."""
     return int(np.clip(4 * autocorrelation_rows(rows), 4, max(4, rows.shape[1] // 3)))
 

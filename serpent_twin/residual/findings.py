@@ -18,6 +18,7 @@ from serpent_twin.residual.spectrum import Line, Spectrum, known, line, spectrum
 from serpent_twin.residual.where import Where, where
 
 WORTH_SAYING = 0.03  # share of the variance
+SETTLING_WORTH_SAYING = 0.01  # which other faults may have raised, before any fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,8 @@ class ErrorChange:
             "settling": self.settling.share if self.settling else 0.0,
         }
         most = max(shares, key=lambda each: shares[each])
-        return most if shares[most] >= WORTH_SAYING else ""
+        least = SETTLING_WORTH_SAYING if most == "settling" else WORTH_SAYING
+        return most if shares[most] >= least else ""
 
     def settles(self, what: str) -> "Settled | None":
         """The change of an error that fades after each session's beginning, if nothing else that is steady
@@ -204,7 +206,7 @@ def settled(comparison: Comparison) -> list[Settled]:
     return [
         _settled(what, of.channels, of.unit, of.in_unit, settles)
         for what, of, settles in each
-        if settles and settles.share >= WORTH_SAYING
+        if settles and settles.share >= SETTLING_WORTH_SAYING
     ]
 
 

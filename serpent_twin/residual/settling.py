@@ -7,8 +7,8 @@ import numpy as np
 from scipy.special import stdtr
 
 from serpent_twin.residual.comparison import Array, Comparison
-from serpent_twin.residual.drift import block_rows
 from serpent_twin.residual.features import direction_of, velocity_of
+from serpent_twin.residual.spectrum import autocorrelation_rows
 
 _TIMES = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
 """Time constants that are tried [s]"""
@@ -16,6 +16,8 @@ _SPAN = 2.0
 """Time constants that a session must last"""
 _CHANCE = 0.01
 """Probability of so great a change by chance, of all that are tried together"""
+_LEAST, _MOST = 8, 20
+"""Blocks of rows of a session"""
 _FEWEST = 8
 """Blocks of rows, below which nothing is said"""
 OWN = "its own"
@@ -56,7 +58,7 @@ def settling(
     within blocks of rows (Liang and Zeger 1986), with as many degrees of freedom as blocks in which the
     change is large (Carter, Schnepel and Steigerwald, Rev. Economics and Statistics 99 (2017) 698).
     """
-    clusters = _blocks(values)
+    clusters = _blocks(values, time, session)
     tests = list(_tests(values, time, session, directions or {}, clusters))
     if not tests:
         return None
@@ -82,20 +84,24 @@ def settling(
 
 
 def directions_of(comparison: Comparison, channels: Sequence[str]) -> dict[str, Array]:
-    """In which way things move, −1 … 1: of channels that are all of motors or all of joints, each its own,
-    (S, T, C); else each motor and each joint, (S, T), by name.
+    """In which way things move, −1 … 1: of channels that are all of motors, of joints or of angles that are
+    measured, each its own, (S, T, C); else each of these, (S, T), by name.
     """
     found: dict[str, Array] = {}
+    if comparison.marker.dimension == 1 and comparison.marker_predicted is not None:
+        rates = velocity_of(comparison, comparison.marker_predicted[..., 0])
+        each = (direction_of(rate) for rate in np.moveaxis(rates, -1, 0))
+        found |= zip(comparison.marker_names, each, strict=True)
     if comparison.motor_angle is not None:
         rates = comparison.motor_velocity
         if rates is None:
             rates = velocity_of(comparison, comparison.motor_angle)
         each = (direction_of(rate) for rate in np.moveaxis(rates, -1, 0))
-        found |= zip(comparison.motor_names, each, strict=True)
+        found = {**dict(zip(comparison.motor_names, each, strict=True)), **found}
     if comparison.joint_angle is not None:
         rates = velocity_of(comparison, comparison.joint_angle)
         each = (direction_of(rate) for rate in np.moveaxis(rates, -1, 0))
-        found = {**dict(zip(comparison.joint_names, each, strict=True)), **found}
+        found = {**found, **dict(zip(comparison.joint_names, each, strict=True))}
     if channels and all(name in found for name in channels):
         return {OWN: np.stack([found[name] for name in channels], axis=-1)}
     return {name: each for name, each in found.items() if np.ptp(each) > 0}
@@ -165,11 +171,20 @@ def _fade(
     return _Fade(*found)
 
 
-def _blocks(values: Array) -> Array:
-    """The number of each row's block, (S, T): four autocorrelation times long, so that blocks are nearly
-    independent.
+def _blocks(values: Array, time: Array, session: tuple[str, ...]) -> Array:
+    """The number of each row's block, (S, T): four autocorrelation times of a session's rows long, within parts
+    of the session, so that blocks are nearly independent.
     """
-    segments, rows = values.shape[:2]
-    length = block_rows(np.nan_to_num(values - np.nanmean(values, axis=(0, 1))))
-    each = np.arange(rows) // length
-    return np.arange(segments)[:, None] * (each[-1] + 1) + each
+    names = list(dict.fromkeys(session))
+    row = np.median(np.diff(time, axis=1))
+    rows = np.nan_to_num(values - np.nanmean(values, axis=(0, 1)))
+    longest, whole = 0.0, []
+    for name in names:
+        of = [n for n, each in enumerate(session) if each == name]
+        of.sort(key=lambda n: time[n, 0])
+        whole.append(rows[of].reshape(1, -1, rows.shape[2]))
+        longest = max(longest, float(time[of].max()))
+    correlated = max(autocorrelation_rows(each) for each in whole) * row
+    length = float(np.clip(4 * correlated, longest / _MOST, longest / _LEAST))
+    number = np.array([names.index(each) for each in session])[:, None]
+    return number * (int(longest / length) + 1) + (time / length).astype(int)

@@ -91,9 +91,13 @@ def test_a_component_that_gains_nothing_by_itself_is_not_stated_as_found(truth, 
     assert vars(weak)["determined"] is False
 
 
-def test_one_component_stays_though_each_could_stand_for_the_other():
-    _, _, left, bounds = tilted(0.05, 0.0)
-    assert len(bounds) == 1 and len(left.free.effects) == 1
+def test_none_is_determined_where_each_can_stand_for_the_other():
+    """They stay in the twin: something is there, and no logs say which."""
+    arm, found, left, bounds = tilted(0.05, 0.0)
+    assert left is found and set(bounds) == {(TILT, 0), (TILT, 1)}
+    told = estimates(arm, left, TILT, bounds)
+    assert not any(each.determined for each in told.values())
+    assert told["y"].value == found.point.effects[TILT][0]
 
 
 def test_an_interval_as_wide_as_the_range_says_nothing():
