@@ -265,8 +265,8 @@ def _cautions(case: Case, selection: Selection) -> tuple[str, ...]:
     for (name, k), within in selection.undetermined.items():
         parameter, allowed = list(case.candidates[name].ranges.items())[k]
         told.append(
-            f"The logs do not determine {name}'s {parameter}, which is not worth it beside the others: it may "
-            f"be as much as {within:.2g} {allowed.unit}."
+            f"The logs do not determine {name}'s {parameter}, which is not worth it beside the others: it "
+            f"may be as much as {within:.2g} {allowed.unit}."
         )
     for name, values in selection.final.point.effects.items():
         for parameter in at_bound(case.candidates[name], values):

@@ -1,8 +1,9 @@
 """Hold components of effects at nothing that the logs do not determine.
 
-An effect may have several strengths, such as a tilt about two axes. Its gain can be that of one of them alone.
-What another one gains by itself then says whether it was found: below what an accepted effect must gain, a
-fit gives it the size that makes up for what the twin idealises, with an interval that knows nothing of that.
+An effect may have several strengths, such as a tilt about two axes. Its gain can be that of one of them
+alone. What another one gains by itself then says whether it was found: below what an accepted effect must
+gain, a fit gives it the size that makes up for what the twin idealises, with an interval that knows nothing
+of that.
 """
 
 from collections.abc import Mapping, Sequence

@@ -172,8 +172,8 @@ def _fade(
 
 
 def _blocks(values: Array, time: Array, session: tuple[str, ...]) -> Array:
-    """The number of each row's block, (S, T): four autocorrelation times of a session's rows long, within parts
-    of the session, so that blocks are nearly independent.
+    """The number of each row's block, (S, T): four autocorrelation times of a session's rows long, within
+    parts of the session, so that blocks are nearly independent.
     """
     names = list(dict.fromkeys(session))
     row = np.median(np.diff(time, axis=1))

@@ -149,15 +149,16 @@ def segments(sessions: Sequence[Session], seconds: float = SEGMENT) -> tuple[int
         starts = segment_starts(end - first, rows)
         compared = np.diff([*starts, end - first])
         parts += [
-            Part(session, first + at, end, n) for at, n in zip(starts, compared.tolist(), strict=True)
+            Part(session, first + at, end, n)
+            for at, n in zip(starts, compared.tolist(), strict=True)
         ]
     return rows, parts
 
 
 def segment_rows(lengths: Sequence[int], usual: float) -> int:
-    """Rows of each segment, near a usual number, of stretches of so many rows: few are then in two segments."""
+    """Rows of each segment, near a usual number, so that few rows of stretches of such lengths are in two."""
     longest = max(lengths)
-    low, high = (int(round((1 + near) * usual)) for near in (-_NEAR, _NEAR))
+    low, high = (round((1 + near) * usual) for near in (-_NEAR, _NEAR))
     tried = range(max(_FEWEST, min(low, longest)), max(_FEWEST, min(high, longest)) + 1)
 
     def simulated(rows: int) -> tuple[int, float]:

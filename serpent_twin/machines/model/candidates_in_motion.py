@@ -39,9 +39,9 @@ _LONG = 25.0
 def laws_of_state(
     machine: Described, training: Sequence[Recording], sized: Sizes, most: int
 ) -> Iterator[Candidate]:
-    """Friction of joints that falls with speed, or while they warm up; of tendons, friction by their tension, and clamps that slip;
-    creep of tendons and of drives; and what softens. None of a kind of place of which there are more than
-    `most`.
+    """Friction of joints that falls with speed, or while they warm up; of tendons, friction by their tension,
+    and clamps that slip; creep of tendons and of drives; and what softens. None of a kind of place of which
+    there are more than `most`.
     """
     model = machine.model
     joints = [model.joint(int(n)).name for n in single_joints(model)]
