@@ -9,7 +9,7 @@ from serpent_twin.identification.excitation import InputExcitation
 from serpent_twin.identification.weak_directions import WeakDirection
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted, listed
-from serpent_twin.residual import Settled, settling_text
+from serpent_twin.residual import SessionChange, settling_text
 
 ALIKE = 0.8
 """Cosine of what two effects change beyond the parameters, above which the logs confound them"""
@@ -104,7 +104,7 @@ class Identifiability:
     """Rows of the logs that a fit uses"""
     variance_inflation: float
     """So many numbers of a calibrated residual weigh as one"""
-    settled: tuple[Settled, ...] = ()
+    settled: tuple[SessionChange, ...] = ()
     """What changes with the time since each session began, before any fit"""
 
     @property

@@ -7,7 +7,7 @@ draws. `learned` is the last resort: a correction without physics.
 from serpent_twin.residual.comparison import Comparison, join
 from serpent_twin.residual.dependence import Dependence, depends_on
 from serpent_twin.residual.describe import describe, settling_text
-from serpent_twin.residual.findings import Findings, Settled, analyse, settled
+from serpent_twin.residual.findings import Findings, SessionChange, analyse, settled
 from serpent_twin.residual.joint_attribution import attribute_to_joints
 from serpent_twin.residual.measure import (
     ANGLE,
@@ -37,7 +37,7 @@ __all__ = [
     "Findings",
     "Measure",
     "Noise",
-    "Settled",
+    "SessionChange",
     "analyse",
     "attribute_to_joints",
     "depends_on",

@@ -4,7 +4,7 @@ import numpy as np
 
 from serpent_twin.numerals import counted, listed
 from serpent_twin.residual.dependence import Dependence
-from serpent_twin.residual.findings import ErrorChange, Findings, Settled
+from serpent_twin.residual.findings import ErrorChange, Findings, SessionChange
 from serpent_twin.residual.measure import MARKERS, Measure
 from serpent_twin.residual.noise import in_words
 from serpent_twin.residual.settling import OWN
@@ -163,7 +163,7 @@ def _changes(change: ErrorChange | None, what: str, marker: Measure) -> list[str
     return sentences
 
 
-def settling_text(of: Settled) -> str:
+def settling_text(of: SessionChange) -> str:
     """A change that fades after each session's beginning, in a sentence."""
     motion = f"the motion of {of.against}" if of.against != OWN else "its own motion"
     against = f" against {motion}" if of.against else ""

@@ -54,7 +54,7 @@ class ErrorChange:
         least = SETTLING_WORTH_SAYING if most == "settling" else WORTH_SAYING
         return most if shares[most] >= least else ""
 
-    def settles(self, what: str) -> "Settled | None":
+    def settles(self, what: str) -> "SessionChange | None":
         """The change of an error that fades after each session's beginning, if nothing else that is steady
         explains more.
         """
@@ -172,7 +172,7 @@ class _Values(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class SessionChange:
     """A change of the error that fades after each session's beginning, in the unit of its measure."""
 
     what: str
@@ -194,7 +194,7 @@ class Settled:
     """Share of the variance that it takes away"""
 
 
-def settled(comparison: Comparison) -> list[Settled]:
+def settled(comparison: Comparison) -> list[SessionChange]:
     """What settles after each session's beginning, of markers and of loads, where it is worth a sentence."""
     noise = measurement_noise(comparison)
     found = attribute_to_joints(comparison, noise.marker)
@@ -212,9 +212,9 @@ def settled(comparison: Comparison) -> list[Settled]:
 
 def _settled(
     what: str, channels: Sequence[str], unit: str, in_unit: Array, of: Settling
-) -> Settled:
+) -> SessionChange:
     scale = float(in_unit[of.channel])
-    return Settled(
+    return SessionChange(
         what,
         channels[of.channel],
         len(of.channels) - 1,

@@ -118,7 +118,7 @@ def cut(sessions: Sequence[Session], arm: Arm, seconds: float = SEGMENT) -> ArmP
 
 
 @dataclass(frozen=True)
-class Part:
+class Cut:
     """Where a segment lies in its session."""
 
     session: Session
@@ -134,7 +134,7 @@ class Part:
         return np.minimum(self.first + np.arange(count), self.end - 1)
 
 
-def segments(sessions: Sequence[Session], seconds: float = SEGMENT) -> tuple[int, list[Part]]:
+def segments(sessions: Sequence[Session], seconds: float = SEGMENT) -> tuple[int, list[Cut]]:
     """Rows of a segment, and where each lies; raises a `SerpentError` if there is none."""
     found = [(s, *ends) for s in sessions for ends in _stretches(s.time)]
     usual = seconds * sessions[0].rate_hz
@@ -149,7 +149,7 @@ def segments(sessions: Sequence[Session], seconds: float = SEGMENT) -> tuple[int
         starts = segment_starts(end - first, rows)
         compared = np.diff([*starts, end - first])
         parts += [
-            Part(session, first + at, end, n)
+            Cut(session, first + at, end, n)
             for at, n in zip(starts, compared.tolist(), strict=True)
         ]
     return rows, parts
