@@ -44,6 +44,12 @@ class Effects:
     joint i resists by Σ r_j T_j (exp(μ |q_i|) − 1), μ the coefficient [1]."""
     gear_friction: float = 0.0
     """Gearbox loss per load torque |τ| [1], seen in the load reading alone, against the motion."""
+    friction_warming: float = 0.0
+    """F, by which the dry friction of cold gears is greater than that of warm ones, in the mean of the gears
+    [N m]: a gear's is f (1 + F/f̄ exp(−t/τ)) at a time t in a session, f that of the warm gear and f̄ the mean
+    of all. Gears cool down between sessions."""
+    warming_time: float = 40.0
+    """τ of friction_warming [s]."""
     cable_creep: float = 0.0
     """Share f of a strand's elastic stretch that it gains by creeping: de/dt = (f T/k − e)/τ [1]."""
     creep_time: float = 60.0
@@ -120,6 +126,7 @@ TYPICAL: dict[str, float] = {
     "cable_friction": 0.12,
     "cable_friction_wrap": 0.6,
     "gear_friction": 0.3,
+    "friction_warming": 0.06,
     "cable_creep": 0.5,
     "cable_stiffening": 5e2,
     "clamp_slip": 2e-5,
@@ -189,5 +196,7 @@ def _place(name: str, rng: np.random.Generator) -> dict[str, object]:
             "ripple_periods": float(rng.integers(1, 7)),
             "ripple_phase": rng.uniform(-np.pi, np.pi),
         },
+        # Last, so that seeds give the places that they gave before.
+        "friction_warming": {"warming_time": rng.uniform(25.0, 80.0)},
     }
     return places.get(name, {})

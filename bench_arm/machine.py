@@ -35,6 +35,8 @@ class ArmBatch:
         self, arms: Sequence[BenchArm], effects: Sequence[Effects], h: float, clock: Array
     ) -> None:
         self.h, self.clock, self.effects = h, clock.copy(), effects
+        self.elapsed = 0.0
+        """Time in the session [s]"""
         self.accidents = [e.accidents for e in effects]
         payload = Payloads(
             np.array([e.payload for e in effects]),
@@ -81,6 +83,7 @@ class ArmBatch:
         if any(self.accidents):
             self.servos.slip = accidents.winch_slip(self.accidents, self.clock)
             self.servos.rubbing = accidents.gear_friction(self.accidents, self.servos.angle)
+        self.servos.warm(self.elapsed)
         self.servos.step(command, self.motor_torque(), self.h)
         limit = self._friction_limit()
         middle = MIDDLE * self.h
@@ -93,6 +96,7 @@ class ArmBatch:
         self.q += self.h * speed
         self.dq = self.dq + (speed - self.dq) / MIDDLE
         self.clock += self.h
+        self.elapsed += self.h
         self.strands.age(self.tension, self.h, self.clock)
         if any(self.accidents):
             shape = self.tension.shape

@@ -27,6 +27,11 @@ class ServoBatch:
             for name in ("velocity_lag", "velocity_p", "velocity_i", "armature")
         )
         self.friction = np.array([arm.gear_friction for arm in arms])
+        extra = np.array([[e.friction_warming] for e in effects])
+        self.warming = extra / self.friction.mean(axis=1, keepdims=True)
+        self.warming_time = np.array([[e.warming_time] for e in effects])
+        self.cold: Array | float = 1.0
+        """Friction of the gears over that of warm ones [1], or (R, 1)."""
         every = np.array([[e.gear_backlash] for e in effects])
         self.half_gap = (every + accidents.gear_play([e.accidents for e in effects])) / 2
         shape = (len(arms), N_MOTORS)
@@ -44,12 +49,17 @@ class ServoBatch:
         self.rubbing: Array | float = 0.0
         """Dry friction beside the gears' own [N m], or (R, 10)."""
 
+    def warm(self, elapsed: float) -> None:
+        """Set how cold the gears are at a time in the session [s]."""
+        if self.warming.any():
+            self.cold = 1.0 + self.warming * np.exp(-elapsed / self.warming_time)
+
     def step(self, command: Array, torque: Array, h: float) -> None:
         """Turn for h [s] at a velocity command [rad/s] against cable torques [N m], (R, 10)."""
         self.command += (command - self.command) * -np.expm1(-h / self.lag)
         asked = self.p * self.command + self.i * self.integral
         momentum = self.armature * self.speed - h * torque
-        friction = self.friction + self.rubbing
+        friction = self.cold * self.friction + self.rubbing
         speed = _shrink(momentum + h * asked, h * friction) / (self.armature + h * self.p)
         free = asked - self.p * speed
         self.drive = np.clip(free, -STALL * (1 + speed / NO_LOAD), STALL * (1 - speed / NO_LOAD))

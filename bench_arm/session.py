@@ -40,6 +40,7 @@ def simulate(
     command = np.zeros((len(rows), N_MOTORS))
     for _ in range(SETTLE):
         path = advance(machine, command, substeps)
+    machine.elapsed = 0.0
     log: list[dict[str, Array]] = []
     for t in tqdm(range(steps), disable=not progress, unit="row", desc=f"{len(rows)} sessions"):
         if t:

@@ -233,6 +233,7 @@ def _bench_values(name: str, effects: Any) -> dict[str, float]:
     more = {
         "cable_creep": {"time": effects.creep_time},
         "clamp_slip": {"grip": effects.clamp_threshold},
+        "friction_warming": {"time": effects.warming_time},
         "link_flex": {"twist": effects.link_twist},
         "payload": {"place": _begins(effects.payload_link) + effects.payload_at},
     }

@@ -26,7 +26,7 @@ class GearFriction(Effect):
 
     places: ClassVar[tuple[str, ...]] = ("joint",)
     shows_in: ClassVar[str] = "loads that jump at each reversal by more, the more a motor carries"
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_friction",)
+    confused_with: ClassVar[tuple[str, ...]] = ("cable_friction", "friction_warming")
     simplified: ClassVar[float] = 0.05
     stage: ClassVar[int] = LOSS
 

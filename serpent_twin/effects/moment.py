@@ -75,6 +75,15 @@ class Geared(Protocol):
         ...
 
 
+class Cooling(Protocol):
+    """A moment of a machine whose drive rubs, and warms up in a session."""
+
+    time: Array
+    """Since the session began [s]"""
+    gear_friction: Array
+    """Coulomb friction [N m]"""
+
+
 class Wound(Protocol):
     """A moment of a machine whose drive winds a cable."""
 

@@ -139,6 +139,9 @@ class Selection:
     """Of each accepted effect"""
     cautions: tuple[str, ...] = ()
     """What was not sought, in sentences"""
+    undetermined: Mapping[tuple[str, int], float] = field(default_factory=dict)
+    """Of components of effects that the logs do not determine, by effect and index: within how much of zero
+    they are"""
 
 
 def better_trial(one: CandidateTrial, other: CandidateTrial) -> CandidateTrial:

@@ -1,6 +1,7 @@
 """Build the diagnosis from the rounds of a trace."""
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from serpent_twin.identification.acceptance import (
     why_not,
 )
 from serpent_twin.identification.bars import Bars, bars
+from serpent_twin.identification.components import Undetermined
 from serpent_twin.identification.diagnosis import (
     ACCEPTED,
     NOT_EXCITED,
@@ -48,6 +50,8 @@ FAR = 3.0
 """Times what could be noise, above which accepted effects stand for something else"""
 EXPLAINS = 0.85
 """But not where they explain so much of the squared error above the bar"""
+_NARROWER = 0.9
+"""Share of its range from which on an interval says nothing of a parameter"""
 
 
 def build_diagnosis(
@@ -136,7 +140,8 @@ def _named(
         named.append(
             Named(
                 name=name,
-                parameters=estimates(case, told, name) | _profiled(tracer, case, told, name),
+                parameters=estimates(case, told, name, selection.undetermined)
+                | _profiled(tracer, case, told, name),
                 gain=gained.marker,
                 gain_load=gained.load,
                 probability_of_chance=gained.probability_of_chance,
@@ -164,8 +169,12 @@ def _moved(case: Case, selection: Selection) -> tuple[Moved, ...]:
     return moved(case, base, [trial.score for several in alike for trial in several.values()])
 
 
-def estimates(case: Case, fit: Fit, name: str) -> dict[str, ParameterEstimate]:
-    """Parameters of an effect with the intervals of a fit, clipped to their ranges."""
+def estimates(
+    case: Case, fit: Fit, name: str, undetermined: Undetermined = MappingProxyType({})
+) -> dict[str, ParameterEstimate]:
+    """Parameters of an effect with the intervals of a fit, clipped to their ranges; those are not determined
+    of which the fit says nothing, or whose interval is hardly narrower than the range.
+    """
     out = {}
     for k, (parameter, allowed) in enumerate(case.candidates[name].ranges.items()):
         if allowed.unused:
@@ -176,9 +185,12 @@ def estimates(case: Case, fit: Fit, name: str) -> dict[str, ParameterEstimate]:
             _, low, high = fit.interval(name, k, case.candidates[name].simplified)
             if value >= allowed.limit_begins:
                 low, high = allowed.limit_begins, allowed.high
-        out[parameter] = ParameterEstimate(
-            value, max(low, allowed.low), min(high, allowed.high), allowed.unit
-        )
+        if within := undetermined.get((name, k)):
+            low, high = -within, within
+        low, high = max(low, allowed.low), min(high, allowed.high)
+        determined = not within and high - low < _NARROWER * (allowed.high - allowed.low)
+        known = determined or not allowed.fitted
+        out[parameter] = ParameterEstimate(value, low, high, allowed.unit, known)
     return out
 
 
@@ -251,6 +263,12 @@ def _cautions(case: Case, selection: Selection) -> tuple[str, ...]:
         told.append("The last fit has not converged; its intervals are too narrow.")
     told += [*selection.cautions, *(f"{name}: {why}." for name, why in case.unseen.items())]
     told += case.notes
+    for (name, k), within in selection.undetermined.items():
+        parameter, allowed = list(case.candidates[name].ranges.items())[k]
+        told.append(
+            f"The logs do not determine {name}'s {parameter}, which is not worth it beside the others: it "
+            f"may be as much as {within:.2g} {allowed.unit}."
+        )
     for name, values in selection.final.point.effects.items():
         for parameter in at_bound(case.candidates[name], values):
             limit = case.candidates[name].ranges[parameter].limit

@@ -21,6 +21,7 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import Log, notes_on, read_logs
 from serpent_twin.numerals import counted, listed
 from serpent_twin.reporting.report import text_table, write
+from serpent_twin.residual import settled
 from serpent_twin.runs.files import finite, write_json
 from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance, versions
@@ -100,7 +101,8 @@ def _checked(rig: machines.Rig, logs: Sequence[Log], exact: bool) -> Identifiabi
             return make()
 
         told = identifiability(case, pieces, opening, found, limits if exact else None)
-    return replace(told, notes=case.notes)
+        changes = tuple(settled(case.compare(opening.point, pieces)))
+    return replace(told, notes=case.notes, settled=changes)
 
 
 def _print(found: Identifiability) -> None:

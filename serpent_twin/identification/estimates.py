@@ -17,6 +17,8 @@ class ParameterEstimate:
     high: float
     unit: str
     """`1` for a pure number"""
+    determined: bool = True
+    """Whether the logs determine it; else it may lie anywhere in the interval, and its value is no finding"""
 
     @property
     def fitted(self) -> bool:
@@ -26,6 +28,9 @@ class ParameterEstimate:
     def __str__(self) -> str:
         """The estimate as text for a sentence."""
         unit = "" if self.unit == "1" else f" {self.unit}"
+        if not self.determined:
+            ends = f"within {self.low:.3g} … {self.high:.3g}{unit}"
+            return f"not determined by these logs, {ends}".replace("-", "−")
         ends = f"[{self.low:.3g} … {self.high:.3g}]" if self.fitted else "[given]"
         return f"{self.value:.3g}{unit} {ends}".replace("-", "−")
 

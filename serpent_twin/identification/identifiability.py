@@ -9,6 +9,7 @@ from serpent_twin.identification.excitation import InputExcitation
 from serpent_twin.identification.weak_directions import WeakDirection
 from serpent_twin.identification.wording import spaced
 from serpent_twin.numerals import counted, listed
+from serpent_twin.residual import SessionChange, settling_text
 
 ALIKE = 0.8
 """Cosine of what two effects change beyond the parameters, above which the logs confound them"""
@@ -107,6 +108,8 @@ class Identifiability:
     """What was put right in the logs, and how runs begin where the logs do not say it"""
     not_sought: tuple[str, ...] = ()
     """Sentences on effects that are not sought, and on what nothing measures"""
+    settled: tuple[SessionChange, ...] = ()
+    """What changes with the time since each session began, before any fit"""
 
     @property
     def hidden(self) -> list[str]:
@@ -114,7 +117,10 @@ class Identifiability:
         return [each.name for each in self.effects if not each.told]
 
     def sentence(self) -> str:
-        """What can be told and what cannot."""
+        """What can be told and what cannot, and what changes with the time in a session."""
+        return " ".join([self._told(), *map(settling_text, self.settled)])
+
+    def _told(self) -> str:
         still = [each.name for each in self.inputs if each.still]
         held = f" {listed(still).capitalize()} never {_verb(still)}." if still else ""
         count = counted(len(self.effects), "effect")
@@ -144,6 +150,7 @@ class Identifiability:
                 vars(each) | {"ratio": each.ratio, "text": str(each)} for each in self.directions
             ],
             "inputs": [each.numbers() for each in self.inputs],
+            "settles_in_session": [vars(each) for each in self.settled],
             "rows": self.rows,
             "variance_inflation": self.variance_inflation,
             "not_sought": list(self.not_sought),

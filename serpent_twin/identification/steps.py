@@ -25,6 +25,7 @@ from serpent_twin.identification.acceptance import (
     weakness_of_fit,
 )
 from serpent_twin.identification.checkpoints import Checkpoints, mark
+from serpent_twin.identification.components import without_undetermined
 from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
@@ -77,12 +78,22 @@ class Tracer:
         calibrated, base, rounds = self.named()
         base = self._more(base, rounds)
         settled = without_proxies(self.trials, self.case, base, rounds)
+        settled, undetermined = without_undetermined(self.trials, self.case, settled, rounds)
         final = self._without_idle(self._sharpened(settled))
         self.final = final.point
         named = final.point.effects
+        if not final.point.effects:
+            calibrated = final
         rivals = {n: self.trials.rivals(self.case, n, named, rounds) for n in named}
         return Selection(
-            self.case, calibrated, settled, final, tuple(rounds), rivals, self.cautions
+            self.case,
+            calibrated,
+            settled,
+            final,
+            tuple(rounds),
+            rivals,
+            self.cautions,
+            undetermined,
         )
 
     def named(self) -> tuple[Fit, Fit, list[Round]]:
@@ -260,8 +271,9 @@ class Tracer:
         return self._fit(name, found.point, free, 2, carried=found)
 
     def _sharpened(self, found: Fit) -> Fit:
-        """The last fit, on more segments, from which the accepted effects are reported."""
-        if not found.point.effects:
+        """The last fit, on more segments if there are, from which numbers are reported."""
+        most = min(self.case.segments[True], len(self.training))
+        if not found.point.effects and len(found.used) >= most:
             return found
         self.case = self._weighed_by(found)
         return self._fit("last", found.point, found.free, 0, carried=found, last=True)

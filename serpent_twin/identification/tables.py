@@ -81,7 +81,8 @@ def parameters(effects: Sequence[Named], unit: str = "mm", load: str = "% of sta
         gains = (_fixed(effect.gain), _fixed(effect.gain_load))[: len(gain)]
         told = (spaced(effect.name), *gains, _short(effect.probability_of_chance))
         for name, e in effect.parameters.items():
-            rows.append((told[0], name, _short(e.value), interval(e), e.unit, *told[1:]))
+            value = _short(e.value) if e.determined else "not determined"
+            rows.append((told[0], name, value, interval(e), e.unit, *told[1:]))
             told = ("",) * len(told)  # once for each effect
     note = (
         "The gain is on held-out sessions. Chance is the probability of no gain at all: of the training "

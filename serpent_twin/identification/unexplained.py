@@ -41,6 +41,8 @@ def unexplained(
     share = max(0.0, 1 - (expected / error) ** 2) if error > 0 else 0.0
     markers = [d.share_above_noise for d in found.depends_on if d.kind != "load"]
     loads = [d.share_above_noise for d in found.depends_on if d.kind == "load"]
+    if found.load_change and found.load_change.settling:
+        loads.append(found.load_change.settling.share)
     swings = found.marker_change is not None and found.marker_change.swings
     follows = swings or max(markers, default=0.0) > FOLLOWS
     in_markers = error > BEYOND * expected or (follows and error > SUSPECT * expected)

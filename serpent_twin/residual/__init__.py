@@ -6,8 +6,8 @@ draws. `learned` is the last resort: a correction without physics.
 
 from serpent_twin.residual.comparison import Comparison, join
 from serpent_twin.residual.dependence import Dependence, depends_on
-from serpent_twin.residual.describe import describe
-from serpent_twin.residual.findings import Findings, analyse
+from serpent_twin.residual.describe import describe, settling_text
+from serpent_twin.residual.findings import Findings, SessionChange, analyse, settled
 from serpent_twin.residual.joint_attribution import attribute_to_joints
 from serpent_twin.residual.measure import (
     ANGLE,
@@ -41,6 +41,7 @@ __all__ = [
     "Findings",
     "Measure",
     "Noise",
+    "SessionChange",
     "analyse",
     "attribute_to_joints",
     "depends_on",
@@ -50,4 +51,6 @@ __all__ = [
     "load_size",
     "marker_size",
     "measurement_noise",
+    "settled",
+    "settling_text",
 ]

@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from serpent_twin.numerals import listed
+from serpent_twin.numerals import counted, listed
 from serpent_twin.residual.dependence import Dependence
-from serpent_twin.residual.findings import ErrorChange, Findings
+from serpent_twin.residual.findings import ErrorChange, Findings, SessionChange
 from serpent_twin.residual.measure import MARKERS, Measure
 from serpent_twin.residual.noise import in_words
+from serpent_twin.residual.settling import OWN
 from serpent_twin.residual.where import Where
 
 AT_THE_NOISE = 1.08  # times the noise floor: no error is left
@@ -35,6 +36,10 @@ _HINTS = {
 }
 
 
+_WARMS = "gears or grease that warm up, so that friction falls"
+_CREEPS = "something that warms up, creeps or settles, and recovers between sessions"
+
+
 def describe(findings: Findings) -> str:
     """Describe what is left, on what it depends and where to look, in a few plain sentences."""
     parts = [_size(findings), *_shaken(findings)]
@@ -49,7 +54,8 @@ def describe(findings: Findings) -> str:
         swing = change.line.share if change and change.swings and change.line else 0.0
         marker = findings.noise.of_marker
         both = [_dependences(pairs, marker), _changes(change, what, marker)]
-        if pairs and swing > pairs[0][0].share_above_noise:  # the greater first
+        settles = change is not None and change.steady == "settling"
+        if settles or (pairs and swing > pairs[0][0].share_above_noise):  # the greater first
             both.reverse()
         told += [*both[0], *both[1]]
     if not told and _is_above_noise(findings):
@@ -146,6 +152,8 @@ def _changes(change: ErrorChange | None, what: str, marker: Measure) -> list[str
             f"({_signed(slope, change.unit)} ± {half:.2g} per minute): look for something that warms up, "
             "creeps or slips slowly."
         )
+    if settles := change.settles(what):
+        sentences.append(settling_text(settles))
     if change.swings and change.line is not None:
         sentences.append(
             f"{_sentence_case(what)} swings at {change.line.frequency_hz:.2f} Hz whatever the "
@@ -153,6 +161,18 @@ def _changes(change: ErrorChange | None, what: str, marker: Measure) -> list[str
             f"shakes the machine{marker.shaken}."
         )
     return sentences
+
+
+def settling_text(of: SessionChange) -> str:
+    """A change that fades after each session's beginning, in a sentence."""
+    motion = f"the motion of {of.against}" if of.against != OWN else "its own motion"
+    against = f" against {motion}" if of.against else ""
+    more = f", and in {counted(of.others, 'other')} likewise" if of.others else ""
+    return (
+        f"{_sentence_case(of.what)} changes with the time since a session began, in every session anew: most "
+        f"in {of.channel}{against} ({_signed(of.begins, of.unit)} at the beginning, fading with "
+        f"{of.time_constant_s:.0f} s){more}: look for {_WARMS if of.against else _CREEPS}."
+    )
 
 
 def _signed(value: float, unit: str) -> str:

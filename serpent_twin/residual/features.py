@@ -89,7 +89,7 @@ def _motor_motion(c: Comparison) -> Iterator[Feature]:
     """Velocity, its sign, travel since its reversal; the command."""
     if c.motor_angle is not None:
         for j, (name, of) in enumerate(zip(c.motor_names, c.motors, strict=True)):
-            velocity = _velocity(c, c.motor_angle[:, :, j])
+            velocity = velocity_of(c, c.motor_angle[:, :, j])
             if c.motor_velocity is not None:
                 velocity = c.motor_velocity[:, :, j]
             yield from _motion(name, c.motor_angle[:, :, j], velocity, of)
@@ -105,17 +105,17 @@ def _joints(c: Comparison) -> Iterator[Feature]:
         return
     for i, name in enumerate(c.joint_names):
         angle = c.joint_angle[:, :, i]
-        velocity = _velocity(c, angle)
+        velocity = velocity_of(c, angle)
         yield _feature(f"{name}'s angle", "rad", "angle", angle, hats(angle))
         yield from _motion(name, angle, velocity)
-        sign = _direction(velocity)
+        sign = direction_of(velocity)
         basis = hats(angle) * sign[..., None]
         said = f"{name}'s angle, against its motion"
         yield _feature(said, "rad", "directed", angle, basis, sign)
 
 
 def _motion(name: str, angle: Array, velocity: Array, of: Measure = ANGLE) -> Iterator[Feature]:
-    sign = _direction(velocity)
+    sign = direction_of(velocity)
     yield _feature(f"{name}'s velocity", f"{of.base}/s", "velocity", velocity, hats(velocity))
     both = np.stack([sign, np.abs(sign)], axis=-1)
     yield _feature(f"{name}'s direction of motion", "", "direction", sign, both)
@@ -163,7 +163,7 @@ def _groups(c: Comparison) -> Iterator[Feature]:
     if c.joint_angle is not None:
         q = c.joint_angle
         yield _group("all joints' angles", q)
-        dq = np.stack([_velocity(c, q[:, :, i]) for i in range(q.shape[2])], axis=-1)
+        dq = np.stack([velocity_of(c, q[:, :, i]) for i in range(q.shape[2])], axis=-1)
         yield _group("all joints' velocities", dq)
     if c.load_predicted is not None:
         of_motors = c.load_names == c.motor_names
@@ -186,11 +186,12 @@ _FAMILIES: tuple[Callable[[Comparison], Iterator[Feature]], ...] = (
 )
 
 
-def _velocity(c: Comparison, angle: Array) -> Array:
+def velocity_of(c: Comparison, angle: Array) -> Array:
+    """Velocity of angles (S, T, …) [rad/s], by differences of rows."""
     return np.gradient(angle, c.period, axis=1)
 
 
-def _direction(velocity: Array) -> Array:
+def direction_of(velocity: Array) -> Array:
     """−1, 0 or 1, and linear in the slowest tenth of the usual speed."""
     slow = 0.1 * np.sqrt(np.nanmean(velocity**2)) + 1e-9
     return np.clip(np.nan_to_num(velocity) / slow, -1, 1)
@@ -198,7 +199,7 @@ def _direction(velocity: Array) -> Array:
 
 def _since_reversal(angle: Array, velocity: Array) -> tuple[Array, Array]:
     """Travel since the direction last changed [rad], (S, T), and that direction, ±1, (S, T)."""
-    sign = np.where(np.abs(d := _direction(velocity)) >= 1, np.sign(d), 0.0)
+    sign = np.where(np.abs(d := direction_of(velocity)) >= 1, np.sign(d), 0.0)
     rows = np.arange(angle.shape[1])
     moved = np.maximum.accumulate(np.where(sign != 0, rows, 0), axis=1)
     held = np.take_along_axis(sign, moved, axis=1)

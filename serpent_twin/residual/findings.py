@@ -1,5 +1,6 @@
 """Collect all findings on a comparison."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from serpent_twin.residual.drift import Drift, Jump, drift, jump, step_at
 from serpent_twin.residual.joint_attribution import JointAttribution, attribute_to_joints
 from serpent_twin.residual.motion_part import without_motion
 from serpent_twin.residual.noise import Noise, measurement_noise
+from serpent_twin.residual.settling import Settling, directions_of, settling
 from serpent_twin.residual.size import LoadSize, MarkerSize, load_size, marker_size
 from serpent_twin.residual.spectrum import Line, Spectrum, known, line, spectrum
 from serpent_twin.residual.where import Where, where
@@ -21,6 +23,7 @@ LASTING = 0.5
 """Share of a step of the mean that motion must leave for it to be a jump: friction and play make other means
 wherever a machine moves otherwise, and nothing has changed
 """
+SETTLING_WORTH_SAYING = 0.01  # which other faults may have raised, before any fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,15 +44,28 @@ class ErrorChange:
     """Swing that keeps its phase"""
     spectrum: Spectrum
     """Power by frequency"""
+    settling: Settling | None = None
+    """Change that fades after each session's beginning"""
 
     @property
     def steady(self) -> str:
-        """drift, jump or empty: whichever explains more, if it is significant."""
-        of_drift = self.drift.share if self.drift.seen else 0.0
-        of_jump = self.jump.share if self.jump else 0.0
-        if max(of_drift, of_jump) < WORTH_SAYING:
-            return ""
-        return "drift" if of_drift >= of_jump else "jump"
+        """drift, jump, settling or empty: whichever explains most, if it is significant."""
+        shares = {
+            "drift": self.drift.share if self.drift.seen else 0.0,
+            "jump": self.jump.share if self.jump else 0.0,
+            "settling": self.settling.share if self.settling else 0.0,
+        }
+        most = max(shares, key=lambda each: shares[each])
+        least = SETTLING_WORTH_SAYING if most == "settling" else WORTH_SAYING
+        return most if shares[most] >= least else ""
+
+    def settles(self, what: str) -> "SessionChange | None":
+        """The change of an error that fades after each session's beginning, if nothing else that is steady
+        explains more.
+        """
+        if self.steady != "settling" or self.settling is None:
+            return None
+        return _settled(what, self.channels, self.unit, self.in_unit, self.settling)
 
     @property
     def swings(self) -> bool:
@@ -108,6 +124,11 @@ class Findings:
             f"{load.field}_error_by_motor_{percent}": self.load.by_motor.tolist(),
             f"{load.field}_noise_{percent}": self.noise.load_floor,
             "share_by_joint": [] if self.joints is None else self.joints.share.tolist(),
+            "settles_in_session": [
+                vars(settles)
+                for change, measure in ((self.marker_change, pose), (self.load_change, load))
+                if change and (settles := change.settles(measure.error))
+            ],
             "depends_on": [
                 {
                     "what": d.target,
@@ -133,71 +154,134 @@ def analyse(comparison: Comparison, rng: np.random.Generator, permutations: int 
         load=load_size(comparison),
         noise=noise,
         joints=found,
-        marker_change=_marker_change(comparison, found, rng, permutations),
-        load_change=_load_change(comparison, rng, permutations),
+        marker_change=_change(comparison, _of_markers(comparison, found), rng, permutations),
+        load_change=_change(comparison, _of_loads(comparison), rng, permutations),
         depends_on=depends,
         where=[where(comparison, d, found) for d in depends],
         burst=burst(comparison),
     )
 
 
-class _Labels(NamedTuple):
+class _Values(NamedTuple):
+    """What is followed of an error in time."""
+
     channels: tuple[str, ...]
+    of: tuple[str, ...]
+    """The motor, joint or marker that each channel is of"""
     unit: str
     in_unit: Array
+    values: Array
+    """(S, T, C)"""
+    swinging: Array
+    """The same, as swings are looked for"""
 
 
-def _marker_change(
-    comparison: Comparison,
-    found: JointAttribution | None,
-    rng: np.random.Generator,
-    permutations: int,
-) -> ErrorChange | None:
+@dataclass(frozen=True, eq=False)
+class SessionChange:
+    """A change of the error that fades after each session's beginning, in the unit of its measure."""
+
+    what: str
+    """Whose error, in words"""
+    channel: str
+    """In which it is greatest"""
+    others: int
+    """How many others change so, too"""
+    unit: str
+    begins: float
+    """By how much the error is greater at a session's beginning than in the end"""
+    interval: float
+    """Half width of its 95 % interval"""
+    against: str
+    """Against whose motion; empty: whatever moves"""
+    time_constant_s: float
+    """With which it fades [s]"""
+    share: float
+    """Share of the variance that it takes away"""
+
+
+def settled(comparison: Comparison) -> list[SessionChange]:
+    """What settles after each session's beginning, of markers and of loads, where it is worth a sentence."""
+    noise = measurement_noise(comparison)
+    found = attribute_to_joints(comparison, noise.marker)
+    several = (
+        (comparison.marker.error, _of_markers(comparison, found)),
+        (comparison.load.error, _of_loads(comparison)),
+    )
+    each = [(what, of, _settling(comparison, of)) for what, of in several if of]
+    return [
+        _settled(what, of.channels, of.unit, of.in_unit, settles)
+        for what, of, settles in each
+        if settles and settles.share >= SETTLING_WORTH_SAYING
+    ]
+
+
+def _settled(
+    what: str, channels: Sequence[str], unit: str, in_unit: Array, of: Settling
+) -> SessionChange:
+    scale = float(in_unit[of.channel])
+    return SessionChange(
+        what,
+        channels[of.channel],
+        len(of.channels) - 1,
+        unit,
+        scale * of.begins,
+        scale * of.interval,
+        of.against,
+        of.time_constant,
+        of.share,
+    )
+
+
+def _of_markers(comparison: Comparison, found: JointAttribution | None) -> _Values | None:
     if not comparison.has_markers:
         return None
     measure = comparison.marker
     markers = measure.scale * known(comparison.marker_residual.reshape(*comparison.time.shape, -1))
-    channels = tuple(f"{m}{x}" for m in comparison.marker_names for x in measure.along)
     if found is None:
-        labels = _Labels(channels, measure.unit, np.ones(len(channels)))
-        return _change(comparison, markers, markers, labels, rng, permutations)
-    channels = tuple(f"the rotation at {name}" for name in comparison.joint_names)
+        of = tuple(m for m in comparison.marker_names for _ in measure.along)
+        channels = tuple(f"{m}{x}" for m in comparison.marker_names for x in measure.along)
+        return _Values(channels, of, measure.unit, np.ones(len(channels)), markers, markers)
+    names = comparison.joint_names
     scale = 1e3 * np.maximum(found.lever, 1e-6)  # counted by how far they move the markers
     resolved = np.where(found.resolved > 0.5, found.resolved, 1.0)  # below, it is a neighbour's
     true = np.degrees(1 / scale) / resolved
-    labels = _Labels(channels, "°", true)
-    return _change(comparison, found.rotation * scale, markers, labels, rng, permutations)
+    channels = tuple(f"the rotation at {name}" for name in names)
+    return _Values(channels, names, "°", true, found.rotation * scale, markers)
 
 
-def _load_change(
-    comparison: Comparison, rng: np.random.Generator, permutations: int
-) -> ErrorChange | None:
+def _of_loads(comparison: Comparison) -> _Values | None:
     if not comparison.has_loads:
         return None
-    measure = comparison.load
+    measure, names = comparison.load, comparison.load_names
     loads = measure.scale * comparison.load_residual
-    names = tuple(f"{name}'s {measure.one}" for name in comparison.load_names)
-    labels = _Labels(names, measure.unit, np.ones(len(names)))
-    return _change(comparison, loads, loads, labels, rng, permutations)
+    channels = tuple(f"{name}'s {measure.one}" for name in names)
+    return _Values(channels, names, measure.unit, np.ones(len(names)), loads, loads)
+
+
+def _settling(comparison: Comparison, of: _Values) -> Settling | None:
+    directions = directions_of(comparison, of.of)
+    return settling(of.values, comparison.time, comparison.session, directions)
 
 
 def _change(
-    c: Comparison,
-    values: Array,
-    swinging: Array,
-    labels: _Labels,
-    rng: np.random.Generator,
-    permutations: int,
-) -> ErrorChange:
-    step = jump(values, c.time, c.session, rng, permutations)
-    if step and not _lasts(step.size, step_at(without_motion(c, values), c.time, c.session, step)):
+    c: Comparison, of: _Values | None, rng: np.random.Generator, permutations: int
+) -> ErrorChange | None:
+    if of is None:
+        return None
+    step = jump(of.values, c.time, c.session, rng, permutations)
+    if step and not _lasts(
+        step.size, step_at(without_motion(c, of.values), c.time, c.session, step)
+    ):
         step = None
     return ErrorChange(
-        *labels,
-        drift(values, c.time, c.session),
+        of.channels,
+        of.unit,
+        of.in_unit,
+        drift(of.values, c.time, c.session),
         step,
-        line(swinging, c.period, rng, permutations),
-        spectrum(swinging, c.period),
+        line(of.swinging, c.period, rng, permutations),
+        spectrum(of.swinging, c.period),
+        _settling(c, of),
     )
 
 

@@ -192,6 +192,16 @@ def test_ripple_is_a_wave_over_one_motor_in_its_load():
     assert not np.delete(more, 5, axis=1).any()
 
 
+def test_friction_halves_while_gears_warm_up():
+    """A cold gear needs 1 + F / f̄ times the torque of a warm one, F the extra friction in the mean of all."""
+    arm = BenchArm(gear_friction=tuple(np.linspace(0.04, 0.08, 10)))
+    cold = Effects(friction_warming=0.06, warming_time=40.0)
+    m = machine(arm, cold)
+    for elapsed, times in ((0.0, 2.0), (40.0 * np.log(4.0), 1.25), (1e4, 1.0)):
+        m.servos.warm(elapsed)
+        assert m.servos.cold * m.servos.friction == pytest.approx(times * m.servos.friction)
+
+
 def test_an_unknown_effect_is_refused_by_name():
     with pytest.raises(SerpentError, match=r"no effect 'pay'.*payload"):
         inject("pay", 1.0, np.random.default_rng(0))

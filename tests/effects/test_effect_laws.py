@@ -207,6 +207,19 @@ def test_gear_friction_shows_in_loads_alone():
     assert_allclose((rubbed.load - plain.load) * 1.5, c * np.abs(torque) * against, atol=1e-9)
 
 
+def test_friction_of_gears_that_warm_up_fades_with_the_time_in_the_session():
+    """The load rises by F exp(−t/τ) against the motion, in a later session as in the first."""
+    extra, seconds, stretch = 0.06, 33.0, wander(30)
+    warming = TwinModel(effects=(KNOWN["friction_warming"](extra, seconds),))
+    plain, cold = (impose([twin], stretch) for twin in (TwinModel(), warming))
+    later = impose([warming], replace(stretch, prior_runtime=1800.0))
+    assert_array_equal(plain.marker, cold.marker)
+    assert_array_equal(later.load, cold.load)
+    against = np.tanh(stretch.motors.velocity[None] / (0.05 / 3))
+    fading = np.exp(-stretch.motors.time / seconds)[None, ..., None]
+    assert_allclose((cold.load - plain.load) * 1.5, extra * fading * against, atol=1e-9)
+
+
 def test_stiffness_drifts_evenly_down_to_a_tenth():
     for hours, left in ((0.0, 1.0), (0.5, 0.7), (1.0, 0.4), (9.0, 0.1)):
         now = replace(moment(), time=np.array([[3600 * hours]]), prior_runtime=7200.0)

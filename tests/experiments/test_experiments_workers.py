@@ -8,7 +8,7 @@ from session_log import make_session
 
 from serpent_twin.sessions import write_session
 
-TOO_SHORT = "no session has 40 s without a gap in time"  # what a trace, begun by a worker, refuses
+TOO_SHORT = "no session has 30 s without a gap in time"  # what a trace, begun by a worker, refuses
 
 
 def run(name, *arguments):

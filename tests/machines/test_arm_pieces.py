@@ -7,7 +7,13 @@ import pytest
 from paths import DATA
 
 from serpent_twin.arm.geometry import ARM, markers
-from serpent_twin.machines.arm.pieces import ArmPieces, camera_noise, cut
+from serpent_twin.machines.arm.pieces import (
+    ArmPieces,
+    camera_noise,
+    cut,
+    segment_rows,
+    segment_starts,
+)
 from serpent_twin.sessions import read_session
 
 NOISE = 2.5e-4  # [m]
@@ -36,3 +42,38 @@ def test_what_moves_slowly_beside_every_pose_is_no_noise_of_the_cameras(rigid):
     moved = rigid.marker.copy()
     moved[:, :, 3:, 2] += twist[..., None] * np.linspace(0.5, -0.7, 6)
     assert camera_noise(replace(rigid, marker=moved)) == pytest.approx(NOISE, rel=0.1)
+
+
+@pytest.mark.parametrize("rows", [800, 600, 240, 613, 133])
+def test_every_row_of_a_session_is_compared_once(rows):
+    log = read_session(DATA / "arm_a" / "session_01.parquet")[:rows]
+    pieces = cut([log], ARM)
+    counted = pieces.began[:, None] + np.arange(pieces.marker.shape[1])
+    assert sorted(counted[pieces.compared]) == list(range(rows))
+    assert np.isnan(pieces.measured[~pieces.compared]).all()
+    moving = log.motor_load[np.abs(log.motor_velocity) > 0.1]
+    loads = pieces.measured[..., 27:]
+    assert np.nansum(loads) == pytest.approx(moving.sum())
+    assert pieces.compared.size < 1.1 * rows
+
+
+def test_segments_end_at_gaps_and_a_short_stretch_counts_too():
+    log = read_session(DATA / "arm_a" / "session_01.parquet")[:400]
+    log = replace(log, time=log.time + np.where(np.arange(400) < 60, 0.0, 7.0))
+    pieces = cut([log], ARM)
+    assert pieces.began[0] == 0 and pieces.began[1] == 60
+    assert pieces.compared.sum() == 400
+    steps = np.diff(pieces.motors.time, axis=1)
+    assert steps == pytest.approx(0.25, abs=0.02)
+    beyond = pieces.motors.velocity[0, 60:]
+    assert not beyond.any() and np.isnan(pieces.measured[0, 60:]).all()
+
+
+def test_sessions_of_several_lengths_share_segments_of_one():
+    assert segment_rows([600, 600], 160) == 150
+    assert segment_rows([80], 80) == 80
+    rows = segment_rows([1200, 1200, 613], 160)
+    assert 120 <= rows <= 200
+    starts = segment_starts(613, rows)
+    assert starts[0] == 0 and starts[-1] + rows == 613
+    assert max(np.diff(starts)) <= rows

@@ -32,8 +32,8 @@ from serpent_twin.sim.prescribed_motion import DrivenArms
 from serpent_twin.sim.twin_model import TwinModel
 
 _S = wander(6, pace=0.06)
-MOVED = replace(_S, motors=replace(_S.motors, time=3600.0 + _S.motors.time))
-"""A second in which the arm's joints wander, an hour after its session began"""
+MOVED = replace(_S, motors=replace(_S.motors, time=100.0 + _S.motors.time))
+"""A second in which the arm's joints wander, when gears are still cold and cables have softened"""
 BESIDE = {("jaw", "cable_stiffening"): (KNOWN["cable_stretch"](0.5),)}
 """What must be there for an effect to show: a rigid cable cannot stiffen"""
 

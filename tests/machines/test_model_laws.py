@@ -19,6 +19,10 @@ def stribeck(t, q, v, stretch, memory):
     return -0.04 * np.exp(-abs(v) / 0.6) * np.tanh(v / SHARP), 1.0, 1.0, 0.0
 
 
+def warming(t, q, v, stretch, memory):
+    return -0.08 * np.exp(-t / 12.0) * np.tanh(v / SHARP), 1.0, 1.0, 0.0
+
+
 def capstan(t, q, v, stretch, memory):
     return -0.1 * GEAR * GAIN * abs(stretch) * np.tanh(v / SHARP), 1.0, 1.0, 0.0
 
@@ -51,6 +55,7 @@ class Relaxing:
 RELAXES = "discovered@joint_torque of pivot: lag joint_angle of pivot"
 LAWS = {
     "stribeck@pivot": (stribeck, [0.04, 0.6]),
+    "friction_warming@pivot": (warming, [0.08, 12.0]),
     "cable_friction@cable": (capstan, [0.1, 0.0, 0.0, 0.0, -1.0]),
     "cable_creep@cable": (creep, [0.3, 8.0, -1.0]),
     "clamp_slip@cable": (slip, [1e-3, 4.0, -1.0]),

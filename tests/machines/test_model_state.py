@@ -238,7 +238,7 @@ def test_laws_are_sought_where_the_model_has_a_place_for_them(tmp_path):
     case, _, _ = lever(tmp_path / "lever")
     assert {
         "stribeck@pivot", "cable_friction@cable", "cable_creep@cable", "clamp_slip@cable",
-        "stiffness_drift@cable", "stiffness_drift@pivot",
+        "stiffness_drift@cable", "stiffness_drift@pivot", "friction_warming@pivot",
     } <= set(case.candidates)  # fmt: skip
     for name, each in case.candidates.items():
         for other in each.confused_with:

@@ -1,5 +1,6 @@
 """Compare an arm's logs with its twin, segment by segment."""
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -66,8 +67,8 @@ class ArmMachine:
     vector: Vector
     candidates: Mapping[str, Candidate]
     outputs: tuple[Output, ...] = OUTPUTS
-    segments: tuple[int, int] = (7, 12)
-    """How many segments a fit uses while it searches, and the last fit"""
+    segments: tuple[int, int] = (7, sys.maxsize)
+    """How many segments a fit uses while it searches, and the last fit: all"""
     weak_rounds: int = 0
     """None: tangents, not differences, are its derivatives"""
     steps_of_derivative: int = 10
@@ -88,7 +89,7 @@ class ArmMachine:
         return quantities(self.vector)
 
     def pieces(self, sessions: Sequence[Session]) -> ArmPieces:
-        """Cut sessions into segments of 40 s."""
+        """Cut sessions into segments of about 40 s that hold every row."""
         return cut(sessions, self.vector.start.built)
 
     def alike(self, points: Sequence[ParameterVector]) -> Sequence[list[int]]:

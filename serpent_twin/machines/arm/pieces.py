@@ -20,7 +20,11 @@ from serpent_twin.sim.prescribed_motion import STANDING
 _ROWS = 600
 """About so many tell the cameras' noise"""
 SEGMENT = 40.0
-"""Seconds between two starts from measured joint angles."""
+"""About so many seconds lie between two starts from measured joint angles."""
+_NEAR = 0.25
+"""Share by which segments may be shorter or longer, so that sessions are whole numbers of them"""
+_FEWEST = 8
+"""Rows of a segment, and of a stretch without a gap that is worth one"""
 
 
 @dataclass(frozen=True)
@@ -37,8 +41,10 @@ class ArmPieces:
     """[rad/s], (S, T, 10)"""
     load: Array
     """Fraction of stall, (S, T, 10)"""
+    compared: NDArray[np.bool_]
+    """Which rows are compared with a twin, (S, T)"""
     marker: Array
-    """[m], (S, T, 9, 3); NaN where lost"""
+    """[m], (S, T, 9, 3); NaN where lost, and in rows that are not compared"""
     joint_angle: Array
     """From the markers [rad], (S, T, 9)"""
     joint_velocity: Array
@@ -71,44 +77,107 @@ class ArmPieces:
     @property
     def moving(self) -> NDArray[np.bool_]:
         """Whether a load is used: its motor turns, so that gear friction has one sign, (S, T, 10)."""
-        return np.abs(self.motors.velocity) > 2 * STANDING
+        return (np.abs(self.motors.velocity) > 2 * STANDING) & self.compared[..., None]
 
 
 def cut(sessions: Sequence[Session], arm: Arm, seconds: float = SEGMENT) -> ArmPieces:
-    """All whole segments of sessions without gaps in time, the last of each ending with its session."""
+    """All rows of sessions in segments of one length, none of which goes on across a gap in time.
+
+    Each row counts once: at its end, a segment may have rows that are not compared, since the next one has
+    them, or none that were measured, since its session ends.
+    """
     rows, parts = segments(sessions, seconds)
     prior_runtime = {s.name: s.prior_runtime for s in sessions}
     runs = {s.name: _run(s, arm) for s in sessions}
     velocity = {name: run.joint_velocity() for name, run in runs.items()}
+    compared = np.array([np.arange(rows) < part.compared for part in parts])
 
     def of(name: str) -> Array:
-        return np.array([getattr(s, name)[at : at + rows] for s, at in parts])
+        return np.stack([getattr(part.session, name)[part.rows(rows)] for part in parts])
 
+    motors = MotorTrajectory(of("time"), of("motor_position"), of("motor_velocity"))
+    for n, part in enumerate(parts):
+        beyond = np.maximum(part.first + np.arange(rows) - (part.end - 1), 0)
+        motors.time[n] += beyond / part.session.rate_hz
+        motors.velocity[n, beyond > 0] = 0.0
     return ArmPieces(
-        session=tuple(s.name for s, _ in parts),
-        began=np.array([at for _, at in parts]),
-        motors=MotorTrajectory(of("time"), of("motor_position"), of("motor_velocity")),
+        session=tuple(part.session.name for part in parts),
+        began=np.array([part.first for part in parts]),
+        motors=motors,
         motor_command=of("motor_velocity_command"),
         load=of("motor_load"),
-        marker=of("marker"),
-        joint_angle=np.array([runs[s.name].joint_angle[at : at + rows] for s, at in parts]),
-        joint_velocity=np.array([velocity[s.name][at] for s, at in parts]),
-        prior_runtime=np.array([prior_runtime[s.name] for s, _ in parts]),
+        compared=compared,
+        marker=np.where(compared[..., None, None], of("marker"), np.nan),
+        joint_angle=np.stack(
+            [runs[part.session.name].joint_angle[part.rows(rows)] for part in parts]
+        ),
+        joint_velocity=np.array([velocity[part.session.name][part.first] for part in parts]),
+        prior_runtime=np.array([prior_runtime[part.session.name] for part in parts]),
         run=runs,
     )
 
 
-def segments(
-    sessions: Sequence[Session], seconds: float = SEGMENT
-) -> tuple[int, list[tuple[Session, int]]]:
-    """Rows of a segment, and where each begins; raises a `SerpentError` if there is none."""
-    rows = max(8, round(seconds * sessions[0].rate_hz))
-    parts = [(s, at) for s in sessions for at in segment_starts(s.time, rows)]
-    if not parts:
+@dataclass(frozen=True)
+class Cut:
+    """Where a segment lies in its session."""
+
+    session: Session
+    first: int
+    """Its first row"""
+    end: int
+    """The row after the last that can belong to it"""
+    compared: int
+    """How many of its rows are compared, from the first"""
+
+    def rows(self, count: int) -> NDArray[np.int64]:
+        """So many rows; beyond the end, the last one again."""
+        return np.minimum(self.first + np.arange(count), self.end - 1)
+
+
+def segments(sessions: Sequence[Session], seconds: float = SEGMENT) -> tuple[int, list[Cut]]:
+    """Rows of a segment, and where each lies; raises a `SerpentError` if there is none."""
+    found = [(s, *ends) for s in sessions for ends in _stretches(s.time)]
+    usual = seconds * sessions[0].rate_hz
+    least = (1 - _NEAR) * seconds
+    if max((end - first for _, first, end in found), default=0) < (1 - _NEAR) * usual:
         raise SerpentError(
-            f"no session has {seconds:g} s without a gap in time. Record longer sessions."
+            f"no session has {least:g} s without a gap in time. Record longer sessions."
         )
+    rows = segment_rows([end - first for _, first, end in found], usual)
+    parts = []
+    for session, first, end in found:
+        starts = segment_starts(end - first, rows)
+        compared = np.diff([*starts, end - first])
+        parts += [
+            Cut(session, first + at, end, n)
+            for at, n in zip(starts, compared.tolist(), strict=True)
+        ]
     return rows, parts
+
+
+def segment_rows(lengths: Sequence[int], usual: float) -> int:
+    """Rows of each segment, near a usual number, so that few rows of stretches of such lengths are in two."""
+    longest = max(lengths)
+    low, high = (round((1 + near) * usual) for near in (-_NEAR, _NEAR))
+    tried = range(max(_FEWEST, min(low, longest)), max(_FEWEST, min(high, longest)) + 1)
+
+    def simulated(rows: int) -> tuple[int, float]:
+        return sum(rows * -(-each // rows) for each in lengths), abs(rows - usual)
+
+    return min(tried, key=simulated)
+
+
+def segment_starts(length: int, rows: int) -> list[int]:
+    """Where segments of so many rows begin that together have all rows of a stretch."""
+    count = -(-length // rows)
+    return np.linspace(0, max(length - rows, 0), count).round().astype(int).tolist()
+
+
+def _stretches(time: Array) -> list[tuple[int, int]]:
+    """First rows, and rows after the last, of stretches without a gap in time that are worth a segment."""
+    broken = np.flatnonzero(gaps(time))
+    ends = zip(np.r_[0, broken].tolist(), np.r_[broken, len(time)].tolist(), strict=True)
+    return [(first, end) for first, end in ends if end - first >= _FEWEST]
 
 
 def camera_noise(pieces: ArmPieces) -> float:
@@ -127,14 +196,6 @@ def camera_noise(pieces: ArmPieces) -> float:
         return rms
     white = np.nanmean(change**2) / GAIN / np.nanmean(left**2)
     return rms * float(np.sqrt(min(1.0, white)))
-
-
-def segment_starts(time: Array, rows: int) -> list[int]:
-    """Where whole segments of so many rows begin, none across a gap, the last ending with the log."""
-    broken, starts = np.flatnonzero(gaps(time)), []
-    for first, last in zip(np.r_[0, broken], np.r_[broken, len(time)], strict=True):
-        starts += [int(at) for at in range(first + (last - first) % rows, last, rows)]
-    return starts
 
 
 def _run(session: Session, arm: Arm) -> MeasuredMotion:

@@ -30,8 +30,8 @@ _FADES, _SLIPS = 0.1, 0.1
 """Typical of a stiffness that is lost in a session; of a stretch that slips in one"""
 _GRIPS = (0.6, 0.35, 0.85)
 """Where fits of the tension above which a clamp slips start, of the greatest"""
-_CREEPS, _LATE = 0.2, 2.0
-"""Of a session's duration, a time constant of creep: typical and longest"""
+_CREEPS, _WARMS, _LATE = 0.2, 0.3, 2.0
+"""Of a session's duration, a time constant of creep and of warming: typical, and the longest of both"""
 _LONG = 25.0
 """Session from which on what is slow can show [s]: five of creep's shortest time constants"""
 
@@ -39,14 +39,16 @@ _LONG = 25.0
 def laws_of_state(
     machine: Described, training: Sequence[Recording], sized: Sizes
 ) -> Iterator[Candidate]:
-    """Friction of joints that falls with speed; of tendons, friction by their tension, and clamps that slip;
-    creep of tendons and of drives; and what softens.
+    """Friction of joints that falls with speed, or while they warm up; of tendons, friction by their tension,
+    and clamps that slip; creep of tendons and of drives; and what softens.
     """
     model = machine.model
     joints = [model.joint(int(n)).name for n in single_joints(model)]
-    yield from (_stribeck(machine, name, sized) for name in joints if name)
-    loads = _loads(machine, training)
     seconds = float(np.median([run.time[-1] - run.time[0] for run in training]))
+    yield from (_stribeck(machine, name, sized) for name in joints if name)
+    if seconds >= _LONG:
+        yield from (_warming(machine, name, sized, seconds) for name in joints if name)
+    loads = _loads(machine, training)
     kinds = (TENDON, JOINT, "drive")
     for each in sorted(loads, key=lambda each: kinds.index(each.kind)):
         if each.kind == TENDON and each.tension.any():
@@ -77,6 +79,17 @@ def _stribeck(machine: Described, name: str, sized: Sizes) -> Candidate:
     extra = sized_range("stribeck", "extra", _RUBS * force)
     slow, extra = (of_joint(machine.model, name, each) for each in (slow, extra))
     return candidate(f"stribeck@{name}", extra=extra, velocity=slow)
+
+
+def _warming(machine: Described, name: str, sized: Sizes, seconds: float) -> Candidate:
+    """Friction that is greater while a joint is cold, of a session that lasts so long [s]."""
+    force = float(sized.force[int(machine.model.joint(name).dofadr[0])])
+    known = effects.ranges(KNOWN["friction_warming"])["time"]
+    time = replace(known, typical=_WARMS * seconds, high=_LATE * seconds)
+    extra = sized_range("friction_warming", "extra", _RUBS * force)
+    return candidate(
+        f"friction_warming@{name}", extra=of_joint(machine.model, name, extra), time=time
+    )
 
 
 def _rubbing(name: str) -> Candidate:
