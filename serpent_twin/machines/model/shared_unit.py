@@ -20,10 +20,12 @@ _TURNS, _EXTENTS = 4 * np.pi, 3.0
 """How far a hinge without a range is believed to turn under a servo [rad]; how far a slide without a range to
 move, in sizes of the model
 """
-_OFF, _BETTER, _AS_WELL = 0.1, 3.0, 1.5
-"""Share of a motion's rms that a model leaves from which its units are doubted; how many times less another
-unit leaves; how much more it may leave where the motion is not believed
+_OFF, _FITS = 0.1, 0.4
+"""Share of a motion's rms that a model leaves from which its units are doubted; that another unit leaves at
+most, as a correlation of 0.9 does
 """
+_BETTER, _AS_WELL = 3.0, 1.5
+"""How many times less another unit leaves; how much more it may leave where the motion is not believed"""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,8 @@ def require_shared_unit(
             if not _believed(machine, shared, other):
                 continue
             left = _left(machine, shared, other, shown(other))
-            if left < off / _BETTER or (not believed and left < _AS_WELL * off):
+            better = left < off / _BETTER or (not believed and left < _AS_WELL * off)
+            if better and left < _FITS:
                 raise SerpentError(_said(machine, shared, pieces, unit, (off, left), believed))
 
 
