@@ -26,7 +26,7 @@ from serpent_twin.machines.model.doubts import (
 from serpent_twin.machines.model.encoders import put_right
 from serpent_twin.machines.model.likeness import require_own, require_units
 from serpent_twin.machines.model.limits import logged_limits
-from serpent_twin.machines.model.machine import ModelMachine
+from serpent_twin.machines.model.machine import EVERY, SEARCHED, ModelMachine
 from serpent_twin.machines.model.motion import STEPS, StartGains
 from serpent_twin.machines.model.noise import noise, quieter
 from serpent_twin.machines.model.poses import Rests
@@ -96,7 +96,8 @@ class ModelRig:
         )
         pieces = machine.pieces(training)
         if self.described.about.rows == MOTION:
-            machine = replace(machine, row=float(np.median(pieces.period)))
+            row = float(np.median(pieces.period))
+            machine = replace(machine, row=row, segments=(SEARCHED, EVERY))
         require_moving_poses(self.described, pieces)
         require_enough(self.described, len(machine.declared), pieces)
         few = pieces.take(range(0, len(pieces), max(1, len(pieces) // _FEW)))

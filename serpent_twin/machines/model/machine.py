@@ -48,6 +48,8 @@ from serpent_twin.sim.quiet import quietly
 
 EVERY = 1_000_000
 """Segments of the last fit: all"""
+SEARCHED = 16
+"""Segments of a motion by which candidates are chosen: a fit takes as long as they do"""
 _MANY, _ROUNDS = 12, (8, 2)
 """Degrees of freedom that are many; rounds along weak directions with fewer of them, and with so many"""
 
