@@ -116,8 +116,6 @@ class Tracer:
         """The calibration in which one number may be far off, if that explains as much as what a round
         accepted.
         """
-        if self.trials.little(self.case, done.errors):
-            return None
         case, begun = opening
         case = replace(case, widened=self.case.widened)
         names, found = leaving(case, begun), list[tuple[Case[Any], CandidateTrial]]()

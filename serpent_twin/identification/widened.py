@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from serpent_twin.identification.acceptance import CHANCE, CandidateTrial, Round, weakness
+from serpent_twin.identification.acceptance import CHANCE, HARDLY, CandidateTrial, Round
 from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitted import Fit, fits_better
@@ -15,6 +15,7 @@ from serpent_twin.identification.held_out import Errors, gain, gave_up
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.left_out import chance_of_selection
+from serpent_twin.identification.objective import cost_at
 from serpent_twin.identification.score_test import WORTH_A_FIT, Score
 from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.case import Case
@@ -24,6 +25,10 @@ _MOST = 3
 """Numbers that are tried, those that explain most"""
 _WIDE = 0.5
 """Standard deviation of a widened prior, of how far the number may go"""
+_DECISIVE = 6.0
+"""Least decrease of squares and priors, as twice the logarithm of a Bayes factor: strong evidence (Kass and
+Raftery, JASA 90, 1995)
+"""
 _STARTS = (-1.0, -0.33, 0.0, 0.33)
 """Where fits begin, of how far the number may go: absent, a tenth, as in the model, tenfold"""
 
@@ -54,7 +59,8 @@ def widened(
     among: int,
 ) -> tuple[Case[Any], CandidateTrial] | None:
     """A calibration in which one number may be far off, from where nothing is calibrated, judged against the
-    calibration `base`, with its case; None where it is unstable.
+    calibration `base`, with its case; None where it is unstable, or where other numbers that differ less from
+    what was built do as well.
     """
     weighed, begun = weighed_by_left(*opening, scored)
     farthest = next(each.farthest for each in weighed.declared if each.name == name)
@@ -90,7 +96,7 @@ def widened(
         return None
     fitted = trials.further(case, fitted, f"widened_{mark([name])}_further")
     after = trials.errors(case, fitted.point)
-    if gave_up(before, after):
+    if gave_up(before, after) or _saves(opening[0], trials, base, case, fitted) < _DECISIVE:
         return None
     selected = chance_of_selection(case, base, fitted, trials.training.session, among)
     found = gain(before, after, selected)
@@ -99,9 +105,18 @@ def widened(
     return case, CandidateTrial(score, fitted, found, after.marker, selected, after, fits)
 
 
+def _saves(usual: Case[Any], trials: Trials, base: Fit, case: Case[Any], fitted: Fit) -> float:
+    """By how much squares and priors are less with the widened prior than in a calibration without it."""
+    weighed, some = replace(usual, noise=case.noise), case.take(trials.training, fitted.used)
+    residual = weighed.residual([base.point], some)[0]
+    return cost_at(weighed, base.point, residual, fitted.variance_inflation) - fitted.cost
+
+
 def stands(trial: CandidateTrial, done: Round) -> bool:
-    """Whether a number that is far off explains as much as what a round accepted, beyond chance."""
-    if trial.gain is None or trial.errors is None or weakness(trial.gain):
+    """Whether a number that is far off explains held-out logs as well as a calibration without it, and as well
+    as what a round accepted.
+    """
+    if trial.gain is None or trial.errors is None or trial.gain.relative < -HARDLY:
         return False
     if not done.accepted:
         return True
