@@ -27,6 +27,7 @@ from serpent_twin.identification.acceptance import (
 from serpent_twin.identification.checkpoints import Checkpoints, mark
 from serpent_twin.identification.components import without_undetermined
 from serpent_twin.identification.detection import identifiability, opening_fit
+from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.gained import gained
@@ -36,7 +37,7 @@ from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
-from serpent_twin.identification.widened import leaving, stands, widened
+from serpent_twin.identification.widened import FarOff, begun_far_off, leaving, stands, widened
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
@@ -118,22 +119,22 @@ class Tracer:
         """
         case, begun = opening
         case = replace(case, widened=self.case.widened)
-        names, found = leaving(case, begun), list[tuple[Case[Any], CandidateTrial]]()
         kept = [name for name in case.candidates if name not in case.unseen]
         scored = list(self.trials.scores("1_start", case, begun, kept).values())
-        for name in names:
-            tried = widened(self.trials, (case, begun), scored, base, done.errors, name, len(names))
-            if tried and stands(tried[1], done):
+        several, found = leaving(case, begun), list[FarOff]()
+        opening = weighed_by_left(case, begun, scored)
+        points = begun_far_off(self.trials, *opening, several)
+        for name, point in points.items():
+            tried = widened(self.trials, opening, base, done.errors, name, point, len(several))
+            if tried and stands(tried.trial, done):
                 found.append(tried)
-                assert tried[1].errors is not None
-                if self.trials.little(self.case, tried[1].errors):
-                    break
         if not found:
             return None
-        case, best = min(found, key=lambda each: each[1].error)
-        assert best.fit is not None
-        self.case = replace(self.case, widened=case.widened, noise=case.noise)
-        return self._reweighted(f"widened_{mark(list(case.widened))}", best.fit)
+        most = max(found, key=lambda each: each.saves)
+        fitted = most.trial.fit
+        assert fitted is not None
+        self.case = replace(self.case, widened=most.case.widened, noise=most.case.noise)
+        return self._reweighted(f"widened_{mark(list(most.case.widened))}", fitted)
 
     def _settled(self, better: Fit, number: int) -> Fit:
         """The fit of an accepted effect, to which others are added."""

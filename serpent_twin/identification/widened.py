@@ -1,30 +1,33 @@
 """Try whether one number of the model is far off, to its absence, before an effect is blamed for it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from serpent_twin.identification.acceptance import CHANCE, HARDLY, CandidateTrial, Round
 from serpent_twin.identification.checkpoints import mark
-from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitted import Fit, fits_better
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors, gain, gave_up
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.left_out import chance_of_selection
-from serpent_twin.identification.objective import cost_at
-from serpent_twin.identification.score_test import WORTH_A_FIT, Score
+from serpent_twin.identification.objective import cost_at, variance_inflation
+from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
-_MOST = 3
-"""Numbers that are tried, those that explain most"""
+_SCREENED, _MOST = 12, 3
+"""Numbers that are simulated far off, and of these fitted: those that explain most"""
+_AWAY = 3.0
+"""Least logarithm to which a number may go that can be as good as absent: a twentieth"""
 _WIDE = 0.5
 """Standard deviation of a widened prior, of how far the number may go"""
+_REWEIGHTED = 2
+"""Times that a fit goes on with the weights of what it leaves, as that of a calibration does"""
 _DECISIVE = 6.0
 """Least decrease of squares and priors, as twice the logarithm of a Bayes factor: strong evidence (Kass and
 Raftery, JASA 90, 1995)
@@ -33,49 +36,72 @@ _STARTS = (-1.0, -0.33, 0.0, 0.33)
 """Where fits begin, of how far the number may go: absent, a tenth, as in the model, tenfold"""
 
 
+@dataclass(frozen=True)
+class FarOff:
+    """A calibration in which one number may be far off."""
+
+    case: Case[Any]
+    """With that number's prior widened, and the weights of this calibration"""
+    trial: CandidateTrial
+    """Judged against the calibration without it"""
+    saves: float
+    """By how much squares and priors are less than without it, by its own weights"""
+
+
 def leaving(case: Case[Any], opening: Fit) -> list[str]:
-    """The names of declared logarithms that explain more of what is left to first order if their priors are
-    widened, those that explain most first.
+    """The names of declared logarithms, those first that explain most of what is left to first order if their
+    priors are widened.
     """
     known, residual = Information.of(case, opening), opening.residual.ravel().astype(float)
     left, found = known.left(residual), {}
     for n, k in enumerate(opening.free.declared):
         each = case.declared[k]
-        if np.isfinite(each.farthest) and each.name not in case.widened:
+        if _AWAY < each.farthest < np.inf and each.name not in case.widened:
             prior = known.prior.copy()
             prior[n] = (_WIDE * each.farthest) ** -2
             found[each.name] = 1 - replace(known, prior=prior).left(residual) / left
-    far = [name for name in found if found[name] > WORTH_A_FIT]
-    return sorted(far, key=lambda name: -found[name])[:_MOST]
+    return sorted(found, key=lambda name: -found[name])[:_SCREENED]
+
+
+def begun_far_off(
+    trials: Trials, case: Case[Any], opening: Fit, names: Sequence[str]
+) -> dict[str, ParameterVector]:
+    """Where fits begin in which one number is far off, and all others are as in the model: the best few of
+    some numbers, each where it leaves least.
+    """
+    some, points = case.take(trials.training, opening.used), list[ParameterVector]()
+    for name in names:
+        k = [each.name for each in case.declared].index(name)
+        for share in _STARTS:
+            start = np.zeros(len(case.declared))
+            start[k] = share * case.declared[k].farthest
+            points.append(opening.point.after(start))
+    squares = (case.residual(points, some, case.coarse_step(points)) ** 2).sum(axis=(1, 2))
+    left = np.where(np.isfinite(squares), squares, np.inf).reshape(-1, len(_STARTS))
+    best = np.argsort(left.min(axis=1))[:_MOST] if len(names) else []
+    return {
+        names[n]: points[n * len(_STARTS) + int(np.argmin(left[n]))]
+        for n in best
+        if np.isfinite(left[n]).any()
+    }
 
 
 def widened(
     trials: Trials,
     opening: tuple[Case[Any], Fit],
-    scored: Sequence[Score],
     base: Fit,
     before: Errors,
     name: str,
+    point: ParameterVector,
     among: int,
-) -> tuple[Case[Any], CandidateTrial] | None:
-    """A calibration in which one number may be far off, from where nothing is calibrated, judged against the
-    calibration `base`, with its case; None where it is unstable, or where other numbers that differ less from
-    what was built do as well.
+) -> FarOff | None:
+    """A calibration in which one number may be far off, from a point where it is, judged against the
+    calibration `base`; None where it is unstable, or where other numbers that differ less from what was built
+    do as well.
     """
-    weighed, begun = weighed_by_left(*opening, scored)
-    farthest = next(each.farthest for each in weighed.declared if each.name == name)
-    case = weighed.widening(name, _WIDE * farthest)
-    k = [each.name for each in case.declared].index(name)
-    points = []
-    for share in _STARTS:
-        start = np.zeros(len(case.declared))
-        start[k] = share * farthest
-        points.append(ParameterVector(start, begun.point.effects))
-    some = case.take(trials.training, begun.used)
-    cost = (case.residual(points, some) ** 2).sum(axis=(1, 2))
-    if not np.isfinite(cost).any():
-        return None
-    point = points[int(np.nanargmin(cost))]
+    usual, begun = opening
+    farthest = next(each.farthest for each in usual.declared if each.name == name)
+    case = usual.widening(name, _WIDE * farthest)
     free = free_parameters(case, list(point.effects))
     trials.on_progress(f"calibrating with {name} far off")
     fitted = trials.stable(
@@ -94,27 +120,36 @@ def widened(
     )
     if fitted is None:
         return None
-    fitted = trials.further(case, fitted, f"widened_{mark([name])}_further")
+    for again in range(_REWEIGHTED):
+        case = case.weighed_by(fitted.residual, case.take(trials.training, fitted.used))
+        fitted = trials.further(case, fitted, f"widened_{mark([name])}_again_{again}")
     after = trials.errors(case, fitted.point)
-    if gave_up(before, after) or _saves(opening[0], trials, base, case, fitted) < _DECISIVE:
+    saves = _saves(usual, trials, base, case, fitted)
+    if gave_up(before, after) or saves < _DECISIVE:
         return None
     selected = chance_of_selection(case, base, fitted, trials.training.session, among)
     found = gain(before, after, selected)
     score = Score(name, 1.0, 1.0, np.zeros(0))
     fits = fits_better(base, fitted, case.channels)
-    return case, CandidateTrial(score, fitted, found, after.marker, selected, after, fits)
+    trial = CandidateTrial(score, fitted, found, after.marker, selected, after, fits)
+    return FarOff(case, trial, saves)
 
 
 def _saves(usual: Case[Any], trials: Trials, base: Fit, case: Case[Any], fitted: Fit) -> float:
-    """By how much squares and priors are less with the widened prior than in a calibration without it."""
-    weighed, some = replace(usual, noise=case.noise), case.take(trials.training, fitted.used)
-    residual = weighed.residual([base.point], some)[0]
-    return cost_at(weighed, base.point, residual, fitted.variance_inflation) - fitted.cost
+    """As `FarOff` has it: the less of the two residuals says how correlated and how large noise is."""
+    some = case.take(trials.training, fitted.used)
+    case = case.weighed_by(fitted.residual, some)
+    cost, inflation = [], 1.0
+    for each, point in ((case, fitted.point), (replace(case, widened=usual.widened), base.point)):
+        residual = each.residual([point], some)[0]
+        inflation = inflation if cost else variance_inflation(residual, case.channels)
+        cost.append(cost_at(each, point, residual, inflation))
+    return cost[1] - cost[0]
 
 
 def stands(trial: CandidateTrial, done: Round) -> bool:
-    """Whether a number that is far off explains held-out logs as well as a calibration without it, and as well
-    as what a round accepted.
+    """Whether a number that is far off explains held-out logs as well as the calibration without it, and as
+    well as what was accepted.
     """
     if trial.gain is None or trial.errors is None or trial.gain.relative < -HARDLY:
         return False
