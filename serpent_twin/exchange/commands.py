@@ -6,7 +6,6 @@ from pathlib import Path
 
 from serpent_twin import stored
 from serpent_twin.exchange.map_file import MappedField, MappedStream
-from serpent_twin.machines.model.description import ADVICE, Description
 
 MACHINE = "machine.toml"
 _COMMAND = re.compile(
@@ -21,6 +20,11 @@ def stated_roles(path: Path | None) -> dict[str, bool]:
     """Whether each column that a machine.toml names is a command: one that drives an actuator, and what
     switches it, are; the motion of a prescribed joint and what is measured are not.
     """
+    from serpent_twin.machines.model.description import (  # loads all of a machine
+        ADVICE,
+        Description,
+    )
+
     if path is None:
         return {}
     about = stored.read_toml(path, Description, ADVICE)

@@ -141,7 +141,7 @@ def test_without_a_twin_the_observer_is_told_how_it_is_had(tmp_path):
     assert training["--twin"] == [f"{tracing['--out'][0]}/twin.json"]
     for number in (1, 2, 3):
         (tmp_path / "arm_x" / f"session_0{number}.parquet").unlink()
-        write(tmp_path / "arm_x", make_session(number, rows=120))
+        write(tmp_path / "arm_x", make_session(number, rows=115))
     plan = trained(Train(tmp_path / "arm_x", tmp_path / "out"))
     assert next_step.trace(plan) is None  # shorter than what a trace takes
     assert "--twin" in next_step.without_observer(plan)

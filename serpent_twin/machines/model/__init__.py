@@ -37,7 +37,7 @@ from serpent_twin.machines.model.shared_unit import require_shared_unit
 from serpent_twin.machines.model.sought import sought
 from serpent_twin.machines.model.starts import with_starts
 
-_CONVERGED, _PART = 1 / 3, 1e-3
+_CONVERGED, _PART = 0.15, 2e-3
 _FEW = 10
 """Segments by which a machine is sized, some"""
 
@@ -110,7 +110,7 @@ class ModelRig:
             machine = _quieter(machine, few, found)
             if not self.described.about.steps:
                 steps, found = _steps(machine, few, found)
-                machine = replace(machine, steps=steps)
+                machine = _stepping(machine, steps)
         first, spread = _first(machine, few, found)
         machine = replace(machine, frame=first)
         if self.described.about.rows == POSES:
@@ -151,16 +151,20 @@ def _quieter(machine: ModelMachine, few: Runs, found: Array) -> ModelMachine:
     return replace(machine, outputs=tuple(outputs), begun=SessionStarts())
 
 
+def _stepping(machine: ModelMachine, steps: int) -> ModelMachine:
+    """The machine with so many time steps a row, by which its sessions begin, too."""
+    return replace(machine, steps=steps, gains=StartGains(), begun=SessionStarts())
+
+
 def _steps(machine: ModelMachine, few: Runs, coarse: Array) -> tuple[int, Array]:
-    """Time steps of a row, of which twice as many change what is seen by a third of its noise at most, or of
-    a small part of what the model is off by; and what is seen with them, from what is seen with the fewest,
-    (S, T, C). Twice as many where a motion is prescribed, whose speed makes forces that are of first order in
-    the step.
+    """Time steps of a row, of which twice as many change what is seen by a small part of its noise at most,
+    or of what the model is off by; and what is seen with them, from what is seen with the fewest, (S, T, C).
+    Twice as many where a motion is prescribed, whose speed makes forces that are of first order in the step.
     """
     off = np.sqrt(np.nanmean((few.measured - coarse) ** 2, axis=(0, 1)))
     noise = np.maximum([each.noise for each in machine.outputs], _PART * off)
     for fewer, steps in pairwise(STEPS):
-        fine = _nominal(replace(machine, steps=steps), few)
+        fine = _nominal(_stepping(machine, steps), few)
         if np.sqrt(np.nanmean(((fine - coarse) / noise) ** 2)) < _CONVERGED:
             return (steps, fine) if machine.described.prescribed else (fewer, coarse)
         coarse = fine
