@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -109,8 +108,7 @@ class ModelRig:
         if self.described.about.rows == MOTION:
             machine = _quieter(machine, few, found)
             if not self.described.about.steps:
-                steps, found = _steps(machine, few, found)
-                machine = _stepping(machine, steps)
+                machine, found = _finer(machine, few, found)
         first, spread = _first(machine, few, found)
         machine = replace(machine, frame=first)
         if self.described.about.rows == POSES:
@@ -151,24 +149,21 @@ def _quieter(machine: ModelMachine, few: Runs, found: Array) -> ModelMachine:
     return replace(machine, outputs=tuple(outputs), begun=SessionStarts())
 
 
-def _stepping(machine: ModelMachine, steps: int) -> ModelMachine:
-    """The machine with so many time steps a row, by which its sessions begin, too."""
-    return replace(machine, steps=steps, gains=StartGains(), begun=SessionStarts())
-
-
-def _steps(machine: ModelMachine, few: Runs, coarse: Array) -> tuple[int, Array]:
-    """Time steps of a row, of which twice as many change what is seen by a small part of its noise at most,
-    or of what the model is off by; and what is seen with them, from what is seen with the fewest, (S, T, C).
-    Twice as many where a motion is prescribed, whose speed makes forces that are of first order in the step.
+def _finer(machine: ModelMachine, few: Runs, coarse: Array) -> tuple[ModelMachine, Array]:
+    """The machine with as many time steps a row as its noise asks for, and what it shows, from what it shows
+    with the fewest, (S, T, C): twice as many change that by a small part of the noise at most, or of what the
+    model is off by. Twice as many where a motion is prescribed, whose speed makes forces that are of first
+    order in the step. Sessions begin by the same steps.
     """
     off = np.sqrt(np.nanmean((few.measured - coarse) ** 2, axis=(0, 1)))
     noise = np.maximum([each.noise for each in machine.outputs], _PART * off)
-    for fewer, steps in pairwise(STEPS):
-        fine = _nominal(_stepping(machine, steps), few)
+    for steps in STEPS[1:]:
+        finer = replace(machine, steps=steps, gains=StartGains(), begun=SessionStarts())
+        fine = _nominal(finer, few)
         if np.sqrt(np.nanmean(((fine - coarse) / noise) ** 2)) < _CONVERGED:
-            return (steps, fine) if machine.described.prescribed else (fewer, coarse)
-        coarse = fine
-    return STEPS[-1], coarse
+            return (finer, fine) if machine.described.prescribed else (machine, coarse)
+        machine, coarse = finer, fine
+    return machine, coarse
 
 
 def _first(machine: ModelMachine, few: Runs, found: Array) -> tuple[dict[str, Any], Array]:
