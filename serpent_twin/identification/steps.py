@@ -321,8 +321,20 @@ class Tracer:
             case, begun = self._opened(base, number) if number > 1 else opening
             opened = self.trials.from_opening(names, case, begun, base, before, f"{number}_start")
         done = [name for name, each in opened.items() if each.fit]
+        # beside one that leaves hardly more than noise, none from a calibration without it is worth a fit
+        plain = any(
+            each.errors and self.trials.little(self.case, each.errors) for each in opened.values()
+        )
         trials = self.trials.each(
-            names, self.case, base, base, before, f"{number}_base", anyway=missed, but=done
+            names,
+            self.case,
+            base,
+            base,
+            before,
+            f"{number}_base",
+            most=0 if plain else None,
+            anyway={} if plain else missed,
+            but=done,
         )
         trials |= {name: replace(opened[name], score=trials[name].score) for name in done}
         if best := best_trial(trials, self.case.candidates):
