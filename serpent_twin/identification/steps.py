@@ -47,6 +47,8 @@ BEATS = 0.97
 """Share of a fit's cost that a fit from another start must come below to replace it. A candidate from the
 opening must come below that share of a first calibration's cost with its first derivative
 """
+_DEAR = 10
+"""Steps that a derivative serves which costs much more than they do"""
 _UNDONE = "another, which did not stand when everything was fitted anew"
 
 
@@ -275,7 +277,14 @@ class Tracer:
         if not found.point.effects and len(found.used) >= most:
             return found
         self.case = self._weighed_by(found)
-        return self._fit("last", found.point, found.free, 0, carried=found, last=True)
+        return self._fit("last", found.point, found.free, self._last, carried=found, last=True)
+
+    @property
+    def _last(self) -> int:
+        """Derivatives of a last fit beside the one that it begins with: none where rounds along weak
+        directions follow, or where derivatives are dear.
+        """
+        return int(not self.case.weak_rounds and self.case.steps_of_derivative < _DEAR)
 
     def _without_idle(self, last: Fit) -> Fit:
         """The last fit without effects that it has brought to nothing: what they had gained, it gains too."""
@@ -284,7 +293,7 @@ class Tracer:
         if not idle:
             return last
         rest = last.without(idle)
-        return self._fit("last_without", rest.point, rest.free, 0, carried=rest, last=True)
+        return self._fit("last_without", rest.point, rest.free, self._last, carried=rest, last=True)
 
     def _opened(self, base: Fit, number: int) -> _Opening:
         """Where a round begins that is not the first: the nominal twin with the effects, and the numbers far

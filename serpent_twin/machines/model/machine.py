@@ -87,7 +87,11 @@ class ModelMachine(RunMachine):
 
     @property
     def weak_rounds(self) -> int:
-        """Fewer for many joints: a round takes some seventy simulations of all segments."""
+        """Fewer for many joints, as a round takes some seventy simulations of all segments; none for a
+        motion, whose derivatives cost less and gain as much.
+        """
+        if self.described.about.rows == MOTION:
+            return 0
         return _ROUNDS[self.described.model.nv > _MANY]
 
     @property
