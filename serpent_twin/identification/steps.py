@@ -10,8 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from serpent_twin.arrays import Array
 from serpent_twin.identification.absorbed import told_together, without_ends
 from serpent_twin.identification.acceptance import (
@@ -27,9 +25,9 @@ from serpent_twin.identification.acceptance import (
 from serpent_twin.identification.checkpoints import Checkpoints, mark
 from serpent_twin.identification.components import without_undetermined
 from serpent_twin.identification.detection import identifiability, opening_fit
-from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
+from serpent_twin.identification.from_opening import Opening, from_opening, opened
 from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
@@ -37,7 +35,7 @@ from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
-from serpent_twin.identification.widened import FarOff, begun_far_off, leaving, stands, widened
+from serpent_twin.identification.widened import far_off
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
@@ -50,10 +48,6 @@ opening must come below that share of a first calibration's cost with its first 
 _DEAR = 10
 """Steps that a derivative serves which costs much more than they do"""
 _UNDONE = "another, which did not stand when everything was fitted anew"
-
-
-_Opening = tuple[Case[Any], Fit]
-"""Where a trace begins: the case, and the fit without any step"""
 
 
 class Tracer:
@@ -106,37 +100,16 @@ class Tracer:
         base, rounds = calibrated, list[Round]()
         while len(rounds) < _MOST_EFFECTS:
             done = self._round(base, rounds, opening)
-            if not rounds and (wide := self._far_off(base, opening, done)):
-                calibrated = base = wide
+            if not rounds and (wide := far_off(self.trials, self.case, opening, base, done)):
+                self.case = replace(self.case, widened=wide.case.widened, noise=wide.case.noise)
+                stage = f"widened_{mark(list(self.case.widened))}"
+                calibrated = base = self._reweighted(stage, wide.fit)
                 continue
             rounds.append(done)
             if (better := self._stands(rounds)) is None:
                 break
             base = self._settled(better, len(rounds))
         return calibrated, base, rounds
-
-    def _far_off(self, base: Fit, opening: _Opening, done: Round) -> Fit | None:
-        """The calibration in which one number may be far off, if that explains as much as what a round
-        accepted.
-        """
-        case, begun = opening
-        case = replace(case, widened=self.case.widened)
-        kept = [name for name in case.candidates if name not in case.unseen]
-        scored = list(self.trials.scores("1_start", case, begun, kept).values())
-        several, found = leaving(case, begun), list[FarOff]()
-        opening = weighed_by_left(case, begun, scored)
-        points = begun_far_off(self.trials, *opening, several)
-        for name, point in points.items():
-            tried = widened(self.trials, opening, base, done.errors, name, point, len(several))
-            if tried and stands(tried.trial, done):
-                found.append(tried)
-        if not found:
-            return None
-        most = max(found, key=lambda each: each.saves)
-        fitted = most.trial.fit
-        assert fitted is not None
-        self.case = replace(self.case, widened=most.case.widened, noise=most.case.noise)
-        return self._reweighted(f"widened_{mark(list(most.case.widened))}", fitted)
 
     def _settled(self, better: Fit, number: int) -> Fit:
         """The fit of an accepted effect, to which others are added."""
@@ -196,7 +169,7 @@ class Tracer:
         """Held-out errors of a parameter vector."""
         return self.trials.errors(self.case, point)
 
-    def _calibrate(self, start: ParameterVector) -> tuple[_Opening, Fit]:
+    def _calibrate(self, start: ParameterVector) -> tuple[Opening, Fit]:
         """Fit the declared parameters, updating weights in between; returns the opening and the calibrated
         twin.
         """
@@ -295,23 +268,7 @@ class Tracer:
         rest = last.without(idle)
         return self._fit("last_without", rest.point, rest.free, self._last, carried=rest, last=True)
 
-    def _opened(self, base: Fit, number: int) -> _Opening:
-        """Where a round begins that is not the first: the nominal twin with the effects, and the numbers far
-        off, that were found so far.
-        """
-        start = ParameterVector.nominal(self.case.declared, base.point.effects)
-        wide = [each.name in self.case.widened for each in self.case.declared]
-        start = start.after(np.where(wide, base.point.declared, 0.0))
-        case = self.case.reweighted(start, self.training)
-        free = free_parameters(case, list(base.point.effects))
-        self.on_progress(f"opening of round {number}")
-        begun = self.notes.fit(
-            f"opening_{number}",
-            lambda: fit(case, self.training, start, free, 1, case.segments[0], steps=0),
-        )
-        return case, begun
-
-    def _round(self, base: Fit, rounds: Sequence[Round], opening: _Opening) -> Round:
+    def _round(self, base: Fit, rounds: Sequence[Round], opening: Opening) -> Round:
         """Try all candidates; those that calibration may have absorbed also where nothing is calibrated yet;
         and pairs, if none is accepted alone. Without any, a promising candidate stands until it was fitted
         again.
@@ -325,14 +282,14 @@ class Tracer:
         before = self.errors(base.point)
         much = number > 1 and not self.trials.little(self.case, before)
         missed = outdone(rounds[-1]) if much and rounds else {}
-        opened = {}
+        absorbed = {}
         if much or number == 1:
-            case, begun = self._opened(base, number) if number > 1 else opening
-            opened = self.trials.from_opening(names, case, begun, base, before, f"{number}_start")
-        done = [name for name, each in opened.items() if each.fit]
+            now = opened(self.trials, self.case, base, number) if number > 1 else opening
+            absorbed = from_opening(self.trials, names, now, base, before, f"{number}_start")
+        done = [name for name, each in absorbed.items() if each.fit]
         # beside one that leaves hardly more than noise, none from a calibration without it is worth a fit
         plain = any(
-            each.errors and self.trials.little(self.case, each.errors) for each in opened.values()
+            each.errors and self.trials.little(self.case, each.errors) for each in absorbed.values()
         )
         trials = self.trials.each(
             names,
@@ -345,7 +302,7 @@ class Tracer:
             anyway={} if plain else missed,
             but=done,
         )
-        trials |= {name: replace(opened[name], score=trials[name].score) for name in done}
+        trials |= {name: replace(absorbed[name], score=trials[name].score) for name in done}
         if best := best_trial(trials, self.case.candidates):
             return Round(base, before, trials, (best,))
         tried = self.trials.pairs(

@@ -19,7 +19,6 @@ from serpent_twin.identification.acceptance import (
 from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.discovery.composed import APART
-from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitted import Fit, fits_better
 from serpent_twin.identification.free_parameters import UnstableStartError, free_parameters
 from serpent_twin.identification.gained import gained, happens_once
@@ -51,8 +50,6 @@ _WEAK = 0.1
 """Share of the strength that an effect had alone, from which it is fitted beside another"""
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
-_FROM_OPENING = 3
-"""Candidates that are fitted from where nothing is calibrated"""
 _RIVALS = 2
 """Rivals, below which those that were not fitted in their round are fitted afterwards"""
 
@@ -118,47 +115,13 @@ class Trials:
             if name in missed:  # what has taken up its part must give way
                 fitted = self.further(case, fitted, f"fit_{stage}_{name}_beside")
             best = min(best, fitted.cost)
-            trials[name] = self._judged(case, found[name], base, fitted, before, len(chosen))
+            trials[name] = self.judged(case, found[name], base, fitted, before, len(chosen))
         near = min(beat, begun.cost - _NEAR * (begun.cost - best))
         for name in () if beside and self.little(case, before) else chosen:
             fitted = trials[name].fit
             if fitted and not fitted.converged and fitted.cost < near:
                 further = self.further(case, fitted, f"fit_{stage}_{name}_further")
-                trials[name] = self._judged(case, found[name], base, further, before, len(chosen))
-        return trials
-
-    def from_opening(
-        self,
-        names: Sequence[str],
-        case: Case[Any],
-        opening: Fit,
-        base: Fit,
-        before: Errors,
-        stage: str,
-    ) -> dict[str, CandidateTrial]:
-        """Score tests of candidates where nothing is calibrated, and full fits of the best few together with
-        all declared parameters, judged against the base. What a calibration without them has absorbed shows
-        here.
-        """
-        found = self.placed(stage, case, opening, self.scores(stage, case, opening, names))
-        trials = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
-        chosen = worth_fitting(list(found.values()), case.candidates)[:_FROM_OPENING]
-        if not chosen:
-            return trials
-        weighed, begun = weighed_by_left(case, opening, list(found.values()))
-        for name in chosen:
-            self.on_progress(f"{stage.split('_')[0]}, from the opening: fitting {spaced(name)}")
-            fitted = self.stable(
-                f"fit_{stage}_{name}",
-                lambda one=found[name]: full_fit(
-                    weighed, self.training, begun, one, self.on_progress, afresh=True
-                ),
-            )
-            if fitted is None:
-                trials[name] = replace(trials[name], score=replace(found[name], unstable=True))
-                continue
-            fitted = self.further(weighed, fitted, f"fit_{stage}_{name}_further")
-            trials[name] = self._judged(weighed, found[name], base, fitted, before, len(chosen))
+                trials[name] = self.judged(case, found[name], base, further, before, len(chosen))
         return trials
 
     def _chosen(
@@ -235,7 +198,7 @@ class Trials:
             if fitted is None or gave_up(before, self.errors(case, fitted.point)):
                 continue
             among = len(chosen) + len(known)
-            trial = self._judged(case, scores[pair.names[0]], base, fitted, before, among)
+            trial = self.judged(case, scores[pair.names[0]], base, fitted, before, among)
             assert trial.gain
             why = weakness_of_fit(fitted, trial.gain, {name: known[name] for name in pair.names})
             out.append(PairTrial(pair, trial, why))
@@ -280,7 +243,7 @@ class Trials:
             out.append(Rival(other, alone, ahead.marker, ahead.probability_of_chance, hardly))
         return tuple(out)
 
-    def _judged(
+    def judged(
         self, case: Case[Any], score: Score, base: Fit, fitted: Fit, before: Errors, among: int
     ) -> CandidateTrial:
         """A full fit judged against the base: selected by training sessions, or segments if it happens once,

@@ -8,6 +8,7 @@ import numpy as np
 
 from serpent_twin.identification.acceptance import CHANCE, HARDLY, CandidateTrial, Round
 from serpent_twin.identification.checkpoints import mark
+from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitted import Fit, fits_better
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors, gain, gave_up
@@ -47,6 +48,31 @@ class FarOff:
     saves: float
     """By how much squares and priors are less than without it, by its own weights"""
 
+    @property
+    def fit(self) -> Fit:
+        """The calibration."""
+        assert self.trial.fit is not None
+        return self.trial.fit
+
+
+def far_off(
+    trials: Trials, case: Case[Any], opening: tuple[Case[Any], Fit], base: Fit, done: Round
+) -> FarOff | None:
+    """The calibration in which one number may be far off, if that explains logs as well as the calibration
+    `base`, and as what a round on top of it accepted.
+    """
+    at, begun = opening
+    at = replace(at, widened=case.widened)
+    kept = [name for name in at.candidates if name not in at.unseen]
+    scored = list(trials.scores("1_start", at, begun, kept).values())
+    several, found = leaving(at, begun), list[FarOff]()
+    weighed = weighed_by_left(at, begun, scored)
+    for name, point in begun_far_off(trials, *weighed, several).items():
+        tried = widened(trials, weighed, base, done.errors, name, point, len(several))
+        if tried and stands(tried.trial, done):
+            found.append(tried)
+    return max(found, key=lambda each: each.saves, default=None)
+
 
 def leaving(case: Case[Any], opening: Fit) -> list[str]:
     """The names of declared logarithms, those first that explain most of what is left to first order if their
@@ -78,7 +104,7 @@ def begun_far_off(
             points.append(opening.point.after(start))
     squares = (case.residual(points, some, case.coarse_step(points)) ** 2).sum(axis=(1, 2))
     left = np.where(np.isfinite(squares), squares, np.inf).reshape(-1, len(_STARTS))
-    best = np.argsort(left.min(axis=1))[:_MOST] if len(names) else []
+    best: list[int] = np.argsort(left.min(axis=1))[:_MOST].tolist() if names else []
     return {
         names[n]: points[n * len(_STARTS) + int(np.argmin(left[n]))]
         for n in best

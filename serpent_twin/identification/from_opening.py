@@ -1,0 +1,75 @@
+"""Fit candidates from where nothing is calibrated: a calibration without them absorbs delays and friction."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from serpent_twin.identification.acceptance import CandidateTrial
+from serpent_twin.identification.explained import weighed_by_left
+from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.held_out import Errors
+from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.score_test import full_fit, worth_fitting
+from serpent_twin.identification.trials import Trials
+from serpent_twin.identification.wording import spaced
+from serpent_twin.machines.case import Case
+from serpent_twin.machines.machine import ParameterVector
+
+_FITTED = 3
+"""Candidates that are fitted"""
+Opening = tuple[Case[Any], Fit]
+"""A case, and the fit without any step from where nothing is calibrated"""
+
+
+def opened(trials: Trials, case: Case[Any], base: Fit, number: int) -> Opening:
+    """Where a round begins that is not the first: the nominal twin with the effects, and the numbers far off,
+    that were found so far.
+    """
+    start = ParameterVector.nominal(case.declared, base.point.effects)
+    wide = [each.name in case.widened for each in case.declared]
+    start = start.after(np.where(wide, base.point.declared, 0.0))
+    case = case.reweighted(start, trials.training)
+    free = free_parameters(case, list(base.point.effects))
+    trials.on_progress(f"opening of round {number}")
+    begun = trials.notes.fit(
+        f"opening_{number}",
+        lambda: fit(case, trials.training, start, free, 1, case.segments[0], steps=0),
+    )
+    return case, begun
+
+
+def from_opening(
+    trials: Trials,
+    names: Sequence[str],
+    opening: Opening,
+    base: Fit,
+    before: Errors,
+    stage: str,
+) -> dict[str, CandidateTrial]:
+    """Score tests of candidates where nothing is calibrated, and full fits of the best few together with all
+    declared parameters, judged against the calibrated `base`.
+    """
+    case, begun = opening
+    found = trials.placed(stage, case, begun, trials.scores(stage, case, begun, names))
+    out = {name: CandidateTrial(s, None, None, before.marker) for name, s in found.items()}
+    chosen = worth_fitting(list(found.values()), case.candidates)[:_FITTED]
+    if not chosen:
+        return out
+    weighed, begun = weighed_by_left(case, begun, list(found.values()))
+    for name in chosen:
+        trials.on_progress(f"{stage.split('_')[0]}, from the opening: fitting {spaced(name)}")
+        fitted = trials.stable(
+            f"fit_{stage}_{name}",
+            lambda one=found[name]: full_fit(
+                weighed, trials.training, begun, one, trials.on_progress, afresh=True
+            ),
+        )
+        if fitted is None:
+            out[name] = replace(out[name], score=replace(found[name], unstable=True))
+            continue
+        fitted = trials.further(weighed, fitted, f"fit_{stage}_{name}_further")
+        out[name] = trials.judged(weighed, found[name], base, fitted, before, len(chosen))
+    return out
