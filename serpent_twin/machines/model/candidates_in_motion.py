@@ -30,8 +30,10 @@ _FADES, _SLIPS = 0.1, 0.1
 """Typical of a stiffness that is lost in a session; of a stretch that slips in one"""
 _GRIPS = (0.6, 0.35, 0.85)
 """Where fits of the tension above which a clamp slips start, of the greatest"""
-_CREEPS, _WARMS, _LATE = 0.2, 0.3, 2.0
-"""Of a session's duration, a time constant of creep and of warming: typical, and the longest of both"""
+_CREEPS, _LATE = 0.2, 2.0
+"""Of a session's duration, a time constant of creep: typical and longest"""
+_WARMS, _WARM = 0.3, 0.5
+"""And one of warming: what falls more slowly is not told from friction that stays"""
 _LONG = 25.0
 """Session from which on what is slow can show [s]: five of creep's shortest time constants"""
 
@@ -85,7 +87,7 @@ def _warming(machine: Described, name: str, sized: Sizes, seconds: float) -> Can
     """Friction that is greater while a joint is cold, of a session that lasts so long [s]."""
     force = float(sized.force[int(machine.model.joint(name).dofadr[0])])
     known = effects.ranges(KNOWN["friction_warming"])["time"]
-    time = replace(known, typical=_WARMS * seconds, high=_LATE * seconds)
+    time = replace(known, typical=_WARMS * seconds, high=_WARM * seconds)
     extra = sized_range("friction_warming", "extra", _RUBS * force)
     return candidate(
         f"friction_warming@{name}", extra=of_joint(machine.model, name, extra), time=time
