@@ -61,10 +61,18 @@ def noise_alone(case: Case[Any], pieces: Any) -> float:
 
 
 def bars(
-    case: Case[Any], found: Fit, error: float, held_out: Any, noise: Noise, rng: np.random.Generator
+    case: Case[Any],
+    found: Fit,
+    error: float,
+    held_out: Any,
+    noise: Noise,
+    rng: np.random.Generator,
+    wider: float = 1.0,
 ) -> Bars:
-    """The bars for a fitted twin that makes a mean error on held-out segments."""
+    """The bars for a fitted twin that makes a mean error on held-out segments, whose standard errors are made
+    so many times `wider`.
+    """
     camera = noise_alone(case, held_out)
-    share = min(1.0, BEYOND * camera / error) if error > 0 else 1.0
+    share = wider * min(1.0, BEYOND * camera / error) if error > 0 else wider
     complete = case.expected(found.point, drawn(case, found, rng, _DRAWS, share), held_out, rng)
     return Bars(camera, complete, noise.mean_jitter, case.machine.error_before_change)

@@ -65,8 +65,9 @@ def build_diagnosis(
     found = {name: analyse(compared[name], rng) for name in ("calibrated", "corrected")}
     held = {name: errors(each) for name, each in compared.items()}
     noise = found["corrected"].noise
-    # Of the search's segments: more make what the twin idealises no smaller, and the bar allows for it.
-    bar = bars(case, selection.settled, held["corrected"].marker, held_out, noise, rng)
+    # More segments than the search's make what the twin idealises no smaller, and the bar allows for it.
+    wider = float(np.sqrt(len(final.used) / len(selection.settled.used)))
+    bar = bars(case, final, held["corrected"].marker, held_out, noise, rng, wider)
     error = {name: each.marker for name, each in held.items()}
     load = {name: each.load for name, each in held.items()}
     learned = learn(case.compare(final.point, tracer.training), compared["corrected"], rng)
