@@ -20,6 +20,8 @@ from serpent_twin.machines.machine import ParameterVector
 
 _FITTED = 3
 """Candidates that are fitted"""
+_DEAR = 10
+"""Steps that a derivative serves which costs much more than they do: fits go no further then"""
 Opening = tuple[Case[Any], Fit]
 """A case, and the fit without any step from where nothing is calibrated"""
 
@@ -59,17 +61,19 @@ def from_opening(
     if not chosen:
         return out
     weighed, begun = weighed_by_left(case, begun, list(found.values()))
+    cheap = case.steps_of_derivative < _DEAR
     for name in chosen:
         trials.on_progress(f"{stage.split('_')[0]}, from the opening: fitting {spaced(name)}")
         fitted = trials.stable(
             f"fit_{stage}_{name}",
             lambda one=found[name]: full_fit(
-                weighed, trials.training, begun, one, trials.on_progress, afresh=True
+                weighed, trials.training, begun, one, trials.on_progress, afresh=cheap
             ),
         )
         if fitted is None:
             out[name] = replace(out[name], score=replace(found[name], unstable=True))
             continue
-        fitted = trials.further(weighed, fitted, f"fit_{stage}_{name}_further")
+        if cheap:
+            fitted = trials.further(weighed, fitted, f"fit_{stage}_{name}_further")
         out[name] = trials.judged(weighed, found[name], base, fitted, before, len(chosen))
     return out
