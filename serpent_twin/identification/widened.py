@@ -82,7 +82,8 @@ def leaving(case: Case[Any], opening: Fit) -> list[str]:
     left, found = known.left(residual), {}
     for n, k in enumerate(opening.free.declared):
         each = case.declared[k]
-        if _AWAY < each.farthest < np.inf and each.name not in case.widened:
+        logarithm = each.unit.startswith("log") and _AWAY < each.farthest < np.inf
+        if logarithm and each.name not in case.widened:
             prior = known.prior.copy()
             prior[n] = (_WIDE * each.farthest) ** -2
             found[each.name] = 1 - replace(known, prior=prior).left(residual) / left
