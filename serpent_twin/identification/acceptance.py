@@ -1,7 +1,7 @@
 """Accept an effect only if its gain on held-out logs is significant and justifies its parameters."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -142,12 +142,6 @@ class Selection:
     undetermined: Mapping[tuple[str, int], float] = field(default_factory=dict)
     """Of components of effects that the logs do not determine, by effect and index: within how much of zero
     they are"""
-
-
-def better_trial(one: CandidateTrial, other: CandidateTrial) -> CandidateTrial:
-    """The trial that gains more, with the first one's score."""
-    gains = [t.gain.relative if t.gain else -np.inf for t in (one, other)]
-    return replace(one if gains[0] >= gains[1] else other, score=one.score)
 
 
 def weakness(found: Gain) -> str:

@@ -11,7 +11,7 @@ from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.held_out import Errors
-from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.least_squares import derives_cheaply, fit
 from serpent_twin.identification.score_test import full_fit, worth_fitting
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced
@@ -20,8 +20,6 @@ from serpent_twin.machines.machine import ParameterVector
 
 _FITTED = 3
 """Candidates that are fitted"""
-_DEAR = 10
-"""Steps that a derivative serves which costs much more than they do: fits go no further then"""
 Opening = tuple[Case[Any], Fit]
 """A case, and the fit without any step from where nothing is calibrated"""
 
@@ -61,7 +59,7 @@ def from_opening(
     if not chosen:
         return out
     weighed, begun = weighed_by_left(case, begun, list(found.values()))
-    cheap = case.steps_of_derivative < _DEAR
+    cheap = derives_cheaply(case)
     for name in chosen:
         trials.on_progress(f"{stage.split('_')[0]}, from the opening: fitting {spaced(name)}")
         fitted = trials.stable(

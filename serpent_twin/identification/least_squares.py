@@ -67,7 +67,7 @@ def fit(
     """
     if steps is None:
         steps = case.steps_of_derivative
-        derivatives *= _MORE if steps < _STEPS else 1
+        derivatives *= _MORE if derives_cheaply(case) else 1
     used = known.used if known else _spread(len(pieces), most, carried.used if carried else ())
     problem = Objective(case, case.take(pieces, used), free, known, afresh)
     at, jacobian = problem.carry(start, carried, used) if carried else problem.begin(start)
@@ -102,6 +102,11 @@ def fit(
         settled = settled or bool((late < _STILL).all())
     about = (error, correlation, settled, jacobian, at.residual, used, noise)
     return Fit(at.point, free, at.cost, inflation, *about)
+
+
+def derives_cheaply(case: Case[Any]) -> bool:
+    """Whether a derivative costs hardly more than the steps that it serves."""
+    return case.steps_of_derivative < _STEPS
 
 
 def descend(

@@ -31,7 +31,7 @@ from serpent_twin.identification.from_opening import Opening, from_opening, open
 from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
-from serpent_twin.identification.least_squares import OnProgress, fit
+from serpent_twin.identification.least_squares import OnProgress, derives_cheaply, fit
 from serpent_twin.identification.proxies import without_proxies
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
@@ -45,8 +45,6 @@ BEATS = 0.97
 """Share of a fit's cost that a fit from another start must come below to replace it. A candidate from the
 opening must come below that share of a first calibration's cost with its first derivative
 """
-_DEAR = 10
-"""Steps that a derivative serves which costs much more than they do"""
 _UNDONE = "another, which did not stand when everything was fitted anew"
 
 
@@ -257,7 +255,7 @@ class Tracer:
         """Derivatives of a last fit beside the one that it begins with: none where rounds along weak
         directions follow, or where derivatives are dear.
         """
-        return int(not self.case.weak_rounds and self.case.steps_of_derivative < _DEAR)
+        return int(not self.case.weak_rounds and derives_cheaply(self.case))
 
     def _without_idle(self, last: Fit) -> Fit:
         """The last fit without effects that it has brought to nothing: what they had gained, it gains too."""
