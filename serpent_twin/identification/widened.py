@@ -96,6 +96,8 @@ def begun_far_off(
     """Where fits begin in which one number is far off, and all others are as in the model: the best few of
     some numbers, each where it leaves least.
     """
+    if not names:
+        return {}
     some, points = case.take(trials.training, opening.used), list[ParameterVector]()
     for name in names:
         k = [each.name for each in case.declared].index(name)
@@ -105,7 +107,7 @@ def begun_far_off(
             points.append(opening.point.after(start))
     squares = (case.residual(points, some, case.coarse_step(points)) ** 2).sum(axis=(1, 2))
     left = np.where(np.isfinite(squares), squares, np.inf).reshape(-1, len(_STARTS))
-    best: list[int] = np.argsort(left.min(axis=1))[:_MOST].tolist() if names else []
+    best: list[int] = np.argsort(left.min(axis=1))[:_MOST].tolist()
     return {
         names[n]: points[n * len(_STARTS) + int(np.argmin(left[n]))]
         for n in best
