@@ -14,6 +14,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.command_line.options import ABSENT, Checked, when
 from serpent_twin.identification import check_page
 from serpent_twin.identification.detection import identifiability, opening_fit
+from serpent_twin.identification.first_picture import begin_report
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.score_test import scores
 from serpent_twin.identification.wording import spaced
@@ -74,20 +75,24 @@ def check(config: Check) -> Identifiability:
     if files := machines.made_of(rig):
         settings["machine_sha256"] = files
     with claimed(config.out, SETTINGS, settings) if config.out else nullcontext():
-        found = _checked(rig, logs, config.exact)
+        found = _checked(rig, logs, config.exact, config.out)
         _print(found)
         if config.out:
             _write(config.out, listed(config.logs), found, settings)
     return found
 
 
-def _checked(rig: machines.Rig, logs: Sequence[Log], exact: bool) -> Identifiability:
-    """What logs can tell, with a line that shows what is done and the time left."""
+def _checked(
+    rig: machines.Rig, logs: Sequence[Log], exact: bool, out: Path | None
+) -> Identifiability:
+    """What logs can tell, with a line that shows what is done and the time left; a first picture at once."""
     with Progress("first guesses") as progress:
         case = rig.open(logs)
         progress.simulations = lambda: case.clock.count
         progress.step("weights")
         pieces = case.pieces(logs)
+        if out:
+            begin_report(case, pieces, out, "What these logs can tell")
         case = case.reweighted(ParameterVector.nominal(case.declared), pieces)
         progress.step("derivatives")
         opening = opening_fit(case, pieces)

@@ -71,7 +71,8 @@ def from_opening(
         if fitted is None:
             out[name] = replace(out[name], score=replace(found[name], unstable=True))
             continue
+        own = weighed
         if cheap:
-            fitted = trials.further(weighed, fitted, f"fit_{stage}_{name}_further")
-        out[name] = trials.judged(weighed, found[name], base, fitted, before, len(chosen))
+            own, fitted = trials.reweighted(weighed, fitted, f"fit_{stage}_{name}")
+        out[name] = trials.judged(own, found[name], base, fitted, before, len(chosen))
     return out

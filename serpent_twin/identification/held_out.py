@@ -181,6 +181,21 @@ def together(selected: float, confirmed: float) -> float:
     return joint if confirmed < CONFIRMED else max(joint, confirmed)
 
 
+def _by_own_size(before: Errors, after: Errors) -> Array:
+    """Differences of two twins' errors relative to the mean of both in each block, (S, B): what helps in some
+    blocks alone, as at a session's beginning, would look like scatter relative to the mean of all.
+    """
+    pairs = (
+        (before.marker_by_block, after.marker_by_block),
+        (before.load_by_block, after.load_by_block),
+    )
+    parts = np.array([2 * (a - b) / (a + b) for a, b in pairs])
+    known = np.isfinite(parts).any(axis=0)
+    out = np.full(known.shape, np.nan)
+    out[known] = np.nanmean(parts[:, known], axis=0)
+    return out
+
+
 def gain(before: Errors, after: Errors, selected: float | None = None) -> Gain:
     """Paired gain of `after` over `before`; `selected` is the probability of chance by the logs that chose
     `after` among others, if others chose it.
@@ -201,7 +216,7 @@ def gain(before: Errors, after: Errors, selected: float | None = None) -> Gain:
         )
     each = np.full(known.shape, np.nan)
     each[known] = np.nanmean(np.array(parts)[:, known], axis=0)
-    by_chance = chance(each)
+    by_chance = chance(_by_own_size(before, after))
     return Gain(
         each,
         before.marker_by_segment - after.marker_by_segment,

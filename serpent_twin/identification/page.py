@@ -7,6 +7,7 @@ import numpy as np
 from serpent_twin.identification import figures, tables
 from serpent_twin.identification.check_page import effects_section
 from serpent_twin.identification.diagnosis import Diagnosis, Named
+from serpent_twin.identification.first_picture import first_section
 from serpent_twin.identification.missing_page import missing_section
 from serpent_twin.identification.wording import capital, spaced, with_numbers
 from serpent_twin.machines.candidate import Candidate
@@ -33,7 +34,9 @@ def page(
     were known.
     """
     drawn = _residual_figures(diagnosis)
+    nominal = diagnosis.comparisons.get("nominal")
     sections = (
+        first_section(nominal) if nominal else None,
         _before_and_after(diagnosis, drawn),
         effects_section(diagnosis.identifiability) if diagnosis.identifiability else None,
         _ranking(diagnosis),

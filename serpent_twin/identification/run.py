@@ -18,6 +18,7 @@ from serpent_twin.identification.build_diagnosis import build_diagnosis
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.composing import ComposingTracer
 from serpent_twin.identification.diagnosis import Diagnosis
+from serpent_twin.identification.first_picture import begin_report
 from serpent_twin.identification.page import page
 from serpent_twin.identification.refitting import RefittingTracer
 from serpent_twin.identification.steps import Tracer
@@ -178,9 +179,11 @@ def _settings(
 def _run(
     config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
 ) -> tuple[Tracer, Selection, Diagnosis]:
+    arm = str(training[0].metadata.get("arm", config.logs[0].name))
     with Progress("first guesses") as progress:
         case = rig.open(training)
         progress.simulations = lambda: case.clock.count
+        begin_report(case, case.pieces(judging), config.out, f"What the twin of {arm} lacks")
         notes = Checkpoints(config.out / "stages", case.clock)
         kind = ComposingTracer if config.discover and case.composes else RefittingTracer
         tracer = kind(
@@ -193,7 +196,6 @@ def _run(
         )
         selection = tracer.select()
         progress.step("what is left")
-        arm = str(training[0].metadata.get("arm", config.logs[0].name))
         found = build_diagnosis(tracer, selection, arm, [_file(s) for s in judging])
     return tracer, selection, found
 

@@ -41,6 +41,10 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
 _MOST_EFFECTS = 6
+_REWEIGHTED = 4
+"""Most fits of a calibration with new weights"""
+_LAST_STEPS = 2
+"""Steps of a last fit where a derivative serves many: it begins near its end, and each simulates all logs"""
 BEATS = 0.97
 """Share of a fit's cost that a fit from another start must come below to replace it. A candidate from the
 opening must come below that share of a first calibration's cost with its first derivative
@@ -181,15 +185,22 @@ class Tracer:
         return (weighed, begun), self._reweighted("calibrated", first)
 
     def _reweighted(self, name: str, first: Fit) -> Fit:
-        """A first fit gone on with, its weights updated in between."""
+        """A first fit gone on with until its weights settle: where a first guess misses a channel by far, its
+        weight hides how much of it a better fit explains.
+        """
         self.case = self._weighed_by(first)
-        second = self._fit(f"{name}_2", first.point, first.free, 0, carried=first)
-        self.case = self._weighed_by(second)
-        return self._fit(f"{name}_3", second.point, second.free, 3, carried=second)
+        found = self._fit(f"{name}_2", first.point, first.free, 0, carried=first)
+        for n in range(3, 3 + _REWEIGHTED):
+            self.case = self._weighed_by(found)
+            found = self._fit(f"{name}_{n}", found.point, found.free, 3, carried=found)
+            if self._weighed_by(found).weighs_like(self.case):
+                break
+        return found
 
     def _weighed_by(self, found: Fit) -> Case[Any]:
         """The case with the noise that a fit leaves."""
-        return self.case.weighed_by(found.residual, self.case.take(self.training, found.used))
+        case = replace(self.case, noise=found.noise)  # which its residual is weighed by
+        return case.weighed_by(found.residual, self.case.take(self.training, found.used))
 
     def _identifiable(self, opening: Fit) -> Identifiability:
         """What these logs can tell at all, to first order."""
@@ -220,6 +231,7 @@ class Tracer:
     ) -> Fit:
         self.on_progress(f"fit {name.replace('_', ' ')}")
         case, most = self.case, self.case.segments[last]
+        steps = _LAST_STEPS if last and not derives_cheaply(case) else None
         return self.notes.fit(
             name,
             lambda: fit(
@@ -232,6 +244,7 @@ class Tracer:
                 self.on_progress,
                 known,
                 carried,
+                steps,
                 rounds=case.weak_rounds if last else 0,
             ),
         )
@@ -281,7 +294,7 @@ class Tracer:
         much = number > 1 and not self.trials.little(self.case, before)
         missed = outdone(rounds[-1]) if much and rounds else {}
         absorbed = {}
-        if much or number == 1:
+        if number == 1 or (much and derives_cheaply(self.case)):
             now = opened(self.trials, self.case, base, number) if number > 1 else opening
             absorbed = from_opening(self.trials, names, now, base, before, f"{number}_start")
         done = [name for name, each in absorbed.items() if each.fit]

@@ -50,6 +50,8 @@ _WEAK = 0.1
 """Share of the strength that an effect had alone, from which it is fitted beside another"""
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
+_REWEIGHTED = 3
+"""Most fits with new weights"""
 _RIVALS = 2
 """Rivals, below which those that were not fitted in their round are fitted afterwards"""
 
@@ -165,6 +167,15 @@ class Trials:
                 carried=begun,
             ),
         )
+
+    def reweighted(self, case: Case[Any], begun: Fit, stage: str) -> tuple[Case[Any], Fit]:
+        """A fit gone on with until its weights settle, with its case."""
+        for n in range(_REWEIGHTED):
+            settled = case.weighed_by(begun.residual, case.take(self.training, begun.used))
+            if n and settled.weighs_like(case):
+                break
+            case, begun = settled, self.further(settled, begun, f"{stage}_again_{n}")
+        return case, begun
 
     def _worth_a_fit(self, case: Case[Any], begun: Fit, before: Errors) -> float:
         """Share of the residual that a candidate must remove: more, where the effects found left little."""

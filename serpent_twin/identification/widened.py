@@ -27,8 +27,6 @@ _AWAY = 3.0
 """Least logarithm to which a number may go that can be as good as absent: a twentieth"""
 _WIDE = 0.5
 """Standard deviation of a widened prior, of how far the number may go"""
-_REWEIGHTED = 2
-"""Times that a fit goes on with the weights of what it leaves, as that of a calibration does"""
 _DECISIVE = 6.0
 """Least decrease of squares and priors, as twice the logarithm of a Bayes factor: strong evidence (Kass and
 Raftery, JASA 90, 1995)
@@ -149,9 +147,7 @@ def widened(
     )
     if fitted is None:
         return None
-    for again in range(_REWEIGHTED):
-        case = case.weighed_by(fitted.residual, case.take(trials.training, fitted.used))
-        fitted = trials.further(case, fitted, f"widened_{mark([name])}_again_{again}")
+    case, fitted = trials.reweighted(case, fitted, f"widened_{mark([name])}")
     after = trials.errors(case, fitted.point)
     saves = _saves(usual, trials, base, case, fitted)
     if gave_up(before, after) or saves < _DECISIVE:

@@ -18,6 +18,9 @@ from serpent_twin.residual import Comparison
 _AT_ONCE = 3.0e6  # numbers that one call predicts: twins × segments × rows × channels
 _SLOPES_AT_ONCE = 1.2e7  # coordinates × segments × rows × channels
 
+_SETTLED = 1.5
+"""Ratio of two noises up to which a fit with either has hardly another optimum"""
+
 
 class Stopwatch:
     """Adds up time spent inside its `with` blocks."""
@@ -191,6 +194,10 @@ class Case(Generic[P]):
         measured = pieces.measured
         left = residual.reshape(measured.shape).astype(float) * self.noise
         return replace(self, noise=self.noise_of(np.where(np.isfinite(measured), left, np.nan)))
+
+    def weighs_like(self, other: "Case[P]") -> bool:
+        """Whether each channel's noise is within a factor of the other case's."""
+        return bool(np.all(np.abs(np.log(self.noise / other.noise)) < np.log(_SETTLED)))
 
     def noise_of(self, error: Array) -> Array:
         """The noise of each channel by its errors, (…, C), NaN where nothing was measured: their rms."""

@@ -102,8 +102,8 @@ def side_by_side(models: Sequence[mujoco.MjModel], nthread: int) -> Batch:
 
 @cache
 def stop_profiling() -> None:
-    """Let MuJoCo leave `MjData.timer` as it is: its Python bindings make it read the clock some twenty times in
-    a step, which is a third of a small model's time, and `set_mjcb_time(None)` does not end that.
+    """Let MuJoCo leave `MjData.timer` as it is: its Python bindings make it read the clock some twenty times
+    in a step, which is a third of a small model's time, and `set_mjcb_time(None)` does not end that.
     """
     for pattern in ("libmujoco*", "mujoco.dll"):
         for library in Path(mujoco.__file__).parent.glob(pattern):

@@ -1,0 +1,130 @@
+"""Draw what was measured beside what the nominal twin predicts, before anything is fitted."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from serpent_twin.arrays import Array
+from serpent_twin.machines.case import Case
+from serpent_twin.reporting.plot_style import COLOURS, INK, SOFT, sheet, tidy
+from serpent_twin.reporting.report import Figure, Report, Section, write
+from serpent_twin.residual import Comparison
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+NAME = "first_picture"
+_RUNNING = (
+    "This is what the logs show before anything is fitted. What the twin lacks stands here as soon as the "
+    "trace has ended."
+)
+_MOST_ROWS = 6
+"""Measured quantities, and lines of one panel with names"""
+_SECONDS = 60.0
+"""Longest time that is drawn, from the session's beginning"""
+_AXES = "xyz"
+_Channel = tuple[str, Array, Array]
+"""A name, and what was measured and predicted in the unit that people read, (T,)"""
+
+
+def begin_report(case: Case[Any], pieces: Any, out: Path, title: str) -> None:
+    """Write a report that shows the first session of some pieces, and print where the picture is."""
+    section = first_section(case.compare(None, pieces))
+    write(Report(title, _RUNNING, (section,)), out)
+    print(f"{out / 'figures' / NAME}.png: measured beside the nominal model.", flush=True)
+
+
+def first_section(comparison: Comparison) -> Section:
+    """The section of a report that shows what was measured before anything was fitted."""
+    return Section("Measured and nominal", "", (first_picture(comparison),))
+
+
+def first_picture(comparison: Comparison) -> Figure:
+    """Each joint or marker of one session, measured beside predicted, with the residual; the inputs below."""
+    session = comparison.session[0]
+    rows = np.flatnonzero([name == session for name in comparison.session])
+    time, order = _clock(comparison, rows)
+    channels = list(_channels(comparison, order))[:_MOST_ROWS]
+    count = 2 * len(channels) + 1
+    drawing, panels = sheet(11, 1.1 * count + 0.7, rows=count)
+    for n, (name, measured, predicted) in enumerate(channels):
+        above, below = panels[2 * n], panels[2 * n + 1]
+        above.plot(time, predicted, color=COLOURS[2], lw=1.2, label="nominal model")
+        above.plot(time, measured, color=INK, lw=1.0, label="measured")
+        below.plot(time, measured - predicted, color=COLOURS[1], lw=0.9, label="difference")
+        above.set_ylabel(f"{name}\n[{comparison.marker.unit}]")
+        below.set_ylabel("difference")
+    _inputs(panels[-1], comparison, time, order)
+    for axes in panels:
+        tidy(axes, labelsize=8)
+        axes.margins(x=0.005)
+        axes.yaxis.label.set(color=SOFT, size=8, rotation=0, ha="right", va="center")
+    for axes in panels[:-1]:
+        axes.set_xticklabels([])
+    panels[-1].set_xlabel("time [s]")
+    drawing.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2, frameon=False
+    )
+    drawing.align_ylabels(list(panels))
+    caption = (
+        f"Session {session}, before anything is fitted. The nominal model starts anew from what was measured "
+        f"every {_length(comparison):.3g} s."
+    )
+    return Figure(NAME, drawing, caption)
+
+
+def _clock(comparison: Comparison, rows: Array) -> tuple[Array, Array]:
+    """Times of a session's rows, a gap after each segment, (T,), and which rows these are, −1 in gaps."""
+    time, width = [], comparison.time.shape[1]
+    order = []
+    for segment in rows:
+        inside = comparison.time[segment] <= _SECONDS
+        time += [*comparison.time[segment][inside], np.nan]
+        order += [*(segment * width + np.flatnonzero(inside)), -1]
+    return np.array(time), np.array(order)
+
+
+def _lined_up(values: Array, order: Array) -> Array:
+    """Values of segments, (S, T), in the order of a session's rows, NaN in gaps."""
+    flat = values.reshape(-1)
+    return np.where(order < 0, np.nan, flat[order])
+
+
+def _channels(comparison: Comparison, order: Array) -> Iterator[_Channel]:
+    """Joints and other numbers one by one; of points in space the last one's coordinates."""
+    measured, predicted = comparison.marker_measured, comparison.marker_predicted
+    if measured is None or predicted is None:
+        return
+    names = comparison.marker_names
+    dimension = measured.shape[-1]
+    scale = comparison.marker.scale
+    several = range(len(names))[-1 if dimension > 1 else 0 :]
+    for n in several:
+        for axis in range(dimension):
+            name = names[n] if dimension == 1 else f"{names[n]} {_AXES[axis]}"
+            pair = (scale * _lined_up(each[:, :, n, axis], order) for each in (measured, predicted))
+            yield (name, *pair)
+
+
+def _inputs(axes: "Axes", comparison: Comparison, time: Array, order: Array) -> None:
+    """What drives the machine, in one panel."""
+    driven = comparison.motor_angle
+    if driven is None:
+        axes.set_axis_off()
+        return
+    units = list[str]()
+    for n, (name, measure) in enumerate(
+        zip(comparison.motor_names, comparison.motors, strict=False)
+    ):
+        label = f"{name} [{measure.unit}]" if n < _MOST_ROWS else None
+        axes.plot(time, measure.scale * _lined_up(driven[:, :, n], order), lw=0.9, label=label)
+        units.append(measure.unit)
+    axes.set_ylabel("inputs" if len(set(units)) > 1 else f"inputs\n[{units[0]}]")
+    axes.legend(loc="upper right", fontsize=7, frameon=False, ncols=3)
+
+
+def _length(comparison: Comparison) -> float:
+    """Seconds of a segment."""
+    return float(np.nanmedian(comparison.time[:, -1] - comparison.time[:, 0]))
