@@ -1,9 +1,11 @@
 """Write a spec as MJCF with all digits of its numbers."""
 
 import ctypes
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 
@@ -13,10 +15,29 @@ _GET, _SET = "_mjPRIVATE__get_xml_precision", "_mjPRIVATE__set_xml_precision"
 """Of MuJoCo 3.17; where its library lacks them, numbers have the six digits of its default"""
 
 
-def to_xml(spec: mujoco.MjSpec) -> str:
-    """A compiled spec as MJCF, its numbers to a part in 10¹⁵."""
+def to_xml(spec: mujoco.MjSpec, folder: Path) -> str:
+    """A compiled spec as MJCF for a file in a folder, its numbers to a part in 10¹⁵; meshes and textures stay
+    where they are.
+    """
     with _digits(_DIGITS):
-        return spec.to_xml()
+        text = spec.to_xml()
+    if not (spec.meshes or spec.textures or spec.hfields or spec.skins):
+        return text
+    root, here = ElementTree.fromstring(text), Path(spec.modelfiledir)
+    compiler = root.find("compiler")
+    if compiler is None:
+        compiler = ElementTree.SubElement(root, "compiler")
+    for name in ("meshdir", "texturedir"):
+        compiler.set(name, _from(folder, here / compiler.get(name, "")))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _from(folder: Path, other: Path) -> str:
+    """The path of one folder as files of another may state it."""
+    try:
+        return Path(os.path.relpath(other.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # on another drive
+        return other.resolve().as_posix()
 
 
 @contextmanager

@@ -214,5 +214,5 @@ class RunMachine(ABC):
         if left and self.attachable:
             notes[0] += f"; serpent_twin.attach adds {'it' if len(left) == 1 else 'them'}"
         note = ". ".join(notes)
-        text = f"<!-- {note or 'all effects are here'}. -->\n{to_xml(spec)}"
+        text = f"<!-- {note or 'all effects are here'}. -->\n{to_xml(spec, path.parent)}"
         write_whole(path.with_suffix(".xml"), text)
