@@ -1,7 +1,7 @@
 """Write a corrected twin for other programs: `python -m serpent_twin.export`."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
@@ -13,7 +13,7 @@ from serpent_twin.runs.files import write_whole
 
 def main(
     twin: Annotated[Path, tyro.conf.Positional],
-    to: Literal["isaaclab", "mjcf", "mjlab", "urdf"],
+    to: str,
     out: Path,
 ) -> None:
     """Write a corrected twin, or the numbers of its drives, for another simulator.
@@ -28,10 +28,11 @@ def main(
     """
     if out.exists():
         raise SerpentError(f"{out} exists. Name another file.")
-    written = interchange.named(to).write(interchange.read_given(twin, out.parent))
+    form = interchange.named(to)
+    written = form.write(interchange.read_given(twin, out.parent))
     out.parent.mkdir(parents=True, exist_ok=True)
     write_whole(out, written.text)
-    print(f"{out}: {interchange.named(to).about}")
+    print(f"{out}: {form.about}")
     for each in written.lacks:
         print(f"it cannot express {each}.")
 

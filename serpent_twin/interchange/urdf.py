@@ -24,24 +24,24 @@ _UNLIMITED = 1e9
 
 
 @dataclass(frozen=True)
-class Frame:
+class PlacedFrame:
     """A frame in another: where it is [m], (3,), and how it is turned."""
 
     at: Array
     turn: Rotation
 
-    def then(self, further: "Frame") -> "Frame":
+    def then(self, further: "PlacedFrame") -> "PlacedFrame":
         """A frame that is stated in this one, in what this one is stated in."""
-        return Frame(self.at + self.turn.apply(further.at), self.turn * further.turn)
+        return PlacedFrame(self.at + self.turn.apply(further.at), self.turn * further.turn)
 
     @property
-    def inverse(self) -> "Frame":
+    def inverse(self) -> "PlacedFrame":
         """The other frame in this one."""
         back = self.turn.inv()
-        return Frame(-back.apply(self.at), back)
+        return PlacedFrame(-back.apply(self.at), back)
 
 
-_HERE = Frame(np.zeros(3), Rotation.identity())
+_HERE = PlacedFrame(np.zeros(3), Rotation.identity())
 
 
 def _write(given: Given) -> Exported:
@@ -58,15 +58,15 @@ def _write(given: Given) -> Exported:
 
 
 def _add_body(
-    root: Element, model: mujoco.MjModel, body: int, parent: str, within: Frame
-) -> tuple[str, Frame]:
+    root: Element, model: mujoco.MjModel, body: int, parent: str, within: PlacedFrame
+) -> tuple[str, PlacedFrame]:
     """Add a body with its joints to a parent link, whose body lies in a frame of that link; the body's link,
     and where the body lies in it.
     """
     name = model.body(body).name or f"body{body}"
     first, singles = int(model.body_jntadr[body]), set(single_joints(model).tolist())
     joints = [n for n in range(first, first + int(model.body_jntnum[body])) if n in singles]
-    placed = within.then(Frame(model.body_pos[body], _rotation(model.body_quat[body])))
+    placed = within.then(PlacedFrame(model.body_pos[body], _rotation(model.body_quat[body])))
     if not joints:
         _add_joint(root, f"{name} fixed", "fixed", parent, name, placed)
     for n in joints:
@@ -81,21 +81,21 @@ def _add_body(
     return name, lies
 
 
-def _before_reference(model: mujoco.MjModel, joint: int) -> tuple[Frame, Frame]:
+def _before_reference(model: mujoco.MjModel, joint: int) -> tuple[PlacedFrame, PlacedFrame]:
     """The frame of a joint at angle 0 in its body, which lies at the joint's reference angle, and the body in
     what the joint moves.
     """
     anchor, axis = model.jnt_pos[joint], model.jnt_axis[joint]
     reference = model.qpos0[model.jnt_qposadr[joint]]
-    back = Frame(-reference * axis, Rotation.identity())
+    back = PlacedFrame(-reference * axis, Rotation.identity())
     if model.jnt_type[joint] != _SLIDE:
-        back = Frame(np.zeros(3), Rotation.from_rotvec(-reference * axis))
-    ahead = Frame(-anchor, Rotation.identity())
-    return Frame(anchor, Rotation.identity()).then(back), ahead
+        back = PlacedFrame(np.zeros(3), Rotation.from_rotvec(-reference * axis))
+    ahead = PlacedFrame(-anchor, Rotation.identity())
+    return PlacedFrame(anchor, Rotation.identity()).then(back), ahead
 
 
 def _add_moving(
-    root: Element, model: mujoco.MjModel, n: int, parent: str, link: str, at: Frame
+    root: Element, model: mujoco.MjModel, n: int, parent: str, link: str, at: PlacedFrame
 ) -> None:
     """Add the joint of a hinge or a slide."""
     limited, dof = bool(model.jnt_limited[n]), int(model.jnt_dofadr[n])
@@ -104,14 +104,13 @@ def _add_moving(
     SubElement(joint, "axis", xyz=_text(model.jnt_axis[n]))
     low, high = model.jnt_range[n] if limited else (-_UNLIMITED, _UNLIMITED)
     ends = {} if kind == "continuous" else {"lower": f"{low:.12g}", "upper": f"{high:.12g}"}
-    SubElement(
-        joint, "limit", **ends, effort=f"{_effort(model, n):.12g}", velocity=f"{_UNLIMITED:g}"
-    )
+    ends |= {"effort": f"{_effort(model, n):.12g}", "velocity": f"{_UNLIMITED:g}"}
+    SubElement(joint, "limit", ends)
     rubs = {"damping": model.dof_damping[dof], "friction": model.dof_frictionloss[dof]}
     SubElement(joint, "dynamics", {name: f"{value:.12g}" for name, value in rubs.items()})
 
 
-def _add_joint(root: Element, name: str, kind: str, parent: str, child: str, at: Frame) -> Element:
+def _add_joint(root: Element, name: str, kind: str, parent: str, child: str, at: PlacedFrame) -> Element:
     joint = SubElement(root, "joint", name=name, type=kind)
     SubElement(joint, "parent", link=parent)
     SubElement(joint, "child", link=child)
@@ -119,11 +118,11 @@ def _add_joint(root: Element, name: str, kind: str, parent: str, child: str, at:
     return joint
 
 
-def _add_inertia(link: Element, model: mujoco.MjModel, body: int, lies: Frame) -> None:
+def _add_inertia(link: Element, model: mujoco.MjModel, body: int, lies: PlacedFrame) -> None:
     """State mass and inertia of a body that lies somewhere in a link."""
     if not model.body_mass[body]:
         return
-    of = Frame(model.body_ipos[body], _rotation(model.body_iquat[body]))
+    of = PlacedFrame(model.body_ipos[body], _rotation(model.body_iquat[body]))
     at = lies.then(of)
     turn = at.turn.as_matrix()
     tensor = turn @ np.diag(model.body_inertia[body]) @ turn.T

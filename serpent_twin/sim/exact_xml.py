@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,6 +31,12 @@ def to_xml(spec: mujoco.MjSpec, folder: Path) -> str:
     for name in ("meshdir", "texturedir"):
         compiler.set(name, _from(folder, here / compiler.get(name, "")))
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def first_comment(path: Path) -> str:
+    """The comment of an MJCF's first line; nothing where it has none."""
+    found = re.match(r"<!--\s*(.*?)\s*-->", path.read_text(encoding="utf-8"))
+    return found[1] if found else ""
 
 
 def _from(folder: Path, other: Path) -> str:

@@ -75,10 +75,11 @@ def write_calibration(spec: mujoco.MjSpec, machine: Described, x: Mapping[str, f
     table, left = drive_table(machine, x), []
     for each in (each for each in machine.commanded if not each.exact):
         n = machine.model.actuator(each.actuator).id
-        if table.scale[n] == 1 and table.offset[n] == 0:
+        scale, offset = float(table.scale[n]), float(table.offset[n])
+        if (scale, offset) == (1.0, 0.0):
             continue
         if _is_affine(spec.actuator(each.actuator)):
-            _obey(spec.actuator(each.actuator), table.scale[n], table.offset[n])
+            _obey(spec.actuator(each.actuator), scale, offset)
             table.inside[n] = 1
         else:
             left.append(zero_of(each))
