@@ -110,7 +110,9 @@ def _add_moving(
     SubElement(joint, "dynamics", {name: f"{value:.12g}" for name, value in rubs.items()})
 
 
-def _add_joint(root: Element, name: str, kind: str, parent: str, child: str, at: PlacedFrame) -> Element:
+def _add_joint(
+    root: Element, name: str, kind: str, parent: str, child: str, at: PlacedFrame
+) -> Element:
     joint = SubElement(root, "joint", name=name, type=kind)
     SubElement(joint, "parent", link=parent)
     SubElement(joint, "child", link=child)

@@ -56,14 +56,14 @@ def torque(path, q, v, told):
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.ctrl[:] = q, v, told
     mujoco.mj_forward(model, data)
-    return data.qfrc_actuator.copy(), model
+    return data.qfrc_actuator.copy()
 
 
 def test_isaac_lab_gets_the_torque_that_mujoco_gives(twin, tmp_path, monkeypatch):
     out = written(twin, "isaaclab", tmp_path)
     found = configured(out.text, tmp_path, "isaaclab.actuators", monkeypatch)
     q, v, told = np.array([0.3, -0.2]), np.array([1.0, 2.0]), np.array([0.5, 0.4])
-    expected, model = torque(twin, q, v, told)
+    expected = torque(twin, q, v, told)
     told = np.exp(0.05) * told + [0.0, np.radians(3.0)]  # as the file's comment says
     for n, (kind, values) in enumerate(found.values()):
         assert kind == "DelayedPDActuatorCfg" and set(values) <= set(ISAACLAB)
@@ -97,13 +97,14 @@ def test_what_drives_cannot_say_is_in_the_file_and_returned(twin, tmp_path, to):
 MOTORS = """<mujoco model="two motors"><option timestep="0.002"/>
   <worldbody><body name="a" pos="0 0 0.5" euler="10 20 30">
     <inertial pos="0.1 0.02 0.01" mass="0.7" fullinertia="0.002 0.003 0.004 0.0002 0.0001 -0.0003"/>
-    <joint name="turn" axis="0 1 1" pos="0.01 0.02 0.03" ref="20" range="-90 90" damping="0.1" frictionloss="0.05"/>
+    <joint name="turn" axis="0 1 1" pos="0.01 0.02 0.03" ref="20" range="-90 90" damping="0.1"
+        frictionloss="0.05"/>
     <body name="b" pos="0.2 0.1 0" euler="0 45 10">
       <joint name="push" type="slide" axis="1 0 1" pos="0.05 0 0" ref="0.1" damping="2"/>
       <geom type="box" size="0.1 0.05 0.02" mass="0.4" pos="0.05 0 0.01"/>
       <body name="c" pos="0 0 0.1"><geom size="0.03" mass="0.2" pos="0.1 0 0"/></body>
-      <body name="d" pos="0 0.1 0.1"><joint name="spin" axis="0 0 1"/><geom size="0.03" mass="0.2" pos="0.1 0 0"/>
-      </body>
+      <body name="d" pos="0 0.1 0.1"><joint name="spin" axis="0 0 1"/>
+        <geom size="0.03" mass="0.2" pos="0.1 0 0"/></body>
     </body>
   </body></worldbody>
   <actuator>
@@ -130,7 +131,9 @@ def test_motors_and_speeds_are_configured_as_such(motors, tmp_path, monkeypatch)
     assert motor[0] == "BuiltinMotorActuatorCfg" and motor[1]["effort_limit"] == pytest.approx(1.5)
     assert speed == ("BuiltinVelocityActuatorCfg", speed[1]) and speed[1]["damping"] == 4.0
     assert any("effort that m is told: command 3 ×" in each for each in out.lacks)
-    isaac = configured(written(motors, "isaaclab", tmp_path).text, tmp_path, "isaaclab.actuators", monkeypatch)
+    isaac = configured(
+        written(motors, "isaaclab", tmp_path).text, tmp_path, "isaaclab.actuators", monkeypatch
+    )
     assert isaac["m"] == ("ImplicitActuatorCfg", isaac["m"][1])
     assert isaac["m"][1]["stiffness"] == isaac["m"][1]["damping"] == 0.0
     assert isaac["m"][1]["effort_limit_sim"] == pytest.approx(1.5)

@@ -103,5 +103,7 @@ def test_what_only_twin_json_has_is_named(tmp_path):
     log = moving_models.log(tmp_path / "log.csv", 3)
     lacks = {"sensor_delay@elbow": READING, "gear_backlash@at_elbow": 0.01, "command_delay": 0.01}
     *_, note, model = written(tmp_path / "arm", log, lacks)
-    assert note == "<!-- only twin.json has gear_backlash@at_elbow; serpent_twin.attach adds it. -->"
+    assert (
+        note == "<!-- only twin.json has gear_backlash@at_elbow; serpent_twin.attach adds it. -->"
+    )
     assert (model.actuator_delay == 0.01).all()
