@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from serpent_twin.arm.geometry import ARM, Arm
+    from serpent_twin.attachment import Attached, attach
     from serpent_twin.emulator.simulated_bus import SimulatedBus
     from serpent_twin.errors import SerpentError
     from serpent_twin.estimators import load as load_readout
@@ -20,6 +21,7 @@ __all__ = [
     "ARM",
     "NOMINAL_TWIN",
     "Arm",
+    "Attached",
     "DynamixelBus",
     "MotorBus",
     "SerpentError",
@@ -27,6 +29,7 @@ __all__ = [
     "SimulatedBus",
     "Twin",
     "TwinModel",
+    "attach",
     "load_readout",
     "read_folder",
     "read_session",
@@ -36,6 +39,7 @@ __all__ = [
 _WHERE = {
     "ARM": "arm.geometry:ARM",
     "Arm": "arm.geometry:Arm",
+    "Attached": "attachment:Attached",
     "DynamixelBus": "hardware.dynamixel:DynamixelBus",
     "MotorBus": "hardware.motor_bus:MotorBus",
     "NOMINAL_TWIN": "sim.twin_model:NOMINAL_TWIN",
@@ -44,6 +48,7 @@ _WHERE = {
     "SimulatedBus": "emulator.simulated_bus:SimulatedBus",
     "Twin": "sim.twin:Twin",
     "TwinModel": "sim.twin_model:TwinModel",
+    "attach": "attachment:attach",
     "load_readout": "estimators:load",
     "read_folder": "sessions:read_folder",
     "read_session": "sessions:read_session",

@@ -37,14 +37,16 @@ class SensorDelay(Effect):
     needs: ClassVar[frozenset[str]] = frozenset({"reading"})
 
     def export(self, spec: mujoco.MjSpec) -> bool:
-        """Delay the sensors that read what is late; False where the model has none, or where the name is of
-        things of several kinds.
+        """Delay the sensors that read what is late, or add a late one where the model has none; False where
+        the name is of things of several kinds, or of none.
         """
         kinds = [k for k in self.places if any(e.name == self.at for e in getattr(spec, f"{k}s"))]
-        late = [each for each in spec.sensors if len(kinds) == 1 and self._is(each, kinds[0])]
-        for each in late:
+        if len(kinds) != 1:
+            return False
+        late = [each for each in spec.sensors if self._is(each, kinds[0])]
+        for each in late or [self._added(spec, kinds[0])]:
             delay_by(spec, each, self.delay)
-        return bool(late)
+        return True
 
     def _is(self, sensor: mujoco.MjsSensor, kind: str) -> bool:
         """Whether a sensor is the place, or reads it."""
@@ -52,6 +54,12 @@ class SensorDelay(Effect):
             return sensor.name == self.at
         object_kind = mujoco.mju_type2Str(sensor.objtype)
         return (_SENSES.get(sensor.type), object_kind, sensor.objname) == (kind, kind, self.at)
+
+    def _added(self, spec: mujoco.MjSpec, kind: str) -> mujoco.MjsSensor:
+        """A sensor of the place, of a name of its own."""
+        senses = next(sensor for sensor, of in _SENSES.items() if of == kind)
+        thing = mujoco.mjtObj(mujoco.mju_str2Type(kind))
+        return spec.add_sensor(name=f"late {self.at}", type=senses, objtype=thing, objname=self.at)
 
     def act(self, moment: Measurements, memory: None) -> None:
         """Shift the readings of each run."""
@@ -66,3 +74,12 @@ class SensorDelay(Effect):
                 before = np.minimum(then, 0.0)[:, None]
                 late[n] = spline(np.maximum(then, 0.0)) + before * spline(0.0, 1)
         moment.reading = late
+
+
+def late_sensor(model: mujoco.MjModel, place: str) -> str:
+    """Name of a model's late sensor that reads a place, or is it; nothing where there is none."""
+    for n in np.flatnonzero(model.sensor_delay):
+        kind, which = model.sensor_objtype[n], model.sensor_objid[n]
+        if place in (model.sensor(n).name, mujoco.mj_id2name(model, int(kind), int(which))):
+            return str(model.sensor(n).name)
+    return ""

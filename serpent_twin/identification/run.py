@@ -31,6 +31,7 @@ from serpent_twin.runs.progress import Progress
 from serpent_twin.runs.provenance import file_hash, provenance, versions
 from serpent_twin.runs.run_lock import claimed
 from serpent_twin.sessions import refuse_repeated
+from serpent_twin.sim.exact_xml import first_comment
 from serpent_twin.stored import within
 
 SETTINGS = "trace.json"
@@ -229,6 +230,8 @@ def _write(
     }
     if notes := settings.get("reading_notes"):
         facts["read"] = " ".join(notes)
+    if note := first_comment(config.out / "twin.xml"):
+        facts["twin.xml"] = note
     priors = {each.name: each.prior for each in tracer.case.declared}
     report = write(
         page(found, facts, tracer.case.candidates, priors, tracer.case.track_record), config.out

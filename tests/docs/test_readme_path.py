@@ -34,6 +34,7 @@ NOT_RUN = {
     "python -m serpent_twin.trace --machine": "needs a machine; tests/machines/test_model_machine.py",
     "python -m serpent_twin.log import": "needs recordings; tests/exchange/test_import.py",
     "python -m serpent_twin.log export": "tests/exchange/test_import.py",
+    "python -m serpent_twin.export": "needs a twin of a machine; tests/attachment/test_export.py",
     "python -m serpent_twin.trace --logs logs next_logs": "as above; tests/machines/test_rig_folders.py",
     "python -m serpent_twin.collect --backend real --motion": "tests/recording/test_motion.py",
     "python -m serpent_twin.bus.device": "serves until Ctrl-C; started by the test",

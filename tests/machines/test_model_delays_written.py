@@ -83,9 +83,27 @@ def test_a_late_reading_is_that_of_the_models_sensor(tmp_path):
     np.testing.assert_allclose(read[known, 0], then[known], atol=1e-9)
 
 
+def test_a_late_reading_of_a_model_without_sensors_is_that_of_a_sensor_that_is_added(tmp_path):
+    log = moving_models.log(tmp_path / "log.csv", 3)
+    *_, note, model = written(tmp_path / "arm", log, {"sensor_delay@elbow": READING})
+    assert "all effects are here" in note and model.sensor("late elbow").id == 0
+    _, read = simulated(model, np.zeros((50, 2)), [0.3, -0.3])
+    data, angles = mujoco.MjData(model), []
+    data.qpos[:] = [0.3, -0.3]
+    for _ in read:
+        angles.append(data.qpos[1])
+        mujoco.mj_step(model, data)
+    time = model.opt.timestep * np.arange(len(read))
+    known = time > 0.1
+    then = np.interp(time - READING, time, angles)
+    np.testing.assert_allclose(read[known, 0], then[known], atol=1e-9)
+
+
 def test_what_only_twin_json_has_is_named(tmp_path):
     log = moving_models.log(tmp_path / "log.csv", 3)
     lacks = {"sensor_delay@elbow": READING, "gear_backlash@at_elbow": 0.01, "command_delay": 0.01}
     *_, note, model = written(tmp_path / "arm", log, lacks)
-    assert note == "<!-- only twin.json has sensor_delay@elbow, gear_backlash@at_elbow. -->"
+    assert (
+        note == "<!-- only twin.json has gear_backlash@at_elbow; serpent_twin.attach adds it. -->"
+    )
     assert (model.actuator_delay == 0.01).all()

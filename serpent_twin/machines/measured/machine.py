@@ -20,6 +20,7 @@ from serpent_twin.machines.measured.runs import Runs, cut, windows
 from serpent_twin.machines.proposals import Proposals
 from serpent_twin.residual import Comparison, Measure
 from serpent_twin.runs.files import write_json, write_whole
+from serpent_twin.sim.exact_xml import to_xml
 
 
 class RunMachine(ABC):
@@ -49,6 +50,8 @@ class RunMachine(ABC):
     """Seconds into which a run is cut, and those simulated before each; None for whole runs"""
     segments: tuple[int, int]
     """How many runs a fit uses at most while it searches, and the last fit"""
+    attachable: bool = False
+    """Whether `serpent_twin.attach` lets the effects of its twins act in other programs"""
     weak_rounds: int = 8
     """At most so many rounds along weak directions end the last fit"""
     steps_of_derivative: int = 2
@@ -83,6 +86,12 @@ class RunMachine(ABC):
         self, points: Sequence[ParameterVector], pieces: Runs, timestep: float | None = None
     ) -> Array:
         """The outputs that twins predict, (D, S, T, C); not finite where a simulation gave up."""
+
+    def write_calibration(self, spec: mujoco.MjSpec, declared: Array) -> list[str]:
+        """Write into a spec to be given away what calibration found beside the model's numbers; names of
+        what MJCF cannot express.
+        """
+        return []
 
     def pieces(self, sessions: Sequence[Recording]) -> Runs:
         """The runs, whole or in windows."""
@@ -200,5 +209,10 @@ class RunMachine(ABC):
         told = twin_file.to_dict(self.name, self.first, declared, there)
         write_json(path, told | dict(about))
         left = [effects.name_of(e) for e in there if not e.absent and not e.export(spec)]
-        note = f"only twin.json has {', '.join(left)}" if left else "all effects are here"
-        write_whole(path.with_suffix(".xml"), f"<!-- {note}. -->\n{spec.to_xml()}")
+        more = self.write_calibration(spec, point.declared)
+        notes = [f"only twin.json has {', '.join(each)}" for each in (left, more) if each]
+        if left and self.attachable:
+            notes[0] += f"; serpent_twin.attach adds {'it' if len(left) == 1 else 'them'}"
+        note = ". ".join(notes)
+        text = f"<!-- {note or 'all effects are here'}. -->\n{to_xml(spec, path.parent)}"
+        write_whole(path.with_suffix(".xml"), text)

@@ -12,6 +12,7 @@ from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.machine import ParameterVector
+from serpent_twin.sim.twin_model import KIND as ARM
 
 VERSION: Literal[2] = 2
 """Of twin.json; a file without one has the same keys"""
@@ -80,6 +81,17 @@ def read_twin(path: Path, kind: str) -> MachineTwin:
     values = stored.read_json(path, advice=_ADVICE)
     stored.require_kind(values, kind, str(path), _ADVICE)
     return stored.take(values, MachineTwin, str(path), _ADVICE)
+
+
+def read_described(path: Path) -> MachineTwin:
+    """The twin.json of any machine but the serpentine arm, whatever its name."""
+    advice = "Give the twin.json of `python -m serpent_twin.trace --machine …`."
+    values = stored.read_json(path, advice=advice)
+    if isinstance(values, dict) and values.get("kind") == ARM:
+        raise SerpentError(
+            f"{path} is a twin of the serpentine arm, whose effects act in serpent_twin.Twin alone. {advice}"
+        )
+    return stored.take(values, MachineTwin, str(path), advice)
 
 
 def to_dict(

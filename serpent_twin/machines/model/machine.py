@@ -24,6 +24,7 @@ from serpent_twin.machines.measured import Recording, RunMachine, Runs, cut
 from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
+from serpent_twin.machines.model.drive_table import write_calibration
 from serpent_twin.machines.model.full_rate import columns_between
 from serpent_twin.machines.model.full_states import lengthen_buffers
 from serpent_twin.machines.model.in_motion import MovingTwin, TwinsInMotion
@@ -82,6 +83,7 @@ class ModelMachine(RunMachine):
     block: float = 0.0
     window: None = None
     joints: tuple[str, ...] = ()
+    attachable: bool = True
     not_sought: tuple[str, ...] = ()
     """Sentences on effects that are not sought, and on what nothing measures"""
 
@@ -183,6 +185,10 @@ class ModelMachine(RunMachine):
         edit_numbers(spec, self.coordinates, by_coordinate(self.declared, declared))
         edit(spec, effects)
         return spec
+
+    def write_calibration(self, spec: mujoco.MjSpec, declared: Array) -> list[str]:
+        """Write scales and zeros of the drives into their actuators."""
+        return write_calibration(spec, self.described, by_coordinate(self.declared, declared))
 
     def _compiled(
         self, declared: Array, effects: Sequence[Effect], known: Sequence[Factor]

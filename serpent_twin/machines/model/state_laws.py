@@ -96,6 +96,14 @@ class StateLaws:
         self._rate, self._motion = self._qvel.copy(), self._motions()
         return self._changed(0.0 * self._dt, self._rate, self._motion)
 
+    def kept(self) -> tuple[Any, ...]:
+        """What the next time step depends on beside the batch's state, for `recall`."""
+        return deepcopy((self._memory, self._rate, self._motion))
+
+    def recall(self, kept: tuple[Any, ...]) -> None:
+        """Go back to where `kept` was asked."""
+        self._memory, self._rate, self._motion = deepcopy(kept)
+
     def lag(self) -> None:
         """Take the batch's rates as those of half a time step before the first."""
         self._rate = self._qvel.copy()

@@ -1,0 +1,87 @@
+"""Show one MuJoCo simulation as what `StateLaws` uses of a batch."""
+
+import mujoco
+import numpy as np
+
+from serpent_twin.arrays import Array
+
+_FORCES = ("actuator_force", "qfrc_actuator")
+"""Forces that MuJoCo computes after its control callback: those of the step before"""
+_OF_RATES = ("qfrc_bias", "qfrc_spring")
+"""Forces that MuJoCo has computed where the callback begins"""
+_ADDED = ("qfrc_applied", "xfrc_applied")
+"""What laws add; kept apart, as a program's own forces are in the simulation's"""
+
+
+class OneRun:
+    """A simulation as a batch of one run, inside MuJoCo's control callback. Arrays are of one run, (1, …).
+
+    Laws are written for a batch, in which forces are those of the time step before unless a law needs rates
+    of bodies. `advance` keeps them so.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self.model, self._data = model, data
+        own = {name: getattr(data, name)[None].copy() for name in (*_FORCES, *_OF_RATES)}
+        self._own = own | {name: np.zeros_like(getattr(data, name))[None] for name in _ADDED}
+        self._own["time"] = np.array([data.time])
+        self._last = {name: own[name].copy() for name in _OF_RATES}
+        self._usual: dict[str, Array] = {}
+        self._written: dict[str, Array] = {}
+
+    def bind(self, field: str) -> Array:
+        """A field of the simulation, to be read."""
+        return self._own[field] if field in self._own else getattr(self._data, field)[None]
+
+    def expand(self, field: str) -> Array:
+        """A field of the model, to be written; `restore` undoes it."""
+        values = getattr(self.model, field)
+        if field not in self._usual:
+            self._usual[field], self._written[field] = values.copy(), values.copy()
+        return values[None]
+
+    def forward(self, stage: int = 0) -> None:
+        """Compute nothing: MuJoCo has computed positions and rates before its callback."""
+
+    def hold(self) -> None:
+        """Take time and forces as they are now."""
+        self._own["time"][0] = self._data.time
+        for name in (*_FORCES, *_OF_RATES):
+            self._own[name][0] = getattr(self._data, name)
+
+    def advance(self, by_rates: bool) -> None:
+        """Take time and forces as a batch has them before a further time step; `by_rates`, if it computes
+        rates there.
+        """
+        last = {name: self._last[name].copy() for name in _OF_RATES}
+        self.hold()
+        if not by_rates:
+            for name in _OF_RATES:
+                self._own[name][...] = last[name]
+
+    def obey(self) -> None:
+        """Let MuJoCo go on with what laws have written: forces, and numbers of the model if they changed."""
+        if any(not np.array_equal(getattr(self.model, n), v) for n, v in self._written.items()):
+            self._written = {name: getattr(self.model, name).copy() for name in self._written}
+            mujoco.mj_fwdPosition(self.model, self._data)
+            mujoco.mj_fwdVelocity(self.model, self._data)
+        self.push()
+        for name in _OF_RATES:
+            self._last[name][0] = getattr(self._data, name)
+
+    def push(self) -> None:
+        """Add the laws' forces to the passive ones, which MuJoCo computes anew each time."""
+        self._data.qfrc_passive[:] += self._own["qfrc_applied"][0]
+        wrenches = self._own["xfrc_applied"][0]
+        for body in np.flatnonzero(wrenches.any(axis=1)):
+            force, torque = wrenches[body, :3], wrenches[body, 3:]
+            at = self._data.xipos[body]
+            into = self._data.qfrc_passive
+            mujoco.mj_applyFT(self.model, self._data, force, torque, at, int(body), into)
+
+    def restore(self) -> None:
+        """Give the model its numbers back."""
+        for name, values in self._usual.items():
+            getattr(self.model, name)[...] = values
+        for name in _ADDED:
+            self._own[name][...] = 0.0
