@@ -27,7 +27,11 @@ def listing() -> str:
     wide = 2 + max(map(len, found))
     for name, text in found.items():
         lines += textwrap.wrap(
-            text, _WIDTH, initial_indent=f"  {name:<{wide}}", subsequent_indent=" " * (wide + 2)
+            text,
+            _WIDTH,
+            initial_indent=f"  {name:<{wide}}",
+            subsequent_indent=" " * (wide + 2),
+            break_on_hyphens=False,
         )
     return "\n".join(
         [*lines, "", "Each explains its options with --help. A dot may stand for the space."]

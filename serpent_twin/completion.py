@@ -13,10 +13,12 @@ _ZSH = "autoload -U +X bashcompinit && bashcompinit\n"
 
 
 def main(shell: Positional[Literal["bash", "zsh"]]) -> None:
-    """Print a shell's completion of these commands: eval "$(serpent-twin completion bash)" in ~/.bashrc.
+    """Print what completes these commands in a shell.
+
+    The line for ~/.bashrc is: eval "$(serpent-twin completion bash)".
 
     Args:
-        shell: The shell; the line for zsh belongs in ~/.zshrc.
+        shell: The shell; the line of zsh belongs in ~/.zshrc.
     """
     names = list(verbs())
     first = " ".join(dict.fromkeys(name.partition(".")[0] for name in names))

@@ -3,13 +3,18 @@
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated
+
+import tyro
 
 from serpent_twin.arm.mjcf import IN_CHECKOUT, MODEL, write
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
 
+_Optional = Annotated[Path | None, tyro.conf.arg(help_behavior_hint="")]
 
-def main(folder: Path | None = None) -> None:
+
+def main(folder: _Optional = None) -> None:
     """Write the arm's MJCF and meshes; look at it with python -m mujoco.viewer --mjcf scene.xml.
 
     Args:
