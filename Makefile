@@ -5,7 +5,7 @@ READY := .venv/.ready
 PROCESSES = $(shell $(BIN)/python -c "import os; print(os.cpu_count())")
 SIDE_BY_SIDE = --numprocesses $(PROCESSES) --dist loadfile --no-loadscope-reorder --durations 30
 
-.PHONY: setup demo test test-all lint bench faults fuzz loop sweep pages model clean
+.PHONY: setup demo test test-all installed lint bench faults fuzz loop sweep pages model clean
 
 help:           ## Say what can be made
 	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  .*##' $(MAKEFILE_LIST) | sed 's/:.*##/ —/'
@@ -26,6 +26,9 @@ test: setup lint  ## What CI runs: lint, types, the tests without the slow ones
 
 test-all: setup lint  ## The slow tests, too, before a release: whole traces, the demo; some fifty minutes
 	$(BIN)/python -m pytest $(SIDE_BY_SIDE)
+
+installed: setup  ## Build the wheel, install it without extras elsewhere, run the main job: a minute
+	PYTHON=$(PYTHON) .ci/installed
 
 lint: setup  ## ruff, the layers of imports, pyright
 	$(BIN)/ruff check .

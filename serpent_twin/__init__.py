@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
     from serpent_twin.sim.twin_model import read as read_twin
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = [
     "ARM",
     "NOMINAL_TWIN",

@@ -1,50 +1,18 @@
-"""Run a command of this package, or list them: `python -m serpent_twin [COMMAND]`."""
+"""Run or list the commands of this package: `serpent-twin`, `python -m serpent_twin`."""
 
 import difflib
-import importlib
-import pkgutil
 import runpy
 import shlex
 import sys
 import textwrap
-from collections.abc import Callable, Iterator
-from importlib.util import find_spec
 from pathlib import Path
 
 import serpent_twin
-from serpent_twin.command_line import cli
-from serpent_twin.command_line.option_groups import about
+from serpent_twin.command_line import cli, program
+from serpent_twin.command_line.verbs import is_command, verbs
 from serpent_twin.errors import SerpentError
 
-_GUARD = 'if __name__ == "__main__":\n'
 _WIDTH = 79
-
-
-def verbs() -> dict[str, str]:
-    """What each command's `--help` says first, by the module that is run."""
-    return {name.removesuffix(".__main__"): _first(name) for name in sorted(_runnable())}
-
-
-def _runnable() -> Iterator[str]:
-    """Names of the modules that are commands, within the package."""
-    prefix = f"{serpent_twin.__name__}."
-    for module in pkgutil.walk_packages(serpent_twin.__path__, prefix):
-        source = Path((find_spec(module.name) or __spec__).origin or "")
-        if _is_run(source):
-            yield module.name.removeprefix(prefix)
-
-
-def _is_run(source: Path) -> bool:
-    """Whether a file is that of a command: it guards what it does when it is run."""
-    own = source == Path(__file__)
-    return source.is_file() and not own and _GUARD in source.read_text(encoding="utf-8")
-
-
-def _first(name: str) -> str:
-    module = importlib.import_module(f"{serpent_twin.__name__}.{name}")
-    main: Callable[..., object] | None = getattr(module, "main", None)
-    text = about(main) if main else module.__doc__ or ""
-    return text.partition("\n")[0]
 
 
 def listing() -> str:
@@ -52,14 +20,18 @@ def listing() -> str:
     lines = [
         str(serpent_twin.__doc__),
         "",
-        "usage: python -m serpent_twin COMMAND [-h] [OPTIONS]",
+        f"usage: {program.package()} COMMAND [-h] [OPTIONS]",
         "",
     ]
     found = verbs()
     wide = 2 + max(map(len, found))
     for name, text in found.items():
         lines += textwrap.wrap(
-            text, _WIDTH, initial_indent=f"  {name:<{wide}}", subsequent_indent=" " * (wide + 2)
+            text,
+            _WIDTH,
+            initial_indent=f"  {name:<{wide}}",
+            subsequent_indent=" " * (wide + 2),
+            break_on_hyphens=False,
         )
     return "\n".join(
         [*lines, "", "Each explains its options with --help. A dot may stand for the space."]
@@ -71,10 +43,14 @@ def main(words: tuple[str, ...]) -> None:
     if not words or words[0] in ("-h", "--help"):
         print(listing())
         return
+    if words == ("--version",):
+        print(f"{program.CONSOLE} {serpent_twin.__version__}")
+        return
     for n in (2, 1):
         if (name := _module(words[:n])) and len(words) >= n:
-            sys.argv = [name, *words[n:]]
-            runpy.run_module(name, run_name="__main__", alter_sys=True)
+            with program.started_by(program.package()):
+                sys.argv = [name, *words[n:]]
+                runpy.run_module(name, run_name="__main__", alter_sys=True)
             return
     raise SerpentError(_unknown(words))
 
@@ -84,7 +60,7 @@ def _module(words: tuple[str, ...]) -> str:
     parts = ".".join(words).split(".")
     place = Path(serpent_twin.__path__[0]).joinpath(*parts)
     sources = (place.with_suffix(".py"), place / "__main__.py")
-    if not all(map(str.isidentifier, parts)) or not any(map(_is_run, sources)):
+    if not all(map(str.isidentifier, parts)) or not any(map(is_command, sources)):
         return ""
     return ".".join((serpent_twin.__name__, *parts))
 
@@ -95,10 +71,15 @@ def _unknown(words: tuple[str, ...]) -> str:
     near = [name for name in there if name.startswith(f"{first}.")]
     near = near or difflib.get_close_matches(first, there, n=1, cutoff=0.5)
     if not near:
-        return f"there is no command {first!r}; `python -m serpent_twin` lists them."
-    calls = " or ".join(f"python -m serpent_twin {each.replace('.', ' ')}" for each in near)
+        return f"there is no command {first!r}; `{program.package()}` lists them."
+    calls = " or ".join(f"{program.package()} {each.replace('.', ' ')}" for each in near)
     return f"there is no command {shlex.join(words[:2])!r}. Try {calls}"
 
 
-if __name__ == "__main__":
+def start() -> None:
+    """Run what the command line says: the installed script's entry."""
     cli.run(lambda: main(tuple(sys.argv[1:])), argv=[])
+
+
+if __name__ == "__main__":
+    start()

@@ -8,16 +8,19 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 import numpy as np
-from dm_control.rl import control
-from dm_env import specs
 
 from serpent_twin.arm.control import HOLD, random_targets
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS, Arm, joint_from_motor
 from serpent_twin.arrays import Array
 from serpent_twin.command_line.options import RateHz, Seed, Steps, check_arguments
 from serpent_twin.emulator.simulated_bus import SimulatedBus
+from serpent_twin.extras import requires
 from serpent_twin.hardware.motor_bus import MotorBus, MotorState
 from serpent_twin.hardware.xl430 import VELOCITY_LIMIT, VELOCITY_UNIT, Words
+
+with requires("env", "The environment"):
+    from dm_control.rl import control
+    from dm_env import specs
 
 TOP_SPEED = VELOCITY_LIMIT * VELOCITY_UNIT
 """The servo's Velocity Limit [rad/s]."""

@@ -7,6 +7,7 @@ from tyro.conf import Positional
 
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
+from serpent_twin.command_line.program import as_started
 from serpent_twin.errors import SerpentError
 from serpent_twin.exchange import imported_log
 from serpent_twin.exchange.exporting import export
@@ -157,7 +158,7 @@ def _verdict(file: Path, rows: int, findings: list[Finding]) -> bool:
     verdict = "damaged" if "error" in levels else "usable" if "warning" in levels else "sound"
     print(f"{file.name}: {counted(rows, 'row')}, {verdict}")
     for finding in findings:
-        print(f"  {finding.level}: {finding.text}")
+        print(f"  {finding.level}: {as_started(finding.text)}")
     return "error" not in levels
 
 

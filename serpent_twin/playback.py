@@ -6,9 +6,9 @@ gives markers and loads, a trained readout its estimate. A corrected twin is lai
 
 import hashlib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from rerun.chunk import RrdReader
 
 from serpent_twin import __version__, estimators, sessions
 from serpent_twin.arm.geometry import ARM
@@ -16,15 +16,19 @@ from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators.belief import require_finite
 from serpent_twin.exchange import imported_log
+from serpent_twin.extras import requires
 from serpent_twin.numerals import counted
 from serpent_twin.readouts.membership import told
 from serpent_twin.readouts.windows import cut
-from serpent_twin.reporting import rerun_columns, rerun_recording
-from serpent_twin.reporting.rerun_recording import EstimatedMarkers
 from serpent_twin.runs.provenance import file_hash
 from serpent_twin.sim import twin_model
 from serpent_twin.sim.twin import replay_motors
 from serpent_twin.sim.twin_model import TwinModel
+
+if TYPE_CHECKING:
+    from serpent_twin.reporting.rerun_recording import EstimatedMarkers
+
+_RECORDING = "A recording for rerun"
 
 
 def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None) -> str:
@@ -32,6 +36,8 @@ def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None)
 
     Of a log of another machine, its columns are shown over time.
     """
+    with requires("view", _RECORDING):
+        from serpent_twin.reporting import rerun_recording
     if imported_log.is_other(session):
         return _columns(session, out, readout or twin)
     seen = sessions.read_session(session)
@@ -58,6 +64,8 @@ def _columns(path: Path, out: Path, more: Path | None) -> str:
             f"{path} is a log of another machine, and {more} is of the arm. Leave it out: the log's columns "
             "are shown."
         )
+    from serpent_twin.reporting import rerun_columns
+
     log = imported_log.read(path)
     if not _already_there(out, identity := _identity(path, None, None)):
         rerun_columns.write(out, path.stem, log.time, log.columns, log.units, identity)
@@ -66,8 +74,10 @@ def _columns(path: Path, out: Path, more: Path | None) -> str:
     )
 
 
-def estimate(session: sessions.Session, folder: Path) -> EstimatedMarkers:
+def estimate(session: sessions.Session, folder: Path) -> "EstimatedMarkers":
     """Markers that the readout saved in `folder` finds in a session."""
+    with requires("view", _RECORDING):
+        from serpent_twin.reporting.rerun_recording import EstimatedMarkers
     estimator = estimators.load(folder)
     trained = estimator.trained
     estimator.require_rate(session.rate_hz)
@@ -110,6 +120,8 @@ def _already_there(out: Path, identity: str) -> bool:
     """Whether `out` is this very recording; any other file there is an error."""
     if not out.exists():
         return False
+    from rerun.chunk import RrdReader
+
     try:
         found = [entry.recording_id for entry in RrdReader(out).recordings()]
     except Exception:  # a foreign file is never replaced

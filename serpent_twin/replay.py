@@ -10,7 +10,6 @@ import tyro
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
-from serpent_twin.playback import play_back
 
 _Optional = Annotated[Path | None, tyro.conf.arg(help_behavior_hint="")]
 
@@ -37,6 +36,8 @@ def main(
         raise SerpentError(
             f"--out {out}: rerun knows its recordings by their ending; name it FILE.rrd."
         )
+    from serpent_twin.playback import play_back  # rerun is slow to import
+
     said = play_back(session, out, readout, twin)
     print("\n".join(filter(None, (said, f"{out}: what rerun shows"))))
     if view:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from serpent_twin.arrays import Array, cross
 
@@ -110,7 +110,7 @@ class Arm:
     @cached_property
     def camera_turn(self) -> Array:
         """Rotation from the base's frame into the cameras', (3, 3)."""
-        return Rotation.from_rotvec(self.camera_pose[3:]).as_matrix()
+        return scipy.spatial.transform.Rotation.from_rotvec(self.camera_pose[3:]).as_matrix()
 
     @cached_property
     def joint_offset(self) -> Array:

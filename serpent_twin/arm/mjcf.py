@@ -20,11 +20,15 @@ from serpent_twin.arm.hinge_friction import STICKS
 from serpent_twin.arm.mjcf_text import add, text, word
 from serpent_twin.arm.parameters import NOMINAL, Parameters
 from serpent_twin.arrays import Array
+from serpent_twin.extras import requires
 
 if TYPE_CHECKING:
     from serpent_twin.arm.meshes import Part
 
-MODEL = Path(__file__).resolve().parents[2] / "model"
+_PACKAGE = Path(__file__).resolve().parents[1]
+MODEL = (_PACKAGE / "model").resolve()
+"""The arm as MJCF: the package's data, which in a checkout is a link to its model/"""
+IN_CHECKOUT = not MODEL.is_relative_to(_PACKAGE)
 TIMESTEP = 0.002  # [s] a quarter of it moves the markers by less than 0.2 mm (tests)
 STRANDS = tuple(f"cable{j}_{side}" for j in range(1, N_MOTORS + 1) for side in ("plus", "minus"))
 """Names of the 20 strands: cable 1's + and −, cable 2's + and −, …"""
@@ -32,6 +36,7 @@ MOTORS = tuple(f"motor{j}" for j in range(1, N_MOTORS + 1))
 JOINTS = tuple(f"joint{i}" for i in range(1, N_JOINTS + 1))
 
 _NEVER = -10.0  # [m] lower end of a strand's dead band, out of reach: a strand does not push
+_DRAWN = "Drawing the arm"
 _HELD = 1.0
 """Friction [N m] and inertia [kg m²] of a jaw that is held: no motor overcomes them, and through a friction
 constraint of a light jaw, which is soft, the cable would creep."""
@@ -59,11 +64,8 @@ def build(
     if not drawn:
         document = _document(tolerances.built(arm), parameters, tolerances, motors=motors)
         return mujoco.MjSpec.from_string(text(document))
-    from serpent_twin.arm import (  # trimesh is slow to import, needed here only
-        meshes,
-        routing,
-        scene,
-    )
+    with requires("view", _DRAWN):  # trimesh is slow to import, needed here only
+        from serpent_twin.arm import meshes, routing, scene
 
     parts = meshes.parts(arm)
     document = text(_document(tolerances.built(arm), parameters, tolerances, parts))
@@ -75,7 +77,8 @@ def build(
 
 def write(folder: Path = MODEL, arm: Arm = ARM, parameters: Parameters = NOMINAL) -> list[Path]:
     """Write serpent.xml, scene.xml and the mesh files into `folder`; returns their paths."""
-    from serpent_twin.arm import meshes
+    with requires("view", _DRAWN):
+        from serpent_twin.arm import meshes
 
     parts = meshes.parts(arm)
     files: dict[str, str | bytes] = {

@@ -12,6 +12,7 @@ from serpent_twin import next_step
 from serpent_twin.arm.geometry import N_MOTORS
 from serpent_twin.command_line import cli
 from serpent_twin.command_line.options import Checked, when
+from serpent_twin.command_line.program import as_started
 from serpent_twin.hardware.dynamixel.bus import DynamixelBus
 from serpent_twin.hardware.dynamixel.examination import BusExamination, examine
 from serpent_twin.hardware.dynamixel.registers import MotorRegisters
@@ -90,7 +91,7 @@ def main(config: Doctor) -> None:  # noqa: D103 tyro would print it above the co
         _show_live(setup)
         return
     diagnosis = examine(setup, config.reads)
-    print(describe(diagnosis))
+    print(as_started(describe(diagnosis)))
     if config.out:
         write_json(config.out, asdict(diagnosis), indent=2)
     if diagnosis.refused:

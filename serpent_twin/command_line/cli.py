@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 from serpent_twin.command_line.option_groups import grouped
+from serpent_twin.command_line.program import as_started
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import shortened
 
@@ -59,7 +60,7 @@ def run(
 
 def fail(sentence: str, status: int = 1) -> None:
     """Print an error to the user and leave with an exit status."""
-    print(f"error: {shortened(sentence)}", file=sys.stderr)
+    print(f"error: {shortened(as_started(sentence))}", file=sys.stderr)
     sys.exit(status)
 
 
@@ -74,16 +75,22 @@ def _open_streams() -> None:
             setattr(sys, name, open(number, "r" if number == 0 else "w", closefd=False))  # noqa: SIM115
 
 
+def _module() -> str | None:
+    """The module run, such as `serpent_twin.log`."""
+    spec = getattr(sys.modules["__main__"], "__spec__", None)
+    return spec.name.removesuffix(".__main__") if spec else None
+
+
 def _program() -> str | None:
     """How the user starts the module run, such as `python -m serpent_twin.log`."""
-    spec = getattr(sys.modules["__main__"], "__spec__", None)
-    return f"python -m {spec.name.removesuffix('.__main__')}" if spec else None
+    module = _module()
+    return as_started(f"python -m {module}") if module else None
 
 
 def _name(main: Callable[..., Any]) -> str:
     """What people call the command, such as `log`."""
-    program = _program()
-    return program.rpartition(".")[-1] if program else main.__name__
+    module = _module()
+    return module.rpartition(".")[-1] if module else main.__name__
 
 
 def _numbers(argv: Sequence[str]) -> ConstructorRegistry:

@@ -10,6 +10,8 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import tyro
 
+from serpent_twin.command_line.program import as_started
+
 _UNSAID = (None, "", ())
 """Defaults that an option's own text explains"""
 
@@ -43,7 +45,7 @@ class _Option:
 def about(main: Callable[..., Any]) -> str:
     """The `--help` text of a command, a line a paragraph."""
     text = inspect.getdoc(_config_of(main) or main) or ""
-    return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
+    return as_started("\n\n".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n")))
 
 
 def grouped(main: Callable[..., Any], name: str) -> Callable[..., Any]:
@@ -54,7 +56,9 @@ def grouped(main: Callable[..., Any], name: str) -> Callable[..., Any]:
     """
     kind = _config_of(main)
     if kind is None:
-        return tyro.conf.configure(tyro.conf.DisallowNone)(main)
+        plain = tyro.conf.configure(tyro.conf.DisallowNone)(main)
+        plain.__doc__ = as_started(main.__doc__ or "")
+        return plain
     first, _, rest = about(main).partition("\n\n")
     titles = {name: rest}
     options = list(_options(kind, titles, group=name))
@@ -116,7 +120,7 @@ def _said(kind: type) -> dict[str, str]:
             case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(
                 value=ast.Constant(value=str(text))
             ):
-                found[name] = " ".join(text.split())
+                found[name] = as_started(" ".join(text.split()))
     return found
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
+import scipy
 
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
@@ -35,12 +35,12 @@ class Belief:
     def coverage(self, measured: Array, share: float = 0.95) -> float:
         """Share of the measured markers that lie within their ellipsoids of that share."""
         far = self.distance2(measured)
-        return float((far[np.isfinite(far)] <= chdtri(3, 1 - share)).mean())
+        return float((far[np.isfinite(far)] <= scipy.special.chdtri(3, 1 - share)).mean())
 
     def scale_to(self, measured: Array, share: float = 0.95) -> Array:
         """Factor of each marker's covariance with which its ellipsoids of that share hold it, (9,)."""
         far = self.distance2(measured)
-        return np.nanquantile(far, share, axis=0) / chdtri(3, 1 - share)
+        return np.nanquantile(far, share, axis=0) / scipy.special.chdtri(3, 1 - share)
 
 
 def unknown() -> Belief:

@@ -10,8 +10,8 @@ hypothesis.
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from serpent_twin.arm.geometry import N_JOINTS, N_MOTORS
 from serpent_twin.arrays import Array
@@ -221,4 +221,4 @@ def _bounds(now: LoadErrors, slope: Array, force: Array) -> Array:
     if not holding.size:
         return np.zeros((3, 3))
     each = slope[holding] / now.friction[holding, None]
-    return chdtri(3, 1 - _HELD) / len(holding) * each.T @ each
+    return scipy.special.chdtri(3, 1 - _HELD) / len(holding) * each.T @ each

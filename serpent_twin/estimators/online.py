@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv
 
 from serpent_twin.arm.geometry import N_JOINTS, joint_from_motor
 from serpent_twin.arrays import Array
@@ -111,7 +111,7 @@ class Online(Live):
         self._right[seen] = fade * self._right[seen] + x[:, None] * missed[:, None]
         for k in seen:
             regular = self._gram[k] + self._forgetting.ridge * np.eye(FEATURES)
-            self.weight[k] = dposv(regular, self._right[k])[1]
+            self.weight[k] = scipy.linalg.lapack.dposv(regular, self._right[k])[1]
 
     def _spread(self, believed: Belief) -> Array:
         """Covariance of the out-of-sample residual, in units of the estimator's own, (9, 3, 3)."""

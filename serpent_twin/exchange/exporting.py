@@ -11,7 +11,7 @@ import pyarrow.csv as csv
 
 from serpent_twin import stored
 from serpent_twin.errors import SerpentError
-from serpent_twin.exchange.sources import lacks
+from serpent_twin.extras import requires
 from serpent_twin.runs.files import write_whole
 
 FORMS = (".csv", ".mcap")
@@ -43,10 +43,8 @@ def _csv(columns: dict[str, Any]) -> bytes:
 
 def _mcap(columns: dict[str, Any]) -> bytes:
     """Messages as JSON, of numbers; what is not known is null."""
-    try:
+    with requires("logs", "An MCAP file"):
         from mcap.writer import Writer
-    except ImportError as error:
-        raise lacks("logs", error) from None
     sink = io.BytesIO()
     writer = Writer(sink)
     writer.start(library="serpent-twin")

@@ -84,8 +84,6 @@ class Source(Protocol):
 
     about: str
     """What it is"""
-    extra: str
-    """What must be installed for it; nothing for what is always there"""
 
     def reads(self, path: Any) -> bool:
         """Whether a file or folder is of this kind."""

@@ -9,6 +9,7 @@ from tqdm import tqdm
 
 from serpent_twin import estimators
 from serpent_twin.arrays import Array
+from serpent_twin.command_line.program import as_started
 from serpent_twin.estimators import Estimator
 from serpent_twin.estimators.observer import Observer
 from serpent_twin.following import path as paths
@@ -44,7 +45,7 @@ def follow(config: Follow) -> dict[str, Any]:
     twin = twin_model.read(config.twin) if config.twin else NOMINAL_TWIN
     way = paths.read(config.path)
     if config.twin is None:
-        print(_BY_NOMINAL)
+        print(as_started(_BY_NOMINAL))
     estimator = _estimator(config, twin)
     estimator.require_rate(config.rate_hz)
     plan = _rehearsed(config, way, twin)

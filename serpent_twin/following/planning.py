@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from serpent_twin.arm.geometry import ARM, Arm, joint_from_motor
 from serpent_twin.arrays import Array
@@ -146,7 +146,7 @@ def _reached(path: PathToFollow, time: Array, bounds: JointBounds, arm: Arm) -> 
     count = max(2, int(np.ceil(path.duration / _KNOTS)) + 1)
     knots = np.linspace(0.0, path.duration, count)  # whatever the rate, the poses are the same
     found, short = all_reached(path.at(knots), bounds, arm)
-    return CubicSpline(knots, found)(time), short
+    return scipy.interpolate.CubicSpline(knots, found)(time), short
 
 
 def _excess(plan: PathPlan, limits: Limits) -> Array:

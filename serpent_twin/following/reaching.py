@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
+import scipy
 
 from serpent_twin.arm.control import target_bounds
 from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm, link_frames
@@ -77,7 +77,7 @@ def reached(
         high = np.minimum(bounds.high - q, _LONGEST_STEP)
         matrix = np.vstack([slope, _PREFERRED * np.eye(N_JOINTS)])
         wanted = np.concatenate([point - tip, _PREFERRED * (preferred - q)])
-        step = lsq_linear(matrix, wanted, (low - 1e-12, high + 1e-12)).x
+        step = scipy.optimize.lsq_linear(matrix, wanted, (low - 1e-12, high + 1e-12)).x
         q = np.clip(q + step, bounds.low, bounds.high)
         if np.abs(step).max() < _FINE:
             break

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+import scipy
 
 from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arm.mjcf import JOINTS
@@ -98,7 +98,9 @@ class _InverseDynamics:
     def of(self, change: Array) -> Array:
         """The change of m for a smoothed change of q [rad], (T, 9)."""
         angle, speed, acceleration = (
-            gaussian_filter1d(change, self._width, axis=0, order=order, mode="nearest")
+            scipy.ndimage.gaussian_filter1d(
+                change, self._width, axis=0, order=order, mode="nearest"
+            )
             / self._period**order
             for order in range(3)
         )

@@ -5,7 +5,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.diagnosis import (
@@ -128,7 +128,7 @@ def mean_gain(tried: Tried) -> tuple[float, float]:
         return np.nan, np.nan
     if gains.size == 1:
         return float(gains[0]), np.nan
-    half = stdtrit(gains.size - 1, 0.975) * gains.std(ddof=1) / np.sqrt(gains.size)
+    half = scipy.special.stdtrit(gains.size - 1, 0.975) * gains.std(ddof=1) / np.sqrt(gains.size)
     return float(gains.mean()), float(half)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import chdtrc, stdtr
+import scipy
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -169,7 +169,7 @@ def chance(gains: Array) -> float:
         inflation += 2 * (1 - k / length) * rho
     independent = max(count / inflation, 2.0)
     spread = max(np.sqrt(variance / (independent - 1)), 1e-12)
-    return float(stdtr(max(1.0, _FREEDOM * (independent - 1)), -mean / spread))
+    return float(scipy.special.stdtr(max(1.0, _FREEDOM * (independent - 1)), -mean / spread))
 
 
 def together(selected: float, confirmed: float) -> float:
@@ -177,7 +177,9 @@ def together(selected: float, confirmed: float) -> float:
     least that of the logs which confirm it, if these by themselves hardly show it.
     """
     least = 1e-300
-    joint = float(chdtrc(4, -2 * (np.log(max(selected, least)) + np.log(max(confirmed, least)))))
+    joint = float(
+        scipy.special.chdtrc(4, -2 * (np.log(max(selected, least)) + np.log(max(confirmed, least))))
+    )
     return joint if confirmed < CONFIRMED else max(joint, confirmed)
 
 

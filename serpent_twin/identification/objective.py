@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import lsq_linear
+import scipy
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import Fit
@@ -212,5 +212,5 @@ def least(normal: Array, pull: Array, low: Array, high: Array) -> Array:
         root = np.linalg.cholesky(normal)
     except np.linalg.LinAlgError:
         root = np.linalg.cholesky(normal + _SINGLE * np.diag(np.diag(normal)))
-    x: Array = lsq_linear(root.T, np.linalg.solve(root, pull), (low, high), "bvls").x
+    x: Array = scipy.optimize.lsq_linear(root.T, np.linalg.solve(root, pull), (low, high), "bvls").x
     return x

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import NORMAL_95, Fit
@@ -55,7 +55,7 @@ def standard_errors(
         independent = _inverse(each * data + weight)
         chance = np.diag(independent) - independent**2 @ prior
         between += shared * segments * np.maximum(0.0, between - chance)
-    between *= (float(stdtrit(segments - 1, 0.975)) / NORMAL_95) ** 2
+    between *= (float(scipy.special.stdtrit(segments - 1, 0.975)) / NORMAL_95) ** 2
     own = covariance**2 @ prior  # what the priors leave uncertain, were the data exact
     return np.maximum(error, np.minimum(np.sqrt(between + own), prior**-0.5)), correlation
 

@@ -11,6 +11,7 @@ from tqdm import tqdm
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import Estimator
 from serpent_twin.estimators.feeling import Feeling
+from serpent_twin.extras import require
 from serpent_twin.hardware.cameras import NoMocap
 from serpent_twin.live.arm import Drive
 from serpent_twin.live.figures import Course, figures
@@ -133,6 +134,8 @@ def run_and_state(
     `names` are those of the files of settings and results. If there are rows, `found` gives the figures of
     the run, and `tell` shows the results.
     """
+    if plan.config.record or plan.config.view:
+        require("rerun", "view", "A recording for rerun", ", or leave it out: --no-record")
     out, (settings_name, results_name) = plan.drive.out, names
     with claimed(out, settings_name, settings):
         _refuse_second(plan, results_name)

@@ -6,6 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from serpent_twin.command_line.program import as_started
 from serpent_twin.errors import SerpentError
 from serpent_twin.runs.files import unused
 
@@ -28,7 +29,7 @@ def line(step: Words) -> str:
 
 def typed(step: Words) -> str:
     """A step as typed in a shell."""
-    return shlex.join(["python", "-m", *step])
+    return as_started(shlex.join(["python", "-m", *step]))
 
 
 def allowed(check: Callable[[], object]) -> bool:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+import scipy
 
 from serpent_twin.arrays import Array
 
@@ -55,7 +55,7 @@ class Question:
         held-out logs did: the rest is lost to what the twin is wrong about.
         """
         whole = self.distance(gram)
-        seen = 2 * float(ndtri(1 - np.clip(chance, 1e-6, 0.5)))
+        seen = 2 * float(scipy.special.ndtri(1 - np.clip(chance, 1e-6, 0.5)))
         return replace(self, share=float(np.clip(seen / max(whole, 1e-9), _LEAST_SHARE, 1.0)))
 
     def hidden(self, gram: Array) -> "Question":
@@ -69,7 +69,7 @@ class Question:
         """That the log-likelihood ratio names the right one of effect and rival, or of effect and nothing: it
         is normal, with mean d²/2 and variance d² at the distance d, so Φ(d / 2).
         """
-        return float(ndtr(self.distance(gram) / 2))
+        return float(scipy.special.ndtr(self.distance(gram) / 2))
 
     def relative_error(self, gram: Array) -> float:
         """Expected standard error of the effect's strength, as a share of that strength: 1 / d."""

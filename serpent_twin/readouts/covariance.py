@@ -1,7 +1,7 @@
 """Estimate covariances of marker errors, and scale them."""
 
 import numpy as np
-from scipy.special import chdtri, fdtri
+import scipy
 
 from serpent_twin.arrays import Array
 
@@ -20,7 +20,9 @@ def growth(errors: float, share: float = 0.95) -> float:
     hold the next one (Hotelling).
     """
     n = max(errors, 4.0)
-    return float(3 * n / (n - 2) * fdtri(3, n - 2, share) / chdtri(3, 1 - share))
+    return float(
+        3 * n / (n - 2) * scipy.special.fdtri(3, n - 2, share) / scipy.special.chdtri(3, 1 - share)
+    )
 
 
 def root_of(covariance: Array) -> Array:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+import scipy
 
 from serpent_twin.arrays import Array
 from serpent_twin.readouts import Epoch, Progress, Readout
@@ -90,5 +90,7 @@ def solve(blocks: list[Block], penalty: float | Array) -> Array:
     weight = np.empty(size)
     for block in blocks:
         regular = block.gram + penalty * np.eye(len(block.gram))
-        weight[:, block.columns] = cho_solve(cho_factor(regular), block.right)
+        weight[:, block.columns] = scipy.linalg.cho_solve(
+            scipy.linalg.cho_factor(regular), block.right
+        )
     return weight

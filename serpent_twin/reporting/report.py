@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import jinja2
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
@@ -125,6 +123,8 @@ def as_png(drawing: "Drawing") -> bytes:
 
 
 def _html(report: Report, images: Mapping[str, bytes]) -> str:
+    import jinja2
+
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.tests |= {
         "table": lambda block: isinstance(block, Table),

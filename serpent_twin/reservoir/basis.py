@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -67,7 +67,7 @@ def chance_cut(rows: int, rank: int) -> float:
     independent of theirs; twice the quantile (Dambre et al. 2012) allows for where it is not. With one or
     two channels, a few products that share factors with a strong one may still pass, just above the cut.
     """
-    return float(2 * chdtri(rank, 1e-4) / rows)
+    return float(2 * scipy.special.chdtri(rank, 1e-4) / rows)
 
 
 def fine_cut(rows: int, rank: int, coarsest: float = COARSEST) -> float:

@@ -7,7 +7,7 @@ known: √T times the mean of a normalised product is nearly standard normal.
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import ndtri
+import scipy
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -20,7 +20,7 @@ FALSE_ALARM = 1e-6
 
 def chance(tests: int) -> float:
     """Upper bound of the greatest of so many standard normal numbers, but for a false alarm."""
-    return float(-ndtri(FALSE_ALARM / (2 * tests)))
+    return float(-scipy.special.ndtri(FALSE_ALARM / (2 * tests)))
 
 
 def as_rows(values: Array, what: str) -> Array:

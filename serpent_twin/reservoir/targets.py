@@ -13,9 +13,9 @@ from math import comb
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.special import eval_legendre
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -55,7 +55,7 @@ class TargetProducts:
 
 def legendre(u: Array, degree: int) -> Array:
     """√(2d+1) P_d(u), of variance 1 for u uniform on [−1, 1]; shape of u."""
-    return np.sqrt(2 * degree + 1) * eval_legendre(degree, u)
+    return np.sqrt(2 * degree + 1) * scipy.special.eval_legendre(degree, u)
 
 
 def label(product: Product) -> str:

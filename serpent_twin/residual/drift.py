@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from serpent_twin.residual.comparison import Array
 from serpent_twin.residual.spectrum import autocorrelation_rows, known
@@ -64,7 +64,7 @@ def drift(values: Array, time: Array, session: tuple[str, ...]) -> Drift:
         return Drift(np.zeros(C), np.full(C, np.inf), 0.0)
     slope = t @ y / spread
     left = np.sum((y - t[:, None] * slope) ** 2, axis=0)
-    half = stdtrit(free, 1 - 0.005 / C) * np.sqrt(left / free / spread)
+    half = scipy.special.stdtrit(free, 1 - 0.005 / C) * np.sqrt(left / free / spread)
     share = np.sum((t[:, None] * slope) ** 2) * length / max(np.sum(rows**2), 1e-300)
     return Drift(60 * slope, 60 * half, float(min(1.0, share)))
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from math import gamma
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.joint_attribution import joint_jacobian
@@ -136,7 +136,7 @@ def noise_std(
     weight = np.sqrt(table[:, 2]) / table[:, 1]
     scale = table[:, 0].max() or 1.0
     design = np.stack([np.ones(len(table)), table[:, 0] / scale], axis=1)
-    (still, _), _ = nnls(design * weight[:, None], table[:, 1] * weight)
+    (still, _), _ = scipy.optimize.nnls(design * weight[:, None], table[:, 1] * weight)
     return float(np.sqrt(still / GAIN)) if still > 0 else np.nan
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtr
+import scipy
 
 from serpent_twin.residual.comparison import Array, Comparison
 from serpent_twin.residual.features import direction_of, velocity_of
@@ -167,7 +167,13 @@ def _fade(
         free = min(square**2 / (weight @ weight), count - fixed.shape[-1]) - 1
         if free < 1 or error <= 0:
             continue
-        found[:, c] = size, error, size**2 * square, y @ y, 2 * stdtr(free, -abs(size) / error)
+        found[:, c] = (
+            size,
+            error,
+            size**2 * square,
+            y @ y,
+            2 * scipy.special.stdtr(free, -abs(size) / error),
+        )
     return _Fade(*found)
 
 

@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc, stdtrit
+import scipy
 
 from serpent_twin.numerals import counted
 from serpent_twin.residual.comparison import Array, Comparison
@@ -234,7 +234,7 @@ def _crossed(
     )
     chance = LEVEL / max(1, pairs[:, :, 0].size if pairs.size else 1)
     freedom = np.maximum(pairs / bartlett - 2, 1.0)
-    far = -stdtrit(freedom, chance / 2)
+    far = -scipy.special.stdtrit(freedom, chance / 2)
     return sums / np.maximum(pairs, 1.0), far / np.sqrt(freedom + far**2)
 
 
@@ -270,7 +270,7 @@ def _channel(
         int(n),
         rho,
         _NORMAL_95 * np.sqrt(pairs) / n,
-        float(chdtrc(lags, ljung_box)),
+        float(scipy.special.chdtrc(lags, ljung_box)),
         name_of_input,
         lag * period,
         correlation,

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from serpent_twin.errors import SerpentError
+from serpent_twin.extras import requires
 from serpent_twin.runs.worker_pool import Pool
 
 PATIENCE = 5.0
@@ -19,12 +20,8 @@ def cluster(address: str) -> Iterator[Pool]:
     The scheduler itself retries a job whose worker died, three times by default. Raises
     SerpentError when no scheduler answers there, or has no worker.
     """
-    try:
+    with requires("cluster", "A cluster", ", here and where the workers are"):
         from distributed import Client, KilledWorker
-    except ImportError as error:
-        raise SerpentError(
-            "A cluster needs Dask: pip install 'serpent-twin[cluster]', here and where the workers are."
-        ) from error
     client = _connected(Client, address)
     try:
         _require_workers(client, address)

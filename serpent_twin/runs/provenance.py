@@ -27,12 +27,22 @@ def provenance() -> dict[str, Any]:
 def versions() -> dict[str, str]:
     """Of Python, this project and what computes."""
     own = {"python": platform.python_version(), "serpent-twin": serpent_twin.__version__}
-    return own | {name: importlib.metadata.version(name) for name in _REPORTED}
+    return own | {name: found for name in _REPORTED if (found := _version(name))}
+
+
+def _version(name: str) -> str | None:
+    """Version of an installed distribution."""
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return None
 
 
 def git_commit() -> str:
     """Commit of the source tree, with `-dirty` appended if it was changed; `unknown` outside git."""
     tree = Path(__file__).resolve().parents[1]
+    if not (tree / ".git").exists():  # installed, perhaps within another project's repository
+        return "unknown"
     command = [
         "git",
         "-C",

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
+import scipy
 from mujoco.batch import Batch
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from serpent_twin import tables
 from serpent_twin.arm.geometry import N_JOINTS
@@ -18,6 +18,9 @@ from serpent_twin.arm.mjcf import JOINTS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import listed
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 COLUMNS = ("push_link", "push_x", "push_y", "push_z")
 """Of a log: the link that is pushed, 0 for none, and the force in the base frame [N]"""
@@ -61,11 +64,12 @@ class Push:
         return share[self.shape] * np.array(self.force)
 
 
-def links_and_base(model: mujoco.MjModel) -> tuple[NDArray[np.intp], int, Rotation]:
+def links_and_base(model: mujoco.MjModel) -> tuple[NDArray[np.intp], int, "Rotation"]:
     """The links' bodies, (9,), the base's, and how the base is turned in the world."""
     links = model.jnt_bodyid[[model.joint(name).id for name in JOINTS]]
     base = int(model.body_parentid[links[0]])
-    return links, base, Rotation.from_quat(model.body_quat[base], scalar_first=True)
+    turned = scipy.spatial.transform.Rotation.from_quat(model.body_quat[base], scalar_first=True)
+    return links, base, turned
 
 
 class LinkForces:

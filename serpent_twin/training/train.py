@@ -14,6 +14,7 @@ from serpent_twin.command_line.option_groups import Group
 from serpent_twin.command_line.options import GIVEN, Checked, Seed, Use, when
 from serpent_twin.errors import SerpentError
 from serpent_twin.estimators import available, find
+from serpent_twin.extras import require
 from serpent_twin.reporting.report import text_table, write
 from serpent_twin.runs.files import write_json
 from serpent_twin.runs.provenance import file_hash, provenance
@@ -133,8 +134,9 @@ def carried_out(plan: TrainingPlan) -> dict[str, Any]:
     """Train and score what was planned; returns what scores.json holds."""
     config, sessions, real = plan.config, plan.sessions, plan.adaptation
     with claimed(config.out, SETTINGS, settings(config, sessions)):
-        _set_threads(config.threads)
         wanted = list(dict.fromkeys(plan.wanted + _trained_before(config)))
+        if _train_networks(wanted):
+            _set_threads(config.threads)
         results = _run([_training_run(plan, *one) for one in wanted], sessions, config)
         models = [each.name for each in results if each.window == config.window]
         adapted = adapting.adapt(real, models, config.out) if real else None
@@ -154,6 +156,8 @@ def planned(config: Train) -> TrainingPlan:
     names = list(config.readout) or twin.readouts()
     swept = [(name, h) for name in SWEPT for h in parse_windows(config.windows)]
     wanted = list(dict.fromkeys([(name, config.window) for name in names] + swept))
+    if _train_networks(wanted):
+        require("torch", "learn", "Training a network", ", or name other readouts: --readout")
     for window in {h for _, h in wanted}:
         refuse_unseen(*sessions.windows(window, config.drop))
     if config.command_jitter is None:
@@ -219,6 +223,10 @@ def settings(config: Train, sessions: Split) -> dict[str, Any]:
     if config.twin:
         kept["twin_sha256"] = file_hash(config.twin)
     return kept | {"sessions": sessions.names(), "input_sha256": inputs}
+
+
+def _train_networks(wanted: list[tuple[str, int]]) -> bool:
+    return any(find(name).trained.takes("epochs") for name, _ in wanted)
 
 
 def _set_threads(threads: int) -> None:

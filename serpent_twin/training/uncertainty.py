@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import stdtr, stdtrit
+import scipy
 
 from serpent_twin.arrays import Array
 
@@ -80,7 +80,7 @@ class Uncertainty:
     @property
     def interval(self) -> tuple[float, float] | None:
         """Ends of the 95 % interval [mm]."""
-        half = self.error * stdtrit(self.freedom, 1 - LEVEL / 2)
+        half = self.error * scipy.special.stdtrit(self.freedom, 1 - LEVEL / 2)
         return None if np.isnan(half) else (float(self.mean - half), float(self.mean + half))
 
     @property
@@ -88,7 +88,9 @@ class Uncertainty:
         """Two-sided p-value of the mean being 0."""
         if np.isnan(self.error):
             return 1.0
-        return float(2 * stdtr(self.freedom, -abs(self.mean) / max(self.error, 1e-12)))
+        return float(
+            2 * scipy.special.stdtr(self.freedom, -abs(self.mean) / max(self.error, 1e-12))
+        )
 
 
 def steps_of(error_mm: Array, lengths: Sequence[int]) -> Steps:

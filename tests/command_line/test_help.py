@@ -14,13 +14,13 @@ from typed import typed
 from tyro.conf import Positional, arg
 
 from serpent_twin import machines
-from serpent_twin.__main__ import verbs
 from serpent_twin.command_line import cli
-from serpent_twin.command_line.option_groups import Group
+from serpent_twin.command_line.option_groups import Group, about
+from serpent_twin.command_line.verbs import verbs
 
 COMMANDS = [
-    "bus.device", "bus.doctor", "bus.zero", "check", "collect", "estimate", "follow", "log", "mjcf", "mocap",
-    "replay", "sweep", "trace", "train",
+    "bus.device", "bus.doctor", "bus.zero", "check", "collect", "completion", "estimate", "follow", "log",
+    "mjcf", "mocap", "plan", "replay", "sweep", "trace", "train",
 ]  # fmt: skip
 MOST = 14  # options of a group: the simulated arm has ten parameters, its file, and what is random
 
@@ -28,6 +28,10 @@ MOST = 14  # options of a group: the simulated arm has ten parameters, its file,
 def said(text):
     """Without the boxes, rules and line breaks."""
     return " ".join(re.sub("[│─╭╮╰╯•]|-{5,}", " ", text).split())
+
+
+def options_of(done):
+    return re.findall("--[a-z-]+", done.stdout)
 
 
 def test_the_package_lists_its_commands_as_each_describes_itself():
@@ -45,6 +49,37 @@ def test_the_package_lists_its_commands_as_each_describes_itself():
     for name, text in verbs().items():
         assert f"{name} {text}" in listed
     assert max(map(len, done.stdout.splitlines())) < 90
+
+
+def test_the_list_without_imports_is_what_the_imported_commands_say():
+    """By `inspect.getdoc`, in place of the source's syntax tree."""
+    for name, text in verbs().items():
+        module = importlib.import_module(f"serpent_twin.{name}")
+        spoken = about(module.main) if hasattr(module, "main") else module.__doc__
+        assert text == spoken.partition("\n")[0]
+
+
+def test_the_list_imports_nothing_slow():
+    code = "import sys, serpent_twin.__main__ as m; m.listing(); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert not {"numpy", "mujoco", "scipy", "pyarrow"} & set(done.stdout.split())
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_loads_no_statistics_and_no_viewer(command):
+    """What takes most of the time of a start; `--help` of every command is below a second without."""
+    name = f"serpent_twin.{command}"
+    code = f"""
+import runpy, sys
+sys.argv = ["x", "--help"]
+try:
+    runpy.run_module("{name}", run_name="__main__", alter_sys=True)
+except SystemExit:
+    print(*sys.modules, file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    heavy = {"scipy.sparse", "scipy.optimize", "matplotlib", "jinja2", "rerun", "torch", "trimesh"}
+    assert not heavy & set(done.stderr.split()) and done.stdout
 
 
 @pytest.mark.parametrize("command", [name for name in COMMANDS if name not in ("log", "mocap")])
@@ -65,7 +100,7 @@ def test_a_command_says_first_what_the_list_says_of_it_and_groups_its_options(co
 
 @pytest.mark.parametrize("command", ["trace", "bus.doctor", "log import", "mocap frame"])
 def test_a_command_may_follow_a_blank_in_place_of_its_dot(command):
-    """With the same help, that of `python -m serpent_twin.COMMAND`."""
+    """With the same help, which names the command as it was typed."""
     dotted, blank = (
         typed(*words, "--help")
         for words in (
@@ -73,8 +108,11 @@ def test_a_command_may_follow_a_blank_in_place_of_its_dot(command):
             ["serpent_twin", *re.split("[. ]", command)],
         )
     )
-    assert (blank.returncode, blank.stdout) == (0, dotted.stdout) and dotted.stdout
-    assert not blank.stderr
+    name = f"python -m serpent_twin {command.replace('.', ' ')}"
+    assert f"usage: {name}" in said(blank.stdout)
+    assert f"usage: python -m serpent_twin.{command}" in said(dotted.stdout)
+    assert options_of(blank) == options_of(dotted)
+    assert (blank.returncode, blank.stderr) == (0, "")
 
 
 def test_a_command_after_a_blank_has_its_options_and_exit_status(tmp_path):

@@ -13,7 +13,7 @@ from paths import ROOT
 from readme import commands, options, pages
 from typed import typed
 
-from serpent_twin.__main__ import verbs
+from serpent_twin.command_line.verbs import verbs
 
 LINK = re.compile(r"\]\((?!https?:)([^)\s#]*)(?:#([^)\s]+))?\)")
 CODE = re.compile(r"`([^`\n]+)`")

@@ -188,4 +188,4 @@ def test_import_names_the_next_command(tmp_path):
     assert (
         done.returncode == 0 and f"{tmp_path / 'robot' / 'machine.toml'} says which" in done.stdout
     )
-    assert "next: python -m serpent_twin.check --machine" in done.stdout
+    assert "next: python -m serpent_twin check --machine" in done.stdout

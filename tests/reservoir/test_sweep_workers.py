@@ -109,7 +109,9 @@ def test_a_cluster_that_is_not_there_is_refused_by_a_sentence(tmp_path, monkeypa
 
 def test_a_cluster_without_dask_is_refused(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(SerpentError, match=r"needs Dask: pip install 'serpent-twin\[cluster\]'"):
+    with pytest.raises(
+        SerpentError, match=r"needs distributed: pip install 'serpent-twin\[cluster\]'"
+    ):
         sweep(Sweep(tmp_path / "out", cluster="tcp://127.0.0.1:9", **GRID))
 
 

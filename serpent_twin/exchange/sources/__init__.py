@@ -50,11 +50,3 @@ def _by_number(path: Path) -> list[tuple[int, str]]:
     """What sorts names with the numbers in them by size."""
     parts = re.split(r"(\d+)", path.name)
     return [(int(each), "") if each.isdecimal() else (-1, each) for each in parts]
-
-
-def lacks(extra: str, error: ImportError) -> SerpentError:
-    """An error that says what to install."""
-    return SerpentError(
-        f"{error.name} is not installed, which reads such files. Install it: pip install "
-        f"'serpent-twin[{extra}]'."
-    )

@@ -17,7 +17,6 @@ class LeRobotSource:
     """An episode is one recording, whose numbers have the names of meta/info.json, too."""
 
     about = "a LeRobot data set, a folder with meta/info.json"
-    extra = ""
 
     def reads(self, path: Path) -> bool:
         """Whether it looks like a data set."""

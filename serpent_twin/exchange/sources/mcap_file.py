@@ -10,7 +10,7 @@ from typing import Any
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.exchange.messages import Recorded, of_decoded
-from serpent_twin.exchange.sources import lacks
+from serpent_twin.extras import requires
 
 _LONGEST = 160
 """Characters of an error of mcap, which may quote a schema"""
@@ -20,7 +20,6 @@ class McapSource:
     """A file is one recording."""
 
     about = "an MCAP file, .mcap"
-    extra = "logs"
 
     def reads(self, path: Path) -> bool:
         """Whether it has such a file's name."""
@@ -28,12 +27,10 @@ class McapSource:
 
     def recordings(self, path: Path, topics: Sequence[str]) -> Mapping[str, Recorded]:
         """The file, by its name; of a file that ends early, what it has."""
-        try:
+        with requires("logs", "An MCAP file"):
             from mcap.exceptions import DecoderNotFoundError
             from mcap.reader import NonSeekingReader, make_reader
             from mcap_ros2.decoder import DecoderFactory
-        except ImportError as error:
-            raise lacks(self.extra, error) from None
         decoders: list[Any] = [DecoderFactory(), _Json()]
         found = _Found()
         try:

@@ -7,14 +7,13 @@ from typing import Any
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.exchange.messages import Recorded, of_decoded
-from serpent_twin.exchange.sources import lacks
+from serpent_twin.extras import requires
 
 
 class RosBagSource:
     """A bag is one recording."""
 
     about = "a ROS 2 bag, a folder with metadata.yaml; a ROS 1 bag, .bag"
-    extra = "logs"
 
     def reads(self, path: Path) -> bool:
         """Whether it looks like a bag."""
@@ -22,11 +21,9 @@ class RosBagSource:
 
     def recordings(self, path: Path, topics: Sequence[str]) -> Mapping[str, Recorded]:
         """The bag, by its name."""
-        try:
+        with requires("logs", "A ROS bag"):
             from rosbags.highlevel import AnyReader, AnyReaderError
             from rosbags.typesys import Stores, get_typestore
-        except ImportError as error:
-            raise lacks(self.extra, error) from None
         times, decoded = defaultdict[str, list[float]](list), defaultdict[str, list[Any]](list)
         senders = defaultdict[str, list[str]](list)
         try:

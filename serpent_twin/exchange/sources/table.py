@@ -17,7 +17,6 @@ class TableSource:
     """A table is one recording."""
 
     about = f"a table, {', '.join(tables.ENDINGS)}"
-    extra = ""
 
     def reads(self, path: Path) -> bool:
         """Whether it has a table's name."""

@@ -13,13 +13,17 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
-import serial
-from dynamixel_sdk import COMM_SUCCESS, PortHandler, Protocol2PacketHandler
-
+from serpent_twin.extras import requires
 from serpent_twin.hardware.control_table import Item
 from serpent_twin.hardware.motor_bus import BusError
 from serpent_twin.hardware.protocol import BROADCAST, Instruction, Packet, Parser
+
+if TYPE_CHECKING:
+    from dynamixel_sdk import PortHandler
+    from serial import Serial
 
 LATENCY = 0.034
 """Time beyond that on the wire that an answer may take [s]: the SDK's own, two ticks of a USB adapter."""
@@ -44,6 +48,14 @@ class StatusPacket:
 _Found = list[tuple[int, StatusPacket]]
 
 
+@cache
+def _sdk() -> Any:
+    """The module dynamixel_sdk, which imports pyserial."""
+    with requires("arm", "A motor bus"):
+        import dynamixel_sdk
+    return dynamixel_sdk
+
+
 class Wire:
     """Requests to motors, each sent once; incomplete answers count as missing.
 
@@ -56,7 +68,7 @@ class Wire:
         self.counts: Counter[str] = Counter()
         self.owed = 0
         self._latency = latency
-        self._sdk = Protocol2PacketHandler()
+        self._sdk = _sdk().Protocol2PacketHandler()
         self._handler: PortHandler | None = None
         self._parser = Parser()
         self._request = 0
@@ -66,7 +78,7 @@ class Wire:
         """Open the port; raises `PortLostError` with the cause."""
         self.close()
         self._lock = _locked(self.port)  # before its speed is set, for another program may use it
-        handler = PortHandler(self.port)
+        handler = _sdk().PortHandler(self.port)
         try:
             opened = handler.setBaudRate(self.baud)
         except (OSError, termios.error) as error:  # SerialException is an OSError
@@ -170,7 +182,7 @@ class Wire:
             sent = self._sdk.txPacket(handler, packet)
         except (OSError, termios.error, TypeError) as error:  # TypeError: its closed port is None
             raise self._lost(error) from None
-        if sent != COMM_SUCCESS:
+        if sent != _sdk().COMM_SUCCESS:
             raise self._lost(OSError(self._sdk.getTxRxResult(sent)))
         self._parser = Parser()
         self._request = 10 + len(params)
@@ -199,7 +211,7 @@ class Wire:
         except (OSError, termios.error, TypeError, ValueError) as error:
             raise self._lost(error) from None
 
-    def _open_port(self) -> PortHandler:
+    def _open_port(self) -> "PortHandler":
         if self._handler is None:
             raise PortLostError(f"{self.port} is not open.")
         return self._handler
@@ -225,7 +237,7 @@ def _locked(port: str) -> int:
     return handle
 
 
-def _serial(handler: PortHandler) -> serial.Serial:
+def _serial(handler: "PortHandler") -> "Serial":
     if handler.ser is None:
         raise OSError("the port is closed")
     return handler.ser
@@ -237,7 +249,9 @@ def _replies(packets: Iterable[Packet]) -> _Found:
 
 
 def _cause(error: Exception) -> str:
-    if isinstance(error, serial.SerialException) and error.errno is None:
+    from serial import SerialException
+
+    if isinstance(error, SerialException) and error.errno is None:
         return f"{error}."
     text = getattr(error, "strerror", None) or (error.args[-1] if error.args else error)
     return f"{text}. Check the cable, the port's name (ls /dev/serial/by-id) and your rights to it."

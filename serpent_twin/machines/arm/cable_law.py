@@ -7,7 +7,7 @@ motor, less its gear friction, gives the torque that the stretch makes. Both tog
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from serpent_twin.arm.control import on_stiff_cables
 from serpent_twin.arm.geometry import ARM, N_MOTORS, Arm
@@ -100,7 +100,7 @@ def _fit(
         return np.r_[(law(p) - torque) / noise, np.array(prior) * np.sqrt(_WORTH)]
 
     noise = _LOAD_NOISE * stall
-    fit = least_squares(
+    fit = scipy.optimize.least_squares(
         residual,
         typical,
         bounds=(_LOW, _HIGH),

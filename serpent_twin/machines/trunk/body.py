@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from serpent_twin.arrays import Array
 from serpent_twin.effects import Effect, edit
@@ -34,7 +34,9 @@ def spec(shape: Shape, effects: Sequence[Effect]) -> mujoco.MjSpec:
     model.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     base = model.worldbody.add_body(name="base", pos=shape["base"])
     about_x, about_z = shape["tilt"]
-    turn = Rotation.from_rotvec([about_x, 0.0, about_z]) * Rotation.from_matrix(_HANGS)
+    turn = scipy.spatial.transform.Rotation.from_rotvec(
+        [about_x, 0.0, about_z]
+    ) * scipy.spatial.transform.Rotation.from_matrix(_HANGS)
     base.quat = turn.as_quat(scalar_first=True)
     channels = _channels(shape["direction"])
     _holes(base, "base", 0.0, channels)

@@ -6,11 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import torch
-from torch import Tensor, nn
 
 from serpent_twin.arrays import Array
+from serpent_twin.extras import requires
 from serpent_twin.readouts import Epoch, Progress
+
+with requires("learn", "Training a network"):
+    import torch
+    from torch import Tensor, nn
 
 
 @dataclass(frozen=True)

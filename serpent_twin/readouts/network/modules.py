@@ -1,10 +1,12 @@
 """Define the networks in torch, with the weights named as in `forward`."""
 
-import torch
-from torch import Tensor, nn
-
 from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm
 from serpent_twin.arrays import Array
+from serpent_twin.extras import requires
+
+with requires("learn", "Training a network"):
+    import torch
+    from torch import Tensor, nn
 
 
 class MlpModule(nn.Module):

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from serpent_twin.arm.deviations import Deviations
 from serpent_twin.arm.geometry import ARM, N_JOINTS, Arm
@@ -46,7 +46,9 @@ class MarkerFit:
     @property
     def turned(self) -> float:
         """Angle between the log's frame and the base frame [rad]."""
-        return float(Rotation.from_matrix(self.to_base.rotation).magnitude())
+        return float(
+            scipy.spatial.transform.Rotation.from_matrix(self.to_base.rotation).magnitude()
+        )
 
     @property
     def shifted(self) -> float:
@@ -113,6 +115,6 @@ def _by_frame(place: Array) -> Array:
 
 
 def _moved_by(to_base: Rigid, scaled: float, step: Array) -> tuple[Rigid, float]:
-    turn = Rotation.from_rotvec([step[0], step[1], 0.0]).as_matrix()
+    turn = scipy.spatial.transform.Rotation.from_rotvec([step[0], step[1], 0.0]).as_matrix()
     shift = (1 + step[5]) * turn @ to_base.translation + step[2:5]
     return Rigid(turn @ to_base.rotation, shift), scaled / (1 + step[5])

@@ -3,8 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import convolve1d
-from scipy.spatial.transform import Rotation
+import scipy
 
 from serpent_twin.arrays import Array
 from serpent_twin.hardware.base_frame import Rigid
@@ -80,7 +79,7 @@ def _parabola(film: Film, window: int, order: int) -> Array:
 
     step = 1 / film.rate_hz
     kernel = savgol_coeffs(window, 2, deriv=order, delta=step)
-    return convolve1d(film.position, kernel, axis=0, mode="constant", cval=np.nan)
+    return scipy.ndimage.convolve1d(film.position, kernel, axis=0, mode="constant", cval=np.nan)
 
 
 def _linearised(
@@ -135,7 +134,7 @@ def _solve(square: Array, right: Array) -> Array:
 def _moved_by(clock: Clock, rigid: Rigid, step: Array, centre: float) -> tuple[Clock, Rigid]:
     drift = clock.drift + step[1]
     clock = replace(clock, offset=clock.offset + step[0] - step[1] * centre, drift=drift)
-    turn = Rotation.from_rotvec(step[2:5]).as_matrix()
+    turn = scipy.spatial.transform.Rotation.from_rotvec(step[2:5]).as_matrix()
     return clock, Rigid(turn @ rigid.rotation, rigid.translation + step[5:])
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from serpent_twin.arm.geometry import N_JOINTS
 from serpent_twin.arrays import Array
@@ -57,7 +57,7 @@ def assigned(marker: Array, seen: Array, stride: int) -> dict[int, int]:
     if len(shown) < 3:
         return {}
     seen = seen[:, shown]
-    rows, columns = linear_sum_assignment(_unlikeness(marker, seen, stride))
+    rows, columns = scipy.optimize.linear_sum_assignment(_unlikeness(marker, seen, stride))
     for _ in range(10):
         before = tuple(zip(rows, columns, strict=True))
         try:
@@ -66,7 +66,7 @@ def assigned(marker: Array, seen: Array, stride: int) -> dict[int, int]:
             return {}
         far = np.linalg.norm(rigid.apply(seen)[:, None] - marker[:, :, None], axis=-1)
         far = np.nanmedian(far, axis=0)
-        rows, columns = linear_sum_assignment(np.minimum(far, 2 * GATE))
+        rows, columns = scipy.optimize.linear_sum_assignment(np.minimum(far, 2 * GATE))
         near = far[rows, columns] < 2 * GATE
         if near.sum() >= 3:
             rows, columns = rows[near], columns[near]

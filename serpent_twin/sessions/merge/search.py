@@ -4,7 +4,7 @@ Distances that a marker moves within a moment depend neither on the cameras' fra
 """
 
 import numpy as np
-from scipy.fft import next_fast_len
+import scipy
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
@@ -110,7 +110,7 @@ def masked_correlation(x: Array, y: Array) -> tuple[Array, Array]:
 
 def _correlate(x: Array, y: Array) -> Array:
     """Σ x[i] y[i + lag] for all lags, (m, N + T − 1), of x (m, N) and y (T,)."""
-    size = next_fast_len(x.shape[1] + len(y) - 1, real=True)
+    size = scipy.fft.next_fast_len(x.shape[1] + len(y) - 1, real=True)
     product = np.conj(np.fft.rfft(x, size, axis=1)) * np.fft.rfft(y, size)
     full = np.fft.irfft(product, size, axis=1)
     return np.concatenate([full[:, size - x.shape[1] + 1 :], full[:, : len(y)]], axis=1)
