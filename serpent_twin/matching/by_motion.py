@@ -6,7 +6,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from serpent_twin.matching import units
+from serpent_twin.matching import by_name, units
 from serpent_twin.matching.follows import Lagged, slope
 from serpent_twin.matching.logged import Logged
 from serpent_twin.matching.robot import SERVO, SPEED, Actuator, Robot
@@ -35,6 +35,8 @@ class MotionMatches:
     commands: Assignment = field(default_factory=dict)
     why: dict[str, str] = field(default_factory=dict)
     """By column"""
+    by_order: set[str] = field(default_factory=set)
+    """Columns whose number alone tells whose they are"""
     open: list[str] = field(default_factory=list)
     """Sentences on what was not decided"""
 
@@ -127,6 +129,8 @@ class Search:
             told = ", ".join(f"{r} follows {c}" for c, r in pairs)
             found.open.append(f"whose columns these are: {told}, and {len(open_)} actuators have no column")
             return
+        if self._by_their_names(open_, pairs, found):
+            return
         ranked = self._ranked(open_, pairs, found)
         if not ranked:
             found.open.append("the pairs of command and reading fit no joints by their ranges")
@@ -148,6 +152,23 @@ class Search:
                 why = "the ranges of other joints do not fit"
             found.why[reading] = f"follows {command}; {why}"
             found.why[command] = f"{reading} follows it; {why}"
+
+    def _by_their_names(
+        self, servos: Sequence[Actuator], pairs: Sequence[tuple[str, str]], found: MotionMatches
+    ) -> bool:
+        """Whether names tell whose the pairs are, once motion tells which column is a reading."""
+        told = by_name.whose(self.robot, [self.logged.names[reading] for _, reading in pairs])
+        if {s.joint for s in servos} != {*told.column}:
+            return False
+        for servo in servos:
+            reading = told.column[servo.joint]
+            command = next(c for c, r in pairs if r == reading)
+            found.readings[servo.joint], found.commands[servo.name] = reading, command
+            found.why[reading] = f"{told.why[servo.joint]}; follows {command}"
+            found.why[command] = f"{reading} follows it"
+            if servo.joint in told.by_order:
+                found.by_order |= {reading, command}
+        return True
 
     def _mutual(self, found: MotionMatches) -> Iterator[tuple[str, str]]:
         """Pairs of columns that go with each other and with no third one, the leading one first."""

@@ -99,6 +99,16 @@ def readings(
                 _match(several, driven, found, alone=len(driven) == 1 and direction != "")
         elif open_:
             _match(several, open_, found, numbers=False)
+        if direction == "":  # motion tells which of them is a command
+            found.alike = {k: v for k, v in found.alike.items() if not {*v} & {c.name for c in several}}
+    return found
+
+
+def whose(robot: Robot, columns: Sequence[ColumnName]) -> NameMatches:
+    """The joints of columns that are known to be readings."""
+    found = NameMatches()
+    things = [Thing(each.name, (each.name, *each.sensors)) for each in robot.joints]
+    _match(columns, things, found, alone=True)
     return found
 
 

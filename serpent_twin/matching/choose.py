@@ -1,6 +1,6 @@
 """Choose units and signs of matched columns: by ranges, by what follows what, and by simulation."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -117,7 +117,8 @@ class Chooser:
         ]
         if not made:
             said.doubt(column, f"no unit makes {column!r} a reading of {joint}")
-        return made
+        first = made[0].reading.unit if made and made[0].reading else ""
+        return sorted(made, key=lambda o: (o.reading is not None and o.reading.unit != first, o.usual))
 
     def _units(self, joint: str, said: Chosen) -> list[str]:
         """Units of a joint's reading: those that columns named alike share, if there are any."""
@@ -172,11 +173,10 @@ class Chooser:
                     if all(
                         self._goes_with(a, joint, sign, m) for a, m in moved.items()
                     ):
-                        flipped = sign < 0 or any(m.sign < 0 for m in moved.values())
-                        both = sign < 0 and len(signs) > 1 and all(m.sign < 0 for m in moved.values())
-                        rare = any(u for _, u in several)
                         yield Option(
-                            Meaning(unit, sign), moved, _AGAINST if both or rare else 0.1 * flipped
+                            Meaning(unit, sign),
+                            moved,
+                            _usual(sign, len(signs) > 1, moved.values(), any(u for _, u in several)),
                         )
 
     def _goes_with(self, actuator: str, joint: str, sign: int, control: Meaning) -> bool:
@@ -382,7 +382,19 @@ class Chooser:
         told = f"the sign of {column!r} against that of {several}: put scale = −1 at one of them"
         if mine.reading.sign * next(iter(mine.controls.values())).sign < 0:
             told = f"{column!r} runs against {several}: which of them is reversed (scale = −1)"
+            for name in mine.controls:
+                said.doubt(self.commands[name], f"the same: {column!r} runs against it")
         said.doubt(column, told)
+
+
+def _usual(sign: int, free: bool, controls: Iterable[Meaning], rare: bool) -> float:
+    """How much less an option must leave than a usual one: encoders are reversed more often than commands,
+    and both together hardly ever.
+    """
+    turned = [each.sign < 0 for each in controls]
+    if rare or (turned and all(turned) and sign < 0 and free):
+        return _AGAINST
+    return 0.05 * (sign < 0) + 0.1 * any(turned)
 
 
 def _is_in(words: str) -> bool:

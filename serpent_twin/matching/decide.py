@@ -115,6 +115,7 @@ def _add(found: Matches, more: MotionMatches) -> None:
     found.readings |= more.readings
     found.commands |= more.commands
     found.why |= more.why
+    found.by_order |= more.by_order
     found.open += more.open
 
 

@@ -103,7 +103,8 @@ class ColumnName:
     @property
     def family(self) -> tuple[str, ...]:
         """What it shares with the columns that differ from it in a number."""
-        return tuple("#" if each.isdecimal() else each for each in self.words)
+        kept = [each for each in self.words if each not in _UNITS]
+        return tuple("#" if each.isdecimal() else each for each in kept)
 
 
 def split(name: str) -> tuple[str, ...]:
