@@ -15,7 +15,9 @@ __all__ = ["main"]
 def main(
     robot: Positional[Path],
     logs: Positional[tuple[Path, ...]],
-    out: Annotated[Path | None, arg(help="The file; by default machine.toml beside the robot.")] = None,
+    out: Annotated[
+        Path | None, arg(help="The file; by default machine.toml beside the robot.")
+    ] = None,
 ) -> None:
     """Write the machine.toml of a robot: which columns of its logs are commands and readings of what.
 
@@ -36,7 +38,9 @@ def main(
     found.save(path)
     print(f"{path}: written.")
     for each in found.undecided:
-        print(f"not decided: {path}, {each}" if each.startswith("line ") else f"not decided: {each}")
+        print(
+            f"not decided: {path}, {each}" if each.startswith("line ") else f"not decided: {each}"
+        )
     if found.whole:
         next_step.say(["serpent_twin.check", "--machine", str(path), "--logs", *map(str, logs)])
     if found.undecided:

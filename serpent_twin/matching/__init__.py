@@ -5,6 +5,7 @@
 """
 
 import tempfile
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +13,14 @@ from pathlib import Path
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model import log_file, reading
 from serpent_twin.matching.decide import Decided, decide
-from serpent_twin.matching.write import Decision, Entry, Page, text, undecided
+from serpent_twin.matching.write import UNUSED, Decision, Entry, MachineFile, text, undecided
+from serpent_twin.numerals import listed
 from serpent_twin.reporting.report import Table, text_table
 
 __all__ = ["Decision", "Matched", "describe"]
 
+_WIDTH = 60
+"""Letters of a reason in a line"""
 _WITHOUT = "_without_meshes.xml"
 
 
@@ -40,9 +44,19 @@ class Matched:
     """MJCF that machine.toml names in place of a robot whose meshes are missing"""
 
     def table(self) -> str:
-        """The decisions as a table for the screen."""
-        rows = tuple((d.column, d.what, d.unit, d.sign, d.why) for d in self.decisions)
-        return text_table(Table(("column", "what", "unit", "sign", "why"), rows))
+        """The decisions as a table for the screen; columns that are not used below it."""
+        used = [d for d in self.decisions if not d.what.startswith(UNUSED)]
+        rows: list[tuple[str, ...]] = []
+        for each in used:
+            first, *more = textwrap.wrap(each.why, _WIDTH) or [""]
+            rows.append((each.column, each.what, each.unit, each.sign, first))
+            rows += [("", "", "", "", line) for line in more]
+        shown = text_table(Table(("column", "what", "unit", "sign", "why"), tuple(rows)))
+        left: dict[str, list[str]] = {}
+        for each in self.decisions:
+            if each not in used:
+                left.setdefault(each.what, []).append(each.column)
+        return "\n".join([shown, *(f"{what}: {listed(c)}" for what, c in left.items())])
 
     def save(self, path: Path) -> None:
         """Write machine.toml into the robot's folder; raises a `SerpentError` where there is one already."""
@@ -63,8 +77,8 @@ def require_free(path: Path, robot: Path) -> None:
     folder = robot if robot.is_dir() else robot.parent
     if path.parent.resolve() != folder.resolve():
         raise SerpentError(
-            f"{path} would not lie in the folder of the model, {folder}, where a machine.toml belongs. Name a "
-            f"file there with --out, such as --out {folder / 'machine.toml'}."
+            f"{path} would not lie in the folder of the model, {folder}, where a machine.toml belongs. Name "
+            f"a file there with --out, such as --out {folder / 'machine.toml'}."
         )
 
 
@@ -78,8 +92,16 @@ def describe(robot: Path, logs: Sequence[Path]) -> Matched:
     model = f"{machine.path.stem}{_WITHOUT}" if machine.without_meshes else machine.path.name
     clock = log.clock
     time = f"{{ column = {text(clock.column)}, unit = {text(clock.unit)} }}"
-    page = Page(model, time, f"{clock.column}: {clock.why}", clock.doubt, found.entries, found.unused)
-    whole = all(each.column for each in found.entries) and not clock.doubt
+    page = MachineFile(
+        model,
+        time,
+        f"{clock.column}: {clock.why}",
+        clock.doubt,
+        found.entries,
+        found.unused,
+        log.session,
+    )
+    whole = all(each.column for each in found.entries)
     refused = _refused(found, page.text(), logs) if whole else ""
     notes = (*machine.notes, *log.notes, *_of_one_log(found))
     left = undecided(page.text()) + ((refused,) if refused else ())
@@ -103,7 +125,8 @@ def _decisions(found: Decided) -> tuple[Decision, ...]:
 
 
 def _decision(entry: Entry) -> Decision:
-    what = f"{'command' if entry.kind == 'drive' else 'reading'} of {' '.join(entry.of)}"
+    kind = entry.of[0]
+    what = f"{'command' if entry.kind == 'drive' else 'reading'} of {kind} {entry.of[1]}"
     scale = "" if entry.meaning.scale == 1 else f" × {entry.meaning.scale:.4g}"
     sign = "+" if entry.meaning.sign > 0 else "−"
     why = ("? " if entry.doubts else "") + entry.why
@@ -132,6 +155,6 @@ def _of_one_log(found: Decided) -> list[str]:
     if len(found.logged.pieces) > 1:
         return []
     return [
-        "There is one log: a trace needs two, one of which judges. Record another one, or split this one into "
-        "two files, between two motions."
+        "There is one log: a trace needs two, one of which judges. Record another one, or split this one "
+        "into two files, between two motions."
     ]

@@ -100,7 +100,9 @@ def readings(
         elif open_:
             _match(several, open_, found, numbers=False)
         if direction == "":  # motion tells which of them is a command
-            found.alike = {k: v for k, v in found.alike.items() if not {*v} & {c.name for c in several}}
+            found.alike = {
+                k: v for k, v in found.alike.items() if not {*v} & {c.name for c in several}
+            }
     return found
 
 
@@ -108,13 +110,42 @@ def whose(robot: Robot, columns: Sequence[ColumnName]) -> NameMatches:
     """The joints of columns that are known to be readings."""
     found = NameMatches()
     things = [Thing(each.name, (each.name, *each.sensors)) for each in robot.joints]
-    _match(columns, things, found, alone=True)
+    if not any(map(_is_bare, columns)):
+        _match(columns, things, found)
     return found
+
+
+@dataclass(frozen=True)
+class Family:
+    """Columns that differ in a number, and what each would be of."""
+
+    readings: dict[str, str]
+    """By joint"""
+    commands: dict[str, str]
+    """By actuator"""
+
+
+def families(robot: Robot, columns: Sequence[ColumnName]) -> list[Family]:
+    """Columns that differ in a number, where there is one for each joint and each actuator."""
+    joints = [Thing(each.name, (each.name, *each.sensors)) for each in robot.joints]
+    actuators = [_of_actuator(each) for each in robot.actuators]
+    several: dict[tuple[str, ...], list[ColumnName]] = {}
+    for each in columns:
+        several.setdefault(each.family, []).append(each)
+    made = []
+    for family in several.values():
+        read, told = NameMatches(), NameMatches()
+        _match(family, joints, read)
+        _match(family, actuators, told)
+        if len(read.column) == len(joints) and len(told.column) == len(actuators):
+            made.append(Family(read.column, told.column))
+    return made
 
 
 def _is_bare(name: ColumnName) -> bool:
     """Whether a name is a letter and a number, such as c3, which says nothing."""
-    return name.direction == "" == name.quantity and len(name.words) <= 2 and len(name.words[0]) < 2
+    short = len(name.words) in (1, 2) and len(next(iter(name.words))) < 2
+    return short and name.direction == "" == name.quantity
 
 
 def _of_actuator(each: Actuator) -> Thing:
@@ -143,9 +174,7 @@ def _match(
             found.alike.setdefault(things[0].name, [each.name for each in left])
 
 
-def _by_words(
-    several: Sequence[ColumnName], things: Sequence[Thing], found: NameMatches
-) -> None:
+def _by_words(several: Sequence[ColumnName], things: Sequence[Thing], found: NameMatches) -> None:
     score = {(c.name, t.name): _likeness(c, t) for c in several for t in things}
     left, open_ = [c.name for c in several], [t.name for t in things]
     while True:
@@ -199,9 +228,7 @@ def _within(words: Sequence[str], whole: Sequence[str]) -> bool:
     return any(tuple(whole[k : k + n]) == tuple(words) for k in range(len(whole) - n + 1))
 
 
-def _by_numbers(
-    several: Sequence[ColumnName], things: Sequence[Thing], found: NameMatches
-) -> None:
+def _by_numbers(several: Sequence[ColumnName], things: Sequence[Thing], found: NameMatches) -> None:
     """Match columns that differ in one number to things that do, or to things in the model's order."""
     families: dict[tuple[str, ...], list[ColumnName]] = {}
     for each in several:
@@ -209,7 +236,7 @@ def _by_numbers(
             families.setdefault(each.family, []).append(each)
     fits = []
     for family in families.values():
-        varies = [n for n in zip(*(each.numbers for each in family), strict=True)]
+        varies = list(zip(*(each.numbers for each in family), strict=True))
         varies = [n for n in varies if len(set(n)) == len(family)]
         if len(varies) == 1 and (made := _paired(varies[0], things)):
             why, order = made
@@ -238,7 +265,7 @@ def _paired(numbers: Sequence[int], things: Sequence[Thing]) -> tuple[str, list[
             if len(numbers) == len(things):
                 return "by the order of numbers", [order[k] for k in _ranks(last)]
             return None
-    if len(numbers) == len(things):
+    if sorted(numbers) in ([*range(len(things))], [*range(1, len(things) + 1)]):
         return "by its number, in the model's order", order
     return None
 

@@ -13,6 +13,7 @@ from serpent_twin.matching.words import ColumnName
 from serpent_twin.numerals import listed
 from serpent_twin.stored import names
 from serpent_twin.tables import DataTable
+from serpent_twin.tables.times import is_time
 from serpent_twin.units import TO_SI
 
 UNITS = ("s", "ms", "µs", "ns")
@@ -28,7 +29,7 @@ _FORWARD = 0.98
 
 
 @dataclass(frozen=True)
-class Clock:
+class TimeAxis:
     """The column with the time, and why it is."""
 
     column: str
@@ -46,7 +47,7 @@ class Clock:
 
 def find(
     tables: Sequence[DataTable], common: Sequence[str], named: Mapping[str, ColumnName]
-) -> Clock:
+) -> TimeAxis:
     """The clock of logs that share columns; raises a `SerpentError` where none of these is one."""
     first = tables[0]
     stamped = [n for n in common if _is_stamp(first.columns[n])]
@@ -59,8 +60,8 @@ def find(
     if not alone:
         there = names(list(common), 20)
         raise SerpentError(
-            f'{first.path}: no column goes on as time does; there are: {there}. Rows of `rows = "motion"` need '
-            'a clock; if rows are poses at rest, write machine.toml with rows = "poses". '
+            f'{first.path}: no column goes on as time does; there are: {there}. Rows of `rows = "motion"` '
+            'need a clock; if rows are poses at rest, write machine.toml with rows = "poses". '
             + ADVICE
         )
     if len(alone) > 1:
@@ -95,8 +96,6 @@ def _is_stamp(values: NDArray[Any]) -> bool:
         return True
     if values.dtype.kind in "fiub":
         return False
-    from serpent_twin.tables.times import is_time
-
     some = [str(each) for each in values[:50] if each is not None]
     return bool(some) and all(is_time(each) for each in some)
 
@@ -127,10 +126,10 @@ def _clock(
     named: Mapping[str, ColumnName],
     stamped: Sequence[str],
     others: Sequence[str],
-) -> Clock:
+) -> TimeAxis:
     beside = f"; {listed(map(repr, others[:3]))} also grow" if others else ""
     if name in stamped:
-        return Clock(name, "s", "time stamps" + beside, stamps=True)
+        return TimeAxis(name, "s", "time stamps" + beside, stamps=True)
     values = np.concatenate([table.numbers(name) for table in tables])
     steps = np.concatenate([np.diff(table.numbers(name)) for table in tables])
     step = float(np.median(steps[steps > 0]))
@@ -140,26 +139,26 @@ def _clock(
     fits = [unit for unit, each in zip(UNITS, how, strict=True) if each]
     if _counts(tables[0], name) and not own and values[0] in (0.0, 1.0):
         doubt = f"{name!r} counts rows: write scale, the time between rows in s, such as 0.01 for 100 Hz"
-        return Clock(name, "s", "counts the rows" + beside, doubt)
+        return TimeAxis(name, "s", "counts the rows" + beside, doubt)
     if own in fits:
-        return Clock(name, own, f"by its name; rows {_apart(step, own)} apart" + beside)
+        return TimeAxis(name, own, f"by its name; rows {_apart(step, own)} apart" + beside)
     if own and not fits:
-        return Clock(name, own, "by its name", _odd(name, step, own))
+        return TimeAxis(name, own, "by its name", _odd(name, step, own))
     if own:
-        why = (
-            f"its name says {own}, but rows would be {_apart(step, own)} apart; in {fits[0]} {_apart(step, fits[0])}"
-        )
-        return Clock(name, fits[0], why + beside, f"{why}: taken as {fits[0]}")
+        apart, instead = _apart(step, own), _apart(step, fits[0])
+        why = f"its name says {own}, but rows would be {apart} apart; in {fits[0]} {instead}"
+        return TimeAxis(name, fits[0], why + beside, f"{why}: taken as {fits[0]}")
     if not fits:
-        return Clock(name, "s", "no unit is believable", _odd(name, step, "s"))
+        return TimeAxis(name, "s", "no unit is believable", _odd(name, step, "s"))
     unit = fits[0]
     near = [u for u in UNITS if u != unit and _nearly(step, u)]
     since = _since_1970(start, unit)
     why = f"rows {_apart(step, unit)} apart" + (", since 1970" if since else "") + beside
     if near and not since:
-        doubt = f"{name!r} may be in {unit}, rows {_apart(step, unit)} apart, or in {near[0]}, {_apart(step, near[0])}"
-        return Clock(name, unit, why, doubt)
-    return Clock(name, unit, why)
+        apart, instead = _apart(step, unit), _apart(step, near[0])
+        doubt = f"{name!r} may be in {unit}, rows {apart} apart, or in {near[0]}, {instead}"
+        return TimeAxis(name, unit, why, doubt)
+    return TimeAxis(name, unit, why)
 
 
 def _odd(name: str, step: float, unit: str) -> str:

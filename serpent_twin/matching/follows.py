@@ -77,7 +77,9 @@ def _standard(logged: Logged, several: Sequence[Sequence[Array]]) -> list[Array]
     return [(each - mean) / np.where(spread > 0, spread, 1.0) for each in stacked]
 
 
-def slope(logged: Logged, command: str, reading: str, lag: float, rate: bool = False) -> tuple[float, float]:
+def slope(
+    logged: Logged, command: str, reading: str, lag: float, rate: bool = False
+) -> tuple[float, float]:
     """Slope and intercept of a reading, or its rate, over the command a lag [s] before."""
     x, y = [], []
     for n, piece in enumerate(logged.pieces):

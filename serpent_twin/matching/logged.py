@@ -1,11 +1,14 @@
 """Read logs whose columns nothing names yet, and put them on even rows."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from serpent_twin import tables
@@ -15,23 +18,26 @@ from serpent_twin.machines.model.doubts import FEWEST
 from serpent_twin.machines.model.log_files import LogTables, table_paths, together
 from serpent_twin.matching import clock as clocks
 from serpent_twin.matching import words
-from serpent_twin.matching.clock import Clock
+from serpent_twin.matching.clock import TimeAxis
 from serpent_twin.matching.words import ColumnName
 from serpent_twin.numerals import counted, listed
 from serpent_twin.stored import names
 from serpent_twin.tables import DataTable
 from serpent_twin.tables.sampling import held_cells
+from serpent_twin.units import TO_SI
 
 MOST_ROWS = 4000
 """Rows of a log that are looked at"""
 _SPARSE = 0.3
 """Share of empty cells from which a column's last value holds, as of commands at a lower rate"""
+_ANEW = 20
+"""Times the usual time between rows by which a clock goes back where a run begins"""
 _SMOOTH = 9
 """Rows over which a reading is a cubic, where its rate is taken"""
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class LogPiece:
     """A log on even rows."""
 
     name: str
@@ -39,7 +45,7 @@ class Piece:
     """[s]"""
     values: Mapping[str, Array]
     """(T,) by column, in the column's unit"""
-    known: Array
+    known: NDArray[np.bool_]
     """Whether a row lies near one of the log, (T,)"""
 
 
@@ -48,15 +54,17 @@ class Logged:
     """The columns that all logs have."""
 
     paths: tuple[Path, ...]
-    clock: Clock
+    clock: TimeAxis
     names: Mapping[str, ColumnName]
     """Of the columns with numbers that change, without the clock"""
     constant: tuple[str, ...]
     """Columns with one number in all rows"""
     texts: tuple[str, ...]
     """Columns without numbers"""
-    pieces: tuple[Piece, ...]
+    pieces: tuple[LogPiece, ...]
     notes: tuple[str, ...] = ()
+    session: str = ""
+    """Column that names the run of each row, where a file holds several"""
     smooth: dict[str, list[tuple[Array, Array]]] = field(default_factory=dict, repr=False)
 
     @cached_property
@@ -80,7 +88,7 @@ class Logged:
         return self.smooth[column]
 
 
-def _cubic(piece: Piece, column: str) -> tuple[Array, Array]:
+def _cubic(piece: LogPiece, column: str) -> tuple[Array, Array]:
     values = piece.values[column]
     size = min(_SMOOTH, len(values) - 1 + len(values) % 2)
     value, rate = (
@@ -104,7 +112,9 @@ def read(sources: Sequence[Path]) -> Logged:
     named = {name: words.read(name, _stated(logs, name)) for name in common}
     shared = [n for n in common if all(n in each for each in heads)]
     clock = clocks.find(heads, shared, named)
-    several = [_piece(log, clock, common) for log in logs]
+    parted = [_runs(log, clock) for log in logs]
+    session = _session(parted, clock)
+    several = [_piece(part, clock, common) for parts in parted for part in parts]
     numbers = [n for n in common if n != clock.column and all(n in each.values for each in several)]
     changing = [n for n in numbers if any(np.ptp(each.values[n]) > 0 for each in several)]
     texts = [n for n in common if n != clock.column and n not in numbers]
@@ -118,13 +128,47 @@ def read(sources: Sequence[Path]) -> Logged:
         tuple(texts),
         tuple(several),
         tuple(notes),
+        session,
     )
+
+
+def _runs(log: LogTables, clock: TimeAxis) -> list[LogTables]:
+    """The parts of a log in which its clock goes on; of several tables, one."""
+    table = log.tables[0]
+    time = clock.seconds(table)
+    usual = float(np.nanmedian(np.abs(np.diff(time))))
+    begins = np.flatnonzero(np.diff(time) < -_ANEW * usual) + 1
+    if not len(begins) or len(log.tables) > 1:
+        return [log]
+    edges = [0, *begins.tolist(), len(time)]
+    rows = [slice(a, b) for a, b in pairwise(edges) if b - a >= FEWEST]
+    return [
+        LogTables("", (replace(table, columns={n: v[part] for n, v in table.columns.items()}),))
+        for part in rows
+    ]
+
+
+def _session(parted: Sequence[Sequence[LogTables]], clock: TimeAxis) -> str:
+    """The column that tells the parts of a file apart in which its clock begins anew."""
+    for parts in parted:
+        if len(parts) < 2:
+            continue
+        tables_ = [part.tables[0] for part in parts]
+        for name in tables_[0].columns:
+            several = [{*map(str, each.columns[name][:20000])} for each in tables_]
+            if all(len(each) == 1 for each in several) and all(
+                a != b for a, b in pairwise(several)
+            ):
+                return name
+        raise SerpentError(
+            f"{tables_[0].path}: {clock.column!r} begins anew in row {tables_[0].rows + 1}, as where a file "
+            "holds several runs, and no column tells them apart. Split the file there."
+        )
+    return ""
 
 
 def _stated(logs: Sequence[LogTables], name: str) -> str:
     """The unit that a file states of a column."""
-    from serpent_twin.units import TO_SI
-
     own = next((t.units.get(name, "") for log in logs for t in log.tables if name in t.columns), "")
     return own if own in TO_SI else ""
 
@@ -143,13 +187,13 @@ def _grouped(found: Sequence[DataTable]) -> tuple[list[LogTables], list[str]]:
     needed = sorted(frozenset.union(*sets) - shared)
     folder = Path(*_common_parts([each.path.parent for each in found]))
     try:
+        if not shared:
+            raise SerpentError("no column is in all logs")
         return [LogTables("", each) for each in together(folder, list(found), needed)], []
     except SerpentError:
         kinds = list(dict.fromkeys(sets))
-        told = "; ".join(
-            f"{next(t.path.name for t, s in zip(found, sets, strict=True) if s == kind)} has {names(sorted(kind), 6)}"
-            for kind in kinds[:3]
-        )
+        first = {kind: found[sets.index(kind)].path.name for kind in kinds[:3]}
+        told = "; ".join(f"{file} has {names(sorted(kind), 6)}" for kind, file in first.items())
         raise SerpentError(
             f"The logs have {len(kinds)} kinds of columns, as of several machines: {told}. Give the logs of "
             "one robot."
@@ -168,7 +212,7 @@ def _common(logs: Sequence[LogTables]) -> list[str]:
     return [n for n in dict.fromkeys(first) if all(n in each for each in several)]
 
 
-def _piece(log: LogTables, clock: Clock, columns: Sequence[str]) -> Piece:
+def _piece(log: LogTables, clock: TimeAxis, columns: Sequence[str]) -> LogPiece:
     """A log on even rows: the usual time between rows of its first table."""
     own = [_rows(table, clock) for table in log.tables]
     time, _ = own[0]
@@ -188,10 +232,10 @@ def _piece(log: LogTables, clock: Clock, columns: Sequence[str]) -> Piece:
                 values[name] = made
     after = np.clip(np.searchsorted(time, grid), 1, len(time) - 1)
     known = time[after] - time[after - 1] < 5 * period
-    return Piece(tables.stem(log.path), period, values, known)
+    return LogPiece(tables.stem(log.path), period, values, known)
 
 
-def _rows(table: DataTable, clock: Clock) -> tuple[Array, Array]:
+def _rows(table: DataTable, clock: TimeAxis) -> tuple[Array, NDArray[Any]]:
     """Times of rows that go on [s], and which rows these are."""
     time = clock.seconds(table)
     order = np.flatnonzero(np.isfinite(time))
@@ -218,6 +262,4 @@ def _at(grid: Array, time: Array, values: Array) -> Array | None:
 
 def listed_paths(logged: Logged) -> str:
     """The logs, for a sentence."""
-    return listed(path.name for path in logged.paths[:3]) + (
-        " …" if len(logged.paths) > 3 else ""
-    )
+    return listed(path.name for path in logged.paths[:3]) + (" …" if len(logged.paths) > 3 else "")

@@ -11,8 +11,9 @@ import numpy as np
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model.drive_errors import range_in_degrees
 from serpent_twin.machines.model.masses import settle_total_mass
+from serpent_twin.machines.model.numbers import is_dc_motor
 from serpent_twin.machines.model.things import OBJECTS, acts_on, joint_type, names, not_single
-from serpent_twin.numerals import listed
+from serpent_twin.numerals import counted, listed
 
 SERVO, SPEED, FORCE = "servo", "speed servo", "motor"
 """What an actuator is told: a position, a velocity, or a force, torque or anything else"""
@@ -80,13 +81,18 @@ def load(path: Path) -> Robot:
     for each in actuators:
         if why := range_in_degrees(model, each.name):
             raise SerpentError(f"{path}: the actuator {why}")
-    others = [name for name in names(model, OBJECTS["joint"]) if not_single(model, name)]
-    if others:
-        notes += (
-            f"{listed(others)}: neither a hinge nor a slide, so that no column is sought for it.",
-        )
-    whole = spec.to_xml() if notes and "mesh" in notes[0] else ""
+    whole = spec.to_xml() if notes else ""
+    notes += tuple(_others(model))
     return Robot(path, model, tuple(_joints(model)), actuators, notes, whole)
+
+
+def _others(model: mujoco.MjModel) -> Iterator[str]:
+    """Sentences on joints for which no column is sought."""
+    several = names(model, OBJECTS["joint"])
+    if unnamed := several.count(""):
+        yield f"{counted(unnamed, 'joint')} of the model without a name: no column is sought for it."
+    if others := [name for name in several if name and not_single(model, name)]:
+        yield f"{listed(others)}: neither a hinge nor a slide, so that no column is sought for it."
 
 
 def _file(path: Path) -> Path:
@@ -149,8 +155,8 @@ def _broken(path: Path, error: ValueError, missing: list[str] | None = None) -> 
     why = " ".join(str(error).split()).rstrip(".")
     if missing:
         return (
-            f"{path}: the files of the meshes {listed(missing[:4])} are missing, and without them MuJoCo says: "
-            f"{why}. Put the files beside the model, or give its bodies an <inertial>."
+            f"{path}: the files of the meshes {listed(missing[:4])} are missing, and without them MuJoCo "
+            f"says: {why}. Put the files beside the model, or give its bodies an <inertial>."
         )
     return f"{path} is no model that MuJoCo builds: {why}. Mend it."
 
@@ -176,10 +182,10 @@ def _no_actuators(path: Path, model: mujoco.MjModel) -> str:
         )
     save = "save it as MJCF (docs/other-machines.md has the line) and " * (path.suffix == ".urdf")
     return (
-        f"{path} has no actuators, so that no command can drive it: {save}add to it what drives each joint, "
-        f'such as <actuator><position name="{joint}" joint="{joint}" kp="20" kv="1"/></actuator> for a servo or '
-        f'<motor name="{joint}" joint="{joint}"/> for a torque. Or write a machine.toml whose [[drive]] tables '
-        "name joints, if their motion is prescribed and something else is measured."
+        f"{path} has no actuators, so that no command can drive it: {save}add to it what drives each "
+        f'joint, such as <actuator><position name="{joint}" joint="{joint}" kp="20" kv="1"/></actuator> '
+        f'for a servo or <motor name="{joint}" joint="{joint}"/> for a torque. Or write a machine.toml '
+        "whose [[drive]] tables name joints, if their motion is prescribed and something else is measured."
     )
 
 
@@ -214,6 +220,9 @@ def _actuators(model: mujoco.MjModel) -> Iterator[Actuator]:
 
 def _kind(model: mujoco.MjModel, n: int) -> str:
     """What an actuator is told."""
+    if is_dc_motor(model)[n]:
+        told = model.actuator_ctrlspec[n] == mujoco.mjtCtrlInput.mjINPUT_POS
+        return SERVO if told else FORCE
     position, velocity = model.actuator_biasprm[n, 1:3]
     gain = model.actuator_gainprm[n, 0]
     integrates = model.actuator_dyntype[n] == mujoco.mjtDyn.mjDYN_INTEGRATOR

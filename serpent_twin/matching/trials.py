@@ -46,7 +46,7 @@ class Left:
 
 
 @dataclass(frozen=True, eq=False)
-class Trials:
+class ShortRuns:
     """Pieces of logs from which a model is simulated under any assignment of columns."""
 
     robot: Robot
@@ -91,8 +91,31 @@ class Trials:
             share[joint], of_log[joint] = self._shares(off, _unexplained(rest, 0 * rest, alone))
         return Left(share, of_log)
 
+    def needed(self, readings: Mapping[str, Use]) -> dict[str, float]:
+        """Root mean square of the force that the model says each joint's motion needs [N m or N]."""
+        measured, rates = self._measured(readings)
+        model, _ = self._model
+        data = mujoco.MjData(model)
+        places = [model.joint(name) for name in readings]
+        at, moved = (
+            [int(a[0]) for a in each]
+            for each in ([p.qposadr for p in places], [p.dofadr for p in places])
+        )
+        forces = []
+        for s in range(len(self.starts)):
+            data.qpos[at], data.qvel[moved] = measured[s, 0], rates[s, 0]
+            data.qacc[moved] = (rates[s, -1] - rates[s, 0]) * self.logged.rate_hz / self.rows
+            mujoco.mj_inverse(model, data)
+            forces.append(data.qfrc_inverse[moved].copy())
+        size = np.sqrt(np.mean(np.square(forces), axis=0)) if forces else np.zeros(len(places))
+        return dict(zip(readings, map(float, size), strict=True))
+
     def _shown(
-        self, readings: Mapping[str, Use], measured: Array, rates: Array, controls: Mapping[str, Use]
+        self,
+        readings: Mapping[str, Use],
+        measured: Array,
+        rates: Array,
+        controls: Mapping[str, Use],
     ) -> Array:
         """What the model shows, (S, rows, J), limited where it is unstable."""
         with quietly(), np.errstate(all="ignore"):
@@ -100,14 +123,18 @@ class Trials:
         return np.clip(np.nan_to_num(found, nan=_FAR, posinf=_FAR, neginf=-_FAR), -_FAR, _FAR)
 
     def _idle(
-        self, readings: Mapping[str, Use], measured: Array, rates: Array, controls: Mapping[str, Use]
+        self,
+        readings: Mapping[str, Use],
+        measured: Array,
+        rates: Array,
+        controls: Mapping[str, Use],
     ) -> Array:
         """What the model shows without the forces of motors."""
         key = (tuple(sorted(readings.items())), tuple(sorted(controls.items())))
         if key not in self.idle:
-            self.idle[key] = self._shown(dict(sorted(readings.items())), *(
-                each[..., np.argsort(list(readings))] for each in (measured, rates)
-            ), controls)
+            first = np.argsort(list(readings))
+            several = dict(sorted(readings.items()))
+            self.idle[key] = self._shown(several, measured[..., first], rates[..., first], controls)
         order = [sorted(readings).index(each) for each in readings]
         return self.idle[key][..., order]
 
@@ -161,7 +188,7 @@ class Trials:
             mujoco.mj_getState(model, data, state[s], spec)
         control = np.repeat(told, steps, axis=1)
         shown, _ = rollout.rollout(model, data, state, control)
-        return shown[:, steps - 1 :: steps, [1 + n for n in at]]
+        return np.asarray(shown)[:, steps - 1 :: steps, [1 + n for n in at]]
 
     @staticmethod
     def _begin(model: mujoco.MjModel, data: mujoco.MjData) -> None:

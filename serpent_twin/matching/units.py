@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serpent_twin.matching.logged import Logged
-from serpent_twin.matching.robot import FORCE, SERVO, SPEED, Actuator, Joint, Robot
+from serpent_twin.matching.robot import SERVO, Actuator, Joint, Robot
 from serpent_twin.units import TO_SI
 
 _OF_HINGE, _OF_SLIDE = ("rad", "deg"), ("m", "mm")
@@ -16,8 +16,12 @@ _SLACK = 0.1
 _SMALLEST = {True: np.deg2rad(2.0), False: 1e-3}
 """Motion of a hinge [rad] or slide [m] that people log at least"""
 _TURNS, _EXTENTS = 4 * np.pi, 3.0
-"""Motion of a hinge [rad], or of a slide in sizes of the model, that is believed without a range"""
-_SAME = (0.55, 1.5)
+"""Motion of a hinge [rad], or of a slide in sizes of the model, that is usual without a range"""
+_HARDLY = 2.5
+"""Times a usual motion that is not believed"""
+AGAINST = float(np.log(2.0))
+"""By how much (of a logarithm) a simulation must leave less to decide against what is usual"""
+_SAME = (0.35, 1.8)
 """Motion of a reading in that of its servo's command"""
 
 
@@ -53,36 +57,55 @@ def of_reading(robot: Robot, logged: Logged, joint: Joint, column: str) -> Units
     own = stated in TO_SI and TO_SI[stated][1] == kind
     words = {u: _judged(robot, logged, joint, column, u) for u in ((stated,) if own else usual)}
     believed = [u for u, (good, _) in words.items() if good]
+    if len(believed) > 1 and not _is_usual(robot, logged, joint, column, believed[0]):
+        believed = [*believed[1:], believed[0]]
     return UnitsOfReading(
         tuple(believed or ((stated,) if own else ())), {u: t for u, (_, t) in words.items()}, own
     )
 
 
-def _judged(
-    robot: Robot, logged: Logged, joint: Joint, column: str, unit: str
-) -> tuple[bool, str]:
+def _judged(robot: Robot, logged: Logged, joint: Joint, column: str, unit: str) -> tuple[bool, str]:
     """Whether a unit is believable, and why."""
     size = TO_SI[unit][0]
     low, high = (size * each for each in logged.span(column))
-    span = high - low
-    told, shown = ("°", np.pi / 180) if joint.hinge else ("mm", 1e-3)
-    here = f"{low / shown:.3g} … {high / shown:.3g}{told}".replace("mm", " mm")
-    limits = range_of(robot, joint)
+    span, limits = high - low, range_of(robot, joint)
+    here = _between(low, high, joint.hinge)
     if span < _SMALLEST[joint.hinge]:
-        return False, f"as {unit} it would move {span / shown:.2g} {told} in all"
+        return False, f"as {unit} it would move {_sized(span, joint.hinge)} in all"
     if limits is None:
-        most = _TURNS if joint.hinge else _EXTENTS * float(robot.model.stat.extent)
-        if span <= most:
+        if span <= _HARDLY * _usual_span(robot, joint):
             return True, f"{unit}: {here}"
-        far = f"{span / (2 * np.pi):.3g} turns" if joint.hinge else f"{span:.3g} m"
-        return False, f"as {unit} it would be {far}"
-    between = f"{limits[0] / shown:.4g} … {limits[1] / shown:.4g} {told}"
+        return False, f"as {unit} it would move {_sized(span, joint.hinge)}"
+    within = _between(*limits, joint.hinge)
     if any(_inside(sign * low, sign * high, limits) for sign in (1, -1)):
-        return True, f"{unit}: {here} lies in the range {between}"
+        return True, f"{unit}: {here} lies in the range {within}"
     if span <= (1 + _SLACK) * (limits[1] - limits[0]):
-        return True, f"{unit}: {here} is as wide as the range {between}, but lies beside it"
-    turns = f" ({span / (2 * np.pi):.3g} turns)" if joint.hinge and span > 2 * np.pi else ""
-    return False, f"as {unit}, {here}{turns} is beyond the range {between}"
+        return True, f"{unit}: {here} is as wide as the range {within}, but lies beside it"
+    return False, f"as {unit} it would move {_sized(span, joint.hinge)}"
+
+
+def _between(low: float, high: float, hinge: bool) -> str:
+    """A range for a reader."""
+    each = (np.degrees(v) if hinge else 1e3 * v for v in (low, high))
+    return " … ".join(f"{v:.3g}".replace("-", "−") for v in each) + ("°" if hinge else " mm")
+
+
+def _sized(span: float, hinge: bool) -> str:
+    """A motion for a reader."""
+    if hinge:
+        return f"{span / (2 * np.pi):.3g} turns" if span > 4 * np.pi else f"{np.degrees(span):.3g}°"
+    return f"{span:.3g} m" if span > 1 else f"{1e3 * span:.2g} mm"
+
+
+def _usual_span(robot: Robot, joint: Joint) -> float:
+    """How far a joint without a range usually moves [rad or m]."""
+    return _TURNS if joint.hinge else _EXTENTS * float(robot.model.stat.extent)
+
+
+def _is_usual(robot: Robot, logged: Logged, joint: Joint, column: str, unit: str) -> bool:
+    low, high = logged.span(column)
+    span = TO_SI[unit][0] * (high - low)
+    return range_of(robot, joint) is not None or span <= _usual_span(robot, joint)
 
 
 def range_of(robot: Robot, joint: Joint) -> tuple[float, float] | None:
@@ -98,7 +121,9 @@ def _inside(a: float, b: float, limits: tuple[float, float]) -> bool:
     return limits[0] - slack <= min(a, b) and max(a, b) <= limits[1] + slack
 
 
-def signs_of_reading(robot: Robot, logged: Logged, joint: Joint, column: str, unit: str) -> list[int]:
+def signs_of_reading(
+    robot: Robot, logged: Logged, joint: Joint, column: str, unit: str
+) -> list[int]:
     """Signs with which a reading lies in the joint's range; both, if none does or all do."""
     limits = range_of(robot, joint)
     low, high = (TO_SI[unit][0] * each for each in logged.span(column))
@@ -118,11 +143,12 @@ def of_servo(
     if stated in TO_SI and TO_SI[stated][1] == TO_SI[several[0]][1]:
         return [stated]
     size = TO_SI[unit_of_reading][0]
-    return [
-        u
-        for u in dict.fromkeys(several)
-        if _SAME[0] < abs(gain) * size / TO_SI[u][0] < _SAME[1]
-    ]
+    return [u for u in dict.fromkeys(several) if moves_as_told(abs(gain) * size / TO_SI[u][0])]
+
+
+def moves_as_told(share: float) -> bool:
+    """Whether a reading moves about as far as its servo is told."""
+    return _SAME[0] < share < _SAME[1]
 
 
 def of_force(robot: Robot, logged: Logged, actuator: Actuator, column: str) -> Iterator[Meaning]:
@@ -137,8 +163,3 @@ def of_force(robot: Robot, logged: Logged, actuator: Actuator, column: str) -> I
     for unit in units:
         for scale in scales:
             yield Meaning(unit, 1, scale)
-
-
-def is_force(actuator: Actuator) -> bool:
-    """Whether an actuator is told a force, a torque or anything but a position or velocity."""
-    return actuator.kind not in (SERVO, SPEED) or actuator.kind == FORCE

@@ -15,6 +15,7 @@ _READINGS = (
     "meas measured measurement actual encoder enc state states fb feedback present observation obs "
     "real read reading sensor sensed current_position q theta"
 )
+_SURE = "meas measured actual present fb feedback observation"
 _POSITIONS = "pos position positions q qpos theta angle angles ang encoder enc th phi displacement"
 _VELOCITIES = "vel velocity velocities dq qd qvel rate speed omega dtheta thetad dot qdot thetadot"
 _ACCELERATIONS = "acc accel acceleration ddq qdd ddot"
@@ -104,6 +105,8 @@ class ColumnName:
     def family(self) -> tuple[str, ...]:
         """What it shares with the columns that differ from it in a number."""
         kept = [each for each in self.words if each not in _UNITS]
+        if self.unit and kept and kept[-1] in _LAST_UNITS:
+            kept.pop()
         return tuple("#" if each.isdecimal() else each for each in kept)
 
 
@@ -154,7 +157,7 @@ def _is_role(word: str, words: tuple[str, ...]) -> bool:
 def _direction(words: tuple[str, ...]) -> str:
     command = any(w in _COMMANDS.split() for w in words if w != "u") or words[:1] == ("u",)
     reading = any(w in _READINGS.split() for w in words)
-    sure = any(w in "meas measured actual present fb feedback observation".split() for w in words)
+    sure = any(w in _SURE.split() for w in words)
     if command:
         return "" if sure else COMMAND
     return READING if reading else ""

@@ -10,6 +10,10 @@ UNDECIDED = "UNDECIDED"
 """What stands in a machine.toml before what could not be decided"""
 
 
+UNUSED = "not used"
+"""What a decision begins with on a column that machine.toml does not name"""
+
+
 @dataclass(frozen=True)
 class Decision:
     """What a column is taken to be, and why."""
@@ -57,7 +61,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Page:
+class MachineFile:
     """All that a machine.toml says."""
 
     model: str
@@ -72,7 +76,7 @@ class Page:
     def text(self) -> str:
         """The file."""
         head = [
-            "# Written by python -m serpent_twin.init from the names, ranges and motion of the columns: check it.",
+            "# Written by python -m serpent_twin.init by names, ranges and motion of columns: check it.",
             f"# What could not be decided is marked {UNDECIDED}. docs/other-machines.md lists the keys.",
             "schema_version = 1",
             f"model = {text(self.model)}",
@@ -85,8 +89,7 @@ class Page:
             head.append(f"session = {text(self.session)}")
         body = [line for each in self.entries for line in ("", *each.lines())]
         if self.unused:
-            body += ["", "# Not used:"]
-            body += [f"# {each.column}: {each.what}" for each in self.unused]
+            body += ["", *(f"# {each.column}: {each.what}" for each in self.unused)]
         return "\n".join([*head, *body]) + "\n"
 
 

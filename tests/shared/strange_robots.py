@@ -106,7 +106,9 @@ def mjcf(form: Form, real: bool = False) -> str:
         high = rng.uniform(1.2, 2.8) if kind == "h" else rng.uniform(0.2, 0.4)
         low = -high * (0.35 if form.asymmetric else 1.0)
         scale = turn if kind == "h" else 1.0
-        limits = f'range="{low * scale:.4f} {high * scale:.4f}" limited="true"' if form.limited else ""
+        limits = (
+            f'range="{low * scale:.4f} {high * scale:.4f}" limited="true"' if form.limited else ""
+        )
         rub = form.friction * (1.0 if kind == "h" else 10.0) if real else 0.0
         joint = "hinge" if kind == "h" else "slide"
         damping = 0.05 if kind == "h" else 6.0
@@ -129,12 +131,14 @@ def mjcf(form: Form, real: bool = False) -> str:
             told += f'<motor name="{drives[n]}" joint="{names[n]}"/>'
     angle = "degree" if form.degrees else "radian"
     return (
-        f'<mujoco><compiler angle="{angle}"/><option timestep="0.002" integrator="implicitfast"/><worldbody>{body}{ends}</worldbody>'
-        f"<actuator>{told}</actuator></mujoco>"
+        f'<mujoco><compiler angle="{angle}"/><option timestep="0.002" integrator="implicitfast"/>'
+        f"<worldbody>{body}{ends}</worldbody><actuator>{told}</actuator></mujoco>"
     )
 
 
-def simulated(form: Form, seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def simulated(
+    form: Form, seconds: float, seed: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Times, commands, positions and velocities of a log, SI."""
     rng = np.random.default_rng(1000 * form.seed + seed)
     model = mujoco.MjModel.from_xml_string(mjcf(form, real=True))
@@ -234,7 +238,9 @@ def _columns(
         several = [several[k] for k in order.permutation(len(several))]
     if form.style == "nothing":
         count = iter(range(1, 99))
-        several = [(of, f"c{next(count)}" if name[0] == "c" else name, v) for of, name, v in several]
+        several = [
+            (of, f"c{next(count)}" if name[0] == "c" else name, v) for of, name, v in several
+        ]
     clock, cells, seconds = _clock(form, time, rng)
     table = {clock: cells}
     truth.time = (clock, seconds)
@@ -253,7 +259,11 @@ def _clock(form: Form, time: np.ndarray, rng: np.random.Generator) -> tuple[str,
         case "us":
             return "timestamp", [f"{1e6 * t:.0f}" for t in jitter], 1e-6
         case "ns":
-            return "timestamp", [str(1_740_909_640_000_000_000 + round(1e9 * t)) for t in jitter], 1e-9
+            return (
+                "timestamp",
+                [str(1_740_909_640_000_000_000 + round(1e9 * t)) for t in jitter],
+                1e-9,
+            )
         case "epoch ms":
             return "time", [f"{1_740_909_640_000 + 1e3 * t:.1f}" for t in jitter], 1e-3
         case "iso":
@@ -292,6 +302,4 @@ def _true(kind: str, each: dict, truth: dict[str, tuple[str, float]]) -> bool:
 
 def _doubted(found: Matched, each: dict) -> bool:
     column = each.get("column") or each["columns"][0]
-    return any(
-        d.column == column and d.why.startswith("? ") for d in found.decisions
-    )
+    return any(d.column == column and d.why.startswith("? ") for d in found.decisions)
