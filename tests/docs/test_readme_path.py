@@ -30,6 +30,7 @@ NOT_RUN = {
     "python -m experiments.": "hours; tests/docs/test_docs.py tests that they take these options",
     "python -m bench_arm": "tests/bench_arm/test_bench_arm.py",
     "python -m serpent_twin.check": "exits 1 on few logs; tests/identification/test_check.py",
+    "python -m serpent_twin.init": "needs a machine; tests/matching/test_strange_robots.py",
     "python -m serpent_twin.plan": "needs a finished trace; tests/planning/test_plan.py",
     "python -m serpent_twin.trace --machine": "needs a machine; tests/machines/test_model_machine.py",
     "python -m serpent_twin.log import": "needs recordings; tests/exchange/test_import.py",

@@ -67,7 +67,7 @@ def _amiss_drive(
         )
     elif kind == "actuator" and (why := _wrong_control(each.unit, model, name)):
         yield ".unit", why
-    elif kind == "actuator" and (why := _range_in_degrees(model, name)):
+    elif kind == "actuator" and (why := range_in_degrees(model, name)):
         yield ".actuator", why
     if each.enable and about.rows == POSES:
         yield ".enable", f'is of a motion, and rows are "{POSES}": leave the rows out that are off.'
@@ -93,7 +93,7 @@ def _no_actuators(name: str, about: Description, model: mujoco.MjModel) -> str:
     )
 
 
-def _range_in_degrees(model: mujoco.MjModel, name: str) -> str:
+def range_in_degrees(model: mujoco.MjModel, name: str) -> str:
     """What is wrong with the control range of a hinge's position servo that is the joint's range in degrees:
     MuJoCo's compiler converts the range of a joint, and takes every `ctrlrange` as it is.
     """

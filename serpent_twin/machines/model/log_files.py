@@ -36,18 +36,18 @@ def find(source: Path, needed: Sequence[str], measured: Sequence[str]) -> list[L
     Tables that have only some of the needed columns are put together. Raises a `SerpentError` that says what
     is missing where.
     """
-    paths = _paths(source)
+    paths = table_paths(source)
     found = [tables.read(path, LEAVE_OUT) for path in paths]
     whole = [(each,) for each in found if _has(each, needed) == {*needed}]
     partial = [each for each in found if _has(each, needed) != {*needed}]
-    several = whole + (_together(source, partial, needed) if partial else [])
+    several = whole + (together(source, partial, needed) if partial else [])
     ordered = [tuple(sorted(each, key=lambda one: -len(_has(one, measured)))) for each in several]
     ordered.sort(key=lambda each: _by_number(_within(each[0].path, source)))
     stems = Counter(tables.stem(each[0].path) for each in ordered)
     return [LogTables(_name(each[0].path, source, stems), each) for each in ordered]
 
 
-def _paths(source: Path) -> list[Path]:
+def table_paths(source: Path) -> list[Path]:
     """The tables of a folder; if it has none, those of its subfolders."""
     if source.exists() and not source.is_dir():
         return [source]
@@ -102,7 +102,7 @@ def _has(table: DataTable, several: Sequence[str]) -> set[str]:
     return {name for name in several if name in table}
 
 
-def _together(
+def together(
     source: Path, partial: Sequence[DataTable], needed: Sequence[str]
 ) -> list[tuple[DataTable, ...]]:
     """Tables that have some of the needed columns each, those of one run put together."""

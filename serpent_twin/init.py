@@ -1,0 +1,51 @@
+"""Write the machine.toml of a robot and its logs: `python -m serpent_twin.init`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from serpent_twin import matching, next_step
+from serpent_twin.command_line import cli
+
+__all__ = ["main"]
+
+
+def main(
+    robot: Positional[Path],
+    logs: Positional[tuple[Path, ...]],
+    out: Annotated[
+        Path | None, arg(help="The file; by default machine.toml beside the robot.")
+    ] = None,
+) -> None:
+    """Write the machine.toml of a robot: which columns of its logs are commands and readings of what.
+
+    Asks nothing. Exit status 0 if all was decided, 1 if not, 2 for an error.
+
+    Args:
+        robot: The robot's MJCF or URDF.
+        logs: Its logs, files or folders.
+        out: The file.
+    """
+    folder = robot if robot.is_dir() else robot.parent
+    path = out or folder / "machine.toml"
+    matching.require_free(path, robot)
+    found = matching.describe(robot, logs)
+    for each in found.notes:
+        print(each)
+    print(f"\n{found.table()}\n")
+    found.save(path)
+    print(f"{path}: written.")
+    for each in found.undecided:
+        print(
+            f"not decided: {path}, {each}" if each.startswith("line ") else f"not decided: {each}"
+        )
+    if found.whole:
+        next_step.say(["serpent_twin.check", "--machine", str(path), "--logs", *map(str, logs)])
+    if found.undecided:
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    cli.run(main, error_status=2)

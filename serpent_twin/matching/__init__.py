@@ -1,0 +1,160 @@
+"""Match the columns of logs to a robot, and write its machine.toml.
+
+`describe(robot, logs)` returns a `Matched`: `.decisions`, `.undecided` and the `.text` of machine.toml, which
+`.save(path)` writes. Names, ranges, what follows what, and short simulations of the nominal model decide.
+"""
+
+import tempfile
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from serpent_twin.errors import SerpentError
+from serpent_twin.machines.model import log_file, reading
+from serpent_twin.matching.decide import Decided, decide
+from serpent_twin.matching.write import UNUSED, Decision, Entry, MachineFile, text, undecided
+from serpent_twin.numerals import listed
+from serpent_twin.reporting.report import Table, text_table
+
+__all__ = ["Decision", "Matched", "describe"]
+
+_WIDTH = 60
+"""Letters of a reason in a line"""
+_WITHOUT = "_without_meshes.xml"
+
+
+@dataclass(frozen=True)
+class Matched:
+    """A machine.toml that was made of a robot and its logs."""
+
+    robot: Path
+    """The model's file, in whose folder machine.toml belongs"""
+    text: str
+    """Of machine.toml"""
+    decisions: tuple[Decision, ...]
+    """What each column is, and why"""
+    undecided: tuple[str, ...]
+    """What could not be decided, each with the line of machine.toml to edit"""
+    notes: tuple[str, ...] = ()
+    """How the model and the logs were read"""
+    whole: bool = True
+    """Whether each actuator has a column, and what is written can be read"""
+    without_meshes: str = ""
+    """MJCF that machine.toml names in place of a robot whose meshes are missing"""
+
+    def table(self) -> str:
+        """The decisions as a table for the screen; columns that are not used below it."""
+        used = [d for d in self.decisions if not d.what.startswith(UNUSED)]
+        rows: list[tuple[str, ...]] = []
+        for each in used:
+            first, *more = textwrap.wrap(each.why, _WIDTH) or [""]
+            rows.append((each.column, each.what, each.unit, each.sign, first))
+            rows += [("", "", "", "", line) for line in more]
+        shown = text_table(Table(("column", "what", "unit", "sign", "why"), tuple(rows)))
+        left: dict[str, list[str]] = {}
+        for each in self.decisions:
+            if each not in used:
+                left.setdefault(each.what, []).append(each.column)
+        return "\n".join([shown, *(f"{what}: {listed(c)}" for what, c in left.items())])
+
+    def save(self, path: Path) -> None:
+        """Write machine.toml into the robot's folder; raises a `SerpentError` where there is one already."""
+        require_free(path, self.robot)
+        path.write_text(self.text, encoding="utf-8")
+        if self.without_meshes:
+            beside = path.parent / f"{self.robot.stem}{_WITHOUT}"
+            beside.write_text(self.without_meshes, encoding="utf-8")
+
+
+def require_free(path: Path, robot: Path) -> None:
+    """Refuse a machine.toml that exists, or that would lie in another folder than the robot."""
+    if path.exists():
+        raise SerpentError(
+            f"{path} exists, and is not overwritten. Name another file in that folder with --out, such as "
+            f"--out {path.with_name('machine_2.toml')}."
+        )
+    folder = robot if robot.is_dir() else robot.parent
+    if path.parent.resolve() != folder.resolve():
+        raise SerpentError(
+            f"{path} would not lie in the folder of the model, {folder}, where a machine.toml belongs. Name "
+            f"a file there with --out, such as --out {folder / 'machine.toml'}."
+        )
+
+
+def describe(robot: Path, logs: Sequence[Path]) -> Matched:
+    """Match the columns of logs, files or folders, to a robot's MJCF or URDF; writes nothing.
+
+    Raises a `SerpentError` where no machine.toml can be made, with what is missing.
+    """
+    found = decide(robot, logs)
+    machine, log = found.robot, found.logged
+    model = f"{machine.path.stem}{_WITHOUT}" if machine.without_meshes else machine.path.name
+    clock = log.clock
+    time = f"{{ column = {text(clock.column)}, unit = {text(clock.unit)} }}"
+    page = MachineFile(
+        model,
+        time,
+        f"{clock.column}: {clock.why}",
+        clock.doubt,
+        found.entries,
+        found.unused,
+        log.session,
+    )
+    whole = all(each.column for each in found.entries)
+    refused = _refused(found, page.text(), logs) if whole else ""
+    notes = (*machine.notes, *log.notes, *_of_one_log(found))
+    left = undecided(page.text()) + ((refused,) if refused else ())
+    return Matched(
+        machine.path,
+        page.text(),
+        _decisions(found),
+        left,
+        notes,
+        whole and not refused,
+        machine.without_meshes,
+    )
+
+
+def _decisions(found: Decided) -> tuple[Decision, ...]:
+    clock = found.logged.clock
+    unit = "" if clock.stamps else clock.unit
+    mark = "? " if clock.doubt else ""
+    first = Decision(clock.column, "time", unit, "", mark + clock.why)
+    return (first, *map(_decision, (e for e in found.entries if e.column)), *found.unused)
+
+
+def _decision(entry: Entry) -> Decision:
+    kind = entry.of[0]
+    what = f"{'command' if entry.kind == 'drive' else 'reading'} of {kind} {entry.of[1]}"
+    scale = "" if entry.meaning.scale == 1 else f" × {entry.meaning.scale:.4g}"
+    sign = "+" if entry.meaning.sign > 0 else "−"
+    why = ("? " if entry.doubts else "") + entry.why
+    return Decision(entry.column, what, entry.meaning.unit + scale, sign, why)
+
+
+def _refused(found: Decided, page: str, logs: Sequence[Path]) -> str:
+    """Why the machine.toml would be refused with these logs, if it is."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "machine.toml"
+        path.write_text(page, encoding="utf-8")
+        model = found.robot.path
+        if found.robot.without_meshes:
+            model = Path(folder) / "robot.xml"
+            model.write_text(found.robot.without_meshes, encoding="utf-8")
+        try:
+            machine = reading.read(path, model)
+            for source in logs:
+                log_file.read_runs(machine, source)
+        except SerpentError as error:
+            return str(error).replace(str(path), "machine.toml")
+    return ""
+
+
+def _of_one_log(found: Decided) -> list[str]:
+    if len(found.logged.pieces) > 1:
+        return []
+    return [
+        "There is one log: a trace needs two, one of which judges. Record another one, or split this one "
+        "into two files, between two motions."
+    ]

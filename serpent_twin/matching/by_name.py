@@ -1,0 +1,275 @@
+"""Match columns to actuators and joints by the words and numbers of their names."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from serpent_twin.matching.robot import FORCE, SERVO, SPEED, Actuator, Robot
+from serpent_twin.matching.words import (
+    COMMAND,
+    EFFORT,
+    POSITION,
+    READING,
+    VELOCITY,
+    ColumnName,
+    numbers_of,
+    own_words,
+    split,
+)
+
+_QUANTITY = {SERVO: POSITION, SPEED: VELOCITY, FORCE: EFFORT}
+"""What the command of an actuator is"""
+_CLEAR = 0.05
+"""How much more a name must say for one thing than for another"""
+
+
+@dataclass(frozen=True)
+class Thing:
+    """An actuator or joint, and names by which columns may call it."""
+
+    name: str
+    aliases: tuple[str, ...]
+
+
+@dataclass
+class NameMatches:
+    """The column of each thing, why, and what names leave open."""
+
+    column: dict[str, str] = field(default_factory=dict)
+    """By the thing's name"""
+    why: dict[str, str] = field(default_factory=dict)
+    by_order: set[str] = field(default_factory=set)
+    """Things that were matched by the order of numbers alone"""
+    alike: dict[str, list[str]] = field(default_factory=dict)
+    """Columns of which names do not tell which is the thing's"""
+
+
+def commands(robot: Robot, named: Mapping[str, ColumnName]) -> NameMatches:
+    """The command columns of actuators; those that say another quantity are left out."""
+    found = NameMatches()
+    for kind, quantity in _QUANTITY.items():
+        things = [_of_actuator(each) for each in robot.actuators if each.kind == kind]
+        for tier in (quantity, ""):
+            if any(each.name not in found.column for each in things):
+                several = [
+                    each
+                    for each in named.values()
+                    if each.direction == COMMAND
+                    and each.quantity == tier
+                    and each.name not in found.column.values()
+                ]
+                _match(several, things, found, alone=len(robot.actuators) == 1)
+    return found
+
+
+def efforts_as_commands(robot: Robot, named: Mapping[str, ColumnName]) -> NameMatches:
+    """Columns of torques or currents that do not say that they are commands, for motors."""
+    things = [_of_actuator(each) for each in robot.actuators if each.kind == FORCE]
+    found = NameMatches()
+    several = [each for each in named.values() if each.quantity == EFFORT]
+    _match(several, things, found, alone=len(robot.actuators) == 1)
+    return found
+
+
+def readings(
+    robot: Robot, named: Mapping[str, ColumnName], taken: Sequence[str], quantity: str = POSITION
+) -> NameMatches:
+    """The columns of joints' positions, or of another quantity; names that tell it come first."""
+    found = NameMatches()
+    things = [Thing(each.name, (each.name, *each.sensors)) for each in robot.joints]
+    moved = [each.joint for each in robot.actuators if each.joint]
+    driven = [next(t for t in things if t.name == name) for name in dict.fromkeys(moved)]
+    tiers: tuple[tuple[str, str | None], ...] = ((quantity, None),)
+    if quantity == POSITION:
+        tiers = ((POSITION, None), ("", READING), ("", ""))
+    for tier, direction in tiers:
+        several = [
+            each
+            for each in named.values()
+            if each.direction != COMMAND
+            and each.quantity == tier
+            and (direction is None or each.direction == direction)
+            and each.name not in (*found.column.values(), *taken)
+        ]
+        if direction == "":
+            several = [each for each in several if not _is_bare(each)]
+        open_ = [each for each in things if each.name not in found.column]
+        if len(open_) == len(things):
+            _match(several, things, found, alone=len(things) == 1 and direction != "")
+            if not found.column and not found.alike and len(driven) < len(things):
+                _match(several, driven, found, alone=len(driven) == 1 and direction != "")
+        elif open_:
+            _match(several, open_, found, numbers=False)
+        if direction == "":  # motion tells which of them is a command
+            found.alike = {
+                k: v for k, v in found.alike.items() if not {*v} & {c.name for c in several}
+            }
+    return found
+
+
+def whose(robot: Robot, columns: Sequence[ColumnName]) -> NameMatches:
+    """The joints of columns that are known to be readings."""
+    found = NameMatches()
+    things = [Thing(each.name, (each.name, *each.sensors)) for each in robot.joints]
+    if not any(map(_is_bare, columns)):
+        _match(columns, things, found)
+    return found
+
+
+@dataclass(frozen=True)
+class Family:
+    """Columns that differ in a number, and what each would be of."""
+
+    readings: dict[str, str]
+    """By joint"""
+    commands: dict[str, str]
+    """By actuator"""
+
+
+def families(robot: Robot, columns: Sequence[ColumnName]) -> list[Family]:
+    """Columns that differ in a number, where there is one for each joint and each actuator."""
+    joints = [Thing(each.name, (each.name, *each.sensors)) for each in robot.joints]
+    actuators = [_of_actuator(each) for each in robot.actuators]
+    several: dict[tuple[str, ...], list[ColumnName]] = {}
+    for each in columns:
+        several.setdefault(each.family, []).append(each)
+    made = []
+    for family in several.values():
+        read, told = NameMatches(), NameMatches()
+        _match(family, joints, read)
+        _match(family, actuators, told)
+        if len(read.column) == len(joints) and len(told.column) == len(actuators):
+            made.append(Family(read.column, told.column))
+    return made
+
+
+def _is_bare(name: ColumnName) -> bool:
+    """Whether a name is a letter and a number, such as c3, which says nothing."""
+    short = len(name.words) in (1, 2) and len(next(iter(name.words))) < 2
+    return short and name.direction == "" == name.quantity
+
+
+def _of_actuator(each: Actuator) -> Thing:
+    return Thing(each.name, tuple(dict.fromkeys((each.name, each.joint or each.name))))
+
+
+def _match(
+    several: Sequence[ColumnName],
+    things: Sequence[Thing],
+    found: NameMatches,
+    alone: bool = False,
+    numbers: bool = True,
+) -> None:
+    """Match columns to things that have none: by words, then by numbers; of one thing, its only column."""
+    open_ = [each for each in things if each.name not in found.column]
+    _by_words(several, open_, found)
+    left = [each for each in several if each.name not in found.column.values()]
+    open_ = [each for each in open_ if each.name not in found.column]
+    if numbers and len(open_) == len(things) > 0:
+        _by_numbers(left, open_, found)
+    if alone and len(things) == 1 and things[0].name not in found.column and left:
+        if len(left) == 1:
+            found.column[things[0].name] = left[0].name
+            found.why[things[0].name] = "the only such column"
+        else:
+            found.alike.setdefault(things[0].name, [each.name for each in left])
+
+
+def _by_words(several: Sequence[ColumnName], things: Sequence[Thing], found: NameMatches) -> None:
+    score = {(c.name, t.name): _likeness(c, t) for c in several for t in things}
+    left, open_ = [c.name for c in several], [t.name for t in things]
+    while True:
+        new = [
+            (c, t)
+            for c in left
+            for t in open_
+            if score[c, t] > 0
+            and all(score[c, t] > score[c, other] + _CLEAR for other in open_ if other != t)
+            and all(score[c, t] > score[other, t] + _CLEAR for other in left if other != c)
+        ]
+        if not new:
+            break
+        for c, t in new:
+            found.column[t], found.why[t] = c, "by name"
+            left.remove(c)
+            open_.remove(t)
+    for t in open_:
+        best = max((score[c, t] for c in left), default=0.0)
+        alike = [c for c in left if best > 0 and score[c, t] >= best - _CLEAR]
+        alike = [c for c in alike if all(score[c, t] >= score[c, other] for other in open_)]
+        if len(alike) > 1:
+            found.alike[t] = alike
+
+
+def _likeness(column: ColumnName, thing: Thing) -> float:
+    """How much of a thing's name a column's has; 0 where it is of another one."""
+    found = 0.0
+    for n, alias in enumerate(thing.aliases):
+        words = split(alias)
+        if words and _within(words, column.words) and _numbers_agree(column, alias):
+            found = max(found, 2 + 0.1 * len("".join(words)) - 0.02 * n)
+            continue
+        mine = {*column.own, *map(str, column.numbers)}
+        its = {*own_words(alias), *map(str, numbers_of(alias))}
+        common = mine & its
+        if not any(not each.isdecimal() for each in common) or not (mine <= its or its <= mine):
+            continue
+        found = max(found, 1 + 2 * len(common) / (len(mine) + len(its)) - 0.02 * n)
+    return found
+
+
+def _numbers_agree(column: ColumnName, alias: str) -> bool:
+    """Whether a short name such as `q` is not taken for one of q1, q2."""
+    return bool(numbers_of(alias)) or not column.numbers or any(len(w) > 1 for w in split(alias))
+
+
+def _within(words: Sequence[str], whole: Sequence[str]) -> bool:
+    """Whether words follow each other in a name."""
+    n = len(words)
+    return any(tuple(whole[k : k + n]) == tuple(words) for k in range(len(whole) - n + 1))
+
+
+def _by_numbers(several: Sequence[ColumnName], things: Sequence[Thing], found: NameMatches) -> None:
+    """Match columns that differ in one number to things that do, or to things in the model's order."""
+    families: dict[tuple[str, ...], list[ColumnName]] = {}
+    for each in several:
+        if each.numbers:
+            families.setdefault(each.family, []).append(each)
+    fits = []
+    for family in families.values():
+        varies = list(zip(*(each.numbers for each in family), strict=True))
+        varies = [n for n in varies if len(set(n)) == len(family)]
+        if len(varies) == 1 and (made := _paired(varies[0], things)):
+            why, order = made
+            fits.append((why, [family[k] for k in order]))
+    if len(fits) > 1:
+        for n, each in enumerate(things):
+            found.alike[each.name] = [columns[n].name for _, columns in fits]
+    elif fits:
+        why, columns = fits[0]
+        for each, column in zip(things, columns, strict=True):
+            found.column[each.name], found.why[each.name] = column.name, why
+            found.by_order.add(each.name)
+
+
+def _paired(numbers: Sequence[int], things: Sequence[Thing]) -> tuple[str, list[int]] | None:
+    """Which number is of each thing, and by what; None where numbers do not tell."""
+    if len(numbers) < len(things):
+        return None
+    order = sorted(range(len(numbers)), key=lambda k: numbers[k])
+    for alias in range(max(len(each.aliases) for each in things)):
+        own = [numbers_of(each.aliases[min(alias, len(each.aliases) - 1)]) for each in things]
+        if all(own) and len({each[-1] for each in own}) == len(things):
+            last = [each[-1] for each in own]
+            if set(last) == set(numbers):
+                return "by its number", [list(numbers).index(n) for n in last]
+            if len(numbers) == len(things):
+                return "by the order of numbers", [order[k] for k in _ranks(last)]
+            return None
+    if sorted(numbers) in ([*range(len(things))], [*range(1, len(things) + 1)]):
+        return "by its number, in the model's order", order
+    return None
+
+
+def _ranks(several: Sequence[int]) -> list[int]:
+    ordered = sorted(several)
+    return [ordered.index(each) for each in several]

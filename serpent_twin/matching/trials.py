@@ -1,0 +1,245 @@
+"""Simulate short pieces of logs from logged states, to compare what columns might be."""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+
+from serpent_twin.arrays import Array
+from serpent_twin.matching.logged import Logged
+from serpent_twin.matching.robot import FORCE, SERVO, Robot
+from serpent_twin.sim.quiet import quietly
+
+_PIECES, _SECONDS, _ROWS = 24, 0.25, 12
+"""Pieces of logs that are simulated; how long each is, and how many rows at least"""
+_MOST_STEPS = 40
+"""Time steps of a row at most"""
+_BAD = 10.0
+"""Share that counts for a simulation that is unstable"""
+_LEFT_OUT = int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)
+"""Contacts and limits, which a wrong force or a load that the model lacks would run into"""
+_FAR = 1e4
+"""Angle or length at which a simulation is unstable [rad or m]"""
+_WRONG = 2.5
+"""How many times stronger or weaker a model's motors may be than they are logged"""
+Use = tuple[str, float]
+"""A column, and how many SI units 1 in it is"""
+
+
+@dataclass(frozen=True)
+class Left:
+    """What a simulation leaves of each joint's motion that its start does not say."""
+
+    share: Mapping[str, float]
+    """Root mean square by joint, 1 where the model says no more than the start"""
+    of_log: Mapping[str, Array]
+    """By joint, of each log"""
+
+    @property
+    def score(self) -> float:
+        """Sum of the logarithms over the joints; less is better."""
+        return float(sum(np.log(np.clip(each, 0.01, _BAD)) for each in self.share.values()))
+
+
+@dataclass(frozen=True, eq=False)
+class ShortRuns:
+    """Pieces of logs from which a model is simulated under any assignment of columns."""
+
+    robot: Robot
+    logged: Logged
+    idle: dict[object, Array] = field(default_factory=dict, repr=False)
+    """Motions without the forces of motors, by what else they depend on"""
+
+    @cached_property
+    def rows(self) -> int:
+        """Rows of a piece."""
+        period = 1.0 / self.logged.rate_hz
+        shortest = min(len(each.known) for each in self.logged.pieces)
+        return max(2, min(max(_ROWS, round(_SECONDS / period)), shortest - 1))
+
+    @cached_property
+    def starts(self) -> list[tuple[int, int]]:
+        """Log and row in which each piece begins, without gaps."""
+        found = []
+        for n, piece in enumerate(self.logged.pieces):
+            last = len(piece.known) - self.rows - 1
+            whole = np.convolve(piece.known, np.ones(self.rows + 1), "valid") > self.rows
+            rows = np.flatnonzero(whole[: last + 1])
+            found += [(n, int(row)) for row in rows]
+        chosen = np.unique(np.linspace(0, len(found) - 1, _PIECES).round().astype(int))
+        return [found[n] for n in chosen] if found else []
+
+    def left(self, readings: Mapping[str, Use], controls: Mapping[str, Use]) -> Left:
+        """What is left, if joints' readings and actuators' controls are these columns."""
+        if not self.starts or not readings:
+            return Left({}, {})
+        measured, rates = self._measured(readings)
+        shown = self._shown(readings, measured, rates, controls)
+        motors = {a.name for a in self.robot.actuators if a.kind == FORCE}
+        idle = {name: use for name, use in controls.items() if name not in motors}
+        still = self._idle(readings, measured, rates, idle) if idle != dict(controls) else shown
+        share, of_log = {}, {}
+        for k, joint in enumerate(readings):
+            rest = self._curved(measured[:, 1:, k])
+            alone = np.stack([self._curved(each) for each in self._errors(rates[..., k])], axis=-1)
+            told = self._curved(shown[..., k] - still[..., k])
+            off = _unexplained(rest - self._curved(still[..., k]), told, alone)
+            share[joint], of_log[joint] = self._shares(off, _unexplained(rest, 0 * rest, alone))
+        return Left(share, of_log)
+
+    def needed(self, readings: Mapping[str, Use]) -> dict[str, float]:
+        """Root mean square of the force that the model says each joint's motion needs [N m or N]."""
+        measured, rates = self._measured(readings)
+        model, _ = self._model
+        data = mujoco.MjData(model)
+        places = [model.joint(name) for name in readings]
+        at, moved = (
+            [int(a[0]) for a in each]
+            for each in ([p.qposadr for p in places], [p.dofadr for p in places])
+        )
+        forces = []
+        for s in range(len(self.starts)):
+            data.qpos[at], data.qvel[moved] = measured[s, 0], rates[s, 0]
+            data.qacc[moved] = (rates[s, -1] - rates[s, 0]) * self.logged.rate_hz / self.rows
+            mujoco.mj_inverse(model, data)
+            forces.append(data.qfrc_inverse[moved].copy())
+        size = np.sqrt(np.mean(np.square(forces), axis=0)) if forces else np.zeros(len(places))
+        return dict(zip(readings, map(float, size), strict=True))
+
+    def _shown(
+        self,
+        readings: Mapping[str, Use],
+        measured: Array,
+        rates: Array,
+        controls: Mapping[str, Use],
+    ) -> Array:
+        """What the model shows, (S, rows, J), limited where it is unstable."""
+        with quietly(), np.errstate(all="ignore"):
+            found = self._simulated(readings, measured[:, 0], rates[:, 0], controls)
+        return np.clip(np.nan_to_num(found, nan=_FAR, posinf=_FAR, neginf=-_FAR), -_FAR, _FAR)
+
+    def _idle(
+        self,
+        readings: Mapping[str, Use],
+        measured: Array,
+        rates: Array,
+        controls: Mapping[str, Use],
+    ) -> Array:
+        """What the model shows without the forces of motors."""
+        key = (tuple(sorted(readings.items())), tuple(sorted(controls.items())))
+        if key not in self.idle:
+            first = np.argsort(list(readings))
+            several = dict(sorted(readings.items()))
+            self.idle[key] = self._shown(several, measured[..., first], rates[..., first], controls)
+        order = [sorted(readings).index(each) for each in readings]
+        return self.idle[key][..., order]
+
+    def _curved(self, values: Array) -> Array:
+        """What straight lines leave of motions (S, rows): noise of where a piece starts is a line."""
+        row = np.arange(values.shape[1], dtype=float)
+        lines = np.linalg.qr(np.stack([np.ones_like(row), row], axis=1))[0]
+        return values - values @ lines @ lines.T
+
+    def _errors(self, rate: Array) -> list[Array]:
+        """Motions (S, rows) that a constant force, Coulomb friction and damping add to that of a mass."""
+        slow = 0.1 * float(np.sqrt((rate**2).mean())) or 1.0
+        forces = (np.ones_like(rate), np.tanh(rate / slow), rate)
+        return [np.cumsum(np.cumsum(each, axis=1), axis=1)[:, 1:] for each in forces]
+
+    def _shares(self, off: Array, rest: Array) -> tuple[float, Array]:
+        """Share of a motion's rms that is left, in all and by log."""
+        logs = np.array([n for n, _ in self.starts])
+        several = [_share(off[logs == n], rest[logs == n]) for n in np.unique(logs)]
+        return _share(off, rest), np.array(several)
+
+    def _measured(self, readings: Mapping[str, Use]) -> tuple[Array, Array]:
+        """Readings and their rates in each piece [SI], (S, 1 + rows, J)."""
+        values, rates = [], []
+        for column, factor in readings.values():
+            smooth = self.logged.smoothed(column)
+            cut = [slice(row, row + self.rows + 1) for _, row in self.starts]
+            pairs = list(zip(self.starts, cut, strict=True))
+            values.append([factor * smooth[n][0][rows] for (n, _), rows in pairs])
+            rates.append([factor * smooth[n][1][rows] for (n, _), rows in pairs])
+        return np.moveaxis(np.array(values), 0, -1), np.moveaxis(np.array(rates), 0, -1)
+
+    def _simulated(
+        self, readings: Mapping[str, Use], angle: Array, rate: Array, controls: Mapping[str, Use]
+    ) -> Array:
+        """Joints of the model after each row, (S, rows, J)."""
+        model, steps = self._model
+        told = self._controls(controls, dict(zip(readings, angle.T, strict=True)))
+        data = mujoco.MjData(model)
+        spec = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        size = mujoco.mj_stateSize(model, spec)
+        state = np.empty((len(self.starts), size))
+        places = [model.joint(name) for name in readings]
+        at = [int(each.qposadr[0]) for each in places]
+        moved = [int(each.dofadr[0]) for each in places]
+        for s in range(len(self.starts)):
+            mujoco.mj_resetData(model, data)
+            data.qpos[at], data.qvel[moved] = angle[s], rate[s]
+            data.ctrl[:] = told[s, 0]
+            self._begin(model, data)
+            mujoco.mj_getState(model, data, state[s], spec)
+        control = np.repeat(told, steps, axis=1)
+        shown, _ = rollout.rollout(model, data, state, control)
+        return np.asarray(shown)[:, steps - 1 :: steps, [1 + n for n in at]]
+
+    @staticmethod
+    def _begin(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Let filters begin at the control, and integrators at the length of what they move."""
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_tendon(model, data)
+        mujoco.mj_transmission(model, data)
+        for n in range(model.nu):
+            if (first := int(model.actuator_actadr[n])) >= 0:
+                integrates = model.actuator_dyntype[n] == mujoco.mjtDyn.mjDYN_INTEGRATOR
+                data.act[first] = data.actuator_length[n] if integrates else data.ctrl[n]
+
+    @cached_property
+    def _model(self) -> tuple[mujoco.MjModel, int]:
+        """The model with time steps of which a row has a whole number, and how many."""
+        period = 1.0 / self.logged.rate_hz
+        steps = int(np.clip(np.ceil(period / self.robot.model.opt.timestep - 1e-6), 1, _MOST_STEPS))
+        model = copy.copy(self.robot.model)
+        model.opt.timestep = period / steps
+        model.opt.disableflags |= _LEFT_OUT
+        return model, steps
+
+    def _controls(self, controls: Mapping[str, Use], angle: Mapping[str, Array]) -> Array:
+        """Controls in each row, (S, rows, nu); without a column, a servo keeps where it is."""
+        told = np.zeros((len(self.starts), self.rows, self.robot.model.nu))
+        for k, each in enumerate(self.robot.actuators):
+            if each.name in controls:
+                column, factor = controls[each.name]
+                for s, (n, row) in enumerate(self.starts):
+                    told[s, :, k] = (
+                        factor * self.logged.pieces[n].values[column][row : row + self.rows]
+                    )
+            elif each.kind == SERVO and each.joint in angle:
+                told[:, :, k] = angle[each.joint][:, None] * each.gear
+        return told
+
+
+def _unexplained(rest: Array, told: Array, alone: Array) -> Array:
+    """What is left of motions (S, rows) of what motors add, so many times as strong as a model may be wrong,
+    and of forces that the model may lack, (S, rows, 3).
+    """
+    shape = rest.shape
+    y, x, more = rest.ravel(), told.ravel(), alone.reshape(-1, alone.shape[-1])
+    base = np.linalg.qr(more / np.maximum(np.linalg.norm(more, axis=0), 1e-300))[0]
+    y, x = (each - base @ (base.T @ each) for each in (y, x))
+    size = float(x @ x)
+    gain = np.clip(float(x @ y) / size, 1 / _WRONG, _WRONG) if size > 0 else 0.0
+    return (y - gain * x).reshape(shape)
+
+
+def _share(off: Array, rest: Array) -> float:
+    whole = float(np.sqrt((rest**2).mean())) if rest.size else 0.0
+    return min(float(np.sqrt((off**2).mean())) / whole, _BAD) if whole > 0 else 1.0
