@@ -16,7 +16,7 @@ from serpent_twin.identification.discovery import (
     turned,
 )
 from serpent_twin.identification.fitted import Fit
-from serpent_twin.identification.held_out import Errors
+from serpent_twin.identification.held_out import Errors, gain
 from serpent_twin.identification.moved import moved
 from serpent_twin.identification.proxies import needless
 from serpent_twin.identification.refitting import RefittingTracer
@@ -31,6 +31,10 @@ _FITTED, _NEAR = 2, 0.8
 """Candidates that are fitted; of what the best removes, what another must"""
 _AS_MUCH = 0.9
 """Of what a named effect removed, what a law must to be tried in its place, both to first order"""
+_IDEALISED = 0.05
+"""Of what named effects gain, how much more a law must that replaces them: what effects neglect at most, as
+`simplified` of the effects says
+"""
 
 _IN_PLACE = "the effects in whose place it was tried"
 _Way = Callable[[Fit, Round], list[str]]
@@ -43,7 +47,9 @@ class ComposingTracer(RefittingTracer):
     _laws = 0  # that were fitted
 
     def _enough(self) -> bool:
-        """Whether so many laws were fitted that no other is sought; the diagnosis says so."""
+        """Whether no other law is sought, as many were fitted or it is late; the diagnosis says so."""
+        if self.late:
+            return True
         if self._laws < _ENOUGH:
             return False
         self.cautions = (
@@ -58,6 +64,8 @@ class ComposingTracer(RefittingTracer):
         effect and all after it do takes their place, and so does one law for two at one place: as soon as
         there is a law, because laws on top of a wrong effect are wrong, too.
         """
+        if self.late:
+            return base
         named, settled = len(rounds), base
         if law := self._absorbed(base, rounds):
             base = law
@@ -218,11 +226,21 @@ class ComposingTracer(RefittingTracer):
                 stands = needless(self.trials, self.case, score, law, several)
             else:  # a name is kept unless the law is better
                 stands = not needless(self.trials, self.case, score, several, law)
+                stands = stands and self._beyond_a_name(done.errors, several, law)
             if stands:
                 return law
         rounds[-1] = replace(rounds[-1], accepted=(), undone=rounds[-1].undone or _IN_PLACE)
         self.case = replace(self.case, noise=done.base.noise)
         return None
+
+    def _beyond_a_name(self, before: Errors, named: Fit, law: Fit) -> bool:
+        """Whether a law gains clearly more than named effects in its place: both are idealisations, and where
+        a name explains nearly all, what another form of it gains is no reason to give up the name.
+        """
+        with_name, with_law = (
+            gain(before, self.errors(each.point)).relative for each in (named, law)
+        )
+        return with_law > (1 + _IDEALISED) * with_name
 
     def _resembling(
         self,

@@ -29,11 +29,11 @@ _Channel = tuple[str, Array, Array]
 """A name, and what was measured and predicted in the unit that people read, (T,)"""
 
 
-def begin_report(case: Case[Any], pieces: Any, out: Path, title: str) -> None:
-    """Write a report that shows the first session of some pieces, and print where the picture is."""
+def begin_report(case: Case[Any], pieces: Any, out: Path, title: str) -> str:
+    """Write a report that shows the first session of some pieces; returns where its picture is."""
     section = first_section(case.compare(None, pieces))
     write(Report(title, _RUNNING, (section,)), out)
-    print(f"{out / 'figures' / NAME}.png: measured beside the nominal model.", flush=True)
+    return f"{out / 'figures' / NAME}.png: measured beside the nominal model."
 
 
 def first_section(comparison: Comparison) -> Section:

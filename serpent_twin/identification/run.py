@@ -22,6 +22,7 @@ from serpent_twin.identification.first_picture import begin_report
 from serpent_twin.identification.page import page
 from serpent_twin.identification.refitting import RefittingTracer
 from serpent_twin.identification.steps import Tracer
+from serpent_twin.identification.summary import summary
 from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.machines.rig import Log, is_named, notes_on, read_logs
 from serpent_twin.numerals import counted, listed
@@ -72,6 +73,8 @@ class Trace(Checked):
     discover: bool = True
     """Also compose effects that no catalogue lists, where the named ones leave something: laws at places of
     the machine. That takes some minutes more, and not every machine says what its places show."""
+    minutes: Annotated[float, within(0.1, 10_000.0, "min")] = 600.0
+    """After so long no further effect is sought; the fit of those found so far is finished."""
     twins: Annotated[int, within(0, 1000)] = 0
     """Also write this many twins that the logs cannot distinguish from the corrected one, drawn from the
     uncertainty of the fit: OUT/twins/drawn_NN.json; and OUT/twins/calibrated.json, without effects. A later
@@ -184,16 +187,18 @@ def _run(
     with Progress("first guesses") as progress:
         case = rig.open(training)
         progress.simulations = lambda: case.clock.count
-        begin_report(case, case.pieces(judging), config.out, f"What the twin of {arm} lacks")
+        judged = case.pieces(judging)
+        progress.say(begin_report(case, judged, config.out, f"What the twin of {arm} lacks"))
         notes = Checkpoints(config.out / "stages", case.clock)
         kind = ComposingTracer if config.discover and case.composes else RefittingTracer
         tracer = kind(
             case,
             case.pieces(training),
-            case.pieces(judging),
+            judged,
             notes,
             progress.step,
             config.seed,
+            60 * config.minutes,
         )
         selection = tracer.select()
         progress.step("what is left")
@@ -238,7 +243,8 @@ def _write(
     )
     numbers = finite(numbers)
     write_json(config.out / "diagnosis.json", numbers)
-    print("\n".join([*tracer.case.notes, found.sentence()]))
+    print("\n".join(tracer.case.notes))
+    print(f"\n{summary(found, tracer.case.candidates)}\n")
     share = 100 * numbers["share_of_time_in_simulation"]
     print(f"{numbers['seconds']:.0f} s, {share:.0f} % of it in simulation.")
     print(f"{report}: the figures. {config.out / 'twin.json'}: the corrected twin.")

@@ -6,9 +6,12 @@
 repeat with it included. (5) An error above that of a twin that lacks nothing is unexplained.
 """
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.identification.absorbed import told_together, without_ends
@@ -49,6 +52,10 @@ BEATS = 0.97
 """Share of a fit's cost that a fit from another start must come below to replace it. A candidate from the
 opening must come below that share of a first calibration's cost with its first derivative
 """
+_LATE = (
+    "The time that was given has passed before the search had ended: further effects were not sought. Give "
+    "more with --minutes."
+)
 _UNDONE = "another, which did not stand when everything was fitted anew"
 
 
@@ -63,7 +70,9 @@ class Tracer:
         notes: Checkpoints,
         on_progress: OnProgress,
         seed: int,
+        seconds: float = np.inf,
     ) -> None:
+        """With an end after so many `seconds` from now, after which no further effect is sought."""
         self.case, self.training, self.held_out = case, training, held_out
         self.notes, self.on_progress, self.seed = notes, on_progress, seed
         self.trials = Trials(training, held_out, notes, on_progress)
@@ -71,6 +80,15 @@ class Tracer:
         self.identifiability: Identifiability | None = None
         self._at_opening: tuple[Case[Any], Fit, list[Score]]
         self.cautions: tuple[str, ...] = ()
+        self._end = time.monotonic() + seconds
+
+    @property
+    def late(self) -> bool:
+        """Whether no further effect is sought, which is a caution."""
+        late = time.monotonic() > self._end
+        if late and _LATE not in self.cautions:
+            self.cautions = (*self.cautions, _LATE)
+        return late
 
     def select(self) -> Selection:
         """Calibrate, then add effects one by one while their gain is significant."""
@@ -100,7 +118,7 @@ class Tracer:
         start = ParameterVector.nominal(self.case.declared)
         opening, calibrated = self._calibrate(start)
         base, rounds = calibrated, list[Round]()
-        while len(rounds) < _MOST_EFFECTS:
+        while len(rounds) < _MOST_EFFECTS and not self.late:
             done = self._round(base, rounds, opening)
             if not rounds and (wide := far_off(self.trials, self.case, opening, base, done)):
                 self.case = replace(self.case, widened=wide.case.widened, noise=wide.case.noise)

@@ -131,11 +131,16 @@ def estimate(plan: "TrainingPlan", scores: Mapping[str, Any]) -> Words | None:
 
 
 def after_trace(config: "Trace") -> Words | None:
-    """After a trace of the arm: collect from the corrected twin, at the logs' rate."""
+    """After a trace of the arm: collect from the corrected twin, at the logs' rate. Of another machine: take
+    the corrected twin to any MuJoCo program.
+    """
     from serpent_twin import sessions
     from serpent_twin.recording.collect import check
     from serpent_twin.recording.options import Collect
 
+    if config.machine:
+        twin, out = config.out / "twin.json", unused(config.out / "robot_twin.xml")
+        return ["serpent_twin.export", str(twin), "--to", "mjcf", "--out", str(out)]
     if config.named != "arm":
         return None
     twin, out = (

@@ -84,6 +84,11 @@ class Progress:
         self._steps += 1
         self._write()
 
+    def say(self, text: str) -> None:
+        """Print a line for the user above the line that is written again."""
+        tqdm.write(text, file=sys.stdout)
+        sys.stdout.flush()
+
     def _write(self) -> None:
         made = self.simulations()
         left = self._items.left(time.perf_counter()) if self._items and self._items.done else None

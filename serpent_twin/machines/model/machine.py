@@ -51,6 +51,10 @@ EVERY = 1_000_000
 """Segments of the last fit: all"""
 SEARCHED = 16
 """Segments of a motion by which candidates are chosen: a fit takes as long as they do"""
+_ROUNDS_IN_MOTION = 2
+"""Rounds along weak directions of a motion: without any, all torques of a joint may keep a common factor by
+which a search happened to come in (friction of 0.124 for 0.08 N m)
+"""
 _MANY, _ROUNDS = 12, (8, 2)
 """Degrees of freedom that are many; rounds along weak directions with fewer of them, and with so many"""
 
@@ -89,11 +93,9 @@ class ModelMachine(RunMachine):
 
     @property
     def weak_rounds(self) -> int:
-        """Fewer for many joints, as a round takes some seventy simulations of all segments; none for a
-        motion, whose derivatives cost less and gain as much.
-        """
+        """Fewer for motions, and for many joints: a round takes some seventy simulations of all segments."""
         if self.described.about.rows == MOTION:
-            return 0
+            return _ROUNDS_IN_MOTION
         return _ROUNDS[self.described.model.nv > _MANY]
 
     @property

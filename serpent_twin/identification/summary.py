@@ -1,0 +1,133 @@
+"""Say what a trace found in one screen."""
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from serpent_twin.effects.law import parse
+from serpent_twin.effects.law_causes import look_for
+from serpent_twin.identification.diagnosis import Diagnosis, Named
+from serpent_twin.identification.wording import capital, spaced, with_numbers
+from serpent_twin.machines.candidate import Candidate
+from serpent_twin.reporting.report import Table, text_table
+from serpent_twin.residual.noise import in_words
+
+_WIDTH = 96
+_STAGES = ("nominal", "calibrated", "corrected")
+_LISTED = 6
+"""Limits that are listed: the report has all"""
+
+
+def summary(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> str:
+    """What is missing, where, how strong and how sure; the error before and after; what to check on the
+    machine; what these logs cannot tell.
+    """
+    parts = (
+        _title(diagnosis),
+        _found(diagnosis),
+        _errors(diagnosis),
+        "\n".join(_marked(_checks(diagnosis, known))),
+        "\n".join(_marked(_open(diagnosis))),
+    )
+    return "\n\n".join(part for part in parts if part)
+
+
+def _title(diagnosis: Diagnosis) -> str:
+    if diagnosis.effects:
+        return f"What the model of {diagnosis.arm} lacks:"
+    if diagnosis.unexplained.is_:
+        return f"{diagnosis.arm}: something is missing that no known effect explains."
+    if diagnosis.blind:
+        return f"{diagnosis.arm}: these logs cannot show whether anything is missing."
+    sure = not (diagnosis.doubt or diagnosis.moved)
+    return f"{diagnosis.arm}: nothing {'is' if sure else 'was found'} missing."
+
+
+def _found(diagnosis: Diagnosis) -> str:
+    """Each effect with its numbers, their 95 % intervals and how probable it is that they are chance."""
+    rows = [row for each in diagnosis.effects for row in _rows(each)]
+    if not rows:
+        return ""
+    header = ("effect", "number", "value", "95 % interval", "unit", "chance")
+    return textwrap.indent(text_table(Table(header, tuple(rows))), "  ")
+
+
+def _rows(effect: Named) -> Iterator[tuple[str, ...]]:
+    chance = effect.probability_of_chance
+    said = f"{chance:.0e}" if chance >= 1e-6 else "< 1e-6"
+    name = capital(_at(effect.name))
+    if len(name) > _WIDTH // 2:
+        name = textwrap.shorten(name, _WIDTH // 2, placeholder=" …")
+    for key, each in effect.parameters.items():
+        ends = f"{each.low:.3g} … {each.high:.3g}" if each.fitted else "given"
+        value = f"{each.value:.3g}" if each.determined else "not determined"
+        unit = "" if each.unit == "1" else each.unit
+        yield (name, key.replace("_", " "), value, ends, unit, said)
+        name = said = ""
+
+
+def _at(name: str) -> str:
+    """An effect's name and its place in words."""
+    return spaced(name).replace("@", " at ")
+
+
+def _errors(diagnosis: Diagnosis) -> str:
+    """The error on held-out sessions, from twin to twin."""
+    error, measure = diagnosis.error, diagnosis.marker
+    if not np.isfinite(error.get("nominal", np.nan)):
+        error, measure = diagnosis.load_error, diagnosis.load
+    stages = _STAGES if diagnosis.effects or diagnosis.stand_ins else _STAGES[:2]
+    told = [f"{error[each]:.3g} {measure.unit} {each}" for each in stages]
+    noise = in_words(error["noise_floor"], measure.unit)
+    held = ", ".join(diagnosis.held_out)
+    return textwrap.fill(
+        f"Error on {held or 'held-out segments'}, to which nothing was fitted: {' → '.join(told)} "
+        f"({measure.noise}: {noise}).",
+        _WIDTH,
+    )
+
+
+def _checks(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> Iterator[str]:
+    """What to examine on the machine."""
+    for each in diagnosis.effects:
+        one = known.get(each.name)
+        if one and one.composed:
+            yield f"Look for {look_for(parse(one.at))}: {with_numbers(each.name, each.parameters)}."
+        elif one:
+            yield f"{capital(_at(each.name))}: {one.shows_in}."
+        if alike := [
+            spaced(r.name) for r in diagnosis.rivals.get(each.name, ()) if not r.told_apart
+        ]:
+            yield f"These logs do not tell {_at(each.name)} from {' or '.join(alike)}."
+    if diagnosis.not_as_built:
+        yield diagnosis.not_as_built
+    if diagnosis.stand_ins:
+        nearest = " and ".join(with_numbers(e.name, e.parameters) for e in diagnosis.stand_ins)
+        yield f"Nearest comes {nearest}, as a stand-in."
+
+
+def _open(diagnosis: Diagnosis) -> Iterator[str]:
+    """What is left, and what these logs cannot tell."""
+    if diagnosis.unexplained.is_:
+        yield f"Unexplained: {diagnosis.unexplained.depends_on}"
+    elif diagnosis.doubt:
+        yield diagnosis.doubt
+    yield from diagnosis.cautions[:2]
+    told = diagnosis.identifiability
+    if told is None:
+        return
+    if lost := [_at(each.name) for each in told.effects if not np.isfinite(each.limit)]:
+        yield f"These logs would not show at any strength: {_some(lost)}."
+    if told.not_sought:
+        yield told.not_sought[0]
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return ", ".join(names[:_LISTED]) + more
+
+
+def _marked(sentences: Iterator[str]) -> Iterator[str]:
+    for each in sentences:
+        yield textwrap.fill(each, _WIDTH, initial_indent="- ", subsequent_indent="  ")
