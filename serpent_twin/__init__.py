@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from serpent_twin.estimators import load as load_readout
     from serpent_twin.hardware.dynamixel import DynamixelBus
     from serpent_twin.hardware.motor_bus import MotorBus
+    from serpent_twin.robots import LoggedMachine as Machine
+    from serpent_twin.robots import residual, simulate, trace
     from serpent_twin.sessions import Session, read_folder, read_session
     from serpent_twin.sim.twin import Twin
     from serpent_twin.sim.twin_model import NOMINAL_TWIN, TwinModel
@@ -23,6 +25,7 @@ __all__ = [
     "Arm",
     "Attached",
     "DynamixelBus",
+    "Machine",
     "MotorBus",
     "SerpentError",
     "Session",
@@ -34,6 +37,9 @@ __all__ = [
     "read_folder",
     "read_session",
     "read_twin",
+    "residual",
+    "simulate",
+    "trace",
 ]
 
 _WHERE = {
@@ -41,6 +47,7 @@ _WHERE = {
     "Arm": "arm.geometry:Arm",
     "Attached": "attachment:Attached",
     "DynamixelBus": "hardware.dynamixel:DynamixelBus",
+    "Machine": "robots:LoggedMachine",
     "MotorBus": "hardware.motor_bus:MotorBus",
     "NOMINAL_TWIN": "sim.twin_model:NOMINAL_TWIN",
     "SerpentError": "errors:SerpentError",
@@ -53,15 +60,21 @@ _WHERE = {
     "read_folder": "sessions:read_folder",
     "read_session": "sessions:read_session",
     "read_twin": "sim.twin_model:read",
+    "residual": "residual",
+    "simulate": "robots:simulate",
+    "trace": "trace",
 }
-"""The module and the name in it of each public name, imported when it is first asked for"""
+"""The module and the name in it of each public name, imported when it is first asked for; modules that are
+called as functions, without a name
+"""
 
 
 def __getattr__(name: str) -> Any:
     if name not in _WHERE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, inside = _WHERE[name].partition(":")
-    return getattr(importlib.import_module(f"{__name__}.{module}"), inside)
+    found = importlib.import_module(f"{__name__}.{module}")
+    return getattr(found, inside) if inside else found
 
 
 def __dir__() -> list[str]:

@@ -1,10 +1,12 @@
 """Draw what was measured beside what the nominal twin predicts, before anything is fitted."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
 from serpent_twin.machines.case import Case
@@ -25,8 +27,24 @@ _MOST_ROWS = 6
 _SECONDS = 60.0
 """Longest time that is drawn, from the session's beginning"""
 _AXES = "xyz"
-_Channel = tuple[str, Array, Array]
-"""A name, and what was measured and predicted in the unit that people read, (T,)"""
+_ADJACENT = 1.5
+"""Times the rows' distance, up to which one block of rows follows another"""
+
+
+Rows = NDArray[np.intp]
+"""Which rows of all segments, (T,)"""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One number that is measured and predicted, in the unit that people read."""
+
+    name: str
+    unit: str
+    measured: Array
+    """(T,)"""
+    predicted: Array
+    """(T,)"""
 
 
 def begin_report(case: Case[Any], pieces: Any, out: Path, title: str) -> str:
@@ -49,13 +67,13 @@ def first_picture(comparison: Comparison) -> Figure:
     channels = list(_channels(comparison, order))[:_MOST_ROWS]
     count = 2 * len(channels) + 1
     drawing, panels = sheet(11, 1.1 * count + 0.7, rows=count)
-    for n, (name, measured, predicted) in enumerate(channels):
+    for n, each in enumerate(channels):
         above, below = panels[2 * n], panels[2 * n + 1]
-        above.plot(time, predicted, color=COLOURS[2], lw=1.2, label="nominal model")
-        above.plot(time, measured, color=INK, lw=1.0, label="measured")
-        below.plot(time, measured - predicted, color=COLOURS[1], lw=0.9, label="difference")
-        above.set_ylabel(f"{name}\n[{comparison.marker.unit}]")
-        below.set_ylabel("difference")
+        above.plot(time, each.predicted, color=COLOURS[2], lw=1.2, label="nominal model")
+        above.plot(time, each.measured, color=INK, lw=1.0, label="measured")
+        below.plot(time, each.measured - each.predicted, color=COLOURS[1], lw=0.9)
+        above.set_ylabel(f"{each.name}\n[{each.unit}]")
+        below.set_ylabel(f"difference\n[{each.unit}]")
     _inputs(panels[-1], comparison, time, order)
     for axes in panels:
         tidy(axes, labelsize=8)
@@ -69,46 +87,56 @@ def first_picture(comparison: Comparison) -> Figure:
     )
     drawing.align_ylabels(list(panels))
     caption = (
-        f"Session {session}, before anything is fitted. The nominal model starts anew from what was measured "
-        f"every {_length(comparison):.3g} s."
+        f"Session {session}, before anything is fitted. The nominal model starts anew, from what was "
+        "measured, at the beginning of each segment."
     )
     return Figure(NAME, drawing, caption)
 
 
-def _clock(comparison: Comparison, rows: Array) -> tuple[Array, Array]:
-    """Times of a session's rows, a gap after each segment, (T,), and which rows these are, −1 in gaps."""
-    time, width = [], comparison.time.shape[1]
-    order = []
+def _clock(comparison: Comparison, rows: Rows) -> tuple[Array, Rows]:
+    """Times of a session's rows, with a gap where rows are missing, (T,), and which rows these are, −1 in
+    gaps.
+    """
+    time, order = list[float](), list[int]()
+    width, period = comparison.time.shape[1], comparison.period
     for segment in rows:
-        inside = comparison.time[segment] <= _SECONDS
-        time += [*comparison.time[segment][inside], np.nan]
-        order += [*(segment * width + np.flatnonzero(inside)), -1]
-    return np.array(time), np.array(order)
+        now = comparison.time[segment]
+        if time and abs(now[0] - time[-1]) > _ADJACENT * period:
+            time.append(np.nan)
+            order.append(-1)
+        inside = np.flatnonzero(now <= _SECONDS)
+        time += now[inside].tolist()
+        order += (segment * width + inside).tolist()
+    return np.array(time), np.array(order, np.intp)
 
 
-def _lined_up(values: Array, order: Array) -> Array:
+def _lined_up(values: Array, order: Rows) -> Array:
     """Values of segments, (S, T), in the order of a session's rows, NaN in gaps."""
-    flat = values.reshape(-1)
-    return np.where(order < 0, np.nan, flat[order])
+    return np.where(order < 0, np.nan, values.reshape(-1)[order])
 
 
-def _channels(comparison: Comparison, order: Array) -> Iterator[_Channel]:
+def _channels(comparison: Comparison, order: Rows) -> Iterator[Channel]:
     """Joints and other numbers one by one; of points in space the last one's coordinates."""
     measured, predicted = comparison.marker_measured, comparison.marker_predicted
-    if measured is None or predicted is None:
-        return
-    names = comparison.marker_names
-    dimension = measured.shape[-1]
-    scale = comparison.marker.scale
-    several = range(len(names))[-1 if dimension > 1 else 0 :]
-    for n in several:
-        for axis in range(dimension):
-            name = names[n] if dimension == 1 else f"{names[n]} {_AXES[axis]}"
-            pair = (scale * _lined_up(each[:, :, n, axis], order) for each in (measured, predicted))
-            yield (name, *pair)
+    if measured is not None and predicted is not None:
+        marker, names = comparison.marker, comparison.marker_names
+        for n in range(len(names))[-1 if marker.axes else 0 :]:
+            for axis in range(measured.shape[-1]):
+                name = f"{names[n]} {marker.axes[axis]}" if marker.axes else names[n]
+                pair = (
+                    marker.scale * _lined_up(v[:, :, n, axis], order) for v in (measured, predicted)
+                )
+                yield Channel(name, marker.unit, *pair)
+    measured, predicted = comparison.load_measured, comparison.load_predicted
+    if measured is not None and predicted is not None:
+        for n, name in enumerate(comparison.load_names):
+            pair = (
+                comparison.load.scale * _lined_up(v[:, :, n], order) for v in (measured, predicted)
+            )
+            yield Channel(name, comparison.load.unit, *pair)
 
 
-def _inputs(axes: "Axes", comparison: Comparison, time: Array, order: Array) -> None:
+def _inputs(axes: "Axes", comparison: Comparison, time: Array, order: Rows) -> None:
     """What drives the machine, in one panel."""
     driven = comparison.motor_angle
     if driven is None:
@@ -123,8 +151,3 @@ def _inputs(axes: "Axes", comparison: Comparison, time: Array, order: Array) -> 
         units.append(measure.unit)
     axes.set_ylabel("inputs" if len(set(units)) > 1 else f"inputs\n[{units[0]}]")
     axes.legend(loc="upper right", fontsize=7, frameon=False, ncols=3)
-
-
-def _length(comparison: Comparison) -> float:
-    """Seconds of a segment."""
-    return float(np.nanmedian(comparison.time[:, -1] - comparison.time[:, 0]))

@@ -156,7 +156,7 @@ def trace_sessions(
     settings = _settings(config, rig, training, judging)
     with claimed(config.out, SETTINGS, settings):
         began = time.perf_counter()
-        tracer, selection, found = _run(config, rig, training, judging)
+        tracer, selection, found = run(config, rig, training, judging, shown=True)
         seconds = tracer.notes.seconds + time.perf_counter() - began
         numbers = found.numbers(seconds, tracer.notes.simulated + tracer.case.clock.seconds)
         if config.twins:
@@ -180,15 +180,21 @@ def _settings(
     return kept | {"input_sha256": inputs, "versions": versions()}
 
 
-def _run(
-    config: Trace, rig: machines.Rig, training: Sequence[Log], judging: Sequence[Log]
+def run(
+    config: Trace,
+    rig: machines.Rig,
+    training: Sequence[Log],
+    judging: Sequence[Log],
+    shown: bool = False,
 ) -> tuple[Tracer, Selection, Diagnosis]:
+    """Trace sessions with checkpoints in OUT; a first picture is written there if it is to be `shown`."""
     arm = str(training[0].metadata.get("arm", config.logs[0].name))
     with Progress("first guesses") as progress:
         case = rig.open(training)
         progress.simulations = lambda: case.clock.count
         judged = case.pieces(judging)
-        progress.say(begin_report(case, judged, config.out, f"What the twin of {arm} lacks"))
+        if shown:
+            progress.say(begin_report(case, judged, config.out, f"What the twin of {arm} lacks"))
         notes = Checkpoints(config.out / "stages", case.clock)
         kind = ComposingTracer if config.discover and case.composes else RefittingTracer
         tracer = kind(

@@ -114,10 +114,15 @@ def _recorded(log: Log) -> dict[str, str]:
 class Rig(Protocol):
     """One kind of machine, and its logs."""
 
-    name: str
-    """Its name on the command line"""
-    about: str
-    """A description for the command line's help"""
+    @property
+    def name(self) -> str:
+        """Its name on the command line."""
+        ...
+
+    @property
+    def about(self) -> str:
+        """A description for the command line's help."""
+        ...
 
     def read(self, source: Path) -> Sequence[Log]:
         """The sessions of a folder, or of one file; raises a `SerpentError` on logs that are not of this

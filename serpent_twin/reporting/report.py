@@ -83,12 +83,7 @@ class Report:
 
 def write(report: Report, folder: Path) -> Path:
     """Write report.html, which needs no other file, report.md and figures/; returns the HTML."""
-    images = {
-        block.name: as_png(block.drawing)
-        for section in report.sections
-        for block in section.blocks
-        if isinstance(block, Figure)
-    }
+    images = _images(report)
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     for name, png in images.items():
         (folder / "figures" / f"{name}.png").write_bytes(png)
@@ -96,6 +91,21 @@ def write(report: Report, folder: Path) -> Path:
     page = folder / "report.html"
     page.write_text(_html(report, images), encoding="utf-8")
     return page
+
+
+def as_html(report: Report) -> str:
+    """A page as HTML that needs no other file."""
+    return _html(report, _images(report))
+
+
+def _images(report: Report) -> dict[str, bytes]:
+    """The drawings of a report as PNG, by name."""
+    return {
+        block.name: as_png(block.drawing)
+        for section in report.sections
+        for block in section.blocks
+        if isinstance(block, Figure)
+    }
 
 
 def text_table(table: Table) -> str:

@@ -1,9 +1,11 @@
 """Find where, when and on what the twin's error depends.
 
 `Comparison` holds measured rows beside predicted ones; `analyse` finds, `describe` puts into words, `figures`
-draws. `learned` is the last resort: a correction without physics.
+draws. `learned` is the last resort: a correction without physics. Called as `serpent_twin.residual(robot)`,
+it is `serpent_twin.robots.residual`.
 """
 
+from serpent_twin.callable_module import make_callable
 from serpent_twin.residual.comparison import Comparison, join
 from serpent_twin.residual.dependence import Dependence, depends_on
 from serpent_twin.residual.describe import describe, settling_text
@@ -54,3 +56,4 @@ __all__ = [
     "settled",
     "settling_text",
 ]
+make_callable(__name__)
