@@ -172,8 +172,8 @@ def trace(
     sessions = list(robot.sessions)
     if len(sessions) <= held_out:
         raise SerpentError(
-            f"{counted(len(sessions), 'log')} are too few to hold out {held_out}: one at least must judge "
-            "and one at least be fitted. Give more logs."
+            f"of {counted(len(sessions), 'log')}, {held_out} cannot be held out: one must be fitted. "
+            "Give more logs."
         )
     with tempfile.TemporaryDirectory() as folder:
         config = Trace(robot.logs, Path(folder), seed=seed, discover=discover, minutes=minutes)

@@ -1,0 +1,23 @@
+"""Test the screen that a trace ends with."""
+
+from made_diagnosis import PAYLOAD, diagnosis
+
+from serpent_twin.identification.summary import summary
+from serpent_twin.identification.unexplained import Unexplained
+from serpent_twin.machines.arm.vector import candidates
+
+
+def test_what_is_missing_stands_with_number_interval_and_error():
+    said = summary(diagnosis(effects=(PAYLOAD,)), candidates())
+    mass = PAYLOAD.parameters["mass"]
+    assert f"{mass.value:.3g}" in said and f"{mass.low:.3g} … {mass.high:.3g}" in said
+    assert "nominal →" in said and "→" in said and "corrected" in said
+    assert max(map(len, said.splitlines())) <= 110 and len(said.splitlines()) < 40
+
+
+def test_nothing_missing_and_nothing_explained_begin_unlike():
+    assert "nothing" in summary(diagnosis(), candidates()).splitlines()[0]
+    rest = Unexplained(True, 0.4, "The markers follow motor 3's angle.")
+    first, *others = summary(diagnosis(unexplained=rest), candidates()).splitlines()
+    assert "no known effect explains" in first
+    assert any("Unexplained: The markers follow motor 3's angle." in line for line in others)
