@@ -28,6 +28,7 @@ from serpent_twin.identification.acceptance import (
 from serpent_twin.identification.checkpoints import Checkpoints, mark
 from serpent_twin.identification.components import without_undetermined
 from serpent_twin.identification.detection import identifiability, opening_fit
+from serpent_twin.identification.exchanged import exchanged
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
 from serpent_twin.identification.from_opening import Opening, from_opening, opened
@@ -129,6 +130,8 @@ class Tracer:
             if (better := self._stands(rounds)) is None:
                 break
             base = self._settled(better, len(rounds))
+        if better := exchanged(self.trials, self.case, base, rounds):
+            self.case, base, rounds[:] = better.case, better.fit, better.rounds
         return calibrated, base, rounds
 
     def _settled(self, better: Fit, number: int) -> Fit:
