@@ -69,7 +69,7 @@ def _unknown(words: tuple[str, ...]) -> str:
     """An error that names the commands nearest to words that name none."""
     there, first = list(verbs()), words[0]
     near = [name for name in there if name.startswith(f"{first}.")]
-    near = near or difflib.get_close_matches(first, there, n=1, cutoff=0.5)
+    near = near or difflib.get_close_matches(first, there, n=1, cutoff=0.6)
     if not near:
         return f"there is no command {first!r}; `{program.package()}` lists them."
     calls = " or ".join(f"{program.package()} {each.replace('.', ' ')}" for each in near)

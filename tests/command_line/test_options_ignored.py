@@ -51,6 +51,7 @@ IGNORED = {
         ({"readout": ("linear",), "windows": "1,2"}, {"adapt_windows", "twin"}),
         ({"readout": ("observer",)}, {"adapt_windows", "epochs"}),
     ],
+    "Diagnose": [({}, set())],
     "Trace": [({}, set()), ({"judge": "x"}, {"held_out"})],
     "Sweep": [
         ({}, {"epochs"}),

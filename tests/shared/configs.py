@@ -16,6 +16,7 @@ from serpent_twin.command_line.options import Checked
 CODE = ("serpent_twin", "experiments", "benchmarks")
 NEEDED = {
     "Check": {"logs": Path("logs")},
+    "Diagnose": {"robot": Path("robot.xml"), "logs": (Path("logs"),)},
     "Plan": {"trace": Path("trace")},
     "Collect": {"out": Path("out")},
     "Estimate": {"model": Path("model"), "out": Path("out")},
