@@ -27,7 +27,7 @@ from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.rig import read_logs
 from serpent_twin.numerals import counted, listed
-from serpent_twin.reporting.report import Report, as_html, write
+from serpent_twin.reporting.report import Report, as_html, as_png, write
 from serpent_twin.residual import Comparison
 from serpent_twin.runs.provenance import provenance
 
@@ -112,6 +112,10 @@ class Simulated:
     def figure(self) -> "Figure":
         """The first session: measured, predicted and the difference, the inputs below."""
         return first_picture.first_picture(self.comparison).drawing
+
+    def _repr_png_(self) -> bytes:
+        """The figure in a notebook."""
+        return as_png(self.figure)
 
 
 @dataclass(frozen=True)
