@@ -14,7 +14,10 @@ from serpent_twin.machines import find
 from serpent_twin.machines.rig import read_logs
 
 LACKS = {
-    "motion": ("swing", {}),
+    "motion": (
+        "swing",
+        {"hinge_friction@elbow": ("coulomb", 0.15), "command_delay": ("delay", 0.02)},
+    ),
     "prescribed-motion": ("crane", {}),
     "poses": ("reach", {"payload@tip": ("mass", 0.15)}),
 }

@@ -199,7 +199,7 @@ class Description(Form, frozen=True):
     uncertain: tuple[Uncertain, ...] = ()
     """Numbers of the model that calibration fits, in place of the default"""
     candidates: Annotated[tuple[Name, ...], many(0, 1000)] = ()
-    """Names, with wildcards, of the effects that the machine may have, such as "*_friction@*"; by default
+    """Names, with wildcards, of the effects that the machine may have, such as `["*_friction@*"]`; by default
     all that have a place in it
     """
     known: tuple[KnownNumber, ...] = ()
