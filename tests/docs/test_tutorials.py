@@ -18,7 +18,7 @@ LACKS = {
         "swing",
         {"hinge_friction@elbow": ("coulomb", 0.15), "command_delay": ("delay", 0.02)},
     ),
-    "prescribed-motion": ("crane", {}),
+    "prescribed-motion": ("crane", {"hinge_friction@hook": ("coulomb", 0.02)}),
     "poses": ("reach", {"payload@tip": ("mass", 0.15)}),
 }
 """Name of each tutorial's machine, and the effects that a trace finds, with a parameter and its true value"""
