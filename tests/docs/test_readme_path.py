@@ -37,7 +37,7 @@ NOT_RUN = {
     "python swing.py": "test_tutorials.py",
     "python crane.py": "test_tutorials.py",
     "python reach.py": "test_tutorials.py",
-    "python -m serpent_twin.diagnose": "minutes; tests/diagnosis",
+    "python -m serpent_twin.diagnose": "minutes; it is init and trace, which test_tutorials.py types",
     "python -m serpent_twin.init": "needs a machine; test_tutorials.py",
     "python -m serpent_twin.plan": "needs a finished trace; tests/planning/test_plan.py",
     "python -m serpent_twin.trace --machine": "minutes; test_tutorials.py",
