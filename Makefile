@@ -51,8 +51,9 @@ loop: setup  ## Find what the twin lacks of the arm in data/: some four minutes
 sweep: setup  ## What stiffness does, in a few short points: some two minutes
 	$(BIN)/python -m experiments.stiffness_sweep --quick --logs data --out out/stiffness_sweep
 
-pages: setup  ## Write the pages of docs/results/ again from the results beside them, without a measurement
+pages: setup  ## Write docs/results/ again from the results beside them, and the pages of keys from their schemas
 	$(BIN)/python -m experiments.result_page
+	$(BIN)/python -m experiments.reference_pages
 
 model: setup  ## Write model/ anew after a change of numbers or shapes
 	$(BIN)/python -m serpent_twin.mjcf

@@ -27,7 +27,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
     command += f" --held-out '{settings['held_out']}'" if settings["held_out"] else ""
     data = (
         f"logs of real machines recorded by others: {traced_by_commit(found)}; "
-        "[Other machines](../other-machines.md#get-the-logs) has their sources and licences"
+        "[Logs of measured machines](measured-logs.md#get-the-logs) has their sources and licences"
     )
     sections = (
         Section("", _errors_text(found), (Table(_HEADER, _rows(found, _errors)),)),

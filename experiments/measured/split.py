@@ -43,7 +43,9 @@ def asked(data: Path, held_out: str = "") -> dict[str, Asked]:
         splits = alone or [split(same, each) for each in _patterns(same, bench)]
         found[name] = Asked(splits, changed)
     if missing:
-        said = f"{'; '.join(missing)}. docs/other-machines.md says how the logs are repacked."
+        said = (
+            f"{'; '.join(missing)}. docs/results/measured-logs.md says how the logs are repacked."
+        )
         if not found:
             raise SerpentError(said)
         print(said)

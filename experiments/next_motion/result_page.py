@@ -44,7 +44,7 @@ def result_page(results: Mapping[str, Any]) -> PageContent:
         "Each arm has one effect that can be confused with others, at about "
         f"{settings['level']:g} times the strength that an arm of this size shows clearly. It was traced "
         "from one recording of random targets, then with a second recording: of random targets again, or of "
-        "the motion that `python -m serpent_twin.plan` made of the first trace. The last session of each is "
+        "the motion that `serpent-twin plan` made of the first trace. The last session of each is "
         "held out. An effect counts as named if it is named and nothing else is."
     )
     failures = [f"{name}: {why}" for name, why in results["failed"].items()]

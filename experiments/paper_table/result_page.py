@@ -28,8 +28,8 @@ UNITS = {
 _TEXT = """The only published measurement of the real arm is a table of mean marker errors, one for each
 of five pose readouts. The free parameters of the twin are fitted to it; the nominal twin is the stored
 run whose full simulation comes nearest to all of them. The published ± may be over all markers and
-steps, or over steps of each step's mean: both are shown. [Trust and
-limits](../trust-and-limits.md#the-fit-to-the-published-table) says what to make of it."""
+steps, or over steps of each step's mean: both are shown. [The fit to
+the published table](../reference/published-table.md) says what to make of it."""
 _SENSITIVITY = """How much each mean error of a short run changes when one parameter goes from its lower
 to its upper bound, with the others midway. The values are from an emulator with quadratic terms, whose
 leave-one-out error over {runs} is {error:.1f} %. A short run has {sessions} sessions × {steps:,} steps

@@ -12,7 +12,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.stored import Form, many, within
 from serpent_twin.units import TO_SI
 
-ADVICE = "docs/other-machines.md lists the keys."
+ADVICE = "docs/reference/map-toml.md lists the keys."
 if TYPE_CHECKING:
     Unit = TimeUnit = str
 else:
@@ -27,28 +27,32 @@ class MappedField(Form, frozen=True, rename={"source": "field"}):
     """A field of a stream that becomes a column."""
 
     source: Name
-    """Of a table, its column; of a message, such as position[2] or pose.position.x"""
+    """Column of a table, or part of a message, such as position[elbow], position[2] or pose.position.x"""
     column: Name
-    """Its name in the log"""
+    """Name of the column in the log"""
     unit: Unit = "1"
+    """Unit of the numbers in the field"""
     scale: Number = 1.0
     """SI value = offset + scale × value in the unit"""
     offset: Number = 0.0
-    """[SI]"""
+    """SI value where the field is 0"""
     hold: bool | None = None
-    """Whether it is a command, in force until the next one, and no reading; without, as its stream has it"""
+    """Whether the field is a command, in force until the next one; by default as the stream says"""
 
 
 class MappedPoint(Form, frozen=True):
     """Three fields of a stream that are a place, and the frame that they are wanted in."""
 
     fields: Annotated[tuple[Name, ...], many(3)]
+    """Fields with x, y and z"""
     columns: Annotated[tuple[Name, ...], many(3)]
+    """Names of the three columns in the log"""
     unit: Unit = "m"
+    """Unit of the fields"""
     axes: Annotated[tuple[Three, ...], many(3)] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-    """Each of the stream's axes in the frame wanted: row by row x, y, z"""
+    """Axes x, y and z of the stream's frame, each as a vector in the frame wanted"""
     origin: Three = (0.0, 0.0, 0.0)
-    """Of the stream's frame, in the frame wanted [SI]"""
+    """Origin of the stream's frame in the frame wanted [m]"""
 
     def __post_init__(self) -> None:
         turn = np.array(self.axes)
@@ -65,34 +69,36 @@ class Follows(Form, frozen=True):
     """How the clock of a stream is set by motion: two columns that move alike."""
 
     own: Name
-    """A column of this stream"""
+    """Column of this stream"""
     like: Name
-    """A column of another stream, whose clock is right"""
+    """Column of another stream, whose clock is right, that shows the same motion"""
     most: Annotated[float, within(0.0, 60.0, "s")] = 2.0
-    """How far the clocks may be apart"""
+    """Largest difference of the clocks that is tried"""
 
 
 class MappedStream(Form, frozen=True):
     """One topic, or a table."""
 
     topic: str = ""
-    """Of messages; a table has none"""
+    """Topic of the messages; a table has none"""
     time: str = ""
-    """Field with the time, such as header.stamp; without, when a message was recorded"""
+    """Field with the time, such as header.stamp; by default when a message was recorded; a table needs it"""
     time_unit: TimeUnit | None = None
-    """Of a time that is a number; without, seconds, or what stamps since 1970 can only be"""
+    """Unit of a time that is a number; by default seconds, or the one unit that stamps since 1970 can have"""
     hold: bool | None = None
-    """Whether its fields are commands; without, drives of machine.toml are, else those whose names say so"""
+    """Whether the fields are commands; by default the drives of machine.toml are, else those named so"""
     only: dict[str, str] = field(default_factory=dict)
-    """Of several senders on one topic, whose messages: { "header.frame_id" = "arm" }, child_frame_id or
-    publisher
+    """Whose messages, of several senders on one topic, by header.frame_id, child_frame_id or publisher:
+    { "header.frame_id" = "arm" }
     """
     late: Annotated[float, within(-1e6, 1e6, "s")] = 0.0
-    """By how much its times are later than the others'"""
+    """By how much the times are later than those of the other streams"""
     follows: Follows | None = None
-    """In place of `late`"""
+    """Two columns from whose motion `late` is found"""
     fields: tuple[MappedField, ...] = ()
+    """Fields that become columns"""
     points: tuple[MappedPoint, ...] = ()
+    """Places that become three columns each"""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -107,9 +113,11 @@ class Map(Form, frozen=True):
     """What a map.toml holds."""
 
     schema_version: Literal[1]
+    """Version of this form"""
     stream: Annotated[tuple[MappedStream, ...], many(1, 1000)]
+    """Topics of the recording, or tables"""
     rate_hz: Annotated[float, within(0.0, 1e5, "Hz")] = 0.0
-    """Of the log; 0: the rows of the first stream"""
+    """Rows per second of the log; 0: the rows of the first stream"""
     gap: Annotated[float, within(1e-6, 1e6, "s")] = field(default=0.2)
     """Longest time between two messages that a straight line bridges; in longer ones nothing is known"""
 

@@ -120,5 +120,5 @@ def _require_some(machine: Robot, log: Logged, found: Matches) -> None:
     raise SerpentError(
         f"{logged.listed_paths(log)}: no column could be matched to the actuators {actuators} or the joints "
         f"{joints} of {machine.path}: {there}.{told} Are these logs of another robot? Else name columns as "
-        "the model does, or write machine.toml by hand (docs/other-machines.md)."
+        "the model does, or write machine.toml by hand (docs/describe-a-machine.md)."
     )

@@ -180,7 +180,9 @@ def _no_actuators(path: Path, model: mujoco.MjModel) -> str:
         return (
             f"{path} has no actuators and no hinge or slide with a name: there is nothing to drive."
         )
-    save = "save it as MJCF (docs/other-machines.md has the line) and " * (path.suffix == ".urdf")
+    save = "save it as MJCF (docs/describe-a-machine.md has the line) and " * (
+        path.suffix == ".urdf"
+    )
     return (
         f"{path} has no actuators, so that no command can drive it: {save}add to it what drives each "
         f'joint, such as <actuator><position name="{joint}" joint="{joint}" kp="20" kv="1"/></actuator> '

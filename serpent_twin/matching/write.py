@@ -77,7 +77,8 @@ class MachineFile:
         """The file."""
         head = [
             "# Written by python -m serpent_twin.init by names, ranges and motion of columns: check it.",
-            f"# What could not be decided is marked {UNDECIDED}. docs/other-machines.md lists the keys.",
+            f"# What could not be decided is marked {UNDECIDED}.",
+            "# docs/reference/machine-toml.md lists the keys.",
             "schema_version = 1",
             f"model = {text(self.model)}",
             'rows = "motion"',

@@ -1,4 +1,4 @@
-"""Test that README and docs link to existing files, and name commands that take their options."""
+"""Test that README and docs link to existing files, name commands that take their options, and are short."""
 
 import functools
 import re
@@ -10,7 +10,7 @@ from importlib.util import find_spec
 import pytest
 from markdown.extensions.toc import slugify
 from paths import ROOT
-from readme import commands, options, pages
+from readme import as_module, commands, options, pages
 from typed import typed
 
 from serpent_twin.command_line.verbs import verbs
@@ -24,6 +24,11 @@ WITH_SUBCOMMANDS = ("serpent_twin.log", "serpent_twin.mocap")
 MODULES = ("serpent_twin.", "experiments.", "benchmarks.", "bench_arm")
 
 
+OF_USE = [page for page in pages() if page.parent.name != "results"]
+WRITTEN = [page for page in pages() if not page.with_suffix(".json").exists()]
+"""Pages that people write; those beside a results.json are tables that a command writes"""
+
+
 def spans():
     """Inline code of all pages."""
     return {span for page in pages() for span in CODE.findall(page.read_text())}
@@ -31,8 +36,9 @@ def spans():
 
 def abbreviated():
     """Commands that the text names by their verb, such as `trace --twins 12`."""
-    verb = re.compile(rf"({'|'.join(map(re.escape, verbs()))}) (\w+ )?--")
-    return [f"python -m serpent_twin.{span}" for span in sorted(spans()) if verb.match(span)]
+    names = "|".join(verb.replace(".", " ") for verb in verbs())
+    verb = re.compile(rf"({names}) (\w+ )?--")
+    return [as_module(f"serpent-twin {span}") for span in sorted(spans()) if verb.match(span)]
 
 
 def called():
@@ -69,6 +75,21 @@ def test_each_page_is_in_the_navigation_once():
 
 def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text().splitlines()) <= 120
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.stem)
+def test_a_page_has_at_most_1500_words(page):
+    assert len([word for word in page.read_text().split() if re.search(r"\w", word)]) <= 1500
+
+
+@pytest.mark.parametrize("page", OF_USE, ids=lambda page: page.stem)
+def test_dates_and_commits_are_in_the_results_alone(page):
+    assert not re.search(r"20\d\d-\d\d-\d\d(?!T)|\bcommits? [0-9a-f]{7}", page.read_text())
+
+
+@pytest.mark.parametrize("page", OF_USE, ids=lambda page: page.stem)
+def test_commands_have_one_spelling(page):
+    assert "python -m serpent_twin." not in page.read_text()
 
 
 @pytest.mark.parametrize("name", ["README.md", "model/README.md", "data/README.md"])

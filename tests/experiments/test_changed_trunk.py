@@ -95,7 +95,7 @@ def test_a_trunk_needs_runs_before_any_change(trunks):
         path.unlink()
     with pytest.raises(
         SerpentError,
-        match=r"trunk holds no controlled_\*\.parquet .* docs/other-machines.md says how",
+        match=r"trunk holds no controlled_\*\.parquet .* docs/results/measured-logs.md says how",
     ):
         measured_split.asked(trunks)
     named = str(trunks / "trunk" / "heavy.parquet")

@@ -86,7 +86,7 @@ def test_files_named_elsewhere_judge_the_rig_that_reads_them(data, traced, tmp_p
 
 def test_it_says_what_is_missing(data, traced, tmp_path, capsys):
     with pytest.raises(
-        SerpentError, match=r"holds no .*Rhoban/bam, .*MRDLab.* docs/other-machines.md says"
+        SerpentError, match=r"holds no .*Rhoban/bam, .*MRDLab.* docs/results/measured-logs.md says"
     ):
         measured.main(measured.Measured(tmp_path / "none", tmp_path / "out"))
     with pytest.raises(SerpentError, match=r"names no file. Give a path"):

@@ -17,7 +17,10 @@ from swinging_models import RATE, SECONDS
 from serpent_twin.identification.run import Trace, trace
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
+from serpent_twin.machines.model.drive_table import read_drives, write_calibration
 from serpent_twin.machines.model.machine import ModelMachine
+from serpent_twin.machines.model.reading import read
+from serpent_twin.sim.exact_xml import to_xml
 
 
 def opened(path, log, steps=0):
@@ -218,3 +221,19 @@ def test_a_twin_is_written_without_what_holds_it(tmp_path):
     case.write(ParameterVector.nominal(case.declared), tmp_path / "twin.json", {})
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))
     assert model.neq == 0 and model.jnt_limited[0]
+
+
+def test_a_twin_without_actuators_is_written_and_has_no_drives(tmp_path):
+    (tmp_path / "arm.xml").write_text(
+        "<mujoco><worldbody><body><joint name='a'/><geom size='.1' mass='1'/><body pos='.3 0 0'>"
+        "<joint name='b'/><geom size='.1' mass='1'/></body></body></worldbody></mujoco>"
+    )
+    drive = '[[drive]]\njoint = "a"\ncolumn = "a"\nunit = "rad"\nexact = true\n'
+    measured = '[[measured]]\njoint = "b"\ncolumns = ["b"]\nunit = "rad"\n'
+    path = tmp_path / "machine.toml"
+    path.write_text(f'schema_version = 1\nmodel = "arm.xml"\nrows = "poses"\n{drive}{measured}')
+    machine = read(path)
+    assert not write_calibration(machine.spec, machine, {})
+    table = read_drives(mujoco.MjModel.from_xml_string(to_xml(machine.spec, tmp_path)))
+    assert table is not None and not table.beside
+    assert table.acts_as(np.zeros(0)).shape == (0,)

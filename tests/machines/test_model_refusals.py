@@ -8,18 +8,10 @@ import numpy as np
 import posed_models
 import pytest
 import swung_models
-from paths import ROOT
 from refusals import FOREIGN
 
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.model import open_machine
-from serpent_twin.machines.model.description import (
-    Description,
-    DriveColumn,
-    MeasuredColumns,
-    Uncertain,
-)
-from serpent_twin.units import TO_SI
 
 told, cells = log_texts.told, log_texts.cells
 
@@ -213,16 +205,6 @@ def test_poses_that_are_all_one_are_refused(tmp_path, told):
     for column in ("shoulder_deg", "elbow_deg"):
         text = cells(column, lambda n, v: 3.0)(text)
     assert "tell the drives one and the same" in refused(tmp_path, posed_models, text)
-
-
-def test_every_key_and_unit_is_documented():
-    page = (ROOT / "docs" / "other-machines.md").read_text()
-    forms = (Description, DriveColumn, MeasuredColumns, Uncertain)
-    keys = {name for form in forms for name in form.__struct_fields__}
-    lacking = {key for key in keys if not re.search(rf"`?\b{key}\b`?( =|`)|\[\[{key}\]\]", page)}
-    assert not lacking
-    used = [unit for unit, (_, of) in TO_SI.items() if not of.endswith("/s")]
-    assert not [unit for unit in used if f"`{unit}`" not in page]
 
 
 def test_fewer_measured_values_than_numbers_are_refused(told, tmp_path):

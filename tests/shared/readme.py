@@ -8,8 +8,10 @@ from pathlib import Path
 import yaml
 from paths import ROOT
 
-_BLOCK = r"^ {4}(?P<block>(?:python|make|dask|source) .*)$"
-_INLINE = r"`(?P<inline>(?:python|make|source) [^`]+)`"
+from serpent_twin.command_line.verbs import verbs
+
+_BLOCK = r"^ {4}(?P<block>(?:python|serpent-twin|make|dask|source) .*)$"
+_INLINE = r"`(?P<inline>(?:python|serpent-twin|make|source) [^`]+)`"
 _ADAPTER = "/dev/serial/by-id/*"
 
 SMALL: tuple[tuple[str, str], ...] = (
@@ -49,11 +51,25 @@ def _leaves(navigation: str | list | dict) -> Iterator[str]:
 
 
 def commands() -> list[str]:
-    """What a reader of the pages has to type, without comments, each once."""
+    """What a reader of the pages has to type, without comments, each once.
+
+    `serpent-twin bus doctor` becomes `python -m serpent_twin.bus.doctor`, which tests can run in a checkout.
+    """
     text = "\n".join(page.read_text() for page in pages())
     found = re.finditer(f"{_BLOCK}|{_INLINE}", text, re.MULTILINE)
     typed = [re.sub(r"\s*\n\s*", " ", match["block"] or match["inline"]) for match in found]
-    return list(dict.fromkeys(re.split(r"\s{2,}#", text)[0].strip() for text in typed))
+    return list(dict.fromkeys(as_module(re.split(r"\s{2,}#", text)[0].strip()) for text in typed))
+
+
+def as_module(command: str) -> str:
+    """A command of the package as a run of its module; other commands as they are."""
+    name, _, rest = command.removeprefix("serpent-twin ").partition(" ")
+    if not command.startswith("serpent-twin ") or name.startswith("-"):
+        return command
+    verb, _, after = rest.partition(" ")
+    if f"{name}.{verb}" in verbs():
+        name, rest = f"{name}.{verb}", after
+    return f"python -m serpent_twin.{name} {rest}".rstrip()
 
 
 def module(command: str) -> str:

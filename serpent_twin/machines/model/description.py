@@ -26,7 +26,7 @@ from serpent_twin.units import TO_SI
 
 VERSION: Literal[1] = 1
 """Of machine.toml"""
-ADVICE = "docs/other-machines.md lists the keys."
+ADVICE = "docs/reference/machine-toml.md lists the keys."
 POSES, MOTION = "poses", "motion"
 """What the rows of a log may be"""
 if TYPE_CHECKING:
@@ -44,7 +44,9 @@ class Column(Form, frozen=True):
     """A column of a log, and what a number in it is."""
 
     column: Name
+    """Name of the column in the logs"""
     unit: Unit = "1"
+    """Unit of the numbers in the column"""
     scale: Number = 1.0
     """SI value = offset + scale × value in the unit; negative where the signs differ"""
 
@@ -53,10 +55,11 @@ class TimeColumn(Form, frozen=True):
     """The column with the time."""
 
     column: Name
+    """Name of the column in the logs"""
     unit: Unit = "1"
-    """Of numbers; time stamps say themselves what they are"""
+    """Unit of a time that is a number; time stamps, such as 2025-03-02T10:00:20, need none"""
     scale: Number | None = None
-    """Time in the unit = scale × value; 1 states that whole numbers are what the unit says"""
+    """Time in the unit = scale × value: 0.02 for rows counted at 50 Hz, 1 for whole numbers of seconds"""
 
     @property
     def seconds(self) -> float:
@@ -68,19 +71,19 @@ class DriveColumn(Column, frozen=True):
     """A column that drives the model."""
 
     actuator: str = ""
-    """Whose `ctrl` it is"""
+    """Actuator whose `ctrl` the column is, before the gear"""
     joint: str = ""
-    """Whose angle or length it is, instead, which the model follows whatever force that takes"""
+    """Joint whose motion the column prescribes: the model follows it, whatever force that takes"""
     tendon: str = ""
-    """Whose length it is, likewise"""
+    """Tendon whose length the column prescribes"""
     offset: Number | Literal["keyframe"] = 0.0
-    """[SI]; or the keyframe's value"""
+    """SI value where the column is 0, or "keyframe" for the value in the keyframe"""
     exact: bool = False
-    """Whether its zero and scale are known, as of a servo whose own encoder is what is measured"""
+    """Whether zero and scale are known and not fitted, as where a servo's own encoder is measured"""
     zero: Annotated[float, within(0.0, 1e6)] = 0.0
-    """Standard deviation of its zero, which calibration fits, in the unit; 0: a hundredth of its range"""
+    """Standard deviation of the zero that calibration fits, in the unit; 0: a hundredth of the range"""
     ratio: Annotated[float, within(0.0, 10.0)] = 0.0
-    """Standard deviation of the logarithm of a scale of its own that calibration fits; 0: none"""
+    """Standard deviation of the logarithm of a scale that calibration fits to a prescribed motion; 0: none"""
     enable: str = ""
     """Column that is 0 where the actuator is switched off, so that it gives no force"""
 
@@ -94,27 +97,31 @@ class MeasuredColumns(Form, frozen=True):
     """Columns that the model is compared with."""
 
     columns: Annotated[tuple[Name, ...], many(1, 4)]
+    """Names of the columns in the logs: three for a site, one for most others"""
     unit: Unit = "1"
+    """Unit of the numbers in the columns"""
     scale: Number = 1.0
-    """As for a drive"""
+    """SI value = offset + scale × value in the unit; of a motor's current, the torque constant"""
     offset: Number = 0.0
-    """[SI]"""
+    """SI value where a column is 0"""
     site: str = ""
-    """Whose position it is, in three columns"""
+    """Site whose position is measured"""
     joint: str = ""
-    """Whose angle or length it is"""
+    """Joint whose angle or length is measured"""
     sensor: str = ""
-    """Of the model, whose reading it is"""
+    """Sensor of the model whose reading is measured"""
     tendon: str = ""
-    """Whose length it is; in a unit of force, or of torque where its length is an angle, its spring's pull"""
+    """Tendon whose length is measured; in a unit of force, or of torque where its length is an angle, the
+    pull of its spring
+    """
     actuator: str = ""
-    """Whose force it is, of a motor before its gear"""
+    """Actuator whose force is measured: MuJoCo's `actuator_force`, that of a motor before its gear"""
     point: Vector = (0.0, 0.0, 0.0)
-    """In the site's frame, where the marker sits [m]"""
+    """Place of the marker in the site's frame [m]"""
     cameras: bool = True
-    """Whether the frame of the site's position is known within some millimetres and degrees only"""
+    """Whether calibration fits the frame of the site's position, within some millimetres and degrees"""
     noise: Annotated[float, within(0.0, 1e6)] = 0.0
-    """Standard deviation in the unit; 0: estimated from the logs"""
+    """Standard deviation of the measurement noise, in the unit; 0: estimated from the logs"""
     zero: Annotated[float, within(0.0, 1e6)] = 0.0
     """Standard deviation of a zero of the readings that calibration fits, in the unit; 0: it is known"""
 
@@ -144,13 +151,14 @@ class Uncertain(Form, frozen=True):
     """Numbers of the model that calibration fits, in place of those that it fits by default."""
 
     number: NumberName
+    """Kind of number, one of the table below"""
     of: Annotated[tuple[Name, ...], many(0, 1000)]
-    """Names of its joints, tendons, actuators, bodies or sites, with wildcards; what matches one text changes
-    alike; none: none of this kind is fitted
+    """Names of joints, tendons, actuators, bodies or sites, with wildcards; those that match one text share
+    what is fitted; an empty list: no number of this kind is fitted
     """
     prior: Annotated[float, above(0.0, 1000.0)] | None = None
-    """Standard deviation of the logarithm of its ratio to the model's; of places in mm, of a joint's rest in
-    degrees (mm of a slide); without it, the kind's own
+    """Standard deviation of the logarithm of the ratio to the model's number; of numbers that are added, in
+    mm or degrees; by default that of the table below
     """
 
 
@@ -158,6 +166,7 @@ class KnownNumber(Form, frozen=True):
     """A number of the model that each session states."""
 
     number: KnownName
+    """Kind of number, one of the table below that is not added"""
     of: Name
     """Name of a joint, actuator or body"""
     columns: Annotated[tuple[Name, ...], many(1, 3)]
@@ -170,35 +179,41 @@ class Description(Form, frozen=True):
     """What a machine.toml holds."""
 
     schema_version: Literal[1]
+    """Version of this form"""
     model: Name
-    """MJCF file, from this file's folder"""
+    """MJCF or URDF file, relative to the folder of this file"""
     rows: Literal["poses", "motion"]
     """Whether a log's rows are poses at rest, for each of which the model settles, or instants of a motion"""
     drive: Annotated[tuple[DriveColumn, ...], many(1, 1000)]
+    """Columns that drive the model"""
     measured: Annotated[tuple[MeasuredColumns, ...], many(1, 1000)]
+    """Columns that the model is compared with; the quantity of the first one is the pose"""
     name: str = ""
-    """Of the machine; by default the folder's"""
+    """Name of the machine; by default that of the folder"""
     keyframe: str = ""
-    """Where runs begin, and what `offset = "keyframe"` means"""
+    """Keyframe of the model in which runs begin, and what `offset = "keyframe"` means"""
     time: TimeColumn | None = None
-    """Without: row by row"""
+    """Column with the time; a motion needs it, poses without it are counted"""
     session: str = ""
-    """Column whose value names the session of a row, where a file holds several, one after the other"""
+    """Column whose value names the session of a row, where one file holds several in turn"""
     uncertain: tuple[Uncertain, ...] = ()
-    """In place of what calibration fits by default"""
+    """Numbers of the model that calibration fits, in place of the default"""
     candidates: Annotated[tuple[Name, ...], many(0, 1000)] = ()
-    """Names, with wildcards, of the effects that the machine may have; none: all that have a place in it"""
+    """Names, with wildcards, of the effects that the machine may have, such as `["*_friction@*"]`; by default
+    all that have a place in it
+    """
     known: tuple[KnownNumber, ...] = ()
     """Numbers of the model that differ from session to session"""
     every: Annotated[int, within(1, 100_000)] = 1
-    """One row is used of so many"""
+    """One reading is used of so many rows; commands are applied at the full rate"""
     segment: Annotated[int, within(0, 100_000)] = 0
-    """Rows that are fitted and judged as one; 0: 20 poses, or 100 rows of a motion"""
+    """Rows that are fitted and judged as one segment; 0: 20 poses, or 100 rows of a motion"""
     start: Annotated[float, within(0.0, 1e3)] = 0.0
-    """Time of a motion about its first row, through which a parabola says where a segment begins [s]; 0: the
-    model follows the rows of a lead"""
+    """Time [s] about the first row of a segment, through which a parabola gives the state in which the
+    segment begins; 0: the model follows the 15 rows before the segment
+    """
     steps: Annotated[int, within(0, 1000)] = 0
-    """Time steps of a row of a motion; 0: as many as the noise asks for"""
+    """Time steps of the simulation between two rows of a motion, at least 8; 0: set by the noise"""
 
 
 def pose_first(about: Description) -> Description:

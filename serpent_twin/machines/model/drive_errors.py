@@ -82,7 +82,7 @@ def _no_actuators(name: str, about: Description, model: mujoco.MjModel) -> str:
     joints = names(model, OBJECTS["joint"])
     joint = name if name in joints else next(iter(filter(None, joints)), "NAME")
     to_mjcf = (
-        f"save {about.model} as MJCF (docs/other-machines.md has the line) and add to it "
+        f"save {about.model} as MJCF (docs/describe-a-machine.md has the line) and add to it "
         if about.model.lower().endswith(".urdf")
         else "add to it "
     )

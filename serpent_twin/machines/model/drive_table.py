@@ -84,7 +84,8 @@ def write_calibration(spec: mujoco.MjSpec, machine: Described, x: Mapping[str, f
         else:
             left.append(zero_of(each))
     columns = np.stack([table.scale, table.offset, table.inside, table.force_per_control], axis=1)
-    spec.add_numeric(name=TABLE, data=columns.ravel(), size=columns.size)
+    values = columns.ravel() if columns.size else [0.0]  # MuJoCo has no empty numbers
+    spec.add_numeric(name=TABLE, data=values, size=len(values))
     return left + [name for name in _beside(machine) if x.get(name, 0.0)]
 
 
@@ -102,8 +103,8 @@ def read_drives(model: mujoco.MjModel) -> DriveTable | None:
     names = [model.numeric(n).name for n in range(model.nnumeric)]
     if TABLE not in names:
         return None
-    columns = np.array(model.numeric(TABLE).data).reshape(-1, _COLUMNS)
-    return DriveTable(*columns.T)
+    values = np.array(model.numeric(TABLE).data)
+    return DriveTable(*values[: len(values) // _COLUMNS * _COLUMNS].reshape(-1, _COLUMNS).T)
 
 
 def _is_affine(actuator: mujoco.MjsActuator) -> bool:
