@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,23 +15,21 @@ from serpent_twin.machines.machine import ParameterVector
 
 FILE = "fit.npz"
 """In the folder of a trace"""
+_LARGE = ("correlation", "slope", "residual")
+"""Arrays of a fit that are computed again when they are needed, or not needed"""
 _ADVICE = "Give the --out folder of a finished python -m serpent_twin.trace."
 _AGAIN = "Trace again with another --out."
 
 
 def keep(folder: Path, found: bool) -> None:
-    """Write `FILE` from the stages of a trace that `found` effects or none, without its large arrays."""
+    """Write `FILE` from the stages of a trace that `found` effects or none, without the large arrays."""
     last, single = _of_stages(folder / "stages", found)
     effects = {name: list(map(float, at.effects[name])) for name, at in single.items()}
-    slim = replace(
-        last,
-        correlation=np.full_like(last.correlation, np.nan),
-        jacobian=last.jacobian[..., :0],
-        residual=last.residual[..., :0],
-    )
+    arrays = {name: each for name, each in fit_arrays(last).items() if name not in _LARGE}
     part = folder / f"{FILE}.part"
+    arrays["used"] = np.array(last.used)
     with part.open("wb") as file:
-        np.savez_compressed(file, **fit_arrays(slim), single=np.array(json.dumps(effects)))
+        np.savez(file, **arrays, single=np.array(json.dumps(effects)))
     part.rename(folder / FILE)
 
 
@@ -49,7 +46,13 @@ def fits(folder: Path, found: bool) -> tuple[Fit, dict[str, ParameterVector]]:
 def _of_file(path: Path) -> tuple[Fit, dict[str, ParameterVector]]:
     arrays = stored.read_arrays(path, _AGAIN)
     single = stored.json_in(arrays, "single", dict[str, tuple[Number, ...]], str(path), _AGAIN)
-    last = fit_in(path, {k: v for k, v in arrays.items() if k != "single"})
+    free, used = arrays.get("error", np.zeros(0)).size, arrays.get("used", np.zeros(0)).size
+    arrays |= {
+        "correlation": np.full((free, free), np.nan),
+        "slope": np.zeros((free, used, 0)),
+        "residual": np.zeros((used, 0)),
+    }
+    last = fit_in(path, {k: v for k, v in arrays.items() if k not in ("single", "used")})
     return last, _points(last, {name: np.array(values) for name, values in single.items()})
 
 
