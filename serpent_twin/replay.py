@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+import serpent_twin.command_line.mujoco_first  # noqa: F401
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError

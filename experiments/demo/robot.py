@@ -15,8 +15,8 @@ from serpent_twin.arrays import Array
 
 MODEL = Path(__file__).with_name("robot.xml")
 JOINTS = ("pan", "tilt")
-LATE, FRICTION, AT = 0.015, 0.08, "tilt"  # [s], [N m], joint: what the model lacks
-RATE, SECONDS, LOGS, STEP = 100.0, 15.0, 3, 0.25e-3  # [Hz], [s], files, [s]
+LATE, FRICTION, AT = 0.03, 0.1, "tilt"  # [s], [N m], joint: what the model lacks
+RATE, SECONDS, LOGS, STEP = 50.0, 12.0, 3, 0.25e-3  # [Hz], [s], files, [s]
 COUNTS = 4096  # of the encoders in a turn
 _WAVES, _HIGHEST = 6, 0.9  # of a command, and their highest frequency [Hz]
 _SWING = (0.9, 0.6)  # of the commands [rad]

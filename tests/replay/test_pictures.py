@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from ctypes.util import find_library
 
 import numpy as np
 import pytest
@@ -149,6 +150,15 @@ def test_without_opengl_one_sentence_says_what_to_install(log, tmp_path):
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert "neither EGL nor OSMesa is here. Install a software OpenGL" in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(bool(find_library("OSMesa")), reason="OSMesa is installed here")
+def test_a_library_that_mujoco_gl_names_and_is_not_there_is_one_sentence(log, tmp_path):
+    command = [sys.executable, "-m", "serpent_twin.replay", str(log), "--png", "1"]
+    env = {"PATH": "", "PYTHONPATH": ":".join(sys.path), "MUJOCO_GL": "osmesa"}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=env)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "no picture can be rendered with OSMESA here. Install a software OpenGL" in done.stderr
 
 
 def test_mujoco_gl_chooses_and_a_library_that_fails_is_named(monkeypatch):
