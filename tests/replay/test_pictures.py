@@ -77,7 +77,7 @@ def test_a_moment_names_each_source_and_its_distance(log):
     named = {each.name: each for each in moments.markers(shown, 7)}
     assert next(iter(named)) == "measured"
     measured, nominal = named.values()
-    far = 1e3 * np.linalg.norm(nominal.place - measured.place, axis=-1).mean()
+    far = 1e3 * np.nanmean(np.linalg.norm(nominal.place - measured.place, axis=-1))
     assert nominal.name == f"nominal twin: markers {far:.1f} mm off"
 
 
