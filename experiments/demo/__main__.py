@@ -25,6 +25,7 @@ from serpent_twin.errors import SerpentError
 DATA = Path(os.path.relpath(Path(__file__).parents[2] / "data"))
 TRACE = DATA / "arm_a_trace"
 AT = 300  # [s] of session_04 of arm_a, which its trace was not fitted to
+MINUTES = 2  # after which no further effect is sought
 _WRITTEN = "written.txt"  # in the robot's folder, once all its logs are there
 
 
@@ -45,12 +46,11 @@ def main(config: Demo) -> None:
     _logs(head)
     for fault in FAULTS:
         print(f"   {fault.words}: {fault.scale * fault.strength:.3g} {fault.unit}")
-    _say("Which columns are commands and readings of what?")
-    if not (machine := head / "machine.toml").is_file():
-        _run(["serpent_twin.init", head / robot.MODEL.name, head / "logs"])
-    _say("Measured beside the nominal model, then: what does the model lack?")
-    traced = ["--machine", machine, "--logs", head / "logs", "--out", head / "trace"]
-    _run(["serpent_twin.trace", *traced])
+    _say(
+        "Which columns are what, a first picture of measured and modelled, and: what does the model lack?"
+    )
+    asked = [head / robot.MODEL.name, head / "logs", "--out", head / "trace"]
+    _run(["serpent_twin.diagnose", *asked, "--minutes", MINUTES])
     found = json.loads((head / "trace" / "diagnosis.json").read_text())
     _say("Found, beside what is wrong with the robot")
     print("\n".join(verdict(found)))

@@ -22,7 +22,12 @@ _AGAIN = "Trace again with another --out."
 
 
 def keep(folder: Path, found: bool) -> None:
-    """Write `FILE` from the stages of a trace that `found` effects or none, without the large arrays."""
+    """Write `FILE` from the stages of a trace that `found` effects or none, without the large arrays.
+
+    Nothing is written where the last fit has no stage.
+    """
+    if not (folder / "stages" / f"{_final(found)}.npz").is_file():
+        return
     last, single = _of_stages(folder / "stages", found)
     effects = {name: list(map(float, at.effects[name])) for name, at in single.items()}
     arrays = {name: each for name, each in fit_arrays(last).items() if name not in _LARGE}
@@ -61,7 +66,7 @@ def _points(last: Fit, effects: Mapping[str, np.ndarray]) -> dict[str, Parameter
 
 
 def _of_stages(stages: Path, found: bool) -> tuple[Fit, dict[str, ParameterVector]]:
-    files, final = sorted(stages.glob("*.npz")), "last" if found else "calibrated_3"
+    files, final = sorted(stages.glob("*.npz")), _final(found)
     if stages / f"{final}.npz" not in files:
         raise SerpentError(f"{stages} lacks {final}.npz. {_ADVICE}")
     notes = Checkpoints(stages, Stopwatch())
@@ -78,6 +83,11 @@ def _of_stages(stages: Path, found: bool) -> tuple[Fit, dict[str, ParameterVecto
         if n not in last.point.effects
     }
     return last, single
+
+
+def _final(found: bool) -> str:
+    """Name of the stage with the last fit."""
+    return "last" if found else "calibrated_3"
 
 
 def _missing() -> Fit:

@@ -23,7 +23,10 @@ def effect(name, size):
 
 
 def test_right_wrong_missed_and_invented_effects_are_told_apart():
-    found = [effect("command_delay", 1.03 * robot.LATE), effect("hinge_friction@tilt", 2 * robot.FRICTION)]
+    found = [
+        effect("command_delay", 1.03 * robot.LATE),
+        effect("hinge_friction@tilt", 2 * robot.FRICTION),
+    ]
     both = list(verdict({"effects": found}))
     assert "right" in both[0] and f"found {1030 * robot.LATE:.3g} ms" in both[0]
     assert "WRONG" in both[1] and f"found {2 * robot.FRICTION:.3g} N m" in both[1]
