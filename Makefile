@@ -14,11 +14,11 @@ setup: $(READY)  ## Make .venv with the pinned dependencies
 
 $(READY): requirements.lock pyproject.toml
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --requirement requirements.lock
+	$(BIN)/python -m pip install --progress-bar on --requirement requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --editable .
 	touch $@
 
-demo: setup  ## Collect, train, close the loop, replay: some ten minutes, results in demo/
+demo: setup  ## Find what is wrong with a robot from its logs, look at the arm: some four minutes, results in demo/
 	$(BIN)/python -m experiments.demo --out demo
 
 test: setup lint  ## What CI runs: lint, types, the tests without the slow ones

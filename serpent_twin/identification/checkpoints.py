@@ -41,8 +41,8 @@ class Checkpoints:
         """The fit of a stage, made now or read back."""
         path = self._path(name)
         if path.exists():
-            return _read_fit(path, self._read(path))
-        return self._made(path, make, _fit_arrays)
+            return fit_in(path, self._read(path))
+        return self._made(path, make, fit_arrays)
 
     def scores(self, name: str, make: Callable[[], list[Score]]) -> list[Score]:
         """The score tests of a stage, made now or read back."""
@@ -151,7 +151,8 @@ def _read_scores(path: Path, arrays: stored.Arrays) -> list[Score]:
     ]
 
 
-def _fit_arrays(fit: Fit) -> dict[str, Any]:
+def fit_arrays(fit: Fit) -> dict[str, Any]:
+    """A fit as arrays, as its file holds it."""
     about = {
         "effects": {name: list(map(float, v)) for name, v in fit.point.effects.items()},
         "moved": list(fit.free.declared),
@@ -172,7 +173,8 @@ def _fit_arrays(fit: Fit) -> dict[str, Any]:
     }
 
 
-def _read_fit(path: Path, arrays: stored.Arrays) -> Fit:
+def fit_in(path: Path, arrays: stored.Arrays) -> Fit:
+    """The fit that the arrays of a file hold; a `SerpentError` names the file if they hold none."""
     about = stored.json_in(arrays, "about", _StoredFit, str(path), _AGAIN)
     free = FreeParameters(about.moved, about.moved_effects)
     declared = arrays.get("declared", np.zeros(0)).size

@@ -1,5 +1,6 @@
 """Run a trace from its options, and write its results."""
 
+import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.composing import ComposingTracer
 from serpent_twin.identification.diagnosis import Diagnosis
 from serpent_twin.identification.first_picture import begin_report
+from serpent_twin.identification.kept_fit import keep
 from serpent_twin.identification.page import page
 from serpent_twin.identification.refitting import RefittingTracer
 from serpent_twin.identification.steps import Tracer
@@ -226,11 +228,12 @@ def _write(
     settings: Mapping[str, Any],
 ) -> dict[str, Any]:
     origin = dict(settings) | provenance()
-    logs = [str(each.resolve()) for each in config.sources]
+    logs = [_seen_from(config.out, each) for each in config.sources]
     numbers = numbers | {"provenance": origin | {"logs": logs}}
     assert tracer.final is not None
     about = {"arm": found.arm, "provenance": origin}
     tracer.case.write(tracer.final, config.out / "twin.json", about)
+    keep(config.out, bool(numbers["effects"]))
     if found.learned.on:
         found.learned.save(config.out / "learned.npz")
     facts = {
@@ -255,6 +258,15 @@ def _write(
     print(f"{numbers['seconds']:.0f} s, {share:.0f} % of it in simulation.")
     print(f"{report}: the figures. {config.out / 'twin.json'}: the corrected twin.")
     return numbers
+
+
+def _seen_from(out: Path, logs: Path) -> str:
+    """Path of logs, relative to the results if both lie in the working folder; else absolute."""
+    here = Path.cwd()
+    out, logs = out.resolve(), logs.resolve()
+    if out.is_relative_to(here) and logs.is_relative_to(here):
+        return Path(os.path.relpath(logs, out)).as_posix()
+    return str(logs)
 
 
 def _write_twins(

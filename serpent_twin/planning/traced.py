@@ -11,9 +11,10 @@ from tqdm import tqdm
 
 from serpent_twin import machines, stored
 from serpent_twin.errors import SerpentError
-from serpent_twin.identification.checkpoints import Checkpoints
+from serpent_twin.identification import kept_fit
 from serpent_twin.identification.discovery import with_laws
 from serpent_twin.identification.fitted import Fit
+from serpent_twin.identification.free_parameters import jacobian
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.rig import Rig, notes_on, read_logs
@@ -51,7 +52,7 @@ def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
     settings, diagnosis = _json(folder / "trace.json"), _json(folder / "diagnosis.json")
     try:
         name, hashes, held = settings["rig"], settings["input_sha256"], settings["held_out"]
-        said = logs or _folders(diagnosis["provenance"]["logs"])
+        said = logs or _folders(folder, diagnosis["provenance"]["logs"])
     except (KeyError, TypeError):
         raise SerpentError(
             f"{folder} does not say where its logs are: it was made by an earlier version. Give them with "
@@ -71,11 +72,14 @@ def read(folder: Path, logs: Sequence[Path] = ()) -> Traced:
     names = [n for n in hashes if n not in held] if isinstance(held, list) else [*hashes][:-held]
     training = [sessions[each] for each in names]
     case = rig.open(training)
-    fit, fitted = _fits(folder / "stages", case, diagnosis)
+    fit, fitted = kept_fit.fits(folder, bool(diagnosis["effects"]))
     several = {n: v for each in (fit.point, *fitted.values()) for n, v in each.effects.items()}
     case = with_laws(replace(case, noise=fit.noise), several)
+    pieces = case.pieces(training)
+    if not fit.residual.size:
+        fit = _derived(case, pieces, fit)
     rate = training[0].metadata.get("rate_hz") or 1 / np.median(np.diff(training[0].time))
-    return Traced(folder, case, case.pieces(training), fit, diagnosis, name, float(rate), fitted)
+    return Traced(folder, case, pieces, fit, diagnosis, name, float(rate), fitted)
 
 
 def _same_machine(folder: Path, name: str, hashes: Mapping[str, str]) -> Rig:
@@ -95,9 +99,16 @@ def _same_machine(folder: Path, name: str, hashes: Mapping[str, str]) -> Rig:
     return rig
 
 
-def _folders(said: str | list[str]) -> list[Path]:
-    """The logs' folders; an earlier version wrote one alone."""
-    return [Path(each) for each in ([said] if isinstance(said, str) else said)]
+def _derived(case: Case[Any], pieces: Any, fit: Fit) -> Fit:
+    """A fit with its residual and Jacobian computed anew, as the trace's stages are gone."""
+    tqdm.write("The trace has no stages any more: its last derivatives are computed again.")
+    residual, slopes = jacobian(case, fit.point, fit.free, case.take(pieces, fit.used))
+    return replace(fit, residual=residual, jacobian=slopes)
+
+
+def _folders(folder: Path, said: str | list[str]) -> list[Path]:
+    """The logs' folders, relative to the trace's or absolute; an earlier version wrote one alone."""
+    return [folder / each for each in ([said] if isinstance(said, str) else said)]
 
 
 def _json(path: Path) -> Any:
@@ -105,31 +116,3 @@ def _json(path: Path) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         raise SerpentError(f"there is no readable {path}. {_ADVICE}") from None
-
-
-def _fits(
-    stages: Path, case: Case[Any], diagnosis: Mapping[str, Any]
-) -> tuple[Fit, dict[str, ParameterVector]]:
-    """The last fit, and the points of the full fits of single candidates."""
-    found = sorted(stages.glob("*.npz"))
-    final = "last" if diagnosis["effects"] else "calibrated_3"
-    if stages / f"{final}.npz" not in found:
-        raise SerpentError(f"{stages} lacks {final}.npz. {_ADVICE}")
-    notes = Checkpoints(stages, case.clock)
-    fits = {
-        path.stem: notes.fit(path.stem, _missing)
-        for path in found
-        if path.stem == final or path.stem.startswith(("fit_", "rival_"))
-    }
-    last = fits.pop(final)
-    single = {
-        n: each.point
-        for each in fits.values()
-        for n in each.point.effects
-        if n not in last.point.effects
-    }
-    return last, single
-
-
-def _missing() -> Fit:
-    raise SerpentError(f"a stage of the trace has vanished while it was read. {_ADVICE}")

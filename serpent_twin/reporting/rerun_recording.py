@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from serpent_twin import sessions
@@ -18,32 +17,24 @@ from serpent_twin.arm.mjcf import STRANDS
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
 from serpent_twin.numerals import counted
+from serpent_twin.reporting.marker_looks import (
+    CORRECTED,
+    ESTIMATED,
+    MEASURED,
+    NOMINAL,
+    TWIN,
+    Colour,
+    EstimatedMarkers,
+    Rows,
+)
 from serpent_twin.reporting.rerun_colours import full_tension, hue, tension_colour
 from serpent_twin.reporting.rerun_layout import KEY, LOADS, TENSIONS, blueprint, key, short
 from serpent_twin.sim.pushes import COLUMNS
 from serpent_twin.sim.response import Response
 
-Rows = NDArray[np.intp]
-Colour = tuple[int, int, int]
-
-MEASURED, ESTIMATED, TWIN = (70, 215, 120), (255, 150, 30), (150, 165, 190)
-_NOMINAL, _CORRECTED, _PUSH = (235, 90, 90), (80, 160, 255), (255, 230, 60)
+_PUSH = (255, 230, 60)
 ARROW = 0.1
 """Length of a force's arrow [m/N]"""
-
-
-@dataclass(frozen=True)
-class EstimatedMarkers:
-    """Markers by a readout, for the rows of the log that have a whole window."""
-
-    name: str
-    """The readout's name"""
-    row: Rows
-    """Rows of the session, (N,)"""
-    marker: Array
-    """[m], (N, 9, 3)"""
-    seen: str = ""
-    """Whether it was trained on this session, as a sentence"""
 
 
 @dataclass(frozen=True)
@@ -93,8 +84,8 @@ def _draw(
     twins = [Overlay("twin", "grey", TWIN, moved)]
     if corrected:
         twins = [
-            Overlay("nominal_twin", "red", _NOMINAL, moved),
-            Overlay("corrected_twin", "blue", _CORRECTED, corrected),
+            Overlay("nominal_twin", "red", NOMINAL, moved),
+            Overlay("corrected_twin", "blue", CORRECTED, corrected),
         ]
         writer.chain("measured", session.marker, MEASURED)
     writer.about(session, twins, guess)

@@ -24,6 +24,10 @@ SMALL: tuple[tuple[str, str], ...] = (
     ("trace", "--sessions 2"),
     ("estimate", "--steps 40"),
     (
+        "replay data/arm_a/session_04.parquet --twin data/arm_a_trace/twin.json --mp4",
+        "--between 100 101",
+    ),
+    (
         "sweep",
         "--stiffness 8e3 --slack 3e-4 --seeds 0 --rate 20 --amplitude 0.014 --steps 200 --delays 4 2 "
         "--memory-delay 6 --taps 1 --stretches 10 --washout 8 --repeated 20 --stream 2 --coarsest 10 "

@@ -1,0 +1,57 @@
+"""Compare what a trace found of the demo's robot with what is wrong with it."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from experiments.demo import robot
+
+_TOLERANCE = 0.2
+"""Relative error of a strength that still counts as right"""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that is wrong with the robot."""
+
+    words: str
+    effect: str
+    """Name of the effect that a trace should find"""
+    place: str
+    """Of its joint; empty where it is of the whole robot"""
+    strength: float
+    """In the unit of the effect's first parameter"""
+    scale: float
+    unit: str
+    """In which a person reads it, and what the strength is multiplied by for it"""
+
+
+FAULTS = (
+    Fault("all commands come late", "command_delay", "", robot.LATE, 1e3, "ms"),
+    Fault(f"friction at {robot.AT}", "hinge_friction", robot.AT, robot.FRICTION, 1.0, "N m"),
+)
+
+
+def verdict(found: Mapping[str, Any]) -> Iterator[str]:
+    """A line for each fault, and for each effect that the trace found and the robot has not."""
+    effects = list(found["effects"])
+    for fault in FAULTS:
+        match = next((e for e in effects if _is(e, fault)), None)
+        truth = f"{fault.words}, {fault.scale * fault.strength:.3g} {fault.unit}"
+        if match is None:
+            yield f"  MISSED  {truth}: no such effect was found"
+            continue
+        effects.remove(match)
+        size = next(iter(match["parameters"].values()))["value"]
+        right = abs(size / fault.strength - 1) <= _TOLERANCE
+        yield (
+            f"  {'right ' if right else 'WRONG '}  {truth}: "
+            f"found {fault.scale * size:.3g} {fault.unit}"
+        )
+    for each in effects:
+        yield f"  WRONG   {each['name']} was found, which this robot does not have"
+
+
+def _is(effect: Mapping[str, Any], fault: Fault) -> bool:
+    name, _, place = str(effect["name"]).partition("@")
+    return name == fault.effect and (place == fault.place or not fault.place)

@@ -1,0 +1,94 @@
+"""Keep what later commands need of a trace's fits in one small file, which outlives its stages."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from serpent_twin import stored
+from serpent_twin.errors import SerpentError
+from serpent_twin.identification.checkpoints import Checkpoints, Number, fit_arrays, fit_in
+from serpent_twin.identification.fitted import Fit
+from serpent_twin.machines.case import Stopwatch
+from serpent_twin.machines.machine import ParameterVector
+
+FILE = "fit.npz"
+"""In the folder of a trace"""
+_LARGE = ("correlation", "slope", "residual")
+"""Arrays of a fit that are computed again when they are needed, or not needed"""
+_ADVICE = "Give the --out folder of a finished python -m serpent_twin.trace."
+_AGAIN = "Trace again with another --out."
+
+
+def keep(folder: Path, found: bool) -> None:
+    """Write `FILE` from the stages of a trace that `found` effects or none, without the large arrays.
+
+    Nothing is written where the last fit has no stage.
+    """
+    if not (folder / "stages" / f"{_final(found)}.npz").is_file():
+        return
+    last, single = _of_stages(folder / "stages", found)
+    effects = {name: list(map(float, at.effects[name])) for name, at in single.items()}
+    arrays = {name: each for name, each in fit_arrays(last).items() if name not in _LARGE}
+    part = folder / f"{FILE}.part"
+    arrays["used"] = np.array(last.used)
+    with part.open("wb") as file:
+        np.savez(file, **arrays, single=np.array(json.dumps(effects)))
+    part.rename(folder / FILE)
+
+
+def fits(folder: Path, found: bool) -> tuple[Fit, dict[str, ParameterVector]]:
+    """The last fit of a trace that `found` effects, or none, and the points of its fits of single candidates.
+
+    Without the stages, the fit's residual and Jacobian are of no length.
+    """
+    if not (folder / "stages").is_dir() and (path := folder / FILE).is_file():
+        return _of_file(path)
+    return _of_stages(folder / "stages", found)
+
+
+def _of_file(path: Path) -> tuple[Fit, dict[str, ParameterVector]]:
+    arrays = stored.read_arrays(path, _AGAIN)
+    single = stored.json_in(arrays, "single", dict[str, tuple[Number, ...]], str(path), _AGAIN)
+    free, used = arrays.get("error", np.zeros(0)).size, arrays.get("used", np.zeros(0)).size
+    arrays |= {
+        "correlation": np.full((free, free), np.nan),
+        "slope": np.zeros((free, used, 0)),
+        "residual": np.zeros((used, 0)),
+    }
+    last = fit_in(path, {k: v for k, v in arrays.items() if k not in ("single", "used")})
+    return last, _points(last, {name: np.array(values) for name, values in single.items()})
+
+
+def _points(last: Fit, effects: Mapping[str, np.ndarray]) -> dict[str, ParameterVector]:
+    return {n: ParameterVector(last.point.declared, {n: each}) for n, each in effects.items()}
+
+
+def _of_stages(stages: Path, found: bool) -> tuple[Fit, dict[str, ParameterVector]]:
+    files, final = sorted(stages.glob("*.npz")), _final(found)
+    if stages / f"{final}.npz" not in files:
+        raise SerpentError(f"{stages} lacks {final}.npz. {_ADVICE}")
+    notes = Checkpoints(stages, Stopwatch())
+    fits = {
+        path.stem: notes.fit(path.stem, _missing)
+        for path in files
+        if path.stem == final or path.stem.startswith(("fit_", "rival_"))
+    }
+    last = fits.pop(final)
+    single = {
+        n: each.point
+        for each in fits.values()
+        for n in each.point.effects
+        if n not in last.point.effects
+    }
+    return last, single
+
+
+def _final(found: bool) -> str:
+    """Name of the stage with the last fit."""
+    return "last" if found else "calibrated_3"
+
+
+def _missing() -> Fit:
+    raise SerpentError(f"a stage of the trace has vanished while it was read. {_ADVICE}")

@@ -1,0 +1,32 @@
+"""Draw one moment of a session: the arm, and its markers as measured and as predicted."""
+
+from pathlib import Path
+
+from serpent_twin.playback.moments import already_there, draw, row_at
+from serpent_twin.playback.shown import Shown
+
+KEY = "serpent_twin"
+"""Of the text in the picture's file that says what it was made of"""
+
+
+def draw_picture(shown: Shown, time: float, out: Path) -> None:
+    """Write a PNG of a session at a time [s], unless it is there."""
+    from PIL import Image, PngImagePlugin
+
+    from serpent_twin.reporting.drawn_arm import pencil
+
+    row = row_at(shown, time)
+    name = shown.identity("picture", row)
+    if already_there(out, name, "the picture of this moment"):
+        return
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with pencil() as drawing:  # what it lacks is said before anything is simulated
+        picture = draw(shown, row, drawing)
+    about = PngImagePlugin.PngInfo()
+    about.add_text(KEY, name)
+    part = out.with_name(out.name + ".part")
+    try:
+        Image.fromarray(picture).save(part, format="PNG", optimize=True, pnginfo=about)
+        part.rename(out)
+    finally:
+        part.unlink(missing_ok=True)
