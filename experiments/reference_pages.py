@@ -13,6 +13,7 @@ import msgspec
 from msgspec import inspect as schema
 
 from serpent_twin.command_line import cli
+from serpent_twin.command_line.options import Checked
 from serpent_twin.exchange.map_file import Follows, Map, MappedField, MappedPoint, MappedStream
 from serpent_twin.machines.model.description import (
     Description,
@@ -50,7 +51,7 @@ MAP = {
 
 
 @dataclass(frozen=True)
-class ReferencePages:
+class ReferencePages(Checked):
     """Write docs/reference/machine-toml.md and docs/reference/map-toml.md from their schemas."""
 
 

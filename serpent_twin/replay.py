@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from math import inf, nan
 from pathlib import Path
 from typing import Annotated
 
@@ -13,10 +14,8 @@ from serpent_twin.command_line import cli
 from serpent_twin.errors import SerpentError
 
 _Optional = Annotated[Path | None, tyro.conf.arg(help_behavior_hint="")]
-_Time = Annotated[float | None, tyro.conf.arg(metavar="T", help_behavior_hint="")]
-_Part = Annotated[
-    tuple[float, float] | None, tyro.conf.arg(metavar="BEGIN END", help_behavior_hint="")
-]
+_Time = Annotated[str | None, tyro.conf.arg(metavar="T", help_behavior_hint="")]
+_Part = Annotated[tuple[str, str] | None, tyro.conf.arg(metavar="BEGIN END", help_behavior_hint="")]
 
 
 def main(
@@ -44,9 +43,11 @@ def main(
         mp4: Draw a video of 20 s in place of a recording.
         between: The part of the session that the video shows [s]; by default all.
     """
-    kind = _kind(png, mp4)
-    _require_options(kind, view, between)
-    out = _named(session, out, kind, png)
+    moment = None if png is None else _seconds(png, "--png")
+    part = between and (_seconds(between[0], "--between"), _seconds(between[1], "--between"))
+    kind = _kind(moment, mp4)
+    _require_options(kind, view, part)
+    out = _named(session, out, kind, moment)
     if kind == ".rrd":
         from serpent_twin.playback import play_back  # rerun is slow to import
 
@@ -56,8 +57,19 @@ def main(
             _open(out)
         next_step.say(next_step.after_replay(out))
         return
-    _draw(session, out, readout, twin, png, between)
+    _draw(session, out, readout, twin, moment, part)
     next_step.say(next_step.of_logs.replay(session, out.parent, readout, twin))
+
+
+def _seconds(word: str, flag: str) -> float:
+    """A time of the session [s]."""
+    try:
+        seconds = float(word)
+    except ValueError:
+        seconds = nan
+    if not 0 <= seconds < inf:
+        raise SerpentError(f"{flag} is {word!r}; give a time of the session in s, such as 12.5.")
+    return seconds
 
 
 def _kind(png: float | None, mp4: bool) -> str:
@@ -101,14 +113,14 @@ def _draw(
 ) -> None:
     """Write a picture or a video."""
     from serpent_twin.exchange import imported_log
-    from serpent_twin.playback import Shown, draw_picture, draw_video
+    from serpent_twin.playback import ShownSession, draw_picture, draw_video
 
     if imported_log.is_other(session):
         raise SerpentError(
             f"{session} is a log of another machine, and pictures and videos show the arm. Its columns are "
             "in a recording: leave out --png and --mp4, and give --out FILE.rrd."
         )
-    shown = Shown.read(session, readout, twin)
+    shown = ShownSession.read(session, readout, twin)
     if png is not None:
         draw_picture(shown, png, out)
     else:

@@ -11,7 +11,7 @@ _TOLERANCE = 0.2
 
 
 @dataclass(frozen=True)
-class Fault:
+class PutIn:
     """Something that is wrong with the robot."""
 
     words: str
@@ -27,8 +27,8 @@ class Fault:
 
 
 FAULTS = (
-    Fault("all commands come late", "command_delay", "", robot.LATE, 1e3, "ms"),
-    Fault(f"friction at {robot.AT}", "hinge_friction", robot.AT, robot.FRICTION, 1.0, "N m"),
+    PutIn("all commands come late", "command_delay", "", robot.LATE, 1e3, "ms"),
+    PutIn(f"friction at {robot.AT}", "hinge_friction", robot.AT, robot.FRICTION, 1.0, "N m"),
 )
 
 
@@ -52,6 +52,6 @@ def verdict(found: Mapping[str, Any]) -> Iterator[str]:
         yield f"  WRONG   {each['name']} was found, which this robot does not have"
 
 
-def _is(effect: Mapping[str, Any], fault: Fault) -> bool:
+def _is(effect: Mapping[str, Any], fault: PutIn) -> bool:
     name, _, place = str(effect["name"]).partition("@")
     return name == fault.effect and (place == fault.place or not fault.place)

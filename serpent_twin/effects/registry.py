@@ -82,7 +82,8 @@ def _form(name: str, kind: type[Effect], anywhere: bool) -> Any:
 
 
 if TYPE_CHECKING:
-    Stored = StoredAnywhere = Form
+    Stored = Form
+    StoredAnywhere = Form
 else:
     Stored = Union[tuple(_form(name, kind, False) for name, kind in KNOWN.items())]  # noqa: UP007
     """An effect in a file."""

@@ -2,11 +2,11 @@
 
 from serpent_twin.playback.picture import draw_picture
 from serpent_twin.playback.recording import play_back
-from serpent_twin.playback.shown import Shown, corrected_twin, estimate, membership
+from serpent_twin.playback.shown import ShownSession, corrected_twin, estimate, membership
 from serpent_twin.playback.video import draw_video
 
 __all__ = [
-    "Shown",
+    "ShownSession",
     "corrected_twin",
     "draw_picture",
     "draw_video",

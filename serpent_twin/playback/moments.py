@@ -7,22 +7,22 @@ import numpy as np
 
 from serpent_twin.arrays import Array
 from serpent_twin.errors import SerpentError
-from serpent_twin.playback.shown import Shown
-from serpent_twin.reporting.drawn_arm import Markers, Pencil, Pose
+from serpent_twin.playback.shown import ShownSession
+from serpent_twin.reporting.drawn_arm import DrawnPose, Markers, Pencil
 from serpent_twin.reporting.marker_looks import CORRECTED, ESTIMATED, MEASURED, NOMINAL
 from serpent_twin.reporting.offscreen import Image
 
 
-def draw(shown: Shown, row: int, pencil: Pencil) -> Image:
+def draw(shown: ShownSession, row: int, pencil: Pencil) -> Image:
     """Picture of a row of a session."""
     seen = shown.session
     posed = shown.corrected or shown.nominal
-    pose = Pose(seen.motor_position[row], posed.joint_angle[row], float(posed.jaw_angle[row]))
+    pose = DrawnPose(seen.motor_position[row], posed.joint_angle[row], float(posed.jaw_angle[row]))
     title = f"{seen.metadata.get('arm')}, {seen.name}, {seen.time[row]:.2f} s"
     return pencil.picture(title, pose, list(markers(shown, row)))
 
 
-def markers(shown: Shown, row: int) -> Iterator[Markers]:
+def markers(shown: ShownSession, row: int) -> Iterator[Markers]:
     """Measured markers, and those of each twin and of the readout, in a row of a session."""
     measured = shown.session.marker[row]
     yield Markers("measured", MEASURED, measured)
@@ -38,7 +38,7 @@ def markers(shown: Shown, row: int) -> Iterator[Markers]:
         yield Markers(name, ESTIMATED, estimated)
 
 
-def row_at(shown: Shown, time: float) -> int:
+def row_at(shown: ShownSession, time: float) -> int:
     """The row nearest to a time [s], which must lie within the session."""
     clock = shown.session.time
     if not clock[0] <= time <= clock[-1]:

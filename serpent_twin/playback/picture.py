@@ -3,13 +3,13 @@
 from pathlib import Path
 
 from serpent_twin.playback.moments import already_there, draw, row_at
-from serpent_twin.playback.shown import Shown
+from serpent_twin.playback.shown import ShownSession
 
 KEY = "serpent_twin"
 """Of the text in the picture's file that says what it was made of"""
 
 
-def draw_picture(shown: Shown, time: float, out: Path) -> None:
+def draw_picture(shown: ShownSession, time: float, out: Path) -> None:
     """Write a PNG of a session at a time [s], unless it is there."""
     from PIL import Image, PngImagePlugin
 

@@ -10,7 +10,7 @@ from serpent_twin.errors import SerpentError
 from serpent_twin.exchange import imported_log
 from serpent_twin.extras import requires
 from serpent_twin.numerals import counted
-from serpent_twin.playback.shown import Shown, identity
+from serpent_twin.playback.shown import ShownSession, identity
 
 
 def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None) -> str:
@@ -22,7 +22,7 @@ def play_back(session: Path, out: Path, readout: Path | None, twin: Path | None)
         from serpent_twin.reporting import rerun_recording
     if imported_log.is_other(session):
         return _columns(session, out, readout or twin)
-    shown = Shown.read(session, readout, twin)
+    shown = ShownSession.read(session, readout, twin)
     said = shown.membership
     if not _already_there(out, name := shown.identity()):
         guess = shown.guess

@@ -24,7 +24,7 @@ from serpent_twin.sim.twin_model import TwinModel
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ShownSession:
     """What is shown of a session of the arm; simulated and estimated when it is first asked for."""
 
     path: Path
@@ -37,7 +37,7 @@ class Shown:
     """A corrected twin, laid over the nominal one"""
 
     @classmethod
-    def read(cls, path: Path, readout: Path | None, twin: Path | None) -> "Shown":
+    def read(cls, path: Path, readout: Path | None, twin: Path | None) -> "ShownSession":
         """Read a session, which must be whole, and a twin.json, which must be of its arm."""
         seen = sessions.read_session(path)
         sessions.refuse_damaged([seen])

@@ -11,14 +11,14 @@ from tqdm import tqdm
 from serpent_twin.errors import SerpentError
 from serpent_twin.extras import requires
 from serpent_twin.playback.moments import already_there, draw, row_at
-from serpent_twin.playback.shown import Shown
+from serpent_twin.playback.shown import ShownSession
 from serpent_twin.reporting.offscreen import Image
 
 FRAMES, RATE = 240, 12
 """Pictures of a video at most, and pictures a second: 20 s"""
 
 
-def draw_video(shown: Shown, out: Path, between: tuple[float, float] | None = None) -> None:
+def draw_video(shown: ShownSession, out: Path, between: tuple[float, float] | None = None) -> None:
     """Write an MP4 of a session, or of the part between two times [s], unless it is there."""
     with requires("view", "A video"):
         import imageio_ffmpeg
@@ -35,7 +35,7 @@ def draw_video(shown: Shown, out: Path, between: tuple[float, float] | None = No
             film.send(draw(shown, int(row), drawing))
 
 
-def frames(shown: Shown, between: tuple[float, float] | None = None) -> np.ndarray:
+def frames(shown: ShownSession, between: tuple[float, float] | None = None) -> np.ndarray:
     """Rows of a session, or of a part of it [s], that a video shows: evenly spaced, at most `FRAMES`."""
     clock = shown.session.time
     first, last = (row_at(shown, each) for each in between or (clock[0], clock[-1]))

@@ -32,7 +32,7 @@ _MORE = 200
 
 
 @dataclass(frozen=True)
-class Pose:
+class DrawnPose:
     """Angles of the drawn arm at one moment."""
 
     motor: Array
@@ -64,7 +64,7 @@ class Pencil:
     fine: bool
     """With shadows, and each pixel the mean of four"""
 
-    def picture(self, title: str, pose: Pose, markers: Sequence[Markers]) -> Image:
+    def picture(self, title: str, pose: DrawnPose, markers: Sequence[Markers]) -> Image:
         """Picture of a pose with markers, a title and a legend above, (height, width, 3)."""
         data = mujoco.MjData(self.model)
         data.qpos[:] = np.r_[pose.motor, pose.joint, pose.jaw]
@@ -98,7 +98,8 @@ def _camera() -> mujoco.MjvCamera:
 def _shapes(each: Markers) -> Iterator[Ball | Rod]:
     """Balls where markers are seen, and rods between them from the base on."""
     there = each.place[np.isfinite(each.place).all(axis=-1)]
-    colour = (*(c / 255 for c in each.colour), _OPACITY)
+    red, green, blue = (c / 255 for c in each.colour)
+    colour = red, green, blue, _OPACITY
     chain = np.vstack([np.zeros(3), there]) @ mjcf.world_from_base().T
     for ends in pairwise(chain):
         yield Rod(np.array(ends), _THIN, colour)

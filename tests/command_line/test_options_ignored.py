@@ -88,7 +88,7 @@ IGNORED = {
         "AnyModel", "AnyModelSpeed",
         "Benchmarks", "Check", "CloseTheLoop", "CollectSpeed", "Demo", "EstimateSpeed", "Plan",
         "FaultMatrix", "FollowStudy", "ForceStudy", "Fuzz", "HowOftenRight", "Measured", "NextMotion",
-        "ReadoutTable", "ResultPage", "RightNames", "SimToReal",
+        "ReadoutTable", "ReferencePages", "ResultPage", "RightNames", "ShipTrace", "SimToReal",
         "SweepSpeed", "TraceSpeed", "WholeTrace",
     )
 }  # fmt: skip

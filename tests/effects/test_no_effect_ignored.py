@@ -10,7 +10,7 @@ from moments import moment
 from motion import wander
 from numpy.testing import assert_allclose
 
-from serpent_twin import effects, playback
+from serpent_twin import effects, playback, sessions
 from serpent_twin.arm.parameters import NOMINAL
 from serpent_twin.effects import KNOWN, Effect, parameter
 from serpent_twin.effects.effect import WINDING
@@ -83,7 +83,7 @@ def test_replay_of_a_later_session_wears_the_twin(folder, tmp_path, monkeypatch)
     session = read_session(path)
     twin_model.write(tmp_path / "twin.json", WORN, {})
     late = replace(session, metadata=session.metadata | {"prior_runtime_s": HOUR})
-    monkeypatch.setattr(playback.sessions, "read_session", lambda _: late)
+    monkeypatch.setattr(sessions, "read_session", lambda _: late)
     monkeypatch.setattr(rerun_recording, "write", lambda *_, corrected: shown.update(it=corrected))
     playback.play_back(path, tmp_path / "a.rrd", None, tmp_path / "twin.json")
     soft = replay_motors(session.time, session.motor_position, HALF)

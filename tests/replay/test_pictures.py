@@ -15,7 +15,7 @@ from serpent_twin.arm.geometry import markers
 from serpent_twin.errors import SerpentError
 from serpent_twin.playback import moments, video
 from serpent_twin.reporting import drawn_arm, offscreen
-from serpent_twin.reporting.drawn_arm import Markers, Pose
+from serpent_twin.reporting.drawn_arm import DrawnPose, Markers
 from serpent_twin.sessions import write_session
 
 GREEN = (70, 215, 120)
@@ -60,7 +60,7 @@ def test_a_marker_is_drawn_where_the_camera_would_see_it(pencil):
     joint = np.full(9, 0.12)
     place = np.full((9, 3), np.nan)
     place[8] = markers(joint)[8] + [0.0, 0.0, 0.06]
-    pose = Pose(np.r_[np.cumsum(joint), 0.0], joint, 0.0)
+    pose = DrawnPose(np.r_[np.cumsum(joint), 0.0], joint, 0.0)
     with_it, without = (
         pencil.picture("a pose", pose, [Markers("measured", GREEN, each)]).astype(int)
         for each in (place, np.full((9, 3), np.nan))
@@ -73,7 +73,7 @@ def test_a_marker_is_drawn_where_the_camera_would_see_it(pencil):
 
 
 def test_a_moment_names_each_source_and_its_distance(log):
-    shown = moments.Shown.read(log, None, None)
+    shown = moments.ShownSession.read(log, None, None)
     named = {each.name: each for each in moments.markers(shown, 7)}
     assert next(iter(named)) == "measured"
     measured, nominal = named.values()
@@ -82,7 +82,7 @@ def test_a_moment_names_each_source_and_its_distance(log):
 
 
 def test_a_video_shows_rows_evenly_and_only_of_its_part(log):
-    shown = moments.Shown.read(log, None, None)
+    shown = moments.ShownSession.read(log, None, None)
     clock = shown.session.time
     assert video.frames(shown).tolist() == list(range(30))
     some = video.frames(shown, (float(clock[4]), float(clock[9])))
@@ -93,20 +93,20 @@ def test_a_video_shows_rows_evenly_and_only_of_its_part(log):
 
 def test_a_picture_is_written_once_and_nothing_else_is_overwritten(log, pencil, tmp_path, capsys):
     out = tmp_path / "a" / "b.png"
-    replay.main(log, out, png=3.0)
+    replay.main(log, out, png="3")
     assert Image.open(out).size == (720, 720 + 2 * ((3 * 24 + 20) // 2))
     assert "next: python -m serpent_twin.replay" in capsys.readouterr().out
     made = out.stat().st_mtime_ns
-    replay.main(log, out, png=3.0)
+    replay.main(log, out, png="3")
     assert out.stat().st_mtime_ns == made
     with pytest.raises(SerpentError, match="is not the picture of this moment"):
-        replay.main(log, out, png=5.0)
+        replay.main(log, out, png="5")
 
 
 def test_a_video_is_written_whole(log, pencil, tmp_path):
     pytest.importorskip("imageio_ffmpeg", reason="the extra view is not installed")
     out = tmp_path / "a.mp4"
-    replay.main(log, out, mp4=True, between=(1.0, 1.5))
+    replay.main(log, out, mp4=True, between=("1.0", "1.5"))
     import imageio_ffmpeg
 
     found = next(imageio_ffmpeg.read_frames(str(out)))

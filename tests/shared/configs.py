@@ -25,6 +25,7 @@ NEEDED = {
     "ForceStudy": {"study": (Path("study"),)},
     "Measured": {"data": Path("data")},
     "Merge": {"logs": Path("logs"), "take": Path("take.csv")},
+    "ShipTrace": {"trace": Path("trace")},
     "Sweep": {"out": Path("out")},
     "Trace": {"logs": Path("logs"), "out": Path("out")},
     "Train": {"logs": Path("logs"), "out": Path("out")},
