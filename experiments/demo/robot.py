@@ -16,9 +16,9 @@ from serpent_twin.arrays import Array
 MODEL = Path(__file__).with_name("robot.xml")
 JOINTS = ("pan", "tilt")
 LATE, FRICTION, AT = 0.03, 0.1, "tilt"  # [s], [N m], joint: what the model lacks
-RATE, SECONDS, LOGS, STEP = 50.0, 12.0, 3, 0.25e-3  # [Hz], [s], files, [s]
+RATE, SECONDS, LOGS, STEP = 100.0, 10.0, 3, 0.25e-3  # [Hz], [s], files, [s]
 COUNTS = 4096  # of the encoders in a turn
-_WAVES, _HIGHEST = 6, 0.9  # of a command, and their highest frequency [Hz]
+_LEG = 0.8  # from one corner of a command to the next [s]
 _SWING = (0.9, 0.6)  # of the commands [rad]
 
 
@@ -58,9 +58,8 @@ def run(rng: np.random.Generator) -> tuple[Array, Array, Array]:
 
 
 def commands(time: Array, rng: np.random.Generator) -> Array:
-    """Goals of both servos [rad], (T, 2): a sum of sines that begins at zero."""
-    frequency = rng.uniform(0.1, _HIGHEST, (_WAVES, 2))
-    phase = rng.uniform(0, 2 * np.pi, (_WAVES, 2))
-    wave = np.sin(2 * np.pi * frequency * time[:, None, None] + phase) - np.sin(phase)
-    total = wave.sum(axis=1)
-    return total / np.abs(total).max(axis=0) * _SWING
+    """Goals of both servos [rad], (T, 2): straight from one random corner to the next, from zero on."""
+    corners = np.arange(0.0, SECONDS + _LEG, _LEG)
+    goals = rng.uniform(-1, 1, (len(corners), 2)) * _SWING
+    goals[0] = 0.0
+    return np.stack([np.interp(time, corners, goals[:, k]) for k in range(2)], axis=-1)

@@ -6,8 +6,8 @@ from typing import Any
 
 from experiments.demo import robot
 
-_TOLERANCE = 0.2
-"""Relative error of a strength that still counts as right"""
+_TOLERANCE, _NAMED = 0.2, 0.5
+"""Relative error of a strength that still counts as right, and of one whose name alone does"""
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,10 @@ def verdict(found: Mapping[str, Any]) -> Iterator[str]:
             continue
         effects.remove(match)
         size = next(iter(match["parameters"].values()))["value"]
-        right = abs(size / fault.strength - 1) <= _TOLERANCE
-        yield (
-            f"  {'right ' if right else 'WRONG '}  {truth}: "
-            f"found {fault.scale * size:.3g} {fault.unit}"
-        )
+        off = size / fault.strength - 1
+        word = "right" if abs(off) <= _TOLERANCE else "named" if abs(off) <= _NAMED else "WRONG"
+        apart = "" if word == "right" else f", {100 * off:+.0f} %".replace("-", "−")
+        yield f"  {word}   {truth}: found {fault.scale * size:.3g} {fault.unit}{apart}"
     for each in effects:
         yield f"  WRONG   {each['name']} was found, which this robot does not have"
 
