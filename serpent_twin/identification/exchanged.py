@@ -23,13 +23,13 @@ from serpent_twin.identification.bars import noise_alone
 from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.fitted import Fit, fits_better
 from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.from_opening import nominal_start
 from serpent_twin.identification.held_out import gain, gave_up
 from serpent_twin.identification.least_squares import derives_cheaply, fit
 from serpent_twin.identification.score_test import too_strong
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import ParameterVector
 
 _COULD = 0.5
 """Share of an accepted effect's evidence from which another could have been accepted in its place"""
@@ -116,9 +116,7 @@ def _together(
     trials: Trials, case: Case[Any], found: Fit, rounds: Sequence[Round], names: Sequence[str]
 ) -> tuple[Case[Any], Fit | None]:
     """A set fitted from where nothing is calibrated, each effect as it was fitted in its round."""
-    wide = [each.name in case.widened for each in case.declared]
-    point = ParameterVector.nominal(case.declared)
-    point = point.after(np.where(wide, found.point.declared, 0.0))
+    point = nominal_start(case, replace(found.point, effects={}))
     for name in names:
         alone = _trial(name, rounds).fit
         assert alone is not None

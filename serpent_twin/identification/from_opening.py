@@ -24,13 +24,18 @@ Opening = tuple[Case[Any], Fit]
 """A case, and the fit without any step from where nothing is calibrated"""
 
 
+def nominal_start(case: Case[Any], point: ParameterVector) -> ParameterVector:
+    """A point's effects on the nominal twin, with the numbers far off that were found so far."""
+    wide = [each.name in case.widened for each in case.declared]
+    start = ParameterVector.nominal(case.declared, point.effects)
+    return start.after(np.where(wide, point.declared, 0.0))
+
+
 def opened(trials: Trials, case: Case[Any], base: Fit, number: int) -> Opening:
     """Where a round begins that is not the first: the nominal twin with the effects, and the numbers far off,
     that were found so far.
     """
-    start = ParameterVector.nominal(case.declared, base.point.effects)
-    wide = [each.name in case.widened for each in case.declared]
-    start = start.after(np.where(wide, base.point.declared, 0.0))
+    start = nominal_start(case, base.point)
     case = case.reweighted(start, trials.training)
     free = free_parameters(case, list(base.point.effects))
     trials.on_progress(f"opening of round {number}")

@@ -191,11 +191,12 @@ def _by_own_size(before: Errors, after: Errors) -> Array:
         (before.marker_by_block, after.marker_by_block),
         (before.load_by_block, after.load_by_block),
     )
-    parts = np.array([2 * (a - b) / (a + b) for a, b in pairs])
-    known = np.isfinite(parts).any(axis=0)
-    out = np.full(known.shape, np.nan)
-    out[known] = np.nanmean(parts[:, known], axis=0)
-    return out
+    return _mean_of_known(np.array([2 * (a - b) / (a + b) for a, b in pairs]))
+
+
+def _mean_of_known(parts: Array) -> Array:
+    """Means over what is known of P kinds of measurement, (P, S, B), NaN where nothing is, (S, B)."""
+    return _means(np.moveaxis(parts, 0, 1).reshape(parts.shape[1], len(parts), -1))
 
 
 def gain(before: Errors, after: Errors, selected: float | None = None) -> Gain:
@@ -216,8 +217,7 @@ def gain(before: Errors, after: Errors, selected: float | None = None) -> Gain:
             "no held-out segment has markers or moving motors, so nothing can be judged. Hold out "
             "other sessions: --held-out."
         )
-    each = np.full(known.shape, np.nan)
-    each[known] = np.nanmean(np.array(parts)[:, known], axis=0)
+    each = _mean_of_known(np.array(parts))
     by_chance = chance(_by_own_size(before, after))
     return Gain(
         each,
