@@ -1,8 +1,9 @@
 """Take a robot's model and its logs to a diagnosis: write machine.toml where there is none, and trace."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional
 
@@ -10,6 +11,9 @@ from serpent_twin.command_line.options import Checked, Seed
 from serpent_twin.errors import SerpentError
 from serpent_twin.identification.run import Trace, trace
 from serpent_twin.stored import within
+
+if TYPE_CHECKING:
+    from serpent_twin.matching import Matched
 
 MACHINE = "machine.toml"
 
@@ -54,27 +58,40 @@ def diagnose(config: Diagnose) -> Trace:
     return traced
 
 
-def _described(config: Diagnose) -> Path:
-    """The machine.toml beside a robot's model, written now or found there."""
+def machine_beside(robot: Path) -> Path:
+    """The machine.toml of a robot: beside its model, or in its folder."""
+    return (robot if robot.is_dir() else robot.parent) / MACHINE
+
+
+def describe(robot: Path, logs: Sequence[Path], path: Path) -> "Matched":
+    """Write the machine.toml of a robot and its logs, and print what was decided and what was not."""
     from serpent_twin import matching
 
-    folder = config.robot if config.robot.is_dir() else config.robot.parent
-    path = folder / MACHINE
-    if path.exists():
-        print(f"{path}: used as it is. Delete it to have it written anew.")
-        return path
-    found = matching.describe(config.robot, config.logs)
+    matching.require_free(path, robot)
+    found = matching.describe(robot, logs)
     for each in found.notes:
         print(each)
     print(f"\n{found.table()}\n")
     found.save(path)
-    print(f"{path}: written. Edit it where it is wrong, and run the same command again.")
+    print(f"{path}: written.")
     for each in found.undecided:
-        print(f"not decided: {path}, {each}")
+        where = f"{path}, " if each.startswith("line ") else ""
+        print(f"not decided: {where}{each}")
+    return found
+
+
+def _described(config: Diagnose) -> Path:
+    """The machine.toml beside a robot's model, written now or found there."""
+    path = machine_beside(config.robot)
+    if path.exists():
+        print(f"{path}: used as it is. Delete it to have it written anew.")
+        return path
+    found = describe(config.robot, config.logs, path)
     if not found.whole:
         raise SerpentError(
             f"{path} is not complete: {len(found.undecided)} "
             f"{'entry is' if len(found.undecided) == 1 else 'entries are'} open, as said above. Edit "
             "the lines named there, and run the same command again."
         )
+    print("Edit it where it is wrong, and run the same command again.")
     return path

@@ -6,8 +6,9 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from serpent_twin import matching, next_step
+from serpent_twin import next_step
 from serpent_twin.command_line import cli
+from serpent_twin.diagnosing import describe, machine_beside
 
 __all__ = ["main"]
 
@@ -28,19 +29,8 @@ def main(
         logs: Its logs, files or folders.
         out: The file.
     """
-    folder = robot if robot.is_dir() else robot.parent
-    path = out or folder / "machine.toml"
-    matching.require_free(path, robot)
-    found = matching.describe(robot, logs)
-    for each in found.notes:
-        print(each)
-    print(f"\n{found.table()}\n")
-    found.save(path)
-    print(f"{path}: written.")
-    for each in found.undecided:
-        print(
-            f"not decided: {path}, {each}" if each.startswith("line ") else f"not decided: {each}"
-        )
+    path = out or machine_beside(robot)
+    found = describe(robot, logs, path)
     if found.whole:
         next_step.say(["serpent_twin.check", "--machine", str(path), "--logs", *map(str, logs)])
     if found.undecided:

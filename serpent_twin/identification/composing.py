@@ -122,6 +122,9 @@ class ComposingTracer(RefittingTracer):
             if self._enough():
                 break
             ways = (self._either_way, self._other_laws) if n < named else (self._one_for_two,)
+            alone = not any(each.accepted for each in rounds[n + 1 :])
+            if n < named and alone and self._unbeaten(done.errors, several):
+                continue
             if done.accepted and (better := self._instead(several, done, rounds, ways)):
                 return better
         return None
@@ -237,10 +240,17 @@ class ComposingTracer(RefittingTracer):
         """Whether a law gains clearly more than named effects in its place: both are idealisations, and where
         a name explains nearly all, what another form of it gains is no reason to give up the name.
         """
-        with_name, with_law = (
-            gain(before, self.errors(each.point)).relative for each in (named, law)
-        )
-        return with_law > (1 + _IDEALISED) * with_name
+        return self._gained(before, law) > (1 + _IDEALISED) * self._gained(before, named)
+
+    def _unbeaten(self, before: Errors, named: Fit) -> bool:
+        """Whether named effects explain so much that no law in the place of the last can gain clearly more,
+        so that none is sought.
+        """
+        return (1 + _IDEALISED) * self._gained(before, named) >= 1
+
+    def _gained(self, before: Errors, found: Fit) -> float:
+        """Share of the held-out error that a fit removes."""
+        return gain(before, self.errors(found.point)).relative
 
     def _resembling(
         self,

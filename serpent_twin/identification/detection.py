@@ -86,7 +86,7 @@ def identifiability(
             )
         found.append(_detection(of, effects, limits))
     hidden = {
-        each.score.name: each.score.tried
+        each.score.name: each.score.change
         for each, limits in zip(effects, found, strict=True)
         if not limits.told
     }
@@ -99,7 +99,7 @@ def identifiability(
         tuple(found),
         directions,
         excitation(without),
-        advice(case, some, opening.point, without, hidden),
+        advice(case, some, without, hidden),
         opening.residual.size // case.channels,
         1 / explained.known.weight,
         case.not_sought,

@@ -9,7 +9,6 @@ import numpy as np
 from serpent_twin.arrays import Array
 from serpent_twin.identification.estimates import key
 from serpent_twin.machines.case import Case
-from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.numerals import listed
 from serpent_twin.residual import ANGLE, Comparison, Measure
 
@@ -80,38 +79,31 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
-def advice(
-    case: Case[Any],
-    pieces: Any,
-    base: ParameterVector,
-    without: Comparison,
-    hidden: Mapping[str, Array],
-) -> str:
+def advice(case: Case[Any], pieces: Any, without: Comparison, hidden: Mapping[str, Array]) -> str:
     """A sentence on the motion that would show effects that are hidden in these logs; nothing for none.
 
-    `hidden` holds the parameters of each effect. A twin with it is compared with the base, `without` any: the
-    motion that its difference follows most, of those in the logs, is what there should be more of. An effect
-    whose memory outlives a segment shows where poses are held.
+    `hidden` holds what each effect changes of the residual of these segments, (N,): the motion that this
+    follows most, of those in their comparison `without` any, is what there should be more of. An effect whose
+    memory outlives a segment shows where poses are held.
     """
     if not hidden:
         return ""
     still = [each.name for each in excitation(without) if each.still]
     wanted: dict[str, list[str]] = {}
-    for name, values in list(hidden.items())[:_ADVISED]:
+    for name, change in list(hidden.items())[:_ADVISED]:
         motion = _SLOW
         if not case.candidates[name].remembers:
-            motion = _motion(without, case.compare(base.having(name, values), pieces))
+            motion = _motion(without, _by_row(pieces, without, change))
         wanted.setdefault(motion, []).append(name.replace("_", " "))
     told = [f"to show {listed(names)}, {motion}" for motion, names in wanted.items()]
     text = "; ".join([f"move {listed(still)}", *told] if still else told)
     return f"{text[:1].upper()}{text[1:]}."
 
 
-def _motion(without: Comparison, having: Comparison) -> str:
-    """The motion that an effect's change of the prediction follows most, in the imperative; all of them
-    where it follows none.
+def _motion(without: Comparison, change: Array) -> str:
+    """The motion that the change of each row, (S, T), follows most, in the imperative; all of them where it
+    follows none.
     """
-    change = _change(without, having)
     if not np.isfinite(change).all() or np.ptp(change) < 1e-12:
         return _ALL
     best, most = _ALL, _RELATED
@@ -122,15 +114,20 @@ def _motion(without: Comparison, having: Comparison) -> str:
     return best
 
 
-def _change(without: Comparison, having: Comparison) -> Array:
-    """How much the prediction changes in each row, pose and loads weighing alike, (S, T)."""
-    total = np.zeros(without.time.shape)
-    for field in ("marker_predicted", "load_predicted"):
-        one, other = getattr(without, field), getattr(having, field)
-        if one is not None and one.size:
-            square = ((other - one) ** 2).reshape(*total.shape, -1).mean(axis=-1)
-            total += square / max(float(square.mean()), 1e-30)
-    return np.sqrt(total)
+def _by_row(pieces: Any, without: Comparison, change: Array) -> Array:
+    """How much each row of a comparison changes, all channels weighing alike, (S, T). A comparison may have
+    segments in blocks of some rows, without those in which nothing is measured.
+    """
+    rows, measured = without.time.shape[1], pieces.measured
+    whole = measured.shape[1] // rows * rows
+    values, known = (
+        np.reshape(each.reshape(measured.shape)[:, :whole], (-1, rows, measured.shape[2]))
+        for each in (change.astype(float), np.isfinite(measured))
+    )
+    if len(values) > len(without.time):
+        values = values[known.any(axis=(1, 2))]
+    size = np.maximum((values**2).mean(axis=(0, 1)), 1e-30)
+    return np.sqrt((values**2 / size).sum(axis=-1))
 
 
 def _motions(c: Comparison) -> Iterator[tuple[str, Array]]:

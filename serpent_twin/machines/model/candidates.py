@@ -33,6 +33,8 @@ _PLAY, _SPRING, _LOAD, _RUBS = 0.02, 0.1, 0.1, 0.1
 """Typical effects: of the range of a drive, of a joint's stiffness, of the mass that a body carries, of the
 force that moves a joint
 """
+_PEAK = 1.0
+"""Times the root mean square of a joint's force, at which a drive's force is typically cut off"""
 _LIGHT = 0.01
 """Share of the whole mass that a place is taken to carry at least"""
 _LATE = 1 / 3
@@ -52,6 +54,7 @@ def candidates(machine: Described, training: Sequence[Recording]) -> dict[str, C
         found += [candidate("command_delay")] * bool(machine.commanded)
         found += [*_late(machine, training), *rubbing_tendons(machine)]
         found += _saturated(machine, training, sized)
+        found += _weak(machine, sized)
         found += laws_of_state(machine, training, sized)
     else:
         found += rubbing(machine)
@@ -194,6 +197,19 @@ def _saturated(
         if peak > 0:
             rate = sized_range("torque_saturation", "rate", _RUBS / peak)
             yield candidate(f"torque_saturation@{each.actuator}", rate=rate)
+
+
+def _weak(machine: Described, sized: Sizes) -> Iterator[Candidate]:
+    """A limit of the force of each actuator of a joint."""
+    model = machine.model
+    for each in machine.commanded:
+        n = model.actuator(each.actuator).id
+        if model.actuator_trntype[n] == mujoco.mjtTrn.mjTRN_JOINT and model.actuator_gear[n, 0]:
+            dof = model.jnt_dofadr[model.actuator_trnid[n, 0]]
+            usual = float(sized.force[dof]) / abs(model.actuator_gear[n, 0])
+            limit = sized_range("force_limit", "reciprocal", 1 / (_PEAK * usual))
+            unit = "1/N" if machine.is_length(each) else limit.unit
+            yield candidate(f"force_limit@{each.actuator}", reciprocal=replace(limit, unit=unit))
 
 
 def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:

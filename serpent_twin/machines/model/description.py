@@ -337,7 +337,10 @@ class Described:
 
     def told(self, drive: DriveColumn) -> Measure:
         """What a drive tells the model."""
-        return {"mm": LENGTH, "°": ANGLE, "1": CONTROL}[self.control_unit(drive)[0]]
+        unit, own = self.control_unit(drive)[0], TO_SI[drive.unit][1]
+        if unit == "1" and own != "1":
+            return replace(CONTROL, unit=own, base=own)
+        return {"mm": LENGTH, "°": ANGLE, "1": CONTROL}[unit]
 
     @property
     def keyframe_controls(self) -> Array:

@@ -16,6 +16,7 @@ from serpent_twin.machines.model.clocks import clocks_of, sessions_of, wholes_of
 from serpent_twin.machines.model.description import Described
 from serpent_twin.machines.model.drives import controls
 from serpent_twin.machines.model.earlier import acting
+from serpent_twin.machines.model.filters import filtered, only_filters
 from serpent_twin.machines.model.full_states import FullStates
 from serpent_twin.machines.model.known import Factor, by_known_numbers
 from serpent_twin.machines.model.motion import DrivenMotion, StartGains, start_gain
@@ -101,8 +102,11 @@ class TwinsInMotion:
         at = start(machine, begin, pieces).repeated(len(twins))
         past = None
         if self._replays(each[0].models[0]) and wholes_of(pieces):
-            past = self._followed(pieces)
-            at = replace(at, whole=_beginnings(past, pieces, len(twins)))
+            if all_measured(machine) and only_filters(each[0].models[0]):
+                at = replace(at, whole=self._filtered(begin, pieces))
+            else:
+                past = self._followed(pieces)
+                at = replace(at, whole=_beginnings(past, pieces, len(twins)))
         gain = None
         if at.joints and not machine.about.start:
             gain = np.tile(self.gains.of(pieces, self._start_gain), (len(twins), 1, 1))
@@ -138,6 +142,12 @@ class TwinsInMotion:
         begun = sessions.begun(self.begun.of(distinct) * n)
         rows = int(_places(pieces)[1].max()) + 1
         return followed(driven, seen, self.steps, sessions.joints, begun, rows)
+
+    def _filtered(self, begin: Array, pieces: Runs) -> FullStates:
+        """How runs begin where a state holds no more than measured joints and filters of the commands."""
+        runs, _ = self._sessions(sessions_of(pieces))
+        driven = DrivenRuns.together([twin.driven(runs) for twin in self.twins])
+        return filtered(driven, begin).at(*_from_sessions(pieces, len(self.twins)))
 
     def _sessions(self, wholes: Sequence[Recording]) -> tuple[Runs, MeasuredJoints]:
         """Whole sessions, and their measured joints."""
@@ -185,7 +195,12 @@ def _places(pieces: Runs) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 def _beginnings(past: FollowedSessions, pieces: Runs, twins: int) -> FullStates:
     """States in which the runs of some twins begin, one twin after the other."""
+    return past.at(*_from_sessions(pieces, twins))
+
+
+def _from_sessions(pieces: Runs, twins: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The session, of those of some twins one after the other, and the row in which each run begins."""
     session, row = _places(pieces)
     several = len(sessions_of(pieces))
     each = [twin * several + session for twin in range(twins)]
-    return past.at(np.concatenate(each), np.tile(row, twins))
+    return np.concatenate(each), np.tile(row, twins)

@@ -73,6 +73,17 @@ def _scale_gain(actuator: Any, factor: float) -> None:
     actuator.biasprm[1:3] *= factor
 
 
+def _damping_time(model: mujoco.MjModel) -> np.ndarray:
+    """The ratio kv / kp of actuators that set a position and damp [s]."""
+    stiff, damped = -model.actuator_biasprm[:, 1], -model.actuator_biasprm[:, 2]
+    damps = (stiff > 0) & (damped > 0) & ~is_dc_motor(model)
+    return np.where(damps, damped / np.where(damps, stiff, 1.0), 0.0)
+
+
+def _scale_damping(actuator: Any, factor: float) -> None:
+    actuator.biasprm[2] *= factor
+
+
 def _of_motor(place: int) -> Callable[[mujoco.MjModel], np.ndarray]:
     return lambda model: np.where(is_dc_motor(model), model.actuator_gainprm[:, place], 0.0)
 
@@ -158,6 +169,9 @@ NUMBERS: Mapping[str, NumberKind] = {
     "joint zero": _turned("ref", "qpos0", 2.0),
     "joint rest": _turned("springref", "qpos_spring", 3.0),
     "actuator gain": NumberKind("1", "actuator", _gain, _scale_gain, 0.5),
+    "actuator damping": NumberKind(
+        "s", "actuator", _damping_time, _scale_damping, 0.5, at_rest=False
+    ),
     "tendon stiffness": NumberKind(
         "N/m", "tendon", lambda m: m.tendon_stiffness, _attribute("stiffness")
     ),
