@@ -20,6 +20,8 @@ from serpent_twin.machines.machine import ParameterVector
 
 _FITTED = 3
 """Candidates that are fitted"""
+BEHIND = 2.0
+"""Times the least cost by the same weights, above which a fit is gone on with no further"""
 Opening = tuple[Case[Any], Fit]
 """A case, and the fit without any step from where nothing is calibrated"""
 
@@ -64,7 +66,7 @@ def from_opening(
     if not chosen:
         return out
     weighed, begun = weighed_by_left(case, begun, list(found.values()))
-    cheap = derives_cheaply(case)
+    cheap, least = derives_cheaply(case), np.inf
     for name in chosen:
         trials.on_progress(f"{stage.split('_')[0]}, from the opening: fitting {spaced(name)}")
         fitted = trials.stable(
@@ -76,8 +78,8 @@ def from_opening(
         if fitted is None:
             out[name] = replace(out[name], score=replace(found[name], unstable=True))
             continue
-        own = weighed
-        if cheap:
+        own, least = weighed, min(least, fitted.cost)
+        if cheap and fitted.cost <= BEHIND * least:
             own, fitted = trials.reweighted(weighed, fitted, f"fit_{stage}_{name}")
         out[name] = trials.judged(own, found[name], base, fitted, before, len(chosen))
     return out

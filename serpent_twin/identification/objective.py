@@ -23,6 +23,8 @@ _SINGLE = 1e-5
 """Of a normal matrix of derivatives in single precision, what may be rounding"""
 _DAMPINGS = (0.3, 3.0)
 """Levenberg's, tried where the step without is no improvement; from then on beside it"""
+_SHORTER = (0.5, 0.2)
+"""Shares of the step, tried then too: where a residual bends along it, they get much further"""
 
 
 def variance_inflation(residual: Array, channels: int) -> float:
@@ -126,22 +128,26 @@ class Objective:
         return self._anchored(start, residual), out
 
     def step(self, at: At, jacobian: Array) -> At | None:
-        """Gauss-Newton's step; if that is no improvement, the best of those with Levenberg's damping
-        and of the one that answers to what is new alone; or nothing. From then on all are tried side by side,
-        up to the next derivative.
+        """Gauss-Newton's step; if that is no improvement, the best of shorter ones, of those with Levenberg's
+        damping and of the one that answers to what is new alone; or nothing. From then on all are tried side
+        by side, up to the next derivative.
         """
         flat = jacobian.reshape(len(self.free), -1)
         normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
         pull = -(flat @ at.residual.ravel()) / self.variance_inflation
         pull -= self.prior * self.lean(at.point)
         ends = room(self.case, at.point, self.free)
-        plain = [(0.0, pull)]
-        other = [(damping, pull) for damping in _DAMPINGS]
-        if not self.afresh:
-            other.append((0.0, pull - self._left))
-        for group in ([*plain, *other],) if self.damped else (plain, other):
-            self.damped = len(group) > 1
-            steps = [least(normal + d * np.diag(np.diag(normal)), by, *ends) for d, by in group]
+        plain = least(normal, pull, *ends)
+
+        def other() -> list[Array]:
+            damped = [least(normal + d * np.diag(np.diag(normal)), pull, *ends) for d in _DAMPINGS]
+            new = [] if self.afresh else [least(normal, pull - self._left, *ends)]
+            return [*(share * plain for share in _SHORTER), *damped, *new]
+
+        groups = (lambda: [plain, *other()],) if self.damped else (lambda: [plain], other)
+        for group in groups:
+            steps = group()
+            self.damped = len(steps) > 1
             tried = [moved(self.case, at.point, self.free, step) for step in steps]
             found = self.residuals(tried)
             costs = [self.cost(each, there) for each, there in zip(found, tried, strict=True)]

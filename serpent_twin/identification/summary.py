@@ -8,13 +8,17 @@ import numpy as np
 from serpent_twin.effects.law import parse
 from serpent_twin.effects.law_causes import look_for
 from serpent_twin.identification.diagnosis import Diagnosis, Named
+from serpent_twin.identification.estimates import Calibrated
 from serpent_twin.identification.wording import capital, spaced, with_numbers
 from serpent_twin.machines.candidate import Candidate
+from serpent_twin.numerals import listed
 from serpent_twin.reporting.report import Table, text_table
 from serpent_twin.residual.noise import in_words
 
 _WIDTH = 96
 _STAGES = ("nominal", "calibrated", "corrected")
+_CLEARLY, _NUMBERS = 0.15, 4
+"""Least logarithm of a ratio to the model's number that is told, and most numbers"""
 _LISTED = 6
 """Limits that are listed: the report has all"""
 
@@ -27,6 +31,7 @@ def summary(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> str:
         _title(diagnosis),
         _found(diagnosis),
         _errors(diagnosis),
+        _numbers(diagnosis),
         "\n".join(_marked(_checks(diagnosis, known))),
         "\n".join(_marked(_open(diagnosis))),
     )
@@ -62,6 +67,8 @@ def _rows(effect: Named) -> Iterator[tuple[str, ...]]:
     for key, each in effect.parameters.items():
         ends = f"{each.low:.3g} … {each.high:.3g}" if each.fitted else "given"
         value = f"{each.value:.3g}" if each.determined else "not determined"
+        if each.unit.startswith("1/") and each.determined and each.value:
+            value += f" = 1/{1 / each.value:.3g}"
         unit = "" if each.unit == "1" else each.unit
         yield (name, key.replace("_", " "), value, ends, unit, said)
         name = said = ""
@@ -86,6 +93,25 @@ def _errors(diagnosis: Diagnosis) -> str:
         f"({measure.noise}: {noise}).",
         _WIDTH,
     )
+
+
+def _numbers(diagnosis: Diagnosis) -> str:
+    """The model's own numbers that the logs make clearly different, those first that differ most."""
+    off: dict[str, float] = {}
+    for each in diagnosis.calibration.values():
+        value, was = each.value, each.nominal
+        beyond = not value.low <= was <= value.high
+        if beyond and value.value / was > 0 and value.value:
+            off[_number(each)] = abs(np.log(value.value / was))
+    told = sorted((name for name in off if off[name] > _CLEARLY), key=lambda name: -off[name])
+    if not told:
+        return ""
+    return textwrap.fill(f"By the logs, {listed(told[:_NUMBERS])}.", _WIDTH)
+
+
+def _number(of: Calibrated) -> str:
+    unit = "" if of.value.unit == "1" else f" {of.value.unit}"
+    return f"{of.name} is {of.value.value:.3g}{unit} (in the model {of.nominal:.3g})"
 
 
 def _checks(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> Iterator[str]:

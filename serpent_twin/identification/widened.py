@@ -11,6 +11,7 @@ from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitted import Fit, fits_better
 from serpent_twin.identification.free_parameters import free_parameters
+from serpent_twin.identification.from_opening import BEHIND
 from serpent_twin.identification.held_out import Errors, gain, gave_up
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit
@@ -65,8 +66,9 @@ def far_off(
     scored = list(trials.scores("1_start", at, begun, kept).values())
     several, found = leaving(at, begun), list[FarOff]()
     weighed = weighed_by_left(at, begun, scored)
+    most = BEHIND * _cost_of(trials, *weighed, done)
     for name, point in begun_far_off(trials, *weighed, several).items():
-        tried = widened(trials, weighed, base, done.errors, name, point, len(several))
+        tried = widened(trials, weighed, base, done.errors, name, point, len(several), most)
         if tried and stands(tried.trial, done):
             found.append(tried)
     return max(found, key=lambda each: each.saves, default=None)
@@ -121,10 +123,11 @@ def widened(
     name: str,
     point: ParameterVector,
     among: int,
+    most: float = np.inf,
 ) -> FarOff | None:
     """A calibration in which one number may be far off, from a point where it is, judged against the
-    calibration `base`; None where it is unstable, or where other numbers that differ less from what was built
-    do as well.
+    calibration `base`; None where it is unstable, where it leaves a cost of more than the `most`, or where
+    other numbers that differ less from what was built do as well.
     """
     usual, begun = opening
     farthest = next(each.farthest for each in usual.declared if each.name == name)
@@ -145,7 +148,7 @@ def widened(
             afresh=True,
         ),
     )
-    if fitted is None:
+    if fitted is None or fitted.cost > most:
         return None
     case, fitted = trials.reweighted(case, fitted, f"widened_{mark([name])}")
     after = trials.errors(case, fitted.point)
@@ -158,6 +161,15 @@ def widened(
     fits = fits_better(base, fitted, case.channels)
     trial = CandidateTrial(score, fitted, found, after.marker, selected, after, fits)
     return FarOff(case, trial, saves)
+
+
+def _cost_of(trials: Trials, case: Case[Any], opening: Fit, done: Round) -> float:
+    """The cost of what a round accepted, by the weights of the opening; infinite without."""
+    found = done.trials[done.accepted[0]].fit if done.accepted else None
+    if found is None:
+        return np.inf
+    residual = case.residual([found.point], case.take(trials.training, opening.used))[0]
+    return cost_at(case, found.point, residual, opening.variance_inflation)
 
 
 def _saves(usual: Case[Any], trials: Trials, base: Fit, case: Case[Any], fitted: Fit) -> float:

@@ -21,3 +21,9 @@ def test_nothing_missing_and_nothing_explained_begin_unlike():
     first, *others = summary(diagnosis(unexplained=rest), candidates()).splitlines()
     assert "no known effect explains" in first
     assert any("Unexplained: The markers follow motor 3's angle." in line for line in others)
+
+
+def test_numbers_of_the_model_that_the_logs_make_different_are_told():
+    said = " ".join(summary(diagnosis(), candidates()).split())
+    assert "By the logs, strand stiffness 1+ is 22.1 kN/m (in the model 18.8)." in said
+    assert "strand slack" not in said.partition("By the logs,")[2].partition(".")[0]
