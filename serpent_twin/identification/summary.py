@@ -101,7 +101,7 @@ def _numbers(diagnosis: Diagnosis) -> str:
     for each in diagnosis.calibration.values():
         value, was = each.value, each.nominal
         beyond = not value.low <= was <= value.high
-        if beyond and value.value / was > 0 and value.value:
+        if beyond and value.value * was > 0:
             off[_number(each)] = abs(np.log(value.value / was))
     told = sorted((name for name in off if off[name] > _CLEARLY), key=lambda name: -off[name])
     if not told:
