@@ -26,9 +26,10 @@ def keep(folder: Path, found: bool) -> None:
 
     Nothing is written where the last fit has no stage.
     """
-    if not (folder / "stages" / f"{_final(found)}.npz").is_file():
+    stages = folder / "stages"
+    if not (stages / f"{_final(stages, found)}.npz").is_file():
         return
-    last, single = _of_stages(folder / "stages", found)
+    last, single = _of_stages(stages, found)
     effects = {name: list(map(float, at.effects[name])) for name, at in single.items()}
     arrays = {name: each for name, each in fit_arrays(last).items() if name not in _LARGE}
     part = folder / f"{FILE}.part"
@@ -66,7 +67,7 @@ def _points(last: Fit, effects: Mapping[str, np.ndarray]) -> dict[str, Parameter
 
 
 def _of_stages(stages: Path, found: bool) -> tuple[Fit, dict[str, ParameterVector]]:
-    files, final = sorted(stages.glob("*.npz")), _final(found)
+    files, final = sorted(stages.glob("*.npz")), _final(stages, found)
     if stages / f"{final}.npz" not in files:
         raise SerpentError(f"{stages} lacks {final}.npz. {_ADVICE}")
     notes = Checkpoints(stages, Stopwatch())
@@ -85,9 +86,9 @@ def _of_stages(stages: Path, found: bool) -> tuple[Fit, dict[str, ParameterVecto
     return last, single
 
 
-def _final(found: bool) -> str:
-    """Name of the stage with the last fit."""
-    return "last" if found else "calibrated_3"
+def _final(stages: Path, found: bool) -> str:
+    """Name of the stage with the last fit; a trace of before that found nothing may have none of its own."""
+    return "last" if found or (stages / "last.npz").is_file() else "calibrated_3"
 
 
 def _missing() -> Fit:

@@ -45,8 +45,6 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
 _MOST_EFFECTS = 6
-_REWEIGHTED = 4
-"""Most fits of a calibration with new weights"""
 _LAST_STEPS = 2
 """Steps of a last fit where a derivative serves many: it begins near its end, and each simulates all logs"""
 BEATS = 0.97
@@ -209,13 +207,8 @@ class Tracer:
         """A first fit gone on with until its weights settle: where a first guess misses a channel by far, its
         weight hides how much of it a better fit explains.
         """
-        self.case = self._weighed_by(first)
-        found = self._fit(f"{name}_2", first.point, first.free, 0, carried=first)
-        for n in range(3, 3 + _REWEIGHTED):
-            self.case = self._weighed_by(found)
-            found = self._fit(f"{name}_{n}", found.point, found.free, 3, carried=found)
-            if self._weighed_by(found).weighs_like(self.case):
-                break
+        case = replace(self.case, noise=first.noise)  # which its residual is weighed by
+        self.case, found = self.trials.reweighted(case, first, name)
         return found
 
     def _weighed_by(self, found: Fit) -> Case[Any]:
@@ -280,7 +273,7 @@ class Tracer:
         """The last fit, on more segments if there are, from which numbers are reported."""
         most = min(self.case.segments[True], len(self.training))
         if not found.point.effects and len(found.used) >= most:
-            return found
+            return self.notes.fit("last", lambda: found)
         self.case = self._weighed_by(found)
         return self._fit("last", found.point, found.free, self._last, carried=found, last=True)
 

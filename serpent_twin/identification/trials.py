@@ -50,7 +50,7 @@ _WEAK = 0.1
 """Share of the strength that an effect had alone, from which it is fitted beside another"""
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
-_REWEIGHTED = 3
+_REWEIGHTED = 4
 """Most fits with new weights"""
 _RIVALS = 2
 """Rivals, below which those that were not fitted in their round are fitted afterwards"""
@@ -152,7 +152,8 @@ class Trials:
         """A fit that its last derivative still bettered, gone on with derivatives by all parameters: what is
         compared with others should not be half-way.
         """
-        self.on_progress(f"fitting {' and '.join(map(spaced, begun.point.effects))} further")
+        what = " and ".join(map(spaced, begun.point.effects)) or "the model's numbers"
+        self.on_progress(f"fitting {what} further")
         most, free = len(begun.used), begun.free
         return self.notes.fit(
             stage,
