@@ -22,6 +22,8 @@ _FITTED = 3
 """Candidates that are fitted"""
 BEHIND = 2.0
 """Times the least cost by the same weights, above which a fit is gone on with no further"""
+HOPELESS = 10.0
+"""The same after a first derivative"""
 Opening = tuple[Case[Any], Fit]
 """A case, and the fit without any step from where nothing is calibrated"""
 
@@ -71,8 +73,8 @@ def from_opening(
         trials.on_progress(f"{stage.split('_')[0]}, from the opening: fitting {spaced(name)}")
         fitted = trials.stable(
             f"fit_{stage}_{name}",
-            lambda one=found[name]: full_fit(
-                weighed, trials.training, begun, one, trials.on_progress, afresh=cheap
+            lambda one=found[name], near=HOPELESS * least: full_fit(
+                weighed, trials.training, begun, one, trials.on_progress, near, afresh=cheap
             ),
         )
         if fitted is None:

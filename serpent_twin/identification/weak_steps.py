@@ -18,7 +18,7 @@ from serpent_twin.identification.objective import At, Objective, least
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 
-_MOST = 24
+_MOST = 10
 """Directions, the weakest ones; other slopes stay as they are"""
 _CHANGE = 3.0
 """Standard deviations by which a difference changes the residual"""

@@ -11,7 +11,7 @@ from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitted import Fit, fits_better
 from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.from_opening import BEHIND
+from serpent_twin.identification.from_opening import BEHIND, HOPELESS
 from serpent_twin.identification.held_out import Errors, gain, gave_up
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit
@@ -66,9 +66,9 @@ def far_off(
     scored = list(trials.scores("1_start", at, begun, kept).values())
     several, found = leaving(at, begun), list[FarOff]()
     weighed = weighed_by_left(at, begun, scored)
-    most = BEHIND * _cost_of(trials, *weighed, done)
+    least = _cost_of(trials, *weighed, done)
     for name, point in begun_far_off(trials, *weighed, several).items():
-        tried = widened(trials, weighed, base, done.errors, name, point, len(several), most)
+        tried = widened(trials, weighed, base, done.errors, name, point, len(several), least)
         if tried and stands(tried.trial, done):
             found.append(tried)
     return max(found, key=lambda each: each.saves, default=None)
@@ -123,11 +123,11 @@ def widened(
     name: str,
     point: ParameterVector,
     among: int,
-    most: float = np.inf,
+    least: float = np.inf,
 ) -> FarOff | None:
     """A calibration in which one number may be far off, from a point where it is, judged against the
-    calibration `base`; None where it is unstable, where it leaves a cost of more than the `most`, or where
-    other numbers that differ less from what was built do as well.
+    calibration `base`; None where it is unstable, where it leaves far more than the `least` cost of what was
+    accepted, or where other numbers that differ less from what was built do as well.
     """
     usual, begun = opening
     farthest = next(each.farthest for each in usual.declared if each.name == name)
@@ -145,10 +145,11 @@ def widened(
             1,
             trials.on_progress,
             known=begun,
+            near=HOPELESS * least,
             afresh=True,
         ),
     )
-    if fitted is None or fitted.cost > most:
+    if fitted is None or fitted.cost > BEHIND * least:
         return None
     case, fitted = trials.reweighted(case, fitted, f"widened_{mark([name])}")
     after = trials.errors(case, fitted.point)

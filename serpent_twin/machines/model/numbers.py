@@ -170,7 +170,7 @@ NUMBERS: Mapping[str, NumberKind] = {
     "joint rest": _turned("springref", "qpos_spring", 3.0),
     "actuator gain": NumberKind("1", "actuator", _gain, _scale_gain, 0.5),
     "actuator damping": NumberKind(
-        "s", "actuator", _damping_time, _scale_damping, 0.5, at_rest=False
+        "s", "actuator", _damping_time, _scale_damping, 0.2, at_rest=False
     ),
     "tendon stiffness": NumberKind(
         "N/m", "tendon", lambda m: m.tendon_stiffness, _attribute("stiffness")
