@@ -24,7 +24,7 @@ _SINGLE = 1e-5
 _DAMPINGS = (0.3, 3.0)
 """Levenberg's, tried where the step without is no improvement; from then on beside it"""
 _SHORTER = (0.5, 0.2)
-"""Shares of the step, tried then too: where a residual bends along it, they get much further"""
+"""Shares of the step, tried then too: where a residual bends along it, they get much further than damping"""
 
 
 def variance_inflation(residual: Array, channels: int) -> float:
@@ -128,9 +128,9 @@ class Objective:
         return self._anchored(start, residual), out
 
     def step(self, at: At, jacobian: Array) -> At | None:
-        """Gauss-Newton's step; if that is no improvement, the best of shorter ones, of those with Levenberg's
-        damping and of the one that answers to what is new alone; or nothing. From then on all are tried side
-        by side, up to the next derivative.
+        """Gauss-Newton's step; if that is no improvement, the best of half of it, of one with Levenberg's damping
+        and of the one that answers to what is new alone; then of shorter and more damped ones; or nothing. From
+        then on the first few are tried side by side, up to the next derivative.
         """
         flat = jacobian.reshape(len(self.free), -1)
         normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
@@ -139,13 +139,18 @@ class Objective:
         ends = room(self.case, at.point, self.free)
         plain = least(normal, pull, *ends)
 
-        def other() -> list[Array]:
-            damped = [least(normal + d * np.diag(np.diag(normal)), pull, *ends) for d in _DAMPINGS]
-            new = [] if self.afresh else [least(normal, pull - self._left, *ends)]
-            return [*(share * plain for share in _SHORTER), *damped, *new]
+        def damped(by: float) -> Array:
+            return least(normal + by * np.diag(np.diag(normal)), pull, *ends)
 
-        groups = (lambda: [plain, *other()],) if self.damped else (lambda: [plain], other)
-        for group in groups:
+        def second() -> list[Array]:
+            new = [] if self.afresh else [least(normal, pull - self._left, *ends)]
+            return [_SHORTER[0] * plain, damped(_DAMPINGS[0]), *new]
+
+        def third() -> list[Array]:
+            return [_SHORTER[1] * plain, damped(_DAMPINGS[1])]
+
+        first = (lambda: [plain, *second()],) if self.damped else (lambda: [plain], second)
+        for group in (*first, third):
             steps = group()
             self.damped = len(steps) > 1
             tried = [moved(self.case, at.point, self.free, step) for step in steps]

@@ -200,11 +200,12 @@ def _saturated(
 
 
 def _weak(machine: Described, sized: Sizes) -> Iterator[Candidate]:
-    """A limit of the force of each actuator of a joint."""
+    """A limit of the force of each servo of a joint: what is told a force would be told its limit, too."""
     model = machine.model
     for each in machine.commanded:
         n = model.actuator(each.actuator).id
-        if model.actuator_trntype[n] == mujoco.mjtTrn.mjTRN_JOINT and model.actuator_gear[n, 0]:
+        servo = model.actuator_biasprm[n, 1:3].any() and model.actuator_gear[n, 0]
+        if servo and model.actuator_trntype[n] == mujoco.mjtTrn.mjTRN_JOINT:
             dof = model.jnt_dofadr[model.actuator_trnid[n, 0]]
             usual = float(sized.force[dof]) / abs(model.actuator_gear[n, 0])
             limit = sized_range("force_limit", "reciprocal", 1 / (_PEAK * usual))
