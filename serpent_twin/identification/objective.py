@@ -128,9 +128,9 @@ class Objective:
         return self._anchored(start, residual), out
 
     def step(self, at: At, jacobian: Array) -> At | None:
-        """Gauss-Newton's step; if that is no improvement, the best of half of it, of one with Levenberg's damping
-        and of the one that answers to what is new alone; then of shorter and more damped ones; or nothing. From
-        then on the first few are tried side by side, up to the next derivative.
+        """Gauss-Newton's step; if that is no improvement, the best of half of it, of one with Levenberg's
+        damping and of the one that answers to what is new alone; then of shorter and more damped ones; or
+        nothing. From then on the first few are tried side by side, up to the next derivative.
         """
         flat = jacobian.reshape(len(self.free), -1)
         normal = flat @ flat.T / self.variance_inflation + np.diag(self.prior)
