@@ -1,6 +1,6 @@
 """Fit candidates from where nothing is calibrated: a calibration without them absorbs delays and friction."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -85,3 +85,22 @@ def from_opening(
             own, fitted = trials.reweighted(weighed, fitted, f"fit_{stage}_{name}")
         out[name] = trials.judged(own, found[name], base, fitted, before, len(chosen))
     return out
+
+
+def behind(
+    trials: Trials,
+    case: Case[Any],
+    names: Sequence[str],
+    base: Fit,
+    absorbed: Mapping[str, CandidateTrial],
+    stage: str,
+) -> list[str]:
+    """The names of candidates that leave far more on top of a base, to first order, than one of those that
+    were fitted from the opening.
+    """
+    scores = trials.scores(stage, case, base, names)
+    points = [each.fit.point for each in absorbed.values() if each.fit]
+    some = case.take(trials.training, base.used)
+    squares = (case.residual([base.point, *points], some) ** 2).sum(axis=(1, 2))
+    most = BEHIND * np.nanmin(squares[1:]) / squares[0]
+    return [name for name in names if 1 - scores[name].share > most]

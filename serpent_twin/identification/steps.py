@@ -7,7 +7,7 @@ repeat with it included. (5) An error above that of a twin that lacks nothing is
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -31,7 +31,7 @@ from serpent_twin.identification.detection import identifiability, opening_fit
 from serpent_twin.identification.exchanged import exchanged
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import FreeParameters, free_parameters
-from serpent_twin.identification.from_opening import BEHIND, Opening, from_opening, opened
+from serpent_twin.identification.from_opening import Opening, behind, from_opening, opened
 from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
@@ -293,19 +293,6 @@ class Tracer:
         rest = last.without(idle)
         return self._fit("last_without", rest.point, rest.free, self._last, carried=rest, last=True)
 
-    def _behind(
-        self, names: Sequence[str], base: Fit, absorbed: Mapping[str, CandidateTrial], stage: str
-    ) -> list[str]:
-        """The candidates that leave far more on top of a base, to first order, than one that was fitted from
-        the opening.
-        """
-        scores = self.trials.scores(stage, self.case, base, names)
-        points = [each.fit.point for each in absorbed.values() if each.fit]
-        some = self.case.take(self.training, base.used)
-        squares = (self.case.residual([base.point, *points], some) ** 2).sum(axis=(1, 2))
-        most = BEHIND * np.nanmin(squares[1:]) / squares[0]
-        return [name for name in names if 1 - scores[name].share > most]
-
     def _round(self, base: Fit, rounds: Sequence[Round], opening: Opening) -> Round:
         """Try all candidates; those that calibration may have absorbed also where nothing is calibrated yet;
         and pairs, if none is accepted alone. Without any, a promising candidate stands until it was fitted
@@ -326,7 +313,7 @@ class Tracer:
             now = opened(self.trials, self.case, base, number) if number > 1 else opening
             absorbed = from_opening(self.trials, names, now, base, before, f"{number}_start")
         done, stage = [name for name, each in absorbed.items() if each.fit], f"{number}_base"
-        behind = self._behind(names, base, absorbed, stage) if done else []
+        late = behind(self.trials, self.case, names, base, absorbed, stage) if done else []
         trials = self.trials.each(
             names,
             self.case,
@@ -335,7 +322,7 @@ class Tracer:
             before,
             stage,
             anyway=missed,
-            but=[*done, *behind],
+            but=[*done, *late],
         )
         trials |= {name: replace(absorbed[name], score=trials[name].score) for name in done}
         if best := best_trial(trials, self.case.candidates):

@@ -102,7 +102,8 @@ class TwinsInMotion:
         at = start(machine, begin, pieces).repeated(len(twins))
         past = None
         if self._replays(each[0].models[0]) and wholes_of(pieces):
-            if all_measured(machine) and only_filters(each[0].models[0]):
+            own = machine.model.na or not all_measured(machine)  # whose beginning logs say
+            if not own and only_filters(each[0].models[0]):
                 at = replace(at, whole=self._filtered(begin, pieces))
             else:
                 past = self._followed(pieces)
