@@ -9,7 +9,7 @@ import numpy as np
 
 from serpent_twin import effects
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Range
+from serpent_twin.effects import Range, place_of
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import free_parameters, steadied
 from serpent_twin.identification.information import Information
@@ -29,6 +29,8 @@ _BESIDE_THE_BEST = 0.1
 _LIKE_THE_BEST, _AT_LEAST = 0.03, 0.005
 """Of what the best candidate removes, for those that it can be confused with; and of the residual's squares:
 what removes less would not be accepted in its place either"""
+_AT_ONE_PLACE = 0.8
+"""Of what another candidate removes that it can be confused with, at the same place"""
 _DERIVATIVES = 2
 _SHOWS = 0.003
 """Share of the residual's squares from which a candidate's places are tried: one cable of ten shows by about
@@ -234,16 +236,30 @@ def worth_fitting(
     most: int = 3,
 ) -> list[str]:
     """Names of candidates to fit fully: the best few of those that remove at least a share, and those that
-    the best can be confused with and that remove something, too.
+    the best can be confused with and that remove something, too; at one place only what removes nearly as
+    much as the best of its like there.
     """
-    ranked = sorted(scores, key=lambda s: -s.share)
+    ranked = [
+        s for s in sorted(scores, key=lambda s: -s.share) if not _outshone(s, scores, candidates)
+    ]
     least = max(least, _BESIDE_THE_BEST * ranked[0].share) if ranked else 0.0
     best = [s.name for s in ranked if s.share > least and s.excitation > EXCITED][:most]
     excited = {s.name for s in scores if s.excitation > EXCITED}
     least = max(_AT_LEAST, _LIKE_THE_BEST * ranked[0].share) if best else np.inf
-    near = {s.name for s in scores if s.share > least}
+    near = {s.name for s in ranked if s.share > least}
     alike = [n for name in best[:1] for n in candidates[name].confused_with if n in excited & near]
     return list(dict.fromkeys([*best, *alike]))
+
+
+def _outshone(one: Score, scores: Sequence[Score], candidates: Mapping[str, Candidate]) -> bool:
+    """Whether another that it can be confused with removes clearly more at the same place."""
+    place, like = place_of(one.name), candidates[one.name].confused_with
+    return bool(place) and any(
+        other.name in like
+        and place_of(other.name) == place
+        and one.share < _AT_ONE_PLACE * other.share
+        for other in scores
+    )
 
 
 def full_fit(
