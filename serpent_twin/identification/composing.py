@@ -121,11 +121,13 @@ class ComposingTracer(RefittingTracer):
         for n, done in enumerate(rounds.copy()):
             if self._enough():
                 break
+            if not done.accepted:
+                continue
             ways = (self._either_way, self._other_laws) if n < named else (self._one_for_two,)
             alone = not any(each.accepted for each in rounds[n + 1 :])
             if n < named and alone and self._unbeaten(done.errors, several):
                 continue
-            if done.accepted and (better := self._instead(several, done, rounds, ways)):
+            if better := self._instead(several, done, rounds, ways):
                 return better
         return None
 

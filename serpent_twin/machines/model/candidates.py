@@ -33,8 +33,6 @@ _PLAY, _SPRING, _LOAD, _RUBS = 0.02, 0.1, 0.1, 0.1
 """Typical effects: of the range of a drive, of a joint's stiffness, of the mass that a body carries, of the
 force that moves a joint
 """
-_PEAK = 1.0
-"""Times the root mean square of a joint's force, at which a drive's force is typically cut off"""
 _LIGHT = 0.01
 """Share of the whole mass that a place is taken to carry at least"""
 _LATE = 1 / 3
@@ -206,11 +204,11 @@ def _weak(machine: Described, sized: Sizes) -> Iterator[Candidate]:
         n = model.actuator(each.actuator).id
         servo = model.actuator_biasprm[n, 1:3].any() and model.actuator_gear[n, 0]
         if servo and model.actuator_trntype[n] == mujoco.mjtTrn.mjTRN_JOINT:
-            dof = model.jnt_dofadr[model.actuator_trnid[n, 0]]
-            usual = float(sized.force[dof]) / abs(model.actuator_gear[n, 0])
-            limit = sized_range("force_limit", "reciprocal", 1 / (_PEAK * usual))
-            unit = "1/N" if machine.is_length(each) else limit.unit
-            yield candidate(f"force_limit@{each.actuator}", reciprocal=replace(limit, unit=unit))
+            joint = int(model.actuator_trnid[n, 0])
+            usual = float(sized.force[model.jnt_dofadr[joint]]) / abs(model.actuator_gear[n, 0])
+            limit = sized_range("force_limit", "reciprocal", 1 / usual)
+            of = of_joint(model, joint, limit)
+            yield candidate(f"force_limit@{each.actuator}", reciprocal=of)
 
 
 def _bodies(machine: Described, sized: Sizes) -> Iterator[Candidate]:

@@ -18,6 +18,7 @@ OF_SLIDES = {
     "N m s/rad": "N s/m",
     "N m/rad": "N/m",
     "N m/rad³": "N/m³",
+    "1/(N m)": "1/N",
     "kg m²": "kg",
     "rad/s": "m/s",
     _TURN: "mm",

@@ -152,7 +152,7 @@ def sized_range(effect: str, parameter: str, typical: float) -> Range:
     return replace(known, typical=typical, low=-wide if known.low < 0 else known.low, high=wide)
 
 
-def of_joint(model: mujoco.MjModel, name: str, known: Range) -> Range:
+def of_joint(model: mujoco.MjModel, joint: str | int, known: Range) -> Range:
     """A range of a law of hinges, at a hinge or a slide of the model."""
-    slides = model.joint(name).type[0] == mujoco.mjtJoint.mjJNT_SLIDE
+    slides = model.joint(joint).type[0] == mujoco.mjtJoint.mjJNT_SLIDE
     return replace(known, unit=OF_SLIDES[known.unit]) if slides else known
