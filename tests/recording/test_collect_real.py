@@ -201,7 +201,7 @@ def test_without_a_zero_nothing_moves_and_nothing_is_written(tmp_path):
 def start_and_log(tmp_path, setup, rows=10):
     """A collection of which some rows are logged."""
     process = subprocess.Popen(
-        command(tmp_path / "logs", setup, "--steps", 5000, "--rate-hz", 50),
+        command(tmp_path / "logs", setup, "--steps", 5000, "--rate-hz", 10),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -16,6 +16,7 @@ from serpent_twin.effects import KNOWN, Effect, Moment
 LEFT_OUT: Mapping[str, str] = {
     "discovered": "a trace composes it, where named effects leave something",
     "force_limit": "what its motors can give is part of their bus",
+    "free_play": "between its motors and hinges are cables, whose slack is their own",
     "gravity": "its size is known, and base_tilt turns it",
     "hinge_friction": "the arm's calibration fits friction and damping of each hinge",
     "joint_stiffening": "a sleeve along the arm is joint_elasticity",

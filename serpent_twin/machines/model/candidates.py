@@ -9,7 +9,7 @@ import numpy as np
 
 from serpent_twin import effects, stored
 from serpent_twin.arrays import Array
-from serpent_twin.effects import KNOWN, READING, Range, law_of
+from serpent_twin.effects import KNOWN, READING, Range, law_of, ranges
 from serpent_twin.errors import SerpentError
 from serpent_twin.machines.candidate import Candidate, candidate
 from serpent_twin.machines.measured import Recording
@@ -115,18 +115,20 @@ def _play(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
         [[run.columns[each.column] for each in drives] for run in training], axis=1
     )
     span = np.ptp(told, axis=1)
-    known = effects.ranges(KNOWN["gear_backlash"])["gap"]
 
-    def gap(of: float, moved: DriveColumn) -> Range:
-        unit = "m" if machine.is_length(moved) else "rad"
+    def gap(effect: str, of: float, moved: DriveColumn) -> Range:
+        known, unit = ranges(KNOWN[effect])["gap"], "m" if machine.is_length(moved) else "rad"
         return replace(known, unit=unit, high=min(known.high, of), typical=_PLAY * of)
 
     alike = len({machine.is_length(each) for each in drives}) == 1
     if span.any() and alike:
-        yield candidate("gear_backlash", gap=gap(float(span.max()), drives[0]))
+        yield candidate("gear_backlash", gap=gap("gear_backlash", float(span.max()), drives[0]))
     for each, of in zip(drives, span.tolist(), strict=True):
-        if of:
-            yield candidate(f"gear_backlash@{each.actuator}", gap=gap(of, each))
+        if not of:
+            continue
+        yield candidate(f"gear_backlash@{each.actuator}", gap=gap("gear_backlash", of, each))
+        if machine.about.rows == MOTION and acts_on(machine.model, each.actuator)[0] == "joint":
+            yield candidate(f"free_play@{each.actuator}", gap=gap("free_play", of, each))
 
 
 def _joints(machine: Described, sized: Sizes) -> Iterator[Candidate]:
@@ -172,7 +174,7 @@ def _late(machine: Described, training: Sequence[Recording]) -> Iterator[Candida
     against = len(read) + len(machine.prescribed)
     if against > 1:
         longest = _LATE * LEAD * float(np.median(np.diff(training[0].time)))
-        known = effects.ranges(KNOWN["sensor_delay"])["delay"]
+        known = ranges(KNOWN["sensor_delay"])["delay"]
         delay = replace(known, high=longest, typical=min(known.typical, longest / 3))
         yield from (candidate(f"sensor_delay@{name}", delay=delay) for name in read)
 
@@ -271,7 +273,7 @@ def _pulled(
 ) -> Iterator[Candidate]:
     """A mass, if there is gravity, and a force, at a place that moves so far with each joint."""
     if machine.model.opt.gravity.any():
-        nowhere = replace(effects.ranges(KNOWN["payload"])["place"], typical=0.0, fitted=False)
+        nowhere = replace(ranges(KNOWN["payload"])["place"], typical=0.0, fitted=False)
         mass = sized_range("payload", "mass", _LOAD * carried)
         whole = float(machine.model.body_subtreemass[0])
         mass = replace(mass, high=max(mass.high, whole))  # a light tip may carry a heavy load
@@ -281,5 +283,5 @@ def _pulled(
     each = {
         f"along_{axis}": sized_range("constant_force", f"along_{axis}", force) for axis in "xyz"
     }
-    nowhere = replace(effects.ranges(KNOWN["constant_force"])["place"], typical=0.0, fitted=False)
+    nowhere = replace(ranges(KNOWN["constant_force"])["place"], typical=0.0, fitted=False)
     yield candidate(f"constant_force@{name}", **each, place=nowhere)
