@@ -19,6 +19,8 @@ _NO_CLOCK = 0.25
 """The same from which the stamps follow no even clock; of stamps at random it is 0.29"""
 _IN_ROW = 0.75
 """Deviation up to which each row is the next one of an even clock"""
+_FEWER = 0.5
+"""Of the deviation from a clock of the rows' numbers, what it must be from one with rows lost"""
 _BETTER = 0.9
 """Ratio of squared errors by neighbours below which readings were taken when they were stamped"""
 _MOVED = 5
@@ -162,7 +164,7 @@ def _part(rows: int, stamps: Array, kept: Rows, readings: Sequence[Array]) -> Ev
     """Even rows of a part of a log without long gaps."""
     tick, begin, period = _ticks(stamps)
     off = (stamps - begin) / period - tick
-    rms, each = float(np.sqrt(np.mean(off**2))), tick[-1] + 1 == len(tick)
+    rms, each = _rms(off), tick[-1] + 1 == len(tick)
     if not each and rms > _NO_CLOCK:
         return _interpolated(rows, stamps, kept, float(np.median(np.diff(stamps))))
     if rms > _JITTER and _at_stamps(stamps, tick, readings, kept):
@@ -184,13 +186,29 @@ def _part(rows: int, stamps: Array, kept: Rows, readings: Sequence[Array]) -> Ev
 def _ticks(stamps: Array) -> tuple[Rows, float, float]:
     """Which row of an even clock each row is, when that clock begins, and its period [s].
 
-    If no row is lost, the stamps lie along a line of the row's number. Else the period is that at which the
-    stamps of the first rows agree in phase, improved by the line through more and more of them.
+    If no row is lost, the stamps lie along a line of the row's number. They may lie near one, too, where a few
+    are lost far apart; then they lie much nearer to the clock that lacks those rows.
     """
     rows = np.arange(len(stamps))
     begin, period = _line(rows, stamps)
-    if np.abs((stamps - begin) / period - rows).max() < _IN_ROW:
+    off = (stamps - begin) / period - rows
+    whole = np.abs(off).max() < _IN_ROW
+    if whole and _rms(off) < _JITTER:
         return rows, begin, period
+    tick, *line = _with_lost(stamps)
+    lost, doubled = (np.diff(tick) > 1).sum(), (np.diff(tick) == 0).sum()
+    nearer = _rms((stamps - line[0]) / line[1] - tick) < _FEWER * _rms(off) and 2 * doubled < lost
+    return (rows, begin, period) if whole and not nearer else (tick, *line)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _with_lost(stamps: Array) -> tuple[Rows, float, float]:
+    """The same where rows may be lost: the period is that at which the stamps of the first rows agree in
+    phase, improved by the line through more and more of them.
+    """
     size = min(_BEGINNING, len(stamps))
     begin, period = _in_phase(stamps[:size])
     while True:

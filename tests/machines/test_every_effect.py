@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -70,7 +71,7 @@ def _bench(module, machine, *logs, every=1):
             patch.setattr(module, "effects_at", lambda point: point.there)
             return _flat(machine.respond(_points(machine, several), runs))
 
-    return Bench(machine.candidates, respond)
+    return Bench(machine.candidates, cache(respond))
 
 
 def _jaw():
