@@ -66,6 +66,8 @@ class CandidateTrial:
     """Held-out, with it if it was fitted"""
     fits: float = 0.0
     """By how much it fits the training segments better, as the logarithm of the ratio of rms residuals"""
+    opened: bool = False
+    """Whether it was fitted from where nothing is calibrated"""
 
     @property
     def evidence(self) -> float:

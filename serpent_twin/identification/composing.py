@@ -146,7 +146,7 @@ class ComposingTracer(RefittingTracer):
 
     def _candidates(self, base: Fit, before: Errors) -> list[str]:
         """The names of laws that may explain what a fit leaves, which are candidates from now on."""
-        little = self.trials.little(self.case, before)
+        little = self.trials.little(self.case, base, before)
         found = discover(self.case, self.training, base, little, self.on_progress)
         return self._known(found)
 

@@ -68,7 +68,7 @@ def from_opening(
     if not chosen:
         return out
     weighed, begun = weighed_by_left(case, begun, list(found.values()))
-    cheap, least = derives_cheaply(case), np.inf
+    cheap, least, fits = derives_cheaply(case), np.inf, dict[str, Fit]()
     for name in chosen:
         trials.on_progress(f"{stage.split('_')[0]}, from the opening: fitting {spaced(name)}")
         fitted = trials.stable(
@@ -80,10 +80,13 @@ def from_opening(
         if fitted is None:
             out[name] = replace(out[name], score=replace(found[name], unstable=True))
             continue
-        own, least = weighed, min(least, fitted.cost)
+        fits[name], least = fitted, min(least, fitted.cost)
+    for name, fitted in fits.items():
+        own = weighed
         if cheap and fitted.cost <= BEHIND * least:
-            own, fitted = trials.reweighted(weighed, fitted, f"fit_{stage}_{name}")
-        out[name] = trials.judged(own, found[name], base, fitted, before, len(chosen))
+            own, fitted = trials.reweighted(weighed, fitted, f"fit_{stage}_{name}", once=True)
+        trial = trials.judged(own, found[name], base, fitted, before, len(chosen))
+        out[name] = replace(trial, opened=True)
     return out
 
 

@@ -9,6 +9,7 @@ from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.gained import gained
 from serpent_twin.identification.held_out import gave_up
 from serpent_twin.identification.least_squares import fit
+from serpent_twin.identification.relieved import relieves
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.wording import spaced
@@ -41,7 +42,7 @@ def without_proxies(trials: Trials, case: Case[Any], final: Fit, rounds: Sequenc
             ),
         )
         score = rounds[accepting(rounds, name)].trials[name].score
-        if less and needless(trials, case, score, less, final):
+        if less and needless(trials, case, score, less, final) and not relieves(case, less, final):
             trials.on_progress(f"{spaced(name)} is not worth it beside the others")
             final = less
     return final

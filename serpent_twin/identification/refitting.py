@@ -1,8 +1,10 @@
 """Fit the same effects again from other starts, of thresholds and of the calibration before them."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
+from serpent_twin.identification.acceptance import Round
 from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.discovery import better_thresholds
 from serpent_twin.identification.fitted import Fit
@@ -16,13 +18,16 @@ from serpent_twin.machines.machine import ParameterVector
 class RefittingTracer(Tracer):
     """The steps of a trace, with fits that begin again where they may have gone astray."""
 
-    def _settled(self, better: Fit, number: int) -> Fit:
-        """The fit of an accepted effect; where it leaves much, from a calibration with it."""
-        return better if self._little_left(better) else self._anew(better, number)
+    def _settled(self, better: Fit, rounds: Sequence[Round]) -> Fit:
+        """The fit of an accepted effect; where it leaves much, from a calibration with it, unless it was
+        fitted from the opening.
+        """
+        opened = all(rounds[-1].trials[name].opened for name in rounds[-1].accepted)
+        return better if opened or self._little_left(better) else self._anew(better, len(rounds))
 
     def _little_left(self, found: Fit) -> bool:
         """Whether a fit leaves hardly more of the held-out logs than the measurement's noise."""
-        return self.trials.little(self.case, self.errors(found.point))
+        return self.trials.little(self.case, found, self.errors(found.point))
 
     def _with_thresholds(self, found: Fit, name: str, number: int) -> Fit:
         """The fit of an accepted law, from better thresholds if there are any."""

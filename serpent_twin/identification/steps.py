@@ -37,6 +37,7 @@ from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.least_squares import OnProgress, derives_cheaply, fit
 from serpent_twin.identification.proxies import without_proxies
+from serpent_twin.identification.relieved import relieved
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.widened import far_off
@@ -125,14 +126,23 @@ class Tracer:
                 calibrated = base = self._reweighted(stage, wide.fit)
                 continue
             rounds.append(done)
-            if (better := self._stands(rounds)) is None:
+            if (better := self._stands(rounds) or self._relieved(base, rounds)) is None:
                 break
-            base = self._settled(better, len(rounds))
+            base = self._settled(better, rounds)
         if better := exchanged(self.trials, self.case, base, rounds):
             self.case, base, rounds[:] = better.case, better.fit, better.rounds
         return calibrated, base, rounds
 
-    def _settled(self, better: Fit, number: int) -> Fit:
+    def _relieved(self, base: Fit, rounds: list[Round]) -> Fit | None:
+        """The fit with an effect in place of the number that was moved furthest beyond reason, or nothing."""
+        names = [n for n in rounds[-1].trials if n not in base.point.effects]
+        done = relieved(self.trials, self.case, names, base, f"{len(rounds)}_moved")
+        if done is None:
+            return None
+        rounds.append(done)
+        return self._stands(rounds)
+
+    def _settled(self, better: Fit, rounds: Sequence[Round]) -> Fit:
         """The fit of an accepted effect, to which others are added."""
         return better
 
@@ -305,7 +315,7 @@ class Tracer:
             if n not in base.point.effects and n not in self.case.unseen
         ]
         before = self.errors(base.point)
-        much = number > 1 and not self.trials.little(self.case, before)
+        much = number > 1 and not self.trials.little(self.case, base, before)
         missed, absorbed = {}, {}
         if number > 1 and not derives_cheaply(self.case):
             missed = outdone(rounds[-1]) if much and rounds else {}

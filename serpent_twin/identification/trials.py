@@ -48,6 +48,10 @@ _MORE = 3
 """Derivatives of a fit that goes on"""
 _WEAK = 0.1
 """Share of the strength that an effect had alone, from which it is fitted beside another"""
+_COMPLETE = 1.3
+"""Times the error of a twin that lacks nothing, below which an error is hardly more"""
+_NOT_NOISE = 20.0
+"""Times the measurement's noise, from which that has no part in an error"""
 LITTLE = 3.0
 """Times the measurement's noise, below which effects that were found left little"""
 _REWEIGHTED = 4
@@ -119,7 +123,7 @@ class Trials:
             best = min(best, fitted.cost)
             trials[name] = self.judged(case, found[name], base, fitted, before, len(chosen))
         near = min(beat, begun.cost - _NEAR * (begun.cost - best))
-        for name in () if beside and self.little(case, before) else chosen:
+        for name in () if beside and self.little(case, base, before) else chosen:
             fitted = trials[name].fit
             if fitted and not fitted.converged and fitted.cost < near:
                 further = self.further(case, fitted, f"fit_{stage}_{name}_further")
@@ -148,7 +152,7 @@ class Trials:
         except UnstableStartError:
             return None
 
-    def further(self, case: Case[Any], begun: Fit, stage: str) -> Fit:
+    def further(self, case: Case[Any], begun: Fit, stage: str, derivatives: int = _MORE) -> Fit:
         """A fit that its last derivative still bettered, gone on with derivatives by all parameters: what is
         compared with others should not be half-way.
         """
@@ -162,31 +166,54 @@ class Trials:
                 self.training,
                 begun.point,
                 free,
-                _MORE,
+                derivatives,
                 most,
                 self.on_progress,
                 carried=begun,
             ),
         )
 
-    def reweighted(self, case: Case[Any], begun: Fit, stage: str) -> tuple[Case[Any], Fit]:
-        """A fit gone on with until its weights settle, with its case."""
-        for n in range(_REWEIGHTED):
+    def reweighted(
+        self, case: Case[Any], begun: Fit, stage: str, once: bool = False
+    ) -> tuple[Case[Any], Fit]:
+        """A fit gone on with until its weights settle, with its case; `once` is enough to compare it.
+
+        The first new weights are rough, and need no new derivative.
+        """
+        for n in range(1 if once else _REWEIGHTED):
             settled = case.weighed_by(begun.residual, case.take(self.training, begun.used))
             if n and settled.weighs_like(case):
                 break
-            case, begun = settled, self.further(settled, begun, f"{stage}_again_{n}")
+            derivatives = _MORE if n or once else 0
+            begun = self.further(settled, begun, f"{stage}_again_{n}", derivatives)
+            case = settled
         return case, begun
 
     def _worth_a_fit(self, case: Case[Any], begun: Fit, before: Errors) -> float:
         """Share of the residual that a candidate must remove: more, where the effects found left little."""
-        if begun.point.effects and self.little(case, before):
+        if begun.point.effects and self.little(case, begun, before):
             return BESIDE_OTHERS
         return WORTH_A_FIT
 
-    def little(self, case: Case[Any], left: Errors) -> bool:
-        """Whether held-out errors are hardly more than the measurement's noise."""
-        return left.marker < LITTLE * noise_alone(case, self.held_out)
+    def little(self, case: Case[Any], found: Fit, left: Errors) -> bool:
+        """Whether a fit's held-out errors are hardly more than the measurement's noise, or than its own if it
+        lacked nothing.
+        """
+        noise = noise_alone(case, self.held_out)
+        if not LITTLE * noise < left.marker < _NOT_NOISE * noise:
+            return left.marker <= LITTLE * noise
+        return left.marker < _COMPLETE * self.complete(case, found)
+
+    def complete(self, case: Case[Any], found: Fit) -> float:
+        """Held-out error of a twin that lacks nothing, from the measurement's noise and where that lets runs
+        begin; of the first fit that is asked for, as it hardly depends on the fit.
+        """
+
+        def make() -> Array:
+            rng = np.random.default_rng(0)
+            return np.array([case.expected(found.point, [found.point], self.held_out, rng)])
+
+        return float(self.notes.numbers("complete", 1, make)[0])
 
     def pairs(
         self, case: Case[Any], base: Fit, before: Errors, scores: Mapping[str, Score], number: int

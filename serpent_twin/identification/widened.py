@@ -11,7 +11,7 @@ from serpent_twin.identification.checkpoints import mark
 from serpent_twin.identification.explained import weighed_by_left
 from serpent_twin.identification.fitted import Fit, fits_better
 from serpent_twin.identification.free_parameters import free_parameters
-from serpent_twin.identification.from_opening import BEHIND, HOPELESS
+from serpent_twin.identification.from_opening import HOPELESS
 from serpent_twin.identification.held_out import Errors, gain, gave_up
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import fit
@@ -126,7 +126,7 @@ def widened(
     least: float = np.inf,
 ) -> FarOff | None:
     """A calibration in which one number may be far off, from a point where it is, judged against the
-    calibration `base`; None where it is unstable, where it leaves far more than the `least` cost of what was
+    calibration `base`; None where it is unstable, where it leaves more than the `least` cost of what was
     accepted, or where other numbers that differ less from what was built do as well.
     """
     usual, begun = opening
@@ -149,9 +149,9 @@ def widened(
             afresh=True,
         ),
     )
-    if fitted is None or fitted.cost > BEHIND * least:
+    if fitted is None or fitted.cost > least:
         return None
-    case, fitted = trials.reweighted(case, fitted, f"widened_{mark([name])}")
+    case, fitted = trials.reweighted(case, fitted, f"widened_{mark([name])}", once=True)
     after = trials.errors(case, fitted.point)
     saves = _saves(usual, trials, base, case, fitted)
     if gave_up(before, after) or saves < _DECISIVE:

@@ -21,6 +21,8 @@ _IN_ROW = 0.75
 """Deviation up to which each row is the next one of an even clock"""
 _FEWER = 0.5
 """Of the deviation from a clock of the rows' numbers, what it must be from one with rows lost"""
+_FEW = 0.1
+"""Share of rows, above which so many are not lost where the rest lie along a line: they came in bursts"""
 _BETTER = 0.9
 """Ratio of squared errors by neighbours below which readings were taken when they were stamped"""
 _MOVED = 5
@@ -186,8 +188,8 @@ def _part(rows: int, stamps: Array, kept: Rows, readings: Sequence[Array]) -> Ev
 def _ticks(stamps: Array) -> tuple[Rows, float, float]:
     """Which row of an even clock each row is, when that clock begins, and its period [s].
 
-    If no row is lost, the stamps lie along a line of the row's number. They may lie near one, too, where a few
-    are lost far apart; then they lie much nearer to the clock that lacks those rows.
+    If no row is lost, the stamps lie along a line of the row's number. Where a few are lost far apart, they
+    may lie along one, too, but much nearer to the clock that lacks those rows.
     """
     rows = np.arange(len(stamps))
     begin, period = _line(rows, stamps)
@@ -196,8 +198,9 @@ def _ticks(stamps: Array) -> tuple[Rows, float, float]:
     if whole and _rms(off) < _JITTER:
         return rows, begin, period
     tick, *line = _with_lost(stamps)
-    lost, doubled = (np.diff(tick) > 1).sum(), (np.diff(tick) == 0).sum()
-    nearer = _rms((stamps - line[0]) / line[1] - tick) < _FEWER * _rms(off) and 2 * doubled < lost
+    lost, doubled = int(tick[-1]) + 1 - len(tick), int((np.diff(tick) == 0).sum())
+    few = doubled < lost < _FEW * len(tick)
+    nearer = few and _rms((stamps - line[0]) / line[1] - tick) < _FEWER * _rms(off)
     return (rows, begin, period) if whole and not nearer else (tick, *line)
 
 

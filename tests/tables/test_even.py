@@ -63,6 +63,29 @@ def test_lost_and_repeated_rows_are_counted():
     np.testing.assert_array_equal(kept[found.row[there]], kept[0] + np.flatnonzero(there))
 
 
+@pytest.mark.parametrize("jitter", [0.0003, 0.002])
+@pytest.mark.parametrize("lost", [[512], [150, 480, 820], [90, 300, 500, 710, 930]])
+def test_a_few_rows_lost_far_apart_are_found(lost, jitter):
+    """Though a slower clock without them passes within a row of all stamps."""
+    rng = np.random.default_rng(4)
+    kept = np.setdiff1d(K, lost)
+    stamps = PERIOD * K + rng.normal(0, jitter, ROWS)
+    (found,) = even_rows(stamps[kept], [signal(PERIOD * K, rng)[kept]])
+    assert found.stamp is None and found.mended.lost == len(lost)
+    np.testing.assert_array_equal(np.flatnonzero(found.row < 0), lost)
+    np.testing.assert_allclose(found.time - PERIOD * K, found.time[0], atol=jitter / 2)
+
+
+@pytest.mark.parametrize("burst", [0.5, 1.2])
+def test_rows_that_come_in_bursts_are_all_kept(burst):
+    """As a buffer of two rows hands them on: none is lost."""
+    rng = np.random.default_rng(5)
+    late = np.where(K % 2 == 0, burst * PERIOD, 0.0) + rng.normal(0, 1e-4, ROWS)
+    stamps = np.sort(PERIOD * K + late)
+    (found,) = even_rows(stamps, [signal(PERIOD * K, rng)])
+    assert len(found.row) == ROWS and found.mended.lost == 0
+
+
 @pytest.mark.parametrize(
     "rate, step", [(50.0, 0.1), (25.0, 0.1), (125.0, 0.01), (60.0, 0.001), (1000.0, 0.015625)]
 )
