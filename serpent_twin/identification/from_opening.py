@@ -22,8 +22,8 @@ _FITTED = 3
 """Candidates that are fitted"""
 BEHIND = 2.0
 """Times the least cost by the same weights, above which a fit is gone on with no further"""
-HOPELESS = 10.0
-"""The same after a first derivative"""
+HOPELESS = 100.0
+"""The same after a first derivative, which may leave much to a second"""
 Opening = tuple[Case[Any], Fit]
 """A case, and the fit without any step from where nothing is calibrated"""
 

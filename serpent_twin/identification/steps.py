@@ -37,7 +37,7 @@ from serpent_twin.identification.held_out import Errors, gave_up
 from serpent_twin.identification.identifiability import Identifiability
 from serpent_twin.identification.least_squares import OnProgress, derives_cheaply, fit
 from serpent_twin.identification.proxies import without_proxies
-from serpent_twin.identification.relieved import relieved
+from serpent_twin.identification.relieved import relieved, strained
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
 from serpent_twin.identification.widened import far_off
@@ -134,10 +134,16 @@ class Tracer:
         return calibrated, base, rounds
 
     def _relieved(self, base: Fit, rounds: list[Round]) -> Fit | None:
-        """The fit with an effect in place of the number that was moved furthest beyond reason, or nothing."""
-        names = [n for n in rounds[-1].trials if n not in base.point.effects]
-        done = relieved(self.trials, self.case, names, base, f"{len(rounds)}_moved")
-        if done is None:
+        """The fit with an effect in place of a number that was moved beyond reason, or nothing."""
+        if not derives_cheaply(self.case) or not (number := strained(self.case, base)):
+            return None
+        self.on_progress(f"effects in place of {number}")
+        last = rounds[-1]
+        tried = {name: each for name, each in last.trials.items() if each.opened}
+        if not tried:
+            now, stage = opened(self.trials, self.case, base, len(rounds)), f"{len(rounds)}_moved"
+            tried = from_opening(self.trials, [*last.trials], now, base, last.errors, stage)
+        if (done := relieved(self.trials, self.case, base, tried)) is None:
             return None
         rounds.append(done)
         return self._stands(rounds)

@@ -26,7 +26,7 @@ MJCF = """<mujoco>
   <worldbody><body>
     <joint name="hinge" axis="0 1 0" damping="0.05" armature="0.005"/>
     <geom type="capsule" fromto="0 0 0 0.25 0 0" size="0.01" mass="0.3"/>
-    <body name="tool" pos="0.25 0 0"><geom type="sphere" size="0.01" mass="{tool}"/></body>
+    <body name="tool" pos="0.25 0 0"><geom type="sphere" size="0.01" mass="{tool}"/><site name="tip"/></body>
   </body></worldbody>
   <actuator><position name="servo" joint="hinge" kp="25" kv="1" ctrlrange="-2 2"/></actuator>
 </mujoco>
@@ -105,10 +105,10 @@ def _log(path, model, late, seed):
     path.write_text("t,goal,angle\n" + "\n".join(rows) + "\n")
 
 
-def _traced(folder, tool, late):
+def _traced(folder, tool, late, model=1.2, toml=TOML):
     """The selection of a trace of four short logs, whose tool has 1.2 kg in the model."""
-    (folder / "arm.xml").write_text(MJCF.format(tool=1.2))
-    (folder / "machine.toml").write_text(TOML)
+    (folder / "arm.xml").write_text(MJCF.format(tool=model))
+    (folder / "machine.toml").write_text(toml)
     (folder / "logs").mkdir()
     for n in range(4):
         model = mujoco.MjModel.from_xml_string(MJCF.format(tool=tool))
@@ -138,3 +138,19 @@ def test_a_mass_that_is_not_there_is_no_friction(tmp_path):
     several = drawn(selection.case, selection.final, np.random.default_rng(0), 20)
     k = [each.name for each in selection.case.declared].index("mass of tool")
     assert max(1.2 * np.exp(each.declared[k]) for each in several) < 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("tool", "named"), [(0.5, ["payload@tip"]), (0.22, [])])
+def test_a_mass_far_from_what_was_built_is_a_payload(tmp_path, tool, named):
+    """Of a tool of 0.2 kg, whose mass takes up what it carries, on a servo whose gain is known; a tenth more is
+    how parts are built.
+    """
+    toml = TOML.replace('"hinge_', '"payload@tip", "hinge_')
+    toml = f'{toml}uncertain = [{{ number = "actuator gain", of = ["servo"], prior = 0.03 }}]\n'
+    selection = _traced(tmp_path, tool, 0.0, 0.2, toml)
+    assert list(selection.final.point.effects) == named
+    k = [each.name for each in selection.case.declared].index("mass of tool")
+    assert abs(selection.final.point.declared[k]) < 0.2
+    if named:
+        assert selection.final.point.effects["payload@tip"][0] == pytest.approx(0.3, abs=0.06)
