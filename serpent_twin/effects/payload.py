@@ -29,7 +29,9 @@ class Payload(Effect):
     """Along the straight arm, from the last joint towards the gripper; −0.44 m is joint 1 [m]"""
 
     places: ClassVar[tuple[str, ...]] = ("site", "body")
-    shows_in: ClassVar[str] = "the loads of all motors, and how far the arm sags against its cables"
+    shows_in: ClassVar[str] = (
+        "the torque of every motor that lifts or swings the place, and how far joints sag under it"
+    )
     confused_with: ClassVar[tuple[str, ...]] = (
         "base_tilt",
         "joint_elasticity",

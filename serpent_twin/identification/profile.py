@@ -1,9 +1,9 @@
 """Find the interval of a strength near zero from the profile of the cost.
 
 A standard error takes the residual as linear in a strength. Many laws bend there: a threshold is not reached,
-hinges stick. So the strength is held at trial values, all else is fitted again with the last derivative, and
-the interval ends where the cost has risen by what a standard error would stand for (Venzon and Moolgavkar,
-Applied Statistics 37, 1988).
+hinges stick. So the strength is held at trial values, and all else is fitted again, with the last derivative
+where another is dear. The interval ends where the cost has risen by what a standard error would stand for
+(Venzon and Moolgavkar, Applied Statistics 37, 1988).
 """
 
 from dataclasses import replace
@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.fitted import NORMAL_95, Fit
-from serpent_twin.identification.free_parameters import FreeParameters
+from serpent_twin.identification.free_parameters import FreeParameters, moved
 from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import OnProgress, fit
+from serpent_twin.identification.least_squares import OnProgress, derives_cheaply, fit
 from serpent_twin.machines.case import Case
 
 NEAR = 4.0
@@ -56,9 +56,11 @@ class _Profile:
             error=found.error[kept],
             correlation=found.correlation[np.ix_(kept, kept)],
         )
-        plain = np.sqrt(np.linalg.inv(Information.of(case, found).matrix)[at, at])
+        covariance = np.linalg.inv(Information.of(case, found).matrix)
+        self.along = covariance[kept, at] / covariance[at, at]
+        """How far all else moves with the parameter, to first order"""
         self.error = float(found.error[at])
-        self.wanted = NORMAL_95 * self.error / float(plain)
+        self.wanted = NORMAL_95 * self.error / float(np.sqrt(covariance[at, at]))
         """Root of the rise of the cost at the ends: more than 1.96 where segments disagree"""
 
     def end(self, bound: float) -> float:
@@ -92,8 +94,10 @@ class _Profile:
         values = self.found.point.effects[self.name].copy()
         values[self.index] = value
         point = self.found.point.having(self.name, values)
+        point = moved(self.case, point, self.held.free, self.along * (value - self.value))
         most = len(self.found.used)
-        again = fit(self.case, self.pieces, point, self.held.free, 0, most, carried=self.held)
+        anew, held = int(derives_cheaply(self.case)), self.held
+        again = fit(self.case, self.pieces, point, held.free, anew, most, carried=held)
         squares = float((again.residual.astype(float) ** 2).sum()) / self.found.variance_inflation
         lean = [again.point.declared[k] / self.case.declared[k].prior for k in again.free.declared]
         return float(np.sqrt(max(0.0, squares + float(np.sum(np.square(lean))) - self.found.cost)))

@@ -4,7 +4,7 @@ A payload at a tool makes what a heavier link makes: once the link's mass has ta
 payload. What tells them apart is how well parts are known as they are built.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +15,8 @@ from serpent_twin.identification.absorbed import without_move
 from serpent_twin.identification.acceptance import HARDLY, CandidateTrial, Round, best_trial
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.held_out import gain
+from serpent_twin.identification.moved import changes_like
+from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
@@ -25,20 +27,24 @@ Raftery, JASA 90, 1995); of one number, two and a half widths
 """
 
 
-def strained(case: Case[Any], base: Fit) -> str:
-    """The name of the number that a fit moved furthest; empty where it moved none beyond reason."""
+def strained(case: Case[Any], base: Fit, scores: Sequence[Score]) -> tuple[str, list[str]]:
+    """The number that a fit moved furthest, and the effects that it may stand for, by their scores on top of
+    that fit; nothing where it moved none beyond reason.
+    """
     squares = _squares(case, base.point)
-    furthest = int(np.argmax(squares)) if len(squares) else 0
-    return case.declared[furthest].name if squares.max(initial=0.0) > _DECISIVE else ""
+    if squares.max(initial=0.0) <= _DECISIVE:
+        return "", []
+    furthest = int(np.argmax(squares))
+    return case.declared[furthest].name, [*changes_like(case, base, scores, furthest)]
 
 
 def relieved(
-    trials: Trials, case: Case[Any], base: Fit, tried: Mapping[str, CandidateTrial]
+    trials: Trials, case: Case[Any], base: Fit, number: str, tried: Mapping[str, CandidateTrial]
 ) -> Round | None:
     """A round of those of some trials from the opening that explain the logs as well as a fit, with numbers
-    nearer to what was built; judged against the fit without its furthest move. None without any.
+    nearer to what was built; judged against the fit in which one number did not move. None without any.
     """
-    begun, _ = without_move(case, trials.training, base, strained(case, base))
+    begun, _ = without_move(case, trials.training, base, number)
     before, after = (trials.errors(case, each.point) for each in (begun, base))
     out = dict(tried)
     for name, each in tried.items():

@@ -135,15 +135,18 @@ class Tracer:
 
     def _relieved(self, base: Fit, rounds: list[Round]) -> Fit | None:
         """The fit with an effect in place of a number that was moved beyond reason, or nothing."""
-        if not derives_cheaply(self.case) or not (number := strained(self.case, base)):
+        if not derives_cheaply(self.case):
+            return None
+        last = rounds[-1]
+        number, alike = strained(self.case, base, [each.score for each in last.trials.values()])
+        if not alike:
             return None
         self.on_progress(f"effects in place of {number}")
-        last = rounds[-1]
-        tried = {name: each for name, each in last.trials.items() if each.opened}
+        tried = {name: last.trials[name] for name in alike if last.trials[name].opened}
         if not tried:
             now, stage = opened(self.trials, self.case, base, len(rounds)), f"{len(rounds)}_moved"
-            tried = from_opening(self.trials, [*last.trials], now, base, last.errors, stage)
-        if (done := relieved(self.trials, self.case, base, tried)) is None:
+            tried = from_opening(self.trials, alike, now, base, last.errors, stage)
+        if (done := relieved(self.trials, self.case, base, number, tried)) is None:
             return None
         rounds.append(done)
         return self._stands(rounds)
