@@ -205,7 +205,7 @@ def _profiled(tracer: Tracer, case: Case, final: Fit, name: str) -> dict[str, Pa
     for k in strong:
         parameter, allowed = several[k]
         component = len(strong) > 1 and allowed.low < 0
-        if component or (name, k) not in final.free.effects or not near_zero(final, name, k):
+        if component or (name, k) not in final.free.effects or not near_zero(case, final, name, k):
             continue
         value = float(final.point.effects[name][k])
         if value < allowed.limit_begins:

@@ -1,9 +1,9 @@
 """Find the interval of a strength near zero from the profile of the cost.
 
 A standard error takes the residual as linear in a strength. Many laws bend there: a threshold is not reached,
-hinges stick. So the strength is held at trial values, and all else is fitted again, with the last derivative
-where another is dear. The interval ends where the cost has risen by what a standard error would stand for
-(Venzon and Moolgavkar, Applied Statistics 37, 1988).
+hinges stick. So the strength is held at trial values, all else is fitted again with the last derivative, and
+the interval ends where the cost has risen by what a standard error would stand for (Venzon and Moolgavkar,
+Applied Statistics 37, 1988).
 """
 
 from dataclasses import replace
@@ -14,20 +14,25 @@ import numpy as np
 from serpent_twin.identification.fitted import NORMAL_95, Fit
 from serpent_twin.identification.free_parameters import FreeParameters, moved
 from serpent_twin.identification.information import Information
-from serpent_twin.identification.least_squares import OnProgress, derives_cheaply, fit
+from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.machines.case import Case
 
 NEAR = 4.0
-"""Standard errors from zero within which a strength's interval is taken from the profile"""
+"""Standard errors from zero within which a strength's interval is taken from the profile, were all else known:
+what others could do in its place is no bend of its law
+"""
 _TRIALS, _FAIR = 4, 0.05
 """Trial values on each side, and how near the rise of the cost must come to what is looked for, as a share of
 its root"""
 
 
-def near_zero(found: Fit, name: str, index: int) -> bool:
-    """Whether an effect's parameter is within a few standard errors of zero."""
+def near_zero(case: Case[Any], found: Fit, name: str, index: int) -> bool:
+    """Whether an effect's parameter is so near to zero that its law may bend there."""
     at = len(found.free.declared) + found.free.effects.index((name, index))
-    return abs(found.point.effects[name][index]) < NEAR * found.error[at]
+    known = Information.of(case, found).matrix
+    disagreement = found.error[at] / np.sqrt(np.linalg.inv(known)[at, at])
+    alone = disagreement / np.sqrt(known[at, at])
+    return bool(abs(found.point.effects[name][index]) < NEAR * alone)
 
 
 def interval(
@@ -96,8 +101,7 @@ class _Profile:
         point = self.found.point.having(self.name, values)
         point = moved(self.case, point, self.held.free, self.along * (value - self.value))
         most = len(self.found.used)
-        anew, held = int(derives_cheaply(self.case)), self.held
-        again = fit(self.case, self.pieces, point, held.free, anew, most, carried=held)
+        again = fit(self.case, self.pieces, point, self.held.free, 0, most, carried=self.held)
         squares = float((again.residual.astype(float) ** 2).sum()) / self.found.variance_inflation
         lean = [again.point.declared[k] / self.case.declared[k].prior for k in again.free.declared]
         return float(np.sqrt(max(0.0, squares + float(np.sum(np.square(lean))) - self.found.cost)))

@@ -46,7 +46,7 @@ def test_of_a_law_that_bends_it_is_where_the_least_cost_has_risen(strength, from
     arm = BentCase(straight.X, straight.g, straight.other, straight.y)
     found = fitted(arm, 0.3)
     value, error = found.point.effects[GUST][0], found.error[-1]
-    assert near_zero(found, GUST, 0) == from_nothing == (value < NEAR * error)
+    assert near_zero(arm, found, GUST, 0) == from_nothing == (value < NEAR * error)
     low, high = interval(arm, every(), found, GUST, 0, print)
     flat = arm.X.reshape(-1, 2)
     prior = np.diag([1 / d.prior for d in arm.declared])
@@ -73,4 +73,4 @@ def test_of_a_law_that_bends_it_is_where_the_least_cost_has_risen(strength, from
 def test_far_from_zero_none_is_needed():
     arm = case(0.3)
     found = fitted(arm, 0.1)
-    assert not near_zero(replace(found, error=found.error * 1e-3), GUST, 0)
+    assert not near_zero(arm, replace(found, error=found.error * 1e-3), GUST, 0)
