@@ -83,7 +83,7 @@ def moved(case: Case[Any], fit: Fit, scores: Sequence[Score]) -> tuple[Moved, ..
             error[k] = fit.standard_error([k])
         far = abs(off) > FAR * max(width, error[k])
         if k in fit.free.declared and (far or names[k] in case.widened):
-            like = changes_like(case, fit, scores, k)
+            like = _like(case, fit, scores, k)
             unit = "" if each.unit == "1" else each.unit
             found.append(Moved(names[k], each.name, value[k], expected, unit, off / width, like))
     return tuple(sorted(found, key=lambda each: -abs(each.widths)))
@@ -98,10 +98,8 @@ def _expected(several: Sequence[Quantity], value: Array, k: int) -> float:
     return float(np.median(value[alone])) if alone else float("nan")
 
 
-def changes_like(case: Case[Any], fit: Fit, scores: Sequence[Score], k: int) -> dict[str, float]:
-    """The few effects that change the residual most as one declared parameter does beyond all others, each
-    with the cosine of the two changes.
-    """
+def _like(case: Case[Any], fit: Fit, scores: Sequence[Score], k: int) -> dict[str, float]:
+    """Effects that change the residual as one declared parameter does, beyond all others."""
     known, at = Information.of(case, fit), fit.free.declared.index(k)
     others = known.without(at)
     ours = others.beyond(known.slopes[at].astype(float))

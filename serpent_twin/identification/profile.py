@@ -18,8 +18,8 @@ from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.machines.case import Case
 
 NEAR = 4.0
-"""Standard errors from zero within which a strength's interval is taken from the profile, were all else known:
-what others could do in its place is no bend of its law
+"""Standard errors from zero within which a strength's interval is taken from the profile. They are those that
+it had if all else were known: what others could do in its place is no bend of its law
 """
 _TRIALS, _FAIR = 4, 0.05
 """Trial values on each side, and how near the rise of the cost must come to what is looked for, as a share of

@@ -15,7 +15,6 @@ from serpent_twin.identification.absorbed import without_move
 from serpent_twin.identification.acceptance import HARDLY, CandidateTrial, Round, best_trial
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.held_out import gain
-from serpent_twin.identification.moved import changes_like
 from serpent_twin.identification.score_test import Score
 from serpent_twin.identification.trials import Trials
 from serpent_twin.machines.case import Case
@@ -24,6 +23,10 @@ from serpent_twin.machines.machine import ParameterVector
 _DECISIVE = 6.0
 """Least decrease of the priors' squares, as twice the logarithm of a Bayes factor: strong evidence (Kass and
 Raftery, JASA 90, 1995); of one number, two and a half widths
+"""
+_ALIKE, _TRIED = 0.9, 3
+"""Least cosine of what an effect and a number change of the residual, for one to stand for the other; and most
+such effects
 """
 
 
@@ -35,7 +38,10 @@ def strained(case: Case[Any], base: Fit, scores: Sequence[Score]) -> tuple[str, 
     if squares.max(initial=0.0) <= _DECISIVE:
         return "", []
     furthest = int(np.argmax(squares))
-    return case.declared[furthest].name, [*changes_like(case, base, scores, furthest)]
+    ours = base.jacobian[base.free.declared.index(furthest)].ravel().astype(float)
+    alike = {each.name: _cosine(ours, each.change.astype(float)) for each in scores}
+    best = sorted(alike, key=lambda name: -alike[name])[:_TRIED]
+    return case.declared[furthest].name, [name for name in best if alike[name] > _ALIKE]
 
 
 def relieved(
@@ -62,6 +68,11 @@ def relieved(
 def relieves(case: Case[Any], less: Fit, more: Fit) -> bool:
     """Whether numbers of the model are decisively nearer to what was built in a fit with more effects."""
     return float((_squares(case, less.point) - _squares(case, more.point)).sum()) > _DECISIVE
+
+
+def _cosine(one: Array, other: Array) -> float:
+    length = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return abs(float(one @ other)) / length if length > 0 else 0.0
 
 
 def _squares(case: Case[Any], point: ParameterVector) -> Array:

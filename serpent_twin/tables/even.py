@@ -197,11 +197,11 @@ def _ticks(stamps: Array) -> tuple[Rows, float, float]:
     whole = np.abs(off).max() < _IN_ROW
     if whole and _rms(off) < _JITTER:
         return rows, begin, period
-    tick, *line = _with_lost(stamps)
+    tick, start, step = _with_lost(stamps)
     lost, doubled = int(tick[-1]) + 1 - len(tick), int((np.diff(tick) == 0).sum())
     few = doubled < lost < _FEW * len(tick)
-    nearer = few and _rms((stamps - line[0]) / line[1] - tick) < _FEWER * _rms(off)
-    return (rows, begin, period) if whole and not nearer else (tick, *line)
+    nearer = few and _rms((stamps - start) / step - tick) < _FEWER * _rms(off)
+    return (rows, begin, period) if whole and not nearer else (tick, start, step)
 
 
 def _rms(values: Array) -> float:

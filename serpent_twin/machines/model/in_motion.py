@@ -1,6 +1,6 @@
 """Show what twins, their sensors included, show in motion in every row of a log."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from serpent_twin.arrays import Array
-from serpent_twin.effects import Effect
+from serpent_twin.effects import CABLE, Effect
 from serpent_twin.machines.measured import Recording, Runs, cut
 from serpent_twin.machines.model.clocks import clocks_of, sessions_of, wholes_of
+from serpent_twin.machines.model.coordinates import SCALE, zero_of
 from serpent_twin.machines.model.description import Described
-from serpent_twin.machines.model.drives import controls
+from serpent_twin.machines.model.drives import Told, controls
 from serpent_twin.machines.model.earlier import acting
 from serpent_twin.machines.model.filters import filtered, only_filters
 from serpent_twin.machines.model.full_states import FullStates
@@ -47,6 +48,15 @@ class MovingTwin:
     """Coordinates of the fit"""
     compiled: Callable[[Sequence[Factor]], mujoco.MjModel]
     """Its model, with numbers that a session states"""
+    told: Told
+    """What drives of the twins before it told their actuators"""
+
+    @property
+    def _tells(self) -> tuple[Hashable, ...]:
+        """What sets twins apart whose drives tell their actuators something else."""
+        drives = [SCALE, *map(zero_of, self.machine.commanded)]
+        on_drives = [repr(each) for each in self.there if each.acts_at < CABLE]
+        return (*(self.x.get(name, 0.0) for name in drives), *on_drives)
 
     def driven(self, pieces: Runs) -> DrivenRuns:
         """The models of its runs, which may state numbers of their own, and what drives them."""
@@ -55,9 +65,10 @@ class MovingTwin:
             model = self.compiled(known)
             for n in which:
                 models[n] = model
+        told = partial(controls, self.machine, self.there, self.x, pieces)
         return DrivenRuns(
             models,
-            controls(self.machine, self.there, self.x, pieces),
+            self.told.of(self._tells, pieces, told),
             switched_off(self.machine, pieces),
             pieces.period,
             known_motion(self.machine, self.x, pieces),
