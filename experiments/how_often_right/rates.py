@@ -91,7 +91,10 @@ def _rates(lines: Sequence[ArmLine]) -> dict[str, tuple[Share, str]]:
             "95 %",
         ),
         "true strength in its 95 % interval": (held, "93 … 97 %"),
-        "on arms with the right verdict, a part's true size in its 95 % interval": (parts, "93 … 97 %"),
+        "on arms with the right verdict, a part's true size in its 95 % interval": (
+            parts,
+            "93 … 97 %",
+        ),
         "an effect of the catalogue called unexplained": (
             _share(known, lambda x: x.unexplained),
             "none",

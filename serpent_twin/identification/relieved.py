@@ -25,8 +25,8 @@ _DECISIVE = 6.0
 Raftery, JASA 90, 1995); of one number, two and a half widths
 """
 _ALIKE, _TRIED = 0.9, 3
-"""Least cosine of what an effect and a number change of the residual, for one to stand for the other; and most
-such effects
+"""Least cosine of what an effect and a number change of the residual, for one to stand for the other, and
+most such effects
 """
 
 

@@ -7,7 +7,7 @@ from hanging_models import lever
 from linear_case import GUST, SEGMENTS, START, case, every
 
 from serpent_twin.identification import Trace, composing, steps, trace
-from serpent_twin.identification.acceptance import Round
+from serpent_twin.identification.acceptance import CandidateTrial, Round
 from serpent_twin.identification.checkpoints import Checkpoints
 from serpent_twin.identification.composing import ComposingTracer
 from serpent_twin.identification.free_parameters import free_parameters
@@ -28,16 +28,25 @@ def test_after_many_laws_no_other_is_sought_and_the_trace_says_so():
     assert told.startswith("No other law was sought after 16 had been fitted")
 
 
-@pytest.mark.parametrize(("little", "calibrated_with"), [(True, []), (False, [1])])
-def test_where_an_effect_leaves_much_it_is_calibrated_with_it(monkeypatch, little, calibrated_with):
-    """A calibration without an effect may have gone astray; where little is left, it has not."""
+@pytest.mark.parametrize(
+    ("little", "opened", "calibrated_with"),
+    [(True, False, []), (False, False, [1]), (False, True, [])],
+)
+def test_where_an_effect_leaves_much_it_is_calibrated_with_it(
+    monkeypatch, little, opened, calibrated_with
+):
+    """A calibration without an effect may have gone astray; where little is left, it has not, nor where the
+    effect was fitted from where nothing was calibrated.
+    """
     arm = case(0.7)
     found = fit(arm, every(), START, free_parameters(arm, ()), 2, 99)
     tracer = ComposingTracer(arm, every(), every(), None, print, 0)
     again = []
     monkeypatch.setattr(tracer, "_little_left", lambda _: little)
     monkeypatch.setattr(tracer, "_calibrated_with", lambda fit, n: again.append(n) or fit)
-    assert tracer._settled(found, 1) is found
+    trial = CandidateTrial(None, found, None, 0.0, opened=opened)
+    rounds = [Round(found, Errors(*np.ones((2, SEGMENTS, 5))), {GUST: trial}, (GUST,))]
+    assert tracer._settled(found, rounds) is found
     assert again == calibrated_with
 
 

@@ -143,8 +143,8 @@ def test_a_mass_that_is_not_there_is_no_friction(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("tool", "named"), [(0.5, ["payload@tip"]), (0.22, [])])
 def test_a_mass_far_from_what_was_built_is_a_payload(tmp_path, tool, named):
-    """Of a tool of 0.2 kg, whose mass takes up what it carries, on a servo whose gain is known; a tenth more is
-    how parts are built.
+    """Of a tool of 0.2 kg, whose mass takes up what it carries, on a servo whose gain is known; a tenth more
+    is how parts are built.
     """
     toml = TOML.replace('"hinge_', '"payload@tip", "hinge_')
     toml = f'{toml}uncertain = [{{ number = "actuator gain", of = ["servo"], prior = 0.03 }}]\n'

@@ -22,7 +22,7 @@ class Unjudged(tried.Trials):
 
     leaves_little: bool = False
 
-    def little(self, case, left):
+    def little(self, case, found, left):
         return self.leaves_little
 
     def judged(self, case, score, base, fitted, before, among):

@@ -188,9 +188,14 @@ def test_beside_a_strength_at_its_limit_others_are_tested_as_if_it_were_held():
     assert still.beyond(change) == pytest.approx(still.without(len(slopes) - 1).beyond(change))
 
 
-@pytest.mark.parametrize(("left", "least"), [(0.5, BESIDE_OTHERS), (5.0, WORTH_A_FIT)])
-def test_beside_effects_that_left_little_a_candidate_must_remove_more(left, least):
-    """Of noise of 1 mm: below three times it, there is little left to explain."""
+@pytest.mark.parametrize(
+    ("left", "complete", "least"),
+    [(1.0, 0.0, BESIDE_OTHERS), (10.0, 7.0, WORTH_A_FIT), (10.0, 8.0, BESIDE_OTHERS)],
+)
+def test_beside_effects_that_left_little_a_candidate_must_remove_more(left, complete, least):
+    """Of noise of 1 mm: below three times it, there is little left to explain; and where noise at the start
+    of runs makes what is left.
+    """
     arm = case(0.7)
     machine = SimpleNamespace(
         outputs=[SimpleNamespace(measure=replace(MARKERS, scale=1.0))],
@@ -199,7 +204,8 @@ def test_beside_effects_that_left_little_a_candidate_must_remove_more(left, leas
     noisy = SimpleNamespace(machine=machine)
     base = fit(arm, every(), START, free_parameters(arm, ()), 1, 99)
     found = replace(base, point=base.point.having(GUST, np.array([0.7])))
-    trials = Trials(None, None, None, print)
-    errors = Errors(np.full((2, 5), 3 * left / 1.5), np.full((2, 5), np.nan))
+    notes = SimpleNamespace(numbers=lambda *_: np.array([complete]))
+    trials = Trials(None, None, notes, print)
+    errors = Errors(np.full((2, 5), left), np.full((2, 5), np.nan))
     assert trials._worth_a_fit(noisy, found, errors) == least
     assert trials._worth_a_fit(noisy, base, errors) == WORTH_A_FIT

@@ -135,7 +135,7 @@ def test_the_interval_of_a_gain_covers_the_mean_as_often_as_it_says():
 def test_effects_are_described_as_the_candidates_that_they_are():
     section = sections(diagnosis(effects=(PAYLOAD, TILT)))["What was missing"]
     assert "A point mass on the long axis of a link" in section.text
-    assert "It shows in the loads of all motors" in section.text
+    assert "It shows in the torque of every motor" in section.text
     assert "link flex (rejected)" in section.text
     mass, place, tilt = section.blocks[0].rows
     assert mass == ("payload", "mass", "0.0342", "0.0311 … 0.0373", "kg", "2.50", "1.20", "0.0001")
