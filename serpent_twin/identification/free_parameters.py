@@ -18,6 +18,8 @@ _SHARES = (1.0, 0.1, 0.01)
 _FAIR, _AIM = (0.02, 1.0), 0.2
 """Share of the residual that a difference of an effect may change, and that a resized one should"""
 _RESIZED = (0.02, 20.0)  # times the usual difference
+_FACTOR = 0.5
+"""Logarithm of the factor by which a step changes a strength at most; beyond, it goes straight on"""
 _NEARLY = 1 - 1e-6
 """Share of the way to its bound from which a parameter is at it"""
 
@@ -74,6 +76,33 @@ def moved(
         allowed = list(case.candidates[name].ranges.values())[k]
         effects[name][k] = np.clip(effects[name][k] + by, allowed.least, allowed.high)
     return ParameterVector(declared, effects)
+
+
+def curved(
+    case: Case[Any], point: ParameterVector, free: FreeParameters, step: Array
+) -> ParameterVector:
+    """A parameter vector after a step in which strengths change by factors, as the logarithms of the model's
+    numbers do: a factor common to all forces is then one straight way.
+    """
+    values = _strengths(point, free)
+    shares = step / values
+    near = np.clip(shares, -_FACTOR, _FACTOR)
+    bent = np.where(np.isfinite(values), values * (np.expm1(near) + shares - near), step)
+    return moved(case, point, free, bent)
+
+
+def straight(before: ParameterVector, after: ParameterVector, free: FreeParameters) -> Array:
+    """The step that `curved` takes from one to the other, within bounds."""
+    values, went = _strengths(before, free), between(before, after, free)
+    shares = went / values
+    near = np.clip(shares, np.expm1(-_FACTOR), np.expm1(_FACTOR))
+    return np.where(np.isfinite(values), values * (np.log1p(near) + shares - near), went)
+
+
+def _strengths(point: ParameterVector, free: FreeParameters) -> Array:
+    """Values of the effects' parameters among the free ones; NaN where steps are plain."""
+    values = [float(point.effects[name][k]) or np.nan for name, k in free.effects]
+    return np.r_[np.full(len(free.declared), np.nan), values]
 
 
 def room(case: Case[Any], point: ParameterVector, free: FreeParameters) -> tuple[Array, Array]:

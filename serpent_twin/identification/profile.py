@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.identification.fitted import NORMAL_95, Fit
-from serpent_twin.identification.free_parameters import FreeParameters, moved
+from serpent_twin.identification.free_parameters import FreeParameters, curved
 from serpent_twin.identification.information import Information
 from serpent_twin.identification.least_squares import OnProgress, fit
 from serpent_twin.machines.case import Case
@@ -99,7 +99,7 @@ class _Profile:
         values = self.found.point.effects[self.name].copy()
         values[self.index] = value
         point = self.found.point.having(self.name, values)
-        point = moved(self.case, point, self.held.free, self.along * (value - self.value))
+        point = curved(self.case, point, self.held.free, self.along * (value - self.value))
         most = len(self.found.used)
         again = fit(self.case, self.pieces, point, self.held.free, 0, most, carried=self.held)
         squares = float((again.residual.astype(float) ** 2).sum()) / self.found.variance_inflation

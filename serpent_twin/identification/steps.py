@@ -126,16 +126,17 @@ class Tracer:
                 calibrated = base = self._reweighted(stage, wide.fit)
                 continue
             rounds.append(done)
-            if (better := self._stands(rounds) or self._relieved(base, rounds)) is None:
+            if (better := self._stands(rounds)) is None:
                 break
             base = self._settled(better, rounds)
+        base = self._relieved(base, rounds) or base
         if better := exchanged(self.trials, self.case, base, rounds):
             self.case, base, rounds[:] = better.case, better.fit, better.rounds
         return calibrated, base, rounds
 
     def _relieved(self, base: Fit, rounds: list[Round]) -> Fit | None:
         """The fit with an effect in place of a number that was moved beyond reason, or nothing."""
-        if not derives_cheaply(self.case):
+        if not derives_cheaply(self.case) or not rounds or rounds[-1].accepted:
             return None
         last = rounds[-1]
         number, alike = strained(self.case, base, [each.score for each in last.trials.values()])

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from serpent_twin.arrays import Array
-from serpent_twin.identification.free_parameters import FreeParameters, between, moved, room
+from serpent_twin.identification.free_parameters import FreeParameters, curved, room, straight
 from serpent_twin.identification.objective import At, Objective, least
 from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
@@ -67,9 +67,11 @@ def _differentiated(problem: Objective, at: At, scaled: Array, width: Array) -> 
     weak[seen] = along[:, : weak.shape[1]]
     lengths = np.minimum(1.0, _CHANGE / np.sqrt(np.maximum(told[: weak.shape[1]], 1e-9)))
     ways = [side * way for way in (lengths * weak * width[:, None]).T for side in (1, -1)]
-    points = [_curved(problem, at.point, way) for way in ways]
+    points = [curved(problem.case, at.point, problem.free, way) for way in ways]
     found = problem.residuals(points) if points else np.empty((0, *at.residual.shape))
-    went = np.reshape([_straight(problem, at.point, point) for point in points], (-1, len(width)))
+    went = np.reshape(
+        [straight(at.point, point, problem.free) for point in points], (-1, len(width))
+    )
     steps = (went[0::2] - went[1::2]) / width / (2 * lengths)[:, None]
     changes = (found[0::2] - found[1::2]).reshape(len(steps), scaled.shape[1])
     changes /= (2 * lengths)[:, None].astype(changes.dtype)
@@ -94,44 +96,19 @@ def _stepped(problem: Objective, at: At, scaled: Array, width: Array, weak: Arra
     wanted, best = [share * way for way in ways for share in _STEPS], at
     steps = list(wanted)
     for n in range(_CORRECTIONS + 1):
-        points = [_curved(problem, at.point, step * width) for step in steps]
+        points = [curved(problem.case, at.point, problem.free, step * width) for step in steps]
         found = problem.residuals(points)
         tried = map(At, points, found, map(problem.cost, found, points))
         best = min((best, *tried), key=lambda each: each.cost)
         if n == _CORRECTIONS:
             break
         for k, (point, residual) in enumerate(zip(points, found, strict=True)):
-            went = _straight(problem, at.point, point) / width
+            went = straight(at.point, point, problem.free) / width
             bent = (residual - at.residual).ravel() - went @ scaled
             if np.isfinite(bent).all():
                 back = -(scaled @ bent) / each
                 steps[k] = wanted[k] + least(normal, back, low - wanted[k], high - wanted[k])
     return best
-
-
-def _curved(problem: Objective, point: ParameterVector, step: Array) -> ParameterVector:
-    """A parameter vector after a step in which strengths change by factors, as the logarithms of the model's
-    numbers do: a factor common to all forces is then one straight way.
-    """
-    values = _strengths(problem, point)
-    shares = step / values
-    near = np.clip(shares, -1.0, 1.0)  # beyond, factors would run away
-    bent = np.where(np.isfinite(values), values * (np.expm1(near) + shares - near), step)
-    return moved(problem.case, point, problem.free, bent)
-
-
-def _straight(problem: Objective, point: ParameterVector, after: ParameterVector) -> Array:
-    """The step that `_curved` takes to get there, within bounds."""
-    values, went = _strengths(problem, point), between(point, after, problem.free)
-    shares = went / values
-    near = np.clip(shares, np.expm1(-1.0), np.expm1(1.0))
-    return np.where(np.isfinite(values), values * (np.log1p(near) + shares - near), went)
-
-
-def _strengths(problem: Objective, point: ParameterVector) -> Array:
-    """Values of the effects' parameters among the free ones; NaN where steps are plain."""
-    values = [float(point.effects[name][k]) or np.nan for name, k in problem.free.effects]
-    return np.r_[np.full(len(problem.free.declared), np.nan), values]
 
 
 def _widths(case: Case[Any], free: FreeParameters, point: ParameterVector) -> Array:
