@@ -46,7 +46,8 @@ def _title(diagnosis: Diagnosis) -> str:
     if diagnosis.blind:
         return f"{diagnosis.arm}: these logs cannot show whether anything is missing."
     sure = not (diagnosis.doubt or diagnosis.moved)
-    return f"{diagnosis.arm}: nothing {'is' if sure else 'was found'} missing."
+    but = ", but numbers of the model are off" if _off(diagnosis) else ""
+    return f"{diagnosis.arm}: nothing {'is' if sure else 'was found'} missing{but}."
 
 
 def _found(diagnosis: Diagnosis) -> str:
@@ -97,16 +98,19 @@ def _errors(diagnosis: Diagnosis) -> str:
 
 def _numbers(diagnosis: Diagnosis) -> str:
     """The model's own numbers that the logs make clearly different, those first that differ most."""
+    told = _off(diagnosis)
+    return textwrap.fill(f"By the logs, {listed(told[:_NUMBERS])}.", _WIDTH) if told else ""
+
+
+def _off(diagnosis: Diagnosis) -> list[str]:
+    """These numbers in words."""
     off: dict[str, float] = {}
     for each in diagnosis.calibration.values():
         value, was = each.value, each.nominal
         beyond = not value.low <= was <= value.high
         if beyond and value.value * was > 0:
             off[_number(each)] = abs(np.log(value.value / was))
-    told = sorted((name for name in off if off[name] > _CLEARLY), key=lambda name: -off[name])
-    if not told:
-        return ""
-    return textwrap.fill(f"By the logs, {listed(told[:_NUMBERS])}.", _WIDTH)
+    return sorted((name for name in off if off[name] > _CLEARLY), key=lambda name: -off[name])
 
 
 def _number(of: Calibrated) -> str:
