@@ -1,4 +1,4 @@
-"""Digital twin of a cable-driven serpentine arm, and the loop that keeps the twin honest."""
+"""Find what the model of a robot lacks, from its logs; with the twin of a serpentine arm."""
 
 import importlib
 from typing import TYPE_CHECKING, Any

@@ -21,6 +21,7 @@ def listing() -> str:
         str(serpent_twin.__doc__),
         "",
         f"usage: {program.package()} COMMAND [-h] [OPTIONS]",
+        f"begin with: {program.package()} diagnose robot.xml logs/*.csv",
         "",
     ]
     found = verbs()
@@ -73,7 +74,8 @@ def _unknown(words: tuple[str, ...]) -> str:
     if not near:
         return f"there is no command {first!r}; `{program.package()}` lists them."
     calls = " or ".join(f"{program.package()} {each.replace('.', ' ')}" for each in near)
-    return f"there is no command {shlex.join(words[:2])!r}. Try {calls}"
+    typed = words[:2] if f"{first}.{words[-1]}" in near or len(near) > 1 else words[:1]
+    return f"there is no command {shlex.join(typed)!r}. Try {calls}"
 
 
 def start() -> None:

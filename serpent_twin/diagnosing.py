@@ -44,6 +44,7 @@ class Diagnose(Checked):
 
 def diagnose(config: Diagnose) -> Trace:
     """Describe the robot if nobody has, and trace its logs; returns the trace's config."""
+    require_logs(config.robot, config.logs)
     described = config.robot if config.robot.suffix == ".toml" else _described(config)
     traced = Trace(
         config.logs,
@@ -56,6 +57,12 @@ def diagnose(config: Diagnose) -> Trace:
     )
     trace(traced)
     return traced
+
+
+def require_logs(robot: Path, logs: Sequence[Path]) -> None:
+    """Raise a `SerpentError` where no log is given."""
+    if not logs:
+        raise SerpentError(f"no logs of {robot} are given. Name them after it: {robot} logs/*.csv")
 
 
 def machine_beside(robot: Path) -> Path:

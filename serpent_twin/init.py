@@ -8,7 +8,7 @@ from tyro.conf import Positional, arg
 
 from serpent_twin import next_step
 from serpent_twin.command_line import cli
-from serpent_twin.diagnosing import describe, machine_beside
+from serpent_twin.diagnosing import describe, machine_beside, require_logs
 
 __all__ = ["main"]
 
@@ -29,6 +29,7 @@ def main(
         logs: Its logs, files or folders.
         out: The file.
     """
+    require_logs(robot, logs)
     path = out or machine_beside(robot)
     found = describe(robot, logs, path)
     if found.whole:

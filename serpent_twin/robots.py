@@ -26,7 +26,7 @@ from serpent_twin.machines.case import Case
 from serpent_twin.machines.machine import ParameterVector
 from serpent_twin.machines.model import open_machine
 from serpent_twin.machines.rig import read_logs
-from serpent_twin.numerals import counted, listed
+from serpent_twin.numerals import counted
 from serpent_twin.reporting.report import Report, as_html, as_png, write
 from serpent_twin.residual import Comparison
 from serpent_twin.runs.provenance import provenance
@@ -49,7 +49,9 @@ class LoggedMachine:
     """The text of machine.toml, where it was made here"""
 
     @classmethod
-    def load(cls, robot: str | Path, logs: str | Path | Sequence[str | Path]) -> "LoggedMachine":
+    def load(
+        cls, robot: str | Path, logs: str | Path | Sequence[str | Path] = ()
+    ) -> "LoggedMachine":
         """Load an MJCF, a URDF or a machine.toml, and logs: files, folders or a pattern.
 
         Without a machine.toml, columns are matched to the model as `serpent-twin init` does it. Raises a
@@ -212,7 +214,7 @@ def _files(logs: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
             raise SerpentError(f"no file is named {each}. Give the logs of the robot.")
         found += several
     if not found:
-        raise SerpentError(f"no logs are given: {listed(given)}. Give the logs of the robot.")
+        raise SerpentError('no logs are given. Name the robot\'s logs: logs="logs/*.csv".')
     return tuple(found)
 
 

@@ -49,3 +49,11 @@ def test_an_incomplete_match_ends_with_the_lines_to_edit(tmp_path, traced, capsy
     with pytest.raises(SerpentError, match="not complete"):
         diagnose(Diagnose(tmp_path / "robot.xml", (tmp_path / "logs",), out=tmp_path / "out"))
     assert "not decided" in capsys.readouterr().out and not traced
+
+
+@pytest.mark.parametrize("name", ["robot.xml", "machine.toml", "."])
+def test_without_logs_nothing_is_written(tmp_path, traced, name):
+    (tmp_path / "robot.xml").touch()
+    with pytest.raises(SerpentError, match=r"no logs of .* are given. Name them after it"):
+        diagnose(Diagnose(tmp_path / name, ()))
+    assert not traced and [each.name for each in tmp_path.iterdir()] == ["robot.xml"]

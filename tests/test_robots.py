@@ -50,6 +50,12 @@ def test_logs_that_are_not_there_are_named():
         st.Machine.load("robot.xml", logs="nowhere/*.csv")
 
 
+@pytest.mark.parametrize("name", ["robot.xml", "machine.toml"])
+def test_without_logs_a_sentence_says_what_to_give(name):
+    with pytest.raises(SerpentError, match=r"no logs are given\. Name the robot's logs"):
+        st.Machine.load(name)
+
+
 def test_one_log_cannot_judge_itself(folder):
     one = st.Machine.load(folder / "robot.xml", logs=folder / "logs/run_1.csv")
     with pytest.raises(SerpentError, match="of 1 log, 1 cannot be held out"):

@@ -260,10 +260,11 @@ def _verdict(name: str, each: Round, selection: Selection, case: Case) -> tuple[
 
 
 def _cautions(case: Case, selection: Selection) -> tuple[str, ...]:
-    told = indistinguishable(case, selection.final)
+    told = list(selection.cautions)
     if not selection.final.converged:
         told.append("The last fit has not converged; its intervals are too narrow.")
-    told += [*selection.cautions, *(f"{name}: {why}." for name, why in case.unseen.items())]
+    told += indistinguishable(case, selection.final)
+    told += [f"{name}: {why}." for name, why in case.unseen.items()]
     told += case.notes
     for (name, k), within in selection.undetermined.items():
         parameter, allowed = list(case.candidates[name].ranges.items())[k]

@@ -41,6 +41,9 @@ _CLEARLY = 1.05
 """Times the share of a place that one within it must remove: where only one strand of a cable pulls, it and
 the cable look alike
 """
+_ASLEEP, _SCANNED = 0.01, 10
+"""Noise by which a law changes no number of a residual where it does nothing; strengths that are tried then
+"""
 _WEAK = 0.03
 """Share of the strength that a score test finds, from which a full fit begins where no other is stable"""
 
@@ -280,9 +283,12 @@ def full_fit(
     points = [base.point.having(found.name, values) for values in starts]
     some = case.take(pieces, base.used)
     for timestep in (case.coarse_step(points), None):
-        cost = np.nansum(case.residual(points, some, timestep) ** 2, axis=(1, 2))
+        left = case.residual(points, some, timestep)
+        cost = np.nansum(left**2, axis=(1, 2))
         if (stable := cost > 0).any():
             start = points[int(np.argmin(np.where(stable, cost, np.inf)))]
+            if stable.all() and np.ptp(left, axis=0).max() < _ASLEEP:
+                start = _awake(case, some, base, found)
             break
     else:
         weak = times_strength(case.candidates[found.name], found.start, _WEAK)
@@ -290,6 +296,23 @@ def full_fit(
     free = free_parameters(case, names)
     about = {"known": base, "near": near, "afresh": afresh}
     return fit(case, pieces, start, free, _DERIVATIVES, 1, on_progress, **about)
+
+
+def _awake(case: Case[Any], some: Any, base: Fit, found: Score) -> ParameterVector:
+    """Where a fit begins of a law that does nothing at the strength of its score, such as a limit that is not
+    reached: at the best strength between that and the one that was tried, where it did something.
+    """
+    candidate, strong = case.candidates[found.name], strengths(case.candidates[found.name])
+    share = np.abs(found.start[strong]).max() / np.abs(found.tried[strong]).max()
+    factors = np.geomspace(min(share, 0.5), 1.5, _SCANNED)
+    for _ in range(2):
+        values = [times_strength(candidate, found.tried, by) for by in factors]
+        points = [base.point.having(found.name, each) for each in values]
+        cost = (case.residual(points, some) ** 2).sum(axis=(1, 2))
+        best = int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))
+        start, low, high = points[best], max(best - 1, 0), min(best + 1, len(factors) - 1)
+        factors = np.geomspace(factors[low], factors[high], _SCANNED)
+    return start
 
 
 def _starts(candidate: Candidate, values: Array) -> list[Array]:

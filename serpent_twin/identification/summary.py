@@ -139,6 +139,12 @@ def _checks(diagnosis: Diagnosis, known: Mapping[str, Candidate]) -> Iterator[st
 
 def _open(diagnosis: Diagnosis) -> Iterator[str]:
     """What is left, and what these logs cannot tell."""
+    last = diagnosis.error["corrected" if diagnosis.effects else "calibrated"]
+    if last > diagnosis.error.get("nominal", np.inf):
+        yield (
+            "The twin does worse on these logs than the model as it is: what was fitted to the others "
+            "does not hold here. Keep the model, and record logs that are more alike."
+        )
     if diagnosis.unexplained.is_:
         yield f"Unexplained: {diagnosis.unexplained.depends_on}"
     elif diagnosis.doubt:

@@ -125,6 +125,7 @@ def test_a_command_after_a_blank_has_its_options_and_exit_status(tmp_path):
     [
         (["trian", "--out", "x"], "Try python -m serpent_twin train"),
         (["bus"], "python -m serpent_twin bus doctor"),
+        (["diagnos", "robot.xml", "logs"], "there is no command 'diagnos'. Try python -m"),
         (["nonsense"], "`python -m serpent_twin` lists them"),
         (["__main__"], "there is no command '__main__'"),
     ],

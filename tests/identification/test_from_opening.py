@@ -1,11 +1,11 @@
 """Test that candidates, and numbers far off, compete with calibration where nothing is calibrated yet."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 import pytest
-from linear_case import GUST, NOTHING, START, case, every
+from linear_case import GUST, NOTHING, START, LinearCase, case, every
 
 from serpent_twin.identification.acceptance import CandidateTrial
 from serpent_twin.identification.checkpoints import Checkpoints
@@ -15,7 +15,7 @@ from serpent_twin.identification.free_parameters import free_parameters
 from serpent_twin.identification.least_squares import fit
 from serpent_twin.identification.moved import moved
 from serpent_twin.identification.refitting import RefittingTracer
-from serpent_twin.identification.score_test import scores
+from serpent_twin.identification.score_test import full_fit, scores
 from serpent_twin.identification.uncertainty import drawn
 from serpent_twin.identification.widened import leaving
 from serpent_twin.machines.machine import Declared
@@ -85,6 +85,31 @@ def test_what_fits_training_logs_much_better_has_more_evidence():
     plain = CandidateTrial(None, None, None, 0.0, fits=0.1)
     assert replace(plain, fits=0.9).evidence > plain.evidence
     assert plain.evidence == pytest.approx(0.05)
+
+
+@dataclass(frozen=True)
+class LimitCase(LinearCase):
+    """The gust does nothing up to a strength of 0.6, from where on it grows."""
+
+    def residual(self, points, pieces, timestep=None):
+        """Of no more than a score test of strength 1 tells."""
+
+        def limited(point):
+            size = point.effects.get(GUST, np.zeros(1))
+            return replace(point, effects={**point.effects, GUST: np.maximum(size - 0.6, 0.0)})
+
+        return super().residual([limited(each) for each in points], pieces)
+
+
+def test_a_law_that_does_nothing_at_its_score_is_sought_where_it_does():
+    """As a limit of a force that is not reached: its score is of a strength at which it was."""
+    made = case(0.05)
+    limit = LimitCase(made.X, made.g, made.other, made.y)
+    opening = opening_fit(limit, every())
+    (score,) = scores(limit, every(), opening, [limit.candidates[GUST]])
+    assert score.start[0] < 0.3
+    found = full_fit(limit, every(), opening, score, lambda _: None)
+    assert found.point.effects[GUST][0] == pytest.approx(0.65, abs=0.01)
 
 
 def _log(path, model, late, seed):
