@@ -82,6 +82,7 @@ def first_picture(comparison: Comparison) -> Figure:
     for axes in panels[:-1]:
         axes.set_xticklabels([])
     panels[-1].set_xlabel("time [s]")
+    panels[0].set_title(session, loc="right", fontsize=8, color=SOFT)
     drawing.legend(
         *panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2, frameon=False
     )

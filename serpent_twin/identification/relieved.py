@@ -32,10 +32,10 @@ most such effects
 
 def strained(case: Case[Any], base: Fit, scores: Sequence[Score]) -> tuple[str, list[str]]:
     """The number that a fit moved furthest, and the effects that it may stand for, by their scores on top of
-    that fit; nothing where it moved none beyond reason.
+    that fit; nothing where numbers are as they may be built.
     """
     squares = _squares(case, base.point)
-    if squares.max(initial=0.0) <= _DECISIVE:
+    if squares.sum() <= _DECISIVE:
         return "", []
     furthest = int(np.argmax(squares))
     ours = base.jacobian[base.free.declared.index(furthest)].ravel().astype(float)

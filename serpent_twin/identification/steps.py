@@ -262,7 +262,6 @@ class Tracer:
         known: Fit | None = None,
         carried: Fit | None = None,
         last: bool = False,
-        rounds: int = 0,
     ) -> Fit:
         self.on_progress(f"fit {name.replace('_', ' ')}")
         case, most = self.case, self.case.segments[last]
@@ -280,18 +279,15 @@ class Tracer:
                 known,
                 carried,
                 steps,
-                rounds=case.weak_rounds if last else rounds,
+                rounds=case.weak_rounds if last else 0,
             ),
         )
 
     def _polish(self, found: Fit, name: str) -> Fit:
-        """Fit an accepted effect again with everything else and updated weights, to the end of what logs tell
-        least: if a fit happened to come in there, another effect would gain by going on.
-        """
+        """Fit an accepted effect again with everything else, with updated weights."""
         self.case = self._weighed_by(found)
         free = free_parameters(self.case, list(found.point.effects))
-        rounds = self.case.weak_rounds
-        return self._fit(name, found.point, free, 2, carried=found, rounds=rounds)
+        return self._fit(name, found.point, free, 2, carried=found)
 
     def _sharpened(self, found: Fit) -> Fit:
         """The last fit, on more segments if there are, from which numbers are reported."""
