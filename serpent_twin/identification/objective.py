@@ -11,8 +11,8 @@ from serpent_twin.arrays import Array
 from serpent_twin.identification.fitted import Fit
 from serpent_twin.identification.free_parameters import (
     FreeParameters,
-    curved,
     jacobian,
+    moved,
     prior_information,
     room,
 )
@@ -153,7 +153,7 @@ class Objective:
         for group in (*first, third):
             steps = group()
             self.damped = len(steps) > 1
-            tried = [curved(self.case, at.point, self.free, step) for step in steps]
+            tried = [moved(self.case, at.point, self.free, step) for step in steps]
             found = self.residuals(tried)
             costs = [self.cost(each, there) for each, there in zip(found, tried, strict=True)]
             best = int(np.argmin(costs))
