@@ -87,7 +87,7 @@ def controls(
     return told
 
 
-class Told:
+class ToldBefore:
     """What drives told their actuators, of the last few twins: most twins of a derivative tell the same, and
     effects that remember go through it row by row.
     """

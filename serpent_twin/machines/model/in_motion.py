@@ -15,7 +15,7 @@ from serpent_twin.machines.measured import Recording, Runs, cut
 from serpent_twin.machines.model.clocks import clocks_of, sessions_of, wholes_of
 from serpent_twin.machines.model.coordinates import SCALE, zero_of
 from serpent_twin.machines.model.description import Described
-from serpent_twin.machines.model.drives import Told, controls
+from serpent_twin.machines.model.drives import ToldBefore, controls
 from serpent_twin.machines.model.earlier import acting
 from serpent_twin.machines.model.filters import filtered, only_filters
 from serpent_twin.machines.model.full_states import FullStates
@@ -48,7 +48,7 @@ class MovingTwin:
     """Coordinates of the fit"""
     compiled: Callable[[Sequence[Factor]], mujoco.MjModel]
     """Its model, with numbers that a session states"""
-    told: Told
+    told: ToldBefore
     """What drives of the twins before it told their actuators"""
 
     @property

@@ -25,7 +25,7 @@ from serpent_twin.machines.model.at_rest import TwinAtRest
 from serpent_twin.machines.model.coordinates import FittedNumber, edit_numbers
 from serpent_twin.machines.model.description import MOTION, POSES, Described, MeasuredColumns
 from serpent_twin.machines.model.drive_table import write_calibration
-from serpent_twin.machines.model.drives import Told
+from serpent_twin.machines.model.drives import ToldBefore
 from serpent_twin.machines.model.full_rate import columns_between
 from serpent_twin.machines.model.full_states import lengthen_buffers
 from serpent_twin.machines.model.in_motion import MovingTwin, TwinsInMotion
@@ -81,7 +81,7 @@ class ModelMachine(RunMachine):
     row: float = 0.0
     """Of a motion [s]"""
     gains: StartGains = field(default_factory=StartGains, compare=False, repr=False)
-    told: Told = field(default_factory=Told, compare=False, repr=False)
+    told: ToldBefore = field(default_factory=ToldBefore, compare=False, repr=False)
     """How starts are improved"""
     begun: SessionStarts = field(default_factory=SessionStarts, compare=False, repr=False)
     """How sessions begin"""
